@@ -1,0 +1,137 @@
+"""What the two ends of a coded signal must agree on, in one immutable object that both build from the same file."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import inf, isfinite
+
+from codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
+from codec.predictors import HYBRID, PREDICTORS, Predictor, Trust
+from codec.quantizer import Quantizer
+from codec.sample import Sample
+from codec.vector import ZERO, Vector, norm, scale
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One coded direction.
+
+    Args:
+        bank: names of the predictors that are built, in the order that selectors count; one unless hybrid.
+        deadband: the bound on an unsent error.
+        value_quantizer: the wire grid of the coded value.
+        position_quantizer: the grid of the position that travels with a force; None where the value is the position.
+        rest: what both ends hold before the first update: no force on the backward channel. None where nothing can be
+            assumed, as for a position, and the first sample is always sent.
+        trust: the range in which a fitted contact is believed.
+
+    Raises:
+        ValueError: for an unknown, repeated or missing predictor, or a geometry predictor without a position to read.
+    """
+
+    bank: tuple[str, ...]
+    deadband: Deadband
+    value_quantizer: Quantizer
+    position_quantizer: Quantizer | None = None
+    rest: Vector | None = None
+    trust: Trust = field(default_factory=Trust)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.bank if name not in PREDICTORS]
+        if unknown or not self.bank or len(set(self.bank)) != len(self.bank):
+            raise ValueError(f"bank must name predictors of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
+        if self.position_quantizer is None:
+            geometric = [name for name in self.bank if PREDICTORS[name].geometric]
+            if geometric:
+                raise ValueError(f"{', '.join(geometric)}: geometry predicts forces; a position channel has none")
+
+    @property
+    def predictors(self) -> tuple[Predictor, ...]:
+        return tuple(PREDICTORS[name] for name in self.bank)
+
+    @property
+    def level_count(self) -> int:
+        """Integers of one sample on the wire."""
+        return self.value_quantizer.size + (self.position_quantizer.size if self.position_quantizer else 0)
+
+    def levels(self, value: Vector, position: Vector) -> tuple[int, ...]:
+        """Wire levels of a finite sample."""
+        if self.position_quantizer is None:
+            return self.value_quantizer.levels(value)
+        return self.value_quantizer.levels(value) + self.position_quantizer.levels(position)
+
+    def sample(self, tick: int, levels: tuple[int, ...]) -> Sample:
+        """The sample that `level_count` levels stand for, as both ends hold it."""
+        value = self.value_quantizer.value(levels[: self.value_quantizer.size])
+        if self.position_quantizer is None:
+            return Sample(tick, value, value)
+        return Sample(tick, value, self.position_quantizer.value(levels[self.value_quantizer.size :]))
+
+    def confine(self, predicted: Vector, newest: Sample) -> Vector:
+        """A prediction made safe to display: finite, and no longer than the wire could say.
+
+        An extrapolation that overflowed says nothing; the newest sample stands for it.
+        """
+        length = norm(predicted)
+        limit = self.value_quantizer.limit
+        if length <= limit and length < inf:
+            return predicted
+        return scale(predicted, limit / length) if isfinite(length) else newest.value
+
+
+def force_channel(
+    *,
+    predictor: str = HYBRID,
+    bank: Sequence[str] = ("zoh", "linear", "plane", "sphere"),
+    weber: float = 0.10,
+    floor: float = 0.02,
+    reference: Reference = "actual",
+    axes: str = "xyz",
+    force_step: float = 1e-3,
+    position_step: float = 1e-5,
+    trust: Trust | None = None,
+    saturates: bool = True,
+) -> Channel:
+    """The backward channel: forces [N], each with the commanded position [m] that it belongs to.
+
+    Args:
+        predictor: a name of `PREDICTORS`, or "hybrid" for all of `bank`.
+        bank: what a hybrid chooses among; not read otherwise.
+        weber: Weber factor k, >= 0.
+        floor: absolute threshold [N], >= 0.
+        reference: which force k scales.
+        axes: the axes that travel.
+        force_step: wire step [N].
+        position_step: wire step [m].
+        trust: the range in which a fitted contact is believed.
+        saturates: False lifts the int16 range, for studies off the wire.
+    """
+    return Channel(
+        bank=tuple(bank) if predictor == HYBRID else (predictor,),
+        deadband=ForceDeadband(weber, floor, reference),
+        value_quantizer=_quantizer(force_step, axes, saturates=saturates),
+        position_quantizer=_quantizer(position_step, axes, saturates=saturates),
+        rest=ZERO,
+        trust=trust if trust is not None else Trust(),
+    )
+
+
+def position_channel(
+    *,
+    predictor: str = "linear",
+    bank: Sequence[str] = ("zoh", "linear"),
+    weber: float = 0.10,
+    bound: float = 2e-4,
+    axes: str = "xyz",
+    position_step: float = 1e-5,
+    saturates: bool = True,
+) -> Channel:
+    """The forward channel: commanded positions [m]. Arguments as for `force_channel`; `bound` [m] is that at rest."""
+    return Channel(
+        bank=tuple(bank) if predictor == HYBRID else (predictor,),
+        deadband=PositionDeadband(weber, bound),
+        value_quantizer=_quantizer(position_step, axes, saturates=saturates),
+    )
+
+
+def _quantizer(step: float, axes: str, *, saturates: bool) -> Quantizer:
+    return Quantizer(step, axes) if saturates else Quantizer(step, axes, largest_level=inf)

@@ -1,0 +1,115 @@
+"""The sending end: predicts what the decoder holds, and makes an update when that leaves the deadband."""
+
+from codec.channel import Channel
+from codec.decoder import Decoder
+from codec.sample import Sample
+from codec.update import MAX_GAP, Update
+from codec.vector import ZERO, Vector, distance, is_finite
+
+
+class Encoder:
+    """Closed-loop deadband coding with a bank of predictors.
+
+    The encoder owns a mirror of the decoder and feeds it the very updates it returns: what it compares with is what
+    the other end holds on a lossless link, quantized values and all. The law: at every tick the mirror's value is
+    within the deadband of the actual one, or an update is returned, and then within half a wire step per axis.
+
+    A bank of several is the paper's hybrid. It chooses when it sends: the predictor whose value *before* the update
+    comes closest (after it, all would pass through the sample), and holds that choice until the next send.
+    """
+
+    __slots__ = (
+        "_bound",
+        "_channel",
+        "_last",
+        "_levels",
+        "_mirror",
+        "_newest",
+        "_predictors",
+        "_previous",
+        "_rejected",
+    )
+
+    def __init__(self, channel: Channel) -> None:
+        self._channel = channel
+        self._predictors = channel.predictors
+        self._mirror = Decoder(channel)
+        self._rejected = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the signal, so that the next sample is sent: the other end started anew."""
+        self._mirror.reset()
+        self._newest: Sample | None = None
+        self._previous: Sample | None = None
+        self._levels: tuple[int, ...] = ()
+        self._last: Vector | None = None
+        self._bound = 0.0
+
+    @property
+    def mirror(self) -> Decoder:
+        """What the other end holds if nothing was lost."""
+        return self._mirror
+
+    @property
+    def bound(self) -> float:
+        """The deadband of the sample coded last, in the unit of the values."""
+        return self._bound
+
+    @property
+    def rejected(self) -> int:
+        """Samples that were not finite and so were not coded."""
+        return self._rejected
+
+    def encode(self, tick: int, value: Vector, position: Vector = ZERO) -> Update | None:
+        """Code the sample of one tick.
+
+        Args:
+            tick: the sender's tick number, rising from call to call.
+            value: measured force [N] or position [m]; saturated at the range of the wire.
+            position: commanded position that a force belongs to [m]; not read on a position channel.
+
+        Returns:
+            The update to send, or None while the other end's prediction is good enough. A sample that is not finite is
+            counted and otherwise as if it had not come.
+        """
+        if not (is_finite(value) and is_finite(position)):
+            self._rejected += 1
+            return None
+        actual = self._channel.value_quantizer.confine(value)
+        last, self._last = self._last if self._last is not None else actual, actual
+        displayed = self._mirror.value(tick, position)
+        compared = displayed if displayed is not None else actual
+        sent = self._newest.value if self._newest is not None else compared
+        self._bound = self._channel.deadband.bound(actual, compared, sent, last)
+        if displayed is not None and distance(displayed, actual) <= self._bound:
+            return None
+        return self._send(tick, actual, position, self._choose(tick, actual, position))
+
+    def _choose(self, tick: int, actual: Vector, position: Vector) -> int:
+        """The paper's smallest w_i = |f_pred,i - f| / |f|; |f| is common to all and left out."""
+        newest = self._newest
+        if newest is None or len(self._predictors) == 1:
+            return 0
+        channel = self._channel
+        errors = [
+            distance(
+                channel.confine(predictor.fit(newest, self._previous, channel.trust).at(tick, position), newest), actual
+            )
+            for predictor in self._predictors
+        ]
+        return errors.index(min(errors))
+
+    def _send(self, tick: int, actual: Vector, position: Vector, selector: int) -> Update:
+        levels = self._channel.levels(actual, position)
+        sample = self._channel.sample(tick, levels)
+        earlier = self._newest
+        gap = tick - earlier.tick if earlier is not None else 0
+        usable = earlier if 0 < gap <= MAX_GAP else None
+        if usable is not None and self._predictors[selector].needs_previous(sample, usable):
+            update = Update(tick, selector, levels, gap, self._levels)
+        else:
+            update = Update(tick, selector, levels)
+        self._newest, self._previous, self._levels = sample, usable, levels
+        self._mirror.apply(update)
+        return update

@@ -1,0 +1,9 @@
+"""What the geometry predictors share: the question whether two samples belong to one contact."""
+
+from codec.sample import Sample
+from codec.vector import ZERO
+
+
+def same_contact(newest: Sample, previous: Sample) -> bool:
+    """Whether both samples touch: a contact starts at the first sample with a force after one without."""
+    return ZERO not in (newest.value, previous.value)

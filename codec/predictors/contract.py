@@ -1,0 +1,72 @@
+"""What every predictor is: a fit of the newest transmitted samples to a model that says the value elsewhere.
+
+A model is a pure function of the samples that one update carries. That is what makes the two ends agree after any loss:
+there is no other state that could differ.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from codec.sample import Sample
+from codec.vector import Vector
+
+
+class Model(Protocol):
+    """A fitted predictor. Compares equal to another with the same parameters, bit for bit."""
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        """Predict.
+
+        Args:
+            tick: now, on the sender's tick clock; fractional where the reader's clock does not tick with the sender's.
+            position: the commanded position now [m].
+
+        Returns:
+            The predicted value in the unit of the samples. May leave every bound or be non-finite for wild inputs; the
+            channel confines it.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """The declared range in which a fitted contact is believed; outside it a predictor holds the newest sample.
+
+    Args:
+        stiffness: contact stiffness [N/m], lowest and highest, > 0.
+        radius: radius of a sphere [m], lowest and highest, > 0.
+        least_angle_sine: sine of the angle between the columns of the sphere's system of equations below which the
+            system counts as rank-deficient.
+    """
+
+    stiffness: tuple[float, float] = (1.0, 1e6)
+    radius: tuple[float, float] = (1e-3, 10.0)
+    least_angle_sine: float = 1e-3
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in (("stiffness", self.stiffness), ("radius", self.radius)):
+            if not 0.0 < low < high:
+                raise ValueError(f"{name} must be a rising pair of positive numbers, not [{low!r}, {high!r}]")
+
+    def believes_compliance(self, compliance: float) -> bool:
+        """Whether c = 1/s is positive with s in range; False for what is not a number."""
+        return compliance > 0.0 and self.stiffness[0] * compliance <= 1.0 <= self.stiffness[1] * compliance
+
+    def believes_radius(self, radius: float) -> bool:
+        return self.radius[0] <= abs(radius) <= self.radius[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Predictor:
+    """One line of the table of predictors.
+
+    Args:
+        fit: the newest sample and the one before (None where there is none) to a model; never raises.
+        needs_previous: whether the fit reads the sample before, so that an update must carry it.
+        geometric: whether it reads the position, and so predicts forces only.
+    """
+
+    fit: Callable[[Sample, Sample | None, Trust], Model]
+    needs_previous: Callable[[Sample, Sample], bool]
+    geometric: bool = False

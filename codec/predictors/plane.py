@@ -1,0 +1,49 @@
+"""The paper's plane: a flat wall with the normal of the newest force, its place and stiffness from two samples.
+
+With n = f_1/|f_1|, d and c = 1/s solve n.p_i + d + |f_i| c = 0 over the two newest samples of the contact. The
+height of p over the wall is h = n.p + d, and the force -s h n where h < 0.
+"""
+
+from dataclasses import dataclass
+
+from codec.predictors.contact import same_contact
+from codec.predictors.contract import Model, Predictor, Trust
+from codec.predictors.zoh import Hold
+from codec.sample import Sample
+from codec.vector import ZERO, Vector, dot, norm, subtract, unit
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    normal: Vector
+    """Unit vector out of the wall."""
+    offset: float
+    """d [m]."""
+    stiffness: float
+    """s [N/m]."""
+
+    def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
+        normal = self.normal
+        height = normal[0] * position[0] + normal[1] * position[1] + normal[2] * position[2] + self.offset
+        if height >= 0.0:
+            return ZERO
+        force = -self.stiffness * height
+        return (force * normal[0], force * normal[1], force * normal[2])
+
+
+def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
+    if previous is None or not same_contact(newest, previous):
+        return Hold(newest.value)
+    force = norm(newest.value)
+    normal = unit(newest.value)
+    pressed = -dot(normal, subtract(newest.position, previous.position))
+    difference = force - norm(previous.value)
+    if difference == 0.0:
+        return Hold(newest.value)
+    compliance = pressed / difference
+    if not trust.believes_compliance(compliance):
+        return Hold(newest.value)
+    return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
+
+
+PLANE = Predictor(fit, needs_previous=same_contact, geometric=True)

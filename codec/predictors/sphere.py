@@ -1,0 +1,88 @@
+"""The paper's sphere: centre, radius and stiffness of a round wall from the two newest samples of the contact.
+
+With u_i = f_i/|f_i| and c = 1/s, o + r u_i - c f_i = p_i holds for a convex wall (r > 0, the force points away from
+the centre) and for a concave one (r < 0, it points to the centre): 6 equations for the 5 unknowns o, r, c. The centre
+enters both equations alike, so the least-squares solution is that of their difference,
+r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, for r and c, with o the mean of what the two samples say. The difference is
+solved by orthogonal projection, not by normal equations, whose condition number is the square.
+"""
+
+from dataclasses import dataclass
+from math import hypot
+
+from codec.predictors.contact import same_contact
+from codec.predictors.contract import Model, Predictor, Trust
+from codec.predictors.zoh import Hold
+from codec.sample import Sample
+from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    centre: Vector
+    radius: float
+    """r [m]: positive convex, negative concave."""
+    stiffness: float
+    """s [N/m]."""
+    newest: Vector
+    """The newest force [N], for the one point where a sphere has no direction: its centre."""
+
+    def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
+        centre = self.centre
+        x, y, z = position[0] - centre[0], position[1] - centre[1], position[2] - centre[2]
+        length = hypot(x, y, z)
+        depth = self.radius - length if self.radius > 0.0 else length + self.radius
+        if depth <= 0.0:
+            return ZERO
+        if length == 0.0:
+            return self.newest
+        outward = self.stiffness * depth / length if self.radius > 0.0 else -self.stiffness * depth / length
+        return (outward * x, outward * y, outward * z)
+
+
+def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
+    hold = Hold(newest.value)
+    if previous is None or not same_contact(newest, previous):
+        return hold
+    direction, earlier = unit(newest.value), unit(previous.value)
+    solution = _solve(
+        subtract(direction, earlier),
+        subtract(previous.value, newest.value),
+        subtract(newest.position, previous.position),
+        trust.least_angle_sine,
+    )
+    if solution is None:
+        return hold
+    radius, compliance = solution
+    if not (trust.believes_compliance(compliance) and trust.believes_radius(radius)):
+        return hold
+    centre = scale(
+        add(
+            _centre(newest, direction, radius, compliance),
+            _centre(previous, earlier, radius, compliance),
+        ),
+        0.5,
+    )
+    return Sphere(centre, radius, 1.0 / compliance, newest.value)
+
+
+def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
+    """Least-squares r, c of a r + b c = y, or None where the columns are (nearly) parallel or one is 0."""
+    a_norm, b_norm = norm(a), norm(b)
+    if not (a_norm > 0.0 and b_norm > 0.0):
+        return None
+    first = unit(a)
+    along = dot(first, b)
+    across = subtract(b, scale(first, along))
+    across_norm = norm(across)
+    if not across_norm > least_sine * b_norm:
+        return None
+    second = dot(unit(across), y) / across_norm
+    return (dot(first, y) - along * second) / a_norm, second
+
+
+def _centre(sample: Sample, direction: Vector, radius: float, compliance: float) -> Vector:
+    return add(subtract(sample.position, scale(direction, radius)), scale(sample.value, compliance))
+
+
+SPHERE = Predictor(fit, needs_previous=same_contact, geometric=True)

@@ -1,0 +1,33 @@
+import pytest
+
+from codec import force_channel, position_channel
+from codec.predictors import PREDICTORS
+
+
+def test_only_the_named_predictors_are_in_the_bank() -> None:
+    assert force_channel(predictor="plane").bank == ("plane",)
+    assert force_channel(bank=["zoh", "sphere"]).bank == ("zoh", "sphere")
+    assert force_channel(predictor="linear").predictors == (PREDICTORS["linear"],)
+
+
+@pytest.mark.parametrize("bank", [[], ["zoh", "zoh"], ["zoh", "spline"], ["hybrid"]])
+def test_refuses_a_bank_that_is_none(bank: list[str]) -> None:
+    with pytest.raises(ValueError, match="bank"):
+        force_channel(bank=bank)
+
+
+@pytest.mark.parametrize("predictor", ["plane", "sphere"])
+def test_geometry_does_not_predict_positions(predictor: str) -> None:
+    with pytest.raises(ValueError, match=predictor):
+        position_channel(predictor=predictor)
+
+
+@pytest.mark.parametrize(("axes", "force_levels", "position_levels"), [("z", 2, 1), ("xz", 4, 2), ("xyz", 6, 3)])
+def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_levels: int) -> None:
+    assert force_channel(axes=axes).level_count == force_levels
+    assert position_channel(axes=axes).level_count == position_levels
+
+
+def test_two_builds_from_the_same_numbers_code_alike() -> None:
+    levels = force_channel().levels((1.0, 2.0, 3.0), (0.01, 0.02, 0.03))
+    assert force_channel().sample(4, levels) == force_channel().sample(4, levels)

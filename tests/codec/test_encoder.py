@@ -1,0 +1,190 @@
+"""The law of closed-loop coding, and what an encoder does at its edges."""
+
+from math import inf, nan, sqrt
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
+from codec.update import MAX_GAP
+from codec.vector import ZERO, Vector, distance
+from tests.codec.signals import contact_stream
+
+FORCE_PREDICTORS = ["zoh", "linear", "plane", "sphere", "hybrid"]
+POSITION_PREDICTORS = ["zoh", "linear", "hybrid"]
+
+webers = st.floats(0.005, 0.5)
+seeds = st.integers(0, 2**32 - 1)
+axes_sets = st.sampled_from(["z", "xyz"])
+
+
+def run(channel: Channel, samples: list[tuple[Vector, Vector]], axes: str) -> int:
+    """Code a stream, asserting the law at every tick; returns how many updates it took."""
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    half_step = 0.5 * channel.value_quantizer.step * sqrt(len(axes)) * (1.0 + 1e-9)
+    sends = 0
+    for tick, (value, position) in enumerate(samples):
+        update = encoder.encode(tick, value, position)
+        if update is not None:
+            sends += 1
+            decoder.apply(Update(*update))
+        assert decoder.state == encoder.mirror.state
+        decoded = decoder.value(tick, position)
+        assert decoded is not None
+        assert decoded == encoder.mirror.value(tick, position)
+        confined = channel.value_quantizer.confine(value)
+        assert distance(decoded, confined) <= (half_step if update is not None else encoder.bound)
+    return sends
+
+
+@given(predictor=st.sampled_from(FORCE_PREDICTORS), weber=webers, seed=seeds, axes=axes_sets)
+@settings(max_examples=150, deadline=None)
+def test_decoded_force_is_within_the_deadband_and_states_are_identical(
+    predictor: str, weber: float, seed: int, axes: str
+) -> None:
+    channel = force_channel(predictor=predictor, weber=weber, axes=axes)
+    run(channel, contact_stream(seed, axes=axes), axes)
+
+
+@given(predictor=st.sampled_from(POSITION_PREDICTORS), weber=webers, seed=seeds, axes=axes_sets)
+@settings(max_examples=100, deadline=None)
+def test_decoded_position_is_within_the_deadband_and_states_are_identical(
+    predictor: str, weber: float, seed: int, axes: str
+) -> None:
+    channel = position_channel(predictor=predictor, weber=weber, axes=axes)
+    run(channel, [(position, ZERO) for _, position in contact_stream(seed, axes=axes)], axes)
+
+
+@given(
+    predictor=st.sampled_from(FORCE_PREDICTORS),
+    reference=st.sampled_from(["actual", "displayed", "sent"]),
+    seed=seeds,
+    samples=st.lists(
+        st.tuples(*[st.tuples(*[st.floats(-60.0, 60.0)] * 3)] * 2),
+        min_size=1,
+        max_size=40,
+    ),
+)
+@settings(max_examples=100, deadline=None)
+def test_law_holds_for_any_finite_samples(
+    predictor: str, reference: str, seed: int, samples: list[tuple[Vector, Vector]]
+) -> None:
+    channel = force_channel(predictor=predictor, reference=reference)  # type: ignore[arg-type]
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    for tick, (value, position) in enumerate(samples):
+        update = encoder.encode(tick, value, position)
+        if update is not None:
+            decoder.apply(update)
+        assert decoder.state == encoder.mirror.state
+        decoded = decoder.value(tick, position)
+        assert decoded is not None
+        half_step = sqrt(3.0) * 0.5e-3 * (1.0 + 1e-9)
+        error = distance(decoded, channel.value_quantizer.confine(value))
+        assert error <= (half_step if update is not None else encoder.bound)
+
+
+@pytest.mark.parametrize("predictor", FORCE_PREDICTORS)
+def test_any_update_that_arrives_restores_the_state_whatever_was_lost(predictor: str) -> None:
+    channel = force_channel(predictor=predictor)
+    encoder = Encoder(channel)
+    updates = 0
+    for tick, (force, position) in enumerate(contact_stream(7, ticks=2000)):
+        update = encoder.encode(tick, force, position)
+        if update is None:
+            continue
+        updates += 1
+        late_starter = Decoder(channel)
+        late_starter.apply(update)
+        assert late_starter.state == encoder.mirror.state
+    assert updates > 10
+
+
+def test_a_sensor_at_rest_sends_nothing_above_the_floor_and_every_tick_without_one() -> None:
+    noise = [(0.0, 0.0, 0.004 * (-1) ** tick) for tick in range(100)]
+    with_floor = Encoder(force_channel(predictor="zoh", floor=0.02))
+    without = Encoder(force_channel(predictor="zoh", floor=0.0))
+    assert sum(with_floor.encode(tick, force) is not None for tick, force in enumerate(noise)) == 0
+    assert sum(without.encode(tick, force) is not None for tick, force in enumerate(noise)) == 100
+
+
+def test_first_position_is_sent_even_at_the_origin() -> None:
+    assert Encoder(position_channel()).encode(0, ZERO) is not None
+
+
+def test_no_force_is_assumed_until_one_is_sent() -> None:
+    encoder = Encoder(force_channel())
+    assert encoder.encode(0, ZERO) is None
+    assert encoder.mirror.value(0) == ZERO
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_samples_that_are_not_finite_are_counted_and_change_nothing(bad: float) -> None:
+    encoder, clean = Encoder(force_channel()), Encoder(force_channel())
+    for tick, (force, position) in enumerate(contact_stream(3)):
+        if tick % 10 == 5:
+            assert encoder.encode(tick, (0.0, bad, 0.0), position) is None
+            assert encoder.encode(tick, force, (0.0, bad, 0.0)) is None
+            continue
+        assert encoder.encode(tick, force, position) == clean.encode(tick, force, position)
+    assert encoder.rejected == 80
+
+
+def test_values_beyond_the_wire_are_saturated_and_not_sent_at_every_tick() -> None:
+    encoder = Encoder(force_channel(predictor="zoh"))
+    sends = [encoder.encode(tick, (0.0, 0.0, 1e6)) for tick in range(10)]
+    assert [update is not None for update in sends] == [True] + [False] * 9
+    assert sends[0] is not None
+    assert sends[0].newest[:3] == (0, 0, 32_767)
+
+
+def test_reset_sends_the_next_sample_as_a_first_one() -> None:
+    encoder = Encoder(force_channel(predictor="linear"))
+    encoder.encode(0, (0.0, 0.0, 1.0))
+    encoder.encode(1, (0.0, 0.0, 2.0))
+    encoder.reset()
+    update = encoder.encode(2, (0.0, 0.0, 2.0))
+    assert update is not None
+    assert update.previous == ()
+
+
+def test_a_sample_too_old_for_the_wire_predicts_nothing() -> None:
+    encoder = Encoder(force_channel(predictor="linear"))
+    encoder.encode(0, (0.0, 0.0, 1.0))
+    update = encoder.encode(MAX_GAP + 1, (0.0, 0.0, 2.0))
+    assert update is not None
+    assert (update.gap, update.previous) == (0, ())
+
+
+def test_previous_sample_travels_only_where_the_chosen_predictor_reads_it() -> None:
+    for predictor, needed in [("zoh", False), ("linear", True)]:
+        encoder = Encoder(force_channel(predictor=predictor))
+        encoder.encode(0, (0.0, 0.0, 1.0))
+        update = encoder.encode(1, (0.0, 0.0, 2.0))
+        assert update is not None
+        assert bool(update.previous) is needed
+
+
+def test_hybrid_picks_the_predictor_that_was_closest_before_the_update() -> None:
+    channel = force_channel(bank=["zoh", "linear"], weber=0.05)
+    encoder = Encoder(channel)
+    selectors = []
+    for tick in range(200):
+        force = 1.0 + 0.01 * tick if tick < 100 else 2.0 + (0.3 if tick % 50 < 25 else 0.0)
+        update = encoder.encode(tick, (0.0, 0.0, force))
+        if update is not None:
+            selectors.append((tick, channel.bank[update.selector]))
+    assert selectors[0] == (0, "zoh")
+    assert [name for tick, name in selectors if 20 < tick <= 101][-1] == "linear"
+    assert selectors[-1][1] == "zoh"
+
+
+def test_hybrid_sends_no_more_than_its_worst_member_on_a_wall() -> None:
+    stream = [((0.0, 0.0, 500.0 * d), (0.0, 0.0, -d)) for d in (0.001 + 0.0001 * (t % 100) for t in range(2000))]
+    counts = {}
+    for predictor in FORCE_PREDICTORS:
+        encoder = Encoder(force_channel(predictor=predictor))
+        counts[predictor] = sum(encoder.encode(t, f, p) is not None for t, (f, p) in enumerate(stream))
+    assert counts["plane"] <= 3
+    assert counts["hybrid"] <= 5
+    assert counts["zoh"] > 100

@@ -1,0 +1,190 @@
+"""One contract for every line of the table, and the geometry each fit must recover."""
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.predictors import PREDICTORS, Trust
+from codec.predictors.plane import Plane
+from codec.predictors.sphere import Sphere
+from codec.predictors.zoh import Hold
+from codec.sample import Sample
+from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
+
+TRUST = Trust()
+coordinates = st.floats(-0.1, 0.1)
+vectors = st.tuples(coordinates, coordinates, coordinates)
+wild = st.floats(-1e300, 1e300)
+wild_vectors = st.tuples(wild, wild, wild)
+every = pytest.mark.parametrize("name", list(PREDICTORS))
+
+
+def wall(position: Vector, normal: Vector, offset: float, stiffness: float) -> Vector:
+    return scale(normal, -stiffness * min(0.0, dot(normal, position) + offset))
+
+
+def ball(position: Vector, centre: Vector, radius: float, stiffness: float) -> Vector:
+    """Convex for radius > 0, a cavity for radius < 0."""
+    offset = subtract(position, centre)
+    length = norm(offset)
+    depth = max(0.0, radius - length) if radius > 0.0 else -max(0.0, length + radius)
+    return scale(offset, stiffness * depth / length)
+
+
+def unit(vector: Vector) -> Vector:
+    return scale(vector, 1.0 / norm(vector))
+
+
+@every
+def test_one_sample_is_held(name: str) -> None:
+    model = PREDICTORS[name].fit(Sample(5, (0.0, 1.0, 2.0), ZERO), None, TRUST)
+    assert model.at(50, (0.3, 0.2, 0.1)) == (0.0, 1.0, 2.0)
+
+
+@every
+def test_a_fit_is_a_function_of_its_samples(name: str) -> None:
+    newest, previous = Sample(9, (0.1, 0.2, 1.0), (0.0, 0.001, -0.002)), Sample(3, (0.0, 0.3, 0.8), (0.0, 0.0, -0.001))
+    fit = PREDICTORS[name].fit
+    assert fit(newest, previous, TRUST) == fit(Sample(*newest), Sample(*previous), Trust())
+
+
+@every
+@given(newest=wild_vectors, previous=wild_vectors, p1=wild_vectors, p2=wild_vectors, gap=st.integers(0, 65_535))
+@settings(max_examples=300, deadline=None)
+def test_no_samples_make_a_fit_or_a_prediction_raise(
+    name: str, newest: Vector, previous: Vector, p1: Vector, p2: Vector, gap: int
+) -> None:
+    model = PREDICTORS[name].fit(Sample(gap, newest, p1), Sample(0, previous, p2), TRUST)
+    model.at(gap + 1, p2)
+
+
+@every
+@pytest.mark.parametrize("value", [0.0, 5e-324, 1e-300, 1e300, nan, inf])
+def test_extreme_samples_do_not_raise(name: str, value: float) -> None:
+    for other in (0.0, 1.0, value):
+        newest, previous = Sample(2, (0.0, value, 1.0), (value, 0.0, 0.0)), Sample(1, (other, 0.0, value), ZERO)
+        PREDICTORS[name].fit(newest, previous, TRUST).at(3, (0.0, 0.0, other))
+
+
+@every
+@given(forces=st.tuples(vectors, vectors), positions=st.tuples(vectors, vectors), gap=st.integers(1, 1000))
+@settings(max_examples=200, deadline=None)
+def test_every_model_passes_through_its_newest_sample(
+    name: str, forces: tuple[Vector, Vector], positions: tuple[Vector, Vector], gap: int
+) -> None:
+    """But for the sphere, whose two samples over-determine it: it passes between them."""
+    newest, previous = (
+        Sample(gap, scale(forces[0], 50.0), positions[0]),
+        Sample(0, scale(forces[1], 50.0), positions[1]),
+    )
+    model = PREDICTORS[name].fit(newest, previous, TRUST)
+    if not isinstance(model, Sphere):
+        assert distance(model.at(gap, newest.position), newest.value) <= 1e-9 + 1e-9 * 1e6 * 0.2
+
+
+def test_linear_continues_a_ramp() -> None:
+    model = PREDICTORS["linear"].fit(Sample(20, (0.0, 0.0, 2.0), ZERO), Sample(10, (0.0, 0.0, 1.0), ZERO), TRUST)
+    assert model.at(25.5, ZERO) == pytest.approx((0.0, 0.0, 2.55))
+
+
+@given(
+    normal=vectors.filter(lambda v: norm(v) > 0.01),
+    offset=st.floats(-0.05, 0.05),
+    stiffness=st.floats(10.0, 1e5),
+    depths=st.tuples(st.floats(1e-4, 0.02), st.floats(1e-4, 0.02)).filter(lambda d: abs(d[0] - d[1]) > 1e-4),
+    slide=vectors,
+    somewhere=vectors,
+)
+@settings(max_examples=200, deadline=None)
+def test_plane_recovers_a_wall_from_two_samples(
+    normal: Vector, offset: float, stiffness: float, depths: tuple[float, float], slide: Vector, somewhere: Vector
+) -> None:
+    n = unit(normal)
+    surface = scale(n, -offset)
+    along = subtract(slide, scale(n, dot(n, slide)))
+    p1, p2 = subtract(surface, scale(n, depths[0])), add(subtract(surface, scale(n, depths[1])), along)
+    model = PREDICTORS["plane"].fit(
+        Sample(1, wall(p1, n, offset, stiffness), p1), Sample(0, wall(p2, n, offset, stiffness), p2), TRUST
+    )
+    assert isinstance(model, Plane)
+    assert distance(model.at(2, somewhere), wall(somewhere, n, offset, stiffness)) <= 1e-6 * stiffness * 0.2
+
+
+@given(
+    centre=vectors,
+    radius=st.floats(0.01, 0.1),
+    concave=st.booleans(),
+    stiffness=st.floats(10.0, 1e4),
+    directions=st.tuples(vectors, vectors).filter(lambda d: min(norm(d[0]), norm(d[1])) > 0.01),
+    depths=st.tuples(st.floats(5e-4, 5e-3), st.floats(5e-4, 5e-3)),
+    probe=vectors,
+)
+@settings(max_examples=300, deadline=None)
+def test_sphere_recovers_a_dome_and_a_cavity_from_two_samples(
+    centre: Vector,
+    radius: float,
+    concave: bool,
+    stiffness: float,
+    directions: tuple[Vector, Vector],
+    depths: tuple[float, float],
+    probe: Vector,
+) -> None:
+    u1, u2 = unit(directions[0]), unit(directions[1])
+    if abs(dot(u1, u2)) > 0.98 or abs(depths[0] - depths[1]) < 1e-4:
+        return
+    sign = 1.0 if concave else -1.0
+    p1 = add(centre, scale(u1, radius + sign * depths[0]))
+    p2 = add(centre, scale(u2, radius + sign * depths[1]))
+    signed = -radius if concave else radius
+    model = PREDICTORS["sphere"].fit(
+        Sample(1, ball(p1, centre, signed, stiffness), p1), Sample(0, ball(p2, centre, signed, stiffness), p2), TRUST
+    )
+    assert isinstance(model, Sphere)
+    assert model.radius == pytest.approx(signed, rel=1e-5)
+    assert model.stiffness == pytest.approx(stiffness, rel=1e-5)
+    assert distance(model.centre, centre) <= 1e-6
+    if distance(probe, centre) > 1e-3:
+        assert distance(model.at(2, probe), ball(probe, centre, signed, stiffness)) <= 1e-4 * stiffness * 0.2
+
+
+def test_a_sphere_has_no_direction_at_its_centre_and_says_the_newest_force_there() -> None:
+    assert Sphere((0.0, 0.0, 0.0), 0.05, 100.0, (0.0, 0.0, 1.0)).at(0, ZERO) == (0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "newest", "previous", "why"),
+    [
+        ("plane", ((0, 0, 2.0), (0, 0, -0.001)), ((0, 0, 1.0), (0, 0, -0.002)), "softer when deeper: c < 0"),
+        ("plane", ((0, 0, 2.0), (0, 0, -0.002)), ((0, 0, 2.0), (0, 0, -0.001)), "no change of force"),
+        ("plane", ((0, 0, 2.0), (0, 0, -0.001)), ((0, 0, 1.0), (0, 0, -0.001)), "no change of depth"),
+        ("plane", ((0, 0, 2.0), (0, 0, -2e-7)), ((0, 0, 1.0), (0, 0, -1e-7)), "stiffer than the range"),
+        ("plane", ((0, 0, 2.0), (0, 0, -0.002)), ((0, 0, 0.0), (0, 0, 0.001)), "the sample before was free"),
+        ("sphere", ((0, 0, 2.0), (0, 0, -0.002)), ((0, 0, 1.0), (0, 0, -0.001)), "parallel forces"),
+        ("sphere", ((0, 0, 2.0), (0, 0, -0.002)), ((0, 0, -1.0), (0, 0, -0.001)), "opposite forces"),
+        ("sphere", ((0, 0, 2.0), (0, 0, 0)), ((0, 2.0, 0), (0, 0, 0)), "equal magnitudes: dependent columns"),
+        ("sphere", ((0, 0, 2.0), (0, 0, 0)), ((0, 0, 0), (0, 0, 0)), "the sample before was free"),
+    ],
+)
+def test_a_model_that_cannot_be_trusted_holds(
+    name: str, newest: tuple[Vector, Vector], previous: tuple[Vector, Vector], why: str
+) -> None:
+    model = PREDICTORS[name].fit(Sample(1, *newest), Sample(0, *previous), TRUST)
+    assert model == Hold(newest[0]), why
+
+
+def test_a_plane_seen_as_a_sphere_of_a_kilometre_is_not_believed() -> None:
+    centre, radius = (0.0, 0.0, -1000.0), 1000.0
+    p1, p2 = (0.01, 0.0, -0.002), (-0.01, 0.0, -0.001)
+    model = PREDICTORS["sphere"].fit(
+        Sample(1, ball(p1, centre, radius, 500.0), p1), Sample(0, ball(p2, centre, radius, 500.0), p2), TRUST
+    )
+    assert isinstance(model, Hold)
+
+
+def test_trust_refuses_ranges_that_are_none() -> None:
+    with pytest.raises(ValueError, match="stiffness"):
+        Trust(stiffness=(5.0, 5.0))
+    with pytest.raises(ValueError, match="radius"):
+        Trust(radius=(0.0, 1.0))
