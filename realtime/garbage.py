@@ -1,0 +1,87 @@
+"""When garbage is collected: never inside a tick, only in the slack after one.
+
+Owns the collector of this process and the measurement of what it costs. Knows no loop: the slack is handed in.
+"""
+
+import gc
+from time import perf_counter
+
+# A pass is expected to cost up to this many times the one before it.
+CAUTION = 2.0
+FIRST_GUESS_S = 1e-4
+YOUNG, FULL = 0, 2
+
+
+def freeze_garbage() -> None:
+    """Collect once, exempt everything that lives now from later passes, and turn automatic collection off."""
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+
+
+def thaw_garbage() -> None:
+    """Undo `freeze_garbage`."""
+    gc.unfreeze()
+    gc.enable()
+
+
+class Passes:
+    """What the passes over one generation cost: how many, the last and the worst [s]."""
+
+    __slots__ = ("count", "last_s", "worst_s")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.last_s = FIRST_GUESS_S
+        self.worst_s = 0.0
+
+    def run(self, generation: int) -> None:
+        began = perf_counter()
+        gc.collect(generation)
+        self.last_s = perf_counter() - began
+        self.worst_s = max(self.worst_s, self.last_s)
+        self.count += 1
+
+    def fits(self, slack_s: float) -> bool:
+        return CAUTION * self.last_s <= slack_s
+
+
+class GarbageSchedule:
+    """Runs the collector between ticks: a young pass when one is due and fits, a full one instead of every so many.
+
+    A pass that never fits is run anyway after `patience` times its interval, and counted in `forced`: one late tick
+    is better than memory that grows until the process dies.
+
+    Args:
+        every_ticks: ticks between young passes.
+        full_every: every so many passes one is a full pass.
+        patience: how many intervals a due pass waits for slack.
+    """
+
+    __slots__ = ("_due", "_full_every", "_overdue", "_waited", "forced", "full", "young")
+
+    def __init__(self, every_ticks: int, *, full_every: int = 100, patience: int = 10) -> None:
+        for name, value in (("every_ticks", every_ticks), ("full_every", full_every), ("patience", patience)):
+            if value < 1:
+                raise ValueError(f"{name} must be at least 1, got {value}")
+        self._due = every_ticks
+        self._overdue = every_ticks * patience
+        self._full_every = full_every
+        self._waited = 0
+        self.young = Passes()
+        self.full = Passes()
+        self.forced = 0
+
+    def tick(self, slack_s: float) -> None:
+        """To be called after each tick with the time left until the next deadline [s]."""
+        self._waited += 1
+        if self._waited < self._due:
+            return
+        full = (self.young.count + self.full.count + 1) % self._full_every == 0
+        passes = self.full if full else self.young
+        if not passes.fits(slack_s):
+            if self._waited < self._overdue:
+                return
+            self.forced += 1
+        passes.run(FULL if full else YOUNG)
+        self._waited = 0

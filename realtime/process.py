@@ -1,0 +1,138 @@
+"""What a real-time process asks of the kernel, and whether it was granted.
+
+Owns scheduling class, memory lock, CPU affinity, timer slack and the tie to the parent process. Knows no loop. A
+permission that is missing is an answer in words, not an error: the same program runs on a laptop and on a tuned
+machine, and says which.
+"""
+
+import ctypes
+import errno
+import os
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from signal import Signals
+
+# <sys/prctl.h>, <sys/mman.h>
+_SET_PARENT_DEATH_SIGNAL = 1
+_SET_TIMER_SLACK = 29
+_LOCK_CURRENT = 1
+_LOCK_FUTURE = 2
+
+_libc = ctypes.CDLL(None, use_errno=True)
+_libc.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
+_libc.mlockall.argtypes = (ctypes.c_int,)
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """Whether one thing asked for was granted, and in words what was granted or why not."""
+
+    granted: bool
+    detail: str
+
+    def __bool__(self) -> bool:
+        return self.granted
+
+
+NOT_ASKED = Grant(False, "not asked for")
+
+
+@dataclass(frozen=True, slots=True)
+class Grants:
+    """The answers of the kernel to `prepare`."""
+
+    priority: Grant
+    memory: Grant
+    cpu: Grant
+    timer_slack: Grant
+
+    def as_dict(self) -> dict[str, dict[str, bool | str]]:
+        """For a report: field name to `granted` and `detail`."""
+        return asdict(self)
+
+
+def prepare(priority: int, lock_memory: bool, cpu: int | None) -> Grants:
+    """Ask for SCHED_FIFO, locked memory, one CPU and exact timers.
+
+    Call it early: threads started later inherit the scheduler and the CPU, and earlier ones keep theirs.
+
+    Args:
+        priority: of SCHED_FIFO, 1 to 99; 0 keeps the ordinary scheduler.
+        lock_memory: keep all pages, present and future, out of swap, so that no tick waits for a page fault on disk.
+        cpu: number of the only CPU to run on; None for any.
+
+    Raises:
+        ValueError: priority or cpu is a number that no machine has.
+    """
+    highest = os.sched_get_priority_max(os.SCHED_FIFO)
+    if not 0 <= priority <= highest:
+        raise ValueError(f"priority must be 0 (ordinary) or 1 to {highest} (SCHED_FIFO), got {priority}")
+    if cpu is not None and cpu < 0:
+        raise ValueError(f"cpu must be 0 or more, got {cpu}")
+    return Grants(
+        priority=_schedule(priority) if priority else NOT_ASKED,
+        memory=_asked(_lock_memory, "memory locked") if lock_memory else NOT_ASKED,
+        cpu=NOT_ASKED if cpu is None else _pin(cpu),
+        timer_slack=_asked(_sharpen_timers, "1 ns"),
+    )
+
+
+def die_with_parent(signal: Signals, parent: int | None = None) -> None:
+    """Have the kernel send this process a signal when its parent dies, however the parent dies.
+
+    If the parent is already gone the kernel would never send it, so this process sends it to itself. The kernel means
+    the parent's thread that started this process: start it from a thread that lives as long as the parent does.
+
+    Args:
+        signal: what to receive.
+        parent: process id of the parent as that one knows it; without it, the parent at the time of this call.
+    """
+    expected = os.getppid() if parent is None else parent
+    _checked(_libc.prctl(_SET_PARENT_DEATH_SIGNAL, signal, 0, 0, 0))
+    if os.getppid() != expected:
+        os.kill(os.getpid(), signal)
+
+
+def _schedule(priority: int) -> Grant:
+    return _asked(
+        lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority)),
+        f"SCHED_FIFO {priority}",
+        f"needs CAP_SYS_NICE or an rtprio limit of {priority} or more",
+    )
+
+
+def _lock_memory() -> None:
+    try:
+        _checked(_libc.mlockall(_LOCK_CURRENT | _LOCK_FUTURE))
+    except OSError as error:
+        if error.errno in (errno.EPERM, errno.ENOMEM, errno.EAGAIN):
+            raise PermissionError(errno.EPERM, "needs CAP_IPC_LOCK or a larger memlock limit") from error
+        raise
+
+
+def _pin(cpu: int) -> Grant:
+    allowed = os.sched_getaffinity(0)
+    if cpu not in allowed:
+        return Grant(False, f"not possible: this process may run on CPU {', '.join(map(str, sorted(allowed)))}")
+    return _asked(lambda: os.sched_setaffinity(0, {cpu}), f"CPU {cpu}")
+
+
+def _sharpen_timers() -> None:
+    # The kernel may delay timers by 50 us to wake up less often; 1 ns is the least, as 0 means the default.
+    _checked(_libc.prctl(_SET_TIMER_SLACK, 1, 0, 0, 0))
+
+
+def _asked(ask: Callable[[], None], detail: str, needs: str = "") -> Grant:
+    try:
+        ask()
+    except PermissionError as error:
+        return Grant(False, f"not permitted: {needs or error.strerror}")
+    except OSError as error:
+        return Grant(False, f"not possible: {error.strerror}")
+    return Grant(True, detail)
+
+
+def _checked(result: int) -> None:
+    if result < 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))

@@ -1,0 +1,62 @@
+"""Linux timerfd: a kernel timer with absolute deadlines, read as a file descriptor.
+
+Owns the three system calls and their byte layouts. Knows no event loop and no tick numbers. From Python 3.13 on the
+calls are those of `os`; before that they are reached in libc.
+"""
+
+import os
+import sys
+import time
+
+if sys.version_info >= (3, 13):
+
+    def create() -> int:
+        """A non-blocking timer on the clock of `time.monotonic`, closed on exec. The caller closes it."""
+        return os.timerfd_create(time.CLOCK_MONOTONIC, flags=os.TFD_NONBLOCK | os.TFD_CLOEXEC)
+
+    def arm(fd: int, first_ns: int, interval_ns: int) -> None:
+        """Expire at `first_ns` of the monotonic clock, at once if that has passed, then every `interval_ns`."""
+        os.timerfd_settime_ns(fd, flags=os.TFD_TIMER_ABSTIME, initial=first_ns, interval=interval_ns)
+
+else:
+    import ctypes
+
+    # These two flags are O_NONBLOCK and O_CLOEXEC on every Linux architecture; the third is from <sys/timerfd.h>.
+    _FLAGS = os.O_NONBLOCK | os.O_CLOEXEC
+    _ABSOLUTE = 1
+
+    class _TimeSpec(ctypes.Structure):
+        _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
+
+    class _TimerSpec(ctypes.Structure):
+        _fields_ = (("it_interval", _TimeSpec), ("it_value", _TimeSpec))
+
+    _libc = ctypes.CDLL(None, use_errno=True)
+    _libc.timerfd_create.argtypes = (ctypes.c_int, ctypes.c_int)
+    _libc.timerfd_settime.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.POINTER(_TimerSpec), ctypes.c_void_p)
+
+    def create() -> int:
+        """A non-blocking timer on the clock of `time.monotonic`, closed on exec. The caller closes it."""
+        return _checked(_libc.timerfd_create(time.CLOCK_MONOTONIC, _FLAGS))
+
+    def arm(fd: int, first_ns: int, interval_ns: int) -> None:
+        """Expire at `first_ns` of the monotonic clock, at once if that has passed, then every `interval_ns`."""
+        spec = _TimerSpec(_timespec(interval_ns), _timespec(first_ns))
+        _checked(_libc.timerfd_settime(fd, _ABSOLUTE, ctypes.byref(spec), None))
+
+    def _timespec(nanoseconds: int) -> _TimeSpec:
+        return _TimeSpec(*divmod(nanoseconds, 1_000_000_000))
+
+    def _checked(result: int) -> int:
+        if result < 0:
+            number = ctypes.get_errno()
+            raise OSError(number, os.strerror(number))
+        return result
+
+
+def expirations(fd: int) -> int:
+    """How often the timer has expired since the last call; 0 if it has not."""
+    try:
+        return int.from_bytes(os.read(fd, 8), sys.byteorder)
+    except BlockingIOError:
+        return 0

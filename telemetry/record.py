@@ -1,0 +1,108 @@
+"""The record of one tick of one side: one table, and the layouts that follow from it.
+
+Owns names, types, units and meanings. Knows nothing of how records travel. `RECORD` packs for the writer,
+`DESCRIPTION` becomes the numpy type of the reader, and `Record` names the values for whoever fills one in; all in the
+order of `FIELDS`.
+"""
+
+from struct import Struct
+from typing import NamedTuple
+
+AXES = ("x", "y", "z")
+
+# numpy's names of the types (little endian) beside those of struct.
+CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
+
+
+class Field(NamedTuple):
+    """One quantity of a record; `axes` is 1 for a number and 3 for a vector."""
+
+    name: str
+    kind: str
+    axes: int
+    unit: str
+    meaning: str
+
+
+# Wide types come first, which keeps every value of a packed record on its own boundary within the record.
+FIELDS = (
+    Field("at", "<f8", 1, "s", "deadline of the tick, monotonic clock of this host"),
+    Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer; NaN while unknown"),
+    Field("position", "<f8", 3, "m", "position of the device (master) or commanded position as decoded (slave)"),
+    Field("raw", "<f8", 3, "m | N", "as measured: device position (master), contact force (slave)"),
+    Field("decoded", "<f8", 3, "N", "force before the limiter (master), what the peer's decoder should hold (slave)"),
+    Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
+    Field("bound", "<f8", 1, "m | N", "deadband of this tick, in the unit of what this side encodes"),
+    Field("tick", "<u8", 1, "", "number of the tick on this side"),
+    Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
+    Field("datagrams_sent", "<u8", 1, "", "of every kind, so far"),
+    Field("datagrams_received", "<u8", 1, "", "accepted, so far"),
+    Field("datagrams_lost", "<u8", 1, "", "sent by the peer and never seen, so far"),
+    Field("datagrams_dropped", "<u8", 1, "", "received and refused, so far"),
+    Field("bytes_sent", "<u8", 1, "B", "UDP payload, so far"),
+    Field("updates_sent", "<u8", 1, "", "samples that crossed the deadband, so far"),
+    Field("updates_received", "<u8", 1, "", "applied, so far"),
+    Field("repeats", "<u8", 1, "", "updates sent again for want of an acknowledgement, so far"),
+    Field("heartbeats", "<u8", 1, "", "sent, so far"),
+    Field("lateness_us", "<f4", 1, "us", "from the deadline to the start of the tick"),
+    Field("work_us", "<f4", 1, "us", "from the start of the tick to its end"),
+    Field("codec_us", "<f4", 1, "us", "part of the work spent encoding and decoding"),
+    Field("rtt_us", "<f4", 1, "us", "round trip, newest estimate; NaN while unknown"),
+    Field("one_way_us", "<f4", 1, "us", "from the peer to here, newest estimate; NaN while unknown"),
+    Field("state", "u1", 1, "", "of the side's state machine, as its own number"),
+    Field("fault", "u1", 1, "", "the fault that is active, as its own number; 0 for none"),
+    Field("selected", "u1", 1, "", "predictor in use on the force channel, as its index in the bank"),
+    Field("sent", "u1", 1, "", "1 if an update was sent in this tick"),
+    Field("received", "u1", 1, "", "updates applied in this tick"),
+    Field("clipped", "u1", 1, "", "1 if a limiter changed the output"),
+)
+
+COLUMNS = tuple(
+    name
+    for field in FIELDS
+    for name in ([f"{field.name}_{axis}" for axis in AXES] if field.axes == 3 else [field.name])
+)
+DESCRIPTION = [(field.name, field.kind, (3,)) if field.axes == 3 else (field.name, field.kind) for field in FIELDS]
+RECORD = Struct("<" + "".join(CODES[field.kind] * field.axes for field in FIELDS))
+
+
+class Record(NamedTuple):
+    """The values of one record, flat, in wire order; meanings are in `FIELDS`."""
+
+    at: float
+    peer_at: float
+    position_x: float
+    position_y: float
+    position_z: float
+    raw_x: float
+    raw_y: float
+    raw_z: float
+    decoded_x: float
+    decoded_y: float
+    decoded_z: float
+    output_x: float
+    output_y: float
+    output_z: float
+    bound: float
+    tick: int
+    ticks_missed: int
+    datagrams_sent: int
+    datagrams_received: int
+    datagrams_lost: int
+    datagrams_dropped: int
+    bytes_sent: int
+    updates_sent: int
+    updates_received: int
+    repeats: int
+    heartbeats: int
+    lateness_us: float
+    work_us: float
+    codec_us: float
+    rtt_us: float
+    one_way_us: float
+    state: int
+    fault: int
+    selected: int
+    sent: int
+    received: int
+    clipped: int

@@ -1,0 +1,84 @@
+"""When garbage is collected, and when it is not."""
+
+import gc
+import weakref
+from math import inf
+
+import pytest
+
+from realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
+
+
+@pytest.fixture(autouse=True)
+def frozen():
+    freeze_garbage()
+    yield
+    thaw_garbage()
+
+
+class Cycle:
+    def __init__(self):
+        self.me = self
+
+
+def passes(schedule):
+    return schedule.young.count + schedule.full.count
+
+
+def test_freezing_turns_the_collector_off_and_exempts_what_lives():
+    assert not gc.isenabled()
+    assert gc.get_freeze_count() > 0
+    thaw_garbage()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0
+
+
+def test_a_pass_runs_after_every_so_many_ticks_and_frees_cycles():
+    dead = weakref.ref(Cycle())
+    schedule = GarbageSchedule(5)
+    for _ in range(4):
+        schedule.tick(inf)
+    assert dead() is not None
+    schedule.tick(inf)
+    assert dead() is None
+    for _ in range(10):
+        schedule.tick(inf)
+    assert schedule.young.count == 3
+    assert schedule.young.worst_s >= schedule.young.last_s > 0.0
+    assert schedule.forced == 0
+
+
+def test_a_due_pass_waits_for_slack():
+    schedule = GarbageSchedule(5)
+    for _ in range(20):
+        schedule.tick(0.0)
+    assert passes(schedule) == 0
+    schedule.tick(inf)
+    assert schedule.young.count == 1
+    assert schedule.forced == 0
+
+
+def test_without_slack_a_pass_is_forced_in_the_end():
+    schedule = GarbageSchedule(5, patience=4)
+    for _ in range(40):
+        schedule.tick(-1.0)
+    assert schedule.young.count == schedule.forced == 2
+
+
+def test_every_so_many_passes_one_is_full():
+    schedule = GarbageSchedule(1, full_every=4)
+    survivor = Cycle()
+    schedule.tick(inf)  # the survivor grows older than a young pass looks
+    schedule.tick(inf)
+    dead = weakref.ref(survivor)
+    del survivor
+    schedule.tick(inf)
+    schedule.tick(inf)
+    assert dead() is None
+    assert (schedule.young.count, schedule.full.count) == (3, 1)
+
+
+@pytest.mark.parametrize("name", ["every_ticks", "full_every", "patience"])
+def test_an_interval_of_nothing_is_refused(name):
+    with pytest.raises(ValueError, match=name):
+        GarbageSchedule(**{"every_ticks": 1, name: 0})

@@ -1,0 +1,141 @@
+"""What the kernel grants, asked in child processes: most of it cannot be taken back."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from realtime.process import Grant, prepare
+
+ROOT = Path(__file__).parents[2]
+
+ASK = """
+import json, os, sys
+from realtime.process import prepare
+
+grants = prepare(*json.loads(sys.argv[1]))
+status = dict(line.split(":", 1) for line in open("/proc/self/status"))
+print(json.dumps({
+    "grants": grants.as_dict(),
+    "fifo": os.sched_getscheduler(0) == os.SCHED_FIFO,
+    "priority": os.sched_getparam(0).sched_priority,
+    "locked_kb": int(status["VmLck"].split()[0]),
+    "cpus": sorted(os.sched_getaffinity(0)),
+    "slack_ns": int(open("/proc/self/timerslack_ns").read()),
+}))
+"""
+
+GIVE_UP_RIGHTS = """
+import json, os, resource
+from realtime import process
+for limit in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE, resource.RLIMIT_MEMLOCK):
+    resource.setrlimit(limit, (0, 0))
+if os.geteuid() == 0:
+    os.setgroups([])
+    os.setgid(65534)
+    os.setuid(65534)
+"""
+
+ORPHAN = """
+import os, signal, subprocess, sys
+child = subprocess.Popen([sys.executable, "-c", '''
+import signal, time
+from realtime.process import die_with_parent
+die_with_parent(signal.SIGKILL)
+print("tied", flush=True)
+time.sleep(60)
+'''])
+child.wait()
+"""
+
+
+def python(code, *arguments, **options):
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}, **options
+    )
+
+
+def ask(priority, lock_memory, cpu, *, before=""):
+    with python(before + ASK, json.dumps([priority, lock_memory, cpu]), stdout=subprocess.PIPE) as child:
+        output, _ = child.communicate(timeout=20)
+    assert child.returncode == 0
+    return json.loads(output)
+
+
+def test_what_is_granted_is_in_force_and_what_is_not_says_what_it_needs():
+    cpu = max(os.sched_getaffinity(0))
+    seen = ask(7, True, cpu)
+    grants = seen["grants"]
+    assert seen["cpus"] == [cpu]
+    assert grants["cpu"] == {"granted": True, "detail": f"CPU {cpu}"}
+    assert seen["fifo"] is grants["priority"]["granted"]
+    assert seen["priority"] == (7 if seen["fifo"] else 0)
+    assert ("SCHED_FIFO 7" if seen["fifo"] else "needs CAP_SYS_NICE") in grants["priority"]["detail"]
+    assert (seen["locked_kb"] > 0) is grants["memory"]["granted"]
+
+
+def test_nothing_asked_for_changes_nothing_but_timer_slack():
+    seen = ask(0, False, None)
+    unasked = {"granted": False, "detail": "not asked for"}
+    assert [seen["grants"][name] for name in ("priority", "memory", "cpu")] == [unasked] * 3
+    assert seen["grants"]["timer_slack"] == {"granted": True, "detail": "1 ns"}
+    assert (seen["fifo"], seen["locked_kb"], seen["slack_ns"]) == (False, 0, 1)
+    assert seen["cpus"] == sorted(os.sched_getaffinity(0))
+
+
+def test_a_process_without_rights_is_told_what_it_lacks_and_goes_on():
+    seen = ask(7, True, None, before=GIVE_UP_RIGHTS)
+    assert seen["grants"]["priority"] == {
+        "granted": False,
+        "detail": "not permitted: needs CAP_SYS_NICE or an rtprio limit of 7 or more",
+    }
+    assert seen["grants"]["memory"] == {
+        "granted": False,
+        "detail": "not permitted: needs CAP_IPC_LOCK or a larger memlock limit",
+    }
+    assert (seen["fifo"], seen["locked_kb"]) == (False, 0)
+
+
+def test_a_cpu_that_this_machine_lacks_is_an_answer_that_names_those_it_has():
+    before = os.sched_getaffinity(0)
+    answer = prepare(0, False, 100_000).cpu
+    assert not answer
+    assert answer.detail == f"not possible: this process may run on CPU {', '.join(map(str, sorted(before)))}"
+    assert os.sched_getaffinity(0) == before
+
+
+@pytest.mark.parametrize("priority", [-1, 100])
+def test_a_priority_that_no_machine_has_is_refused(priority):
+    with pytest.raises(ValueError, match=f"priority must be .* got {priority}"):
+        prepare(priority, False, None)
+
+
+def test_a_negative_cpu_is_refused():
+    with pytest.raises(ValueError, match="cpu must be 0 or more, got -1"):
+        prepare(0, False, -1)
+
+
+def test_a_grant_is_true_when_granted():
+    assert Grant(True, "")
+    assert not Grant(False, "")
+
+
+def test_the_kernel_ends_a_tied_child_when_its_parent_is_killed():
+    with python(ORPHAN, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout.readline() == b"tied\n"
+        parent.kill()
+        # The child holds the other end of this pipe: it reaches its end only when the child is gone as well.
+        output, _ = parent.communicate(timeout=20)
+    assert output == b""
+
+
+def test_a_child_whose_parent_is_already_gone_ends_by_the_same_signal():
+    code = "import signal; from realtime.process import die_with_parent; die_with_parent(signal.SIGTERM, parent=1)"
+    with python(code + "; print('still here')", stdout=subprocess.PIPE) as child:
+        output, _ = child.communicate(timeout=20)
+    assert child.returncode == -signal.SIGTERM
+    assert output == b""

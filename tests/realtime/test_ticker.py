@@ -1,0 +1,175 @@
+"""Tick numbers, deadlines and missed ticks, in both event loops."""
+
+import asyncio
+import time
+from pathlib import Path
+
+import pytest
+import uvloop
+
+from realtime.ticker import Ticker
+
+PERIOD = 0.001
+
+
+@pytest.fixture(params=[asyncio.new_event_loop, uvloop.new_event_loop], ids=["asyncio", "uvloop"])
+def loop_run(request):
+    def run(main):
+        with asyncio.Runner(loop_factory=request.param) as runner:
+            return runner.run(main())
+
+    return run
+
+
+def open_files():
+    return sum(1 for _ in Path("/proc/self/fd").iterdir())
+
+
+def collect(loop_run, count, *, start_at=None, period=PERIOD, during=lambda index: None):
+    """Run a ticker for `count` calls; returns the calls and the ticker."""
+    calls, kept = [], []
+
+    async def main():
+        done = asyncio.Event()
+
+        def on_tick(index, deadline, now):
+            calls.append((index, deadline, now))
+            during(index)
+            if len(calls) == count:
+                ticker.stop()
+                done.set()
+
+        ticker = Ticker(period, on_tick, start_at=start_at)
+        kept.append(ticker)
+        with ticker:
+            await done.wait()
+
+    loop_run(main)
+    return calls, kept[0]
+
+
+def test_deadlines_are_multiples_of_the_period_from_the_start(loop_run):
+    start_ns = time.monotonic_ns() + 5_000_000
+    calls, ticker = collect(loop_run, 30, start_at=start_ns / 1e9, period=1 / 3000)
+    assert ticker.period_s == 333_333 / 1e9
+    for index, deadline, now in calls:
+        assert deadline == pytest.approx((start_ns + index * 333_333) / 1e9, abs=1e-9)
+        assert now >= deadline
+
+
+def test_indices_rise_and_every_deadline_is_a_call_or_missed(loop_run):
+    calls, ticker = collect(loop_run, 30)
+    indices = [index for index, _, _ in calls]
+    assert indices == sorted(set(indices))
+    assert indices[-1] + 1 == len(calls) + ticker.missed
+
+
+def test_the_first_deadline_is_one_period_after_the_start(loop_run):
+    before = time.monotonic()
+    calls, _ = collect(loop_run, 1, period=0.01)
+    index, deadline, now = calls[0]
+    assert before + 0.01 <= deadline - index * 0.01 <= now
+
+
+def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run):
+    seen = []
+
+    def block_once(index):
+        seen.append(index)
+        if len(seen) == 3:
+            time.sleep(5.5 * PERIOD)
+
+    calls, ticker = collect(loop_run, 10, during=block_once)
+    indices = [index for index, _, _ in calls]
+    assert indices[3] - indices[2] >= 5
+    assert calls[3][2] - calls[2][2] >= 5.5 * PERIOD
+    assert ticker.missed >= 4
+    assert indices[-1] + 1 == len(calls) + ticker.missed
+
+
+def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run):
+    calls, ticker = collect(loop_run, 2, start_at=time.monotonic() - 100 * PERIOD)
+    assert calls[0][0] >= 100
+    assert ticker.missed >= 100
+
+
+def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run):
+    async def main():
+        calls = []
+        before = open_files()
+        ticker = Ticker(PERIOD, lambda *call: (calls.append(call), ticker.stop()))
+        ticker.start()
+        assert ticker.running
+        await asyncio.sleep(10 * PERIOD)
+        assert len(calls) == 1
+        assert not ticker.running
+        assert open_files() == before
+
+    loop_run(main)
+
+
+def test_start_and_stop_may_be_repeated_but_a_run_does_not_resume(loop_run):
+    async def main():
+        ticker = Ticker(PERIOD, lambda *_: None)
+        ticker.stop()
+        other = Ticker(PERIOD, lambda *_: None)
+        other.start()
+        opened = open_files()
+        other.start()
+        assert open_files() == opened
+        other.stop()
+        other.stop()
+        for stopped in (ticker, other):
+            with pytest.raises(RuntimeError, match="make a new one"):
+                stopped.start()
+
+    loop_run(main)
+
+
+def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run):
+    async def main():
+        errors, calls = asyncio.Queue(), []
+
+        def on_tick(index, deadline, now):
+            calls.append(index)
+            raise ZeroDivisionError("in the tick")
+
+        ticker = Ticker(PERIOD, on_tick, on_error=lambda error: errors.put_nowait((error, ticker.running)))
+        ticker.start()
+        error, running = await errors.get()
+        await asyncio.sleep(5 * PERIOD)
+        assert isinstance(error, ZeroDivisionError)
+        assert not running
+        assert len(calls) == 1
+
+    loop_run(main)
+
+
+def test_without_a_taker_an_error_goes_to_the_loop_and_the_ticker_is_stopped(loop_run):
+    async def main():
+        contexts = asyncio.Queue()
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: contexts.put_nowait(context))
+        ticker = Ticker(PERIOD, lambda *_: 1 / 0)
+        ticker.start()
+        context = await contexts.get()
+        assert isinstance(context["exception"], ZeroDivisionError)
+        assert not ticker.running
+
+    loop_run(main)
+
+
+def test_it_needs_a_running_loop():
+    with pytest.raises(RuntimeError):
+        Ticker(PERIOD, lambda *_: None).start()
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, 1e-9, float("nan"), float("inf")])
+def test_a_period_that_cannot_be_kept_is_refused(period):
+    with pytest.raises(ValueError, match="period_s"):
+        Ticker(period, lambda *_: None)
+
+
+@pytest.mark.parametrize("start_at", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_start_that_is_no_moment_is_refused(start_at):
+    with pytest.raises(ValueError, match="start_at"):
+        Ticker(PERIOD, lambda *_: None, start_at=start_at)

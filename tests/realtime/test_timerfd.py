@@ -1,0 +1,51 @@
+"""The kernel's timer as a file descriptor."""
+
+import fcntl
+import os
+import select
+import time
+
+import pytest
+
+from realtime import timerfd
+
+MILLISECOND = 1_000_000
+
+
+@pytest.fixture
+def timer():
+    fd = timerfd.create()
+    yield fd
+    os.close(fd)
+
+
+def test_an_unarmed_timer_has_not_expired_and_does_not_block(timer):
+    assert timerfd.expirations(timer) == 0
+
+
+def test_the_descriptor_is_not_inherited(timer):
+    assert fcntl.fcntl(timer, fcntl.F_GETFD) & fcntl.FD_CLOEXEC
+
+
+def test_a_first_moment_in_the_past_has_expired_once_per_interval_since(timer):
+    first = time.monotonic_ns() - 10 * MILLISECOND
+    timerfd.arm(timer, first, 3 * MILLISECOND)
+    before = (time.monotonic_ns() - first) // (3 * MILLISECOND) + 1
+    count = timerfd.expirations(timer)
+    after = (time.monotonic_ns() - first) // (3 * MILLISECOND) + 1
+    assert 4 <= count <= after
+    assert count >= before - 1
+
+
+def test_it_never_expires_early(timer):
+    first = time.monotonic_ns() + 5 * MILLISECOND
+    timerfd.arm(timer, first, 3600 * 1000 * MILLISECOND)
+    select.select([timer], [], [])
+    assert time.monotonic_ns() >= first
+    assert timerfd.expirations(timer) == 1
+    assert timerfd.expirations(timer) == 0
+
+
+def test_a_refused_call_is_an_error_of_the_system(timer):
+    with pytest.raises(OSError):
+        timerfd.arm(timer, -1, MILLISECOND)

@@ -1,0 +1,190 @@
+"""Reading a ring: completeness, overrun, torn records, and the death of either end."""
+
+import struct
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from telemetry.reader import DTYPE, RingReader
+from telemetry.record import COLUMNS, FIELDS
+from telemetry.ring import RECORDS_AT, RingFormatError, RingWriter
+
+
+def record(i):
+    return tuple(i % 256 if column in BYTES else i for column in COLUMNS)
+
+
+BYTES = {field.name for field in FIELDS if field.kind == "u1"}
+
+
+def create(path, capacity=8):
+    return RingWriter.create(path, side="slave", rate_hz=4000.0, capacity=capacity)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "test.ring"
+
+
+def assert_whole(records):
+    """Every value of every record of the writer process is that of its own tick."""
+    tick = records["tick"]
+    for field in FIELDS:
+        expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
+        values = records[field.name]
+        assert np.array_equal(values, expected if field.axes == 1 else np.repeat(expected[:, None], 3, axis=1))
+
+
+def test_what_was_written_is_read_once_and_in_order(path):
+    with create(path) as writer, RingReader(path) as reader:
+        assert reader.read().shape == (0,)
+        assert reader.read().dtype == DTYPE
+        for i in range(5):
+            writer.write(record(i))
+        records = reader.read()
+        assert records["tick"].tolist() == [0, 1, 2, 3, 4]
+        assert records["position"].tolist() == [[i] * 3 for i in range(5)]
+        assert reader.read().shape == (0,)
+        assert (reader.written, reader.overrun) == (5, 0)
+
+
+def test_the_header_is_at_hand(path):
+    with create(path) as writer, RingReader(path) as reader:
+        assert (reader.side, reader.rate_hz, reader.capacity) == ("slave", 4000.0, 8)
+        assert reader.pid > 0
+        assert reader.started_wall_s > reader.started_monotonic_s > 0.0
+        assert reader.path == writer.path
+
+
+@given(
+    capacity=st.integers(2, 9),
+    before=st.integers(0, 25),
+    steps=st.lists(st.integers(0, 25), max_size=12),
+)
+def test_a_reader_gets_the_newest_records_without_a_gap_and_counts_the_rest(capacity, before, steps):
+    with tempfile.TemporaryDirectory() as directory, create(Path(directory) / "ring", capacity) as writer:
+        for i in range(before):
+            writer.write(record(i))
+        with RingReader(writer.path) as reader:
+            total, first, read = before, max(0, before - capacity + 1), 0
+            for step in [0, *steps]:
+                for i in range(total, total + step):
+                    writer.write(record(i))
+                total += step
+                ticks = reader.read()["tick"].tolist()
+                assert ticks == list(range(total - len(ticks), total))
+                read += len(ticks)
+                assert first + read + reader.overrun == total
+                assert len(ticks) == min(step, capacity - 1) or step == 0
+
+
+def test_arrays_stay_valid_and_writable_after_the_ring_is_gone(path):
+    writer, reader = create(path), RingReader(path)
+    writer.write(record(7))
+    records = reader.read()
+    writer.close()
+    reader.close()
+    reader.close()
+    records["at"] += 1.0
+    assert records["at"].tolist() == [8.0]
+
+
+def test_what_a_writer_published_before_it_closed_is_still_read(path):
+    writer = create(path)
+    with RingReader(path) as reader:
+        writer.write(record(1))
+        assert reader.alive
+        writer.close()
+        assert not reader.alive
+        assert reader.read()["tick"].tolist() == [1]
+
+
+def test_another_process_is_followed_while_it_writes_without_a_torn_record(path, start):
+    # So small a ring is lapped in microseconds: most copies are overwritten while they are made.
+    start("writer_process.py", path, 4)
+    with RingReader(path) as reader:
+        first, last, got = None, -1, 0
+        for _ in range(20_000):
+            records = reader.read()
+            if len(records):
+                assert_whole(records)
+                ticks = records["tick"].astype(np.int64)
+                assert ticks[0] > last
+                assert np.all(np.diff(ticks) == 1)
+                first = int(ticks[0]) if first is None else first
+                last, got = int(ticks[-1]), got + len(ticks)
+        assert reader.alive
+        assert got > 0
+        assert reader.overrun > 0
+
+
+def test_a_reader_that_keeps_up_loses_nothing(path, start):
+    start("writer_process.py", path, 100_000, 0.0001)
+    with RingReader(path) as reader:
+        parts = [reader.read()]
+        while sum(map(len, parts)) < 500:
+            parts.append(reader.read())
+        records = np.concatenate(parts)
+        assert reader.overrun == 0
+        assert records["tick"].tolist() == list(range(len(records)))
+        assert_whole(records)
+
+
+def test_a_killed_writer_leaves_all_that_it_published(path, start):
+    process = start("writer_process.py", path, 50)
+    with RingReader(path) as reader:
+        while reader.written < 1000:
+            pass
+        assert reader.alive
+        process.kill()
+        process.wait()
+        assert not reader.alive
+        reader.read()
+    with RingReader(path) as late:
+        records = late.read()
+        assert len(records) == 49
+        assert records["tick"].tolist() == list(range(late.written - 49, late.written))
+        assert_whole(records)
+
+
+def test_a_missing_file_is_missing(path):
+    with pytest.raises(FileNotFoundError):
+        RingReader(path)
+
+
+def test_a_file_of_something_else_is_refused(path):
+    path.write_text("t,px,py,pz,fx,fy,fz\n" * 100)
+    with pytest.raises(RingFormatError, match="not a telemetry ring"):
+        RingReader(path)
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "message"),
+    [
+        (8, 99, "layout version 99, this program reads version 1"),
+        (12, 0, "other fields than those of this program"),
+        (16, 8, "other fields than those of this program"),
+        (32, 1, "too few for 1 records"),
+        (32, 1_000_000, "too few for 1000000 records"),
+    ],
+)
+def test_a_ring_that_cannot_be_read_says_why(path, offset, value, message):
+    create(path).close(unlink=False)
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<I", data, offset, value)
+    path.write_bytes(data)
+    with pytest.raises(RingFormatError, match=message) as error:
+        RingReader(path)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize("kept", [0, 100, RECORDS_AT, RECORDS_AT + 500])
+def test_a_ring_cut_short_is_refused(path, kept):
+    create(path).close(unlink=False)
+    path.write_bytes(path.read_bytes()[:kept])
+    with pytest.raises(RingFormatError):
+        RingReader(path)

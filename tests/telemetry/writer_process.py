@@ -1,0 +1,24 @@
+"""A process that writes records as fast as it can: `writer_process.py PATH CAPACITY [PAUSE_S]`.
+
+Record i holds i in every number and i modulo 251 in every byte.
+"""
+
+import sys
+import time
+
+from telemetry.record import FIELDS
+from telemetry.ring import RingWriter
+
+bytes_ = sum(field.axes for field in FIELDS if field.kind == "u1")
+numbers = sum(field.axes for field in FIELDS) - bytes_
+pause_s = float(sys.argv[3]) if len(sys.argv) > 3 else 0.0
+
+writer = RingWriter.create(sys.argv[1], side="master", rate_hz=1000.0, capacity=int(sys.argv[2]))
+sys.stdout.write("ready\n")
+sys.stdout.flush()
+i = 0
+while True:
+    writer.write((i,) * numbers + (i % 251,) * bytes_)
+    i += 1
+    if pause_s:
+        time.sleep(pause_s)
