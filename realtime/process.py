@@ -73,7 +73,7 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None) -> Grants:
         priority=_schedule(priority) if priority else NOT_ASKED,
         memory=_asked(_lock_memory, "memory locked") if lock_memory else NOT_ASKED,
         cpu=NOT_ASKED if cpu is None else _pin(cpu),
-        timer_slack=_asked(_sharpen_timers, "1 ns"),
+        timer_slack=_asked(_sharpen_timers, "timer slack 1 ns"),
     )
 
 

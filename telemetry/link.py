@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import nan
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 
 class LinkStatistics(Protocol):
@@ -11,7 +11,6 @@ class LinkStatistics(Protocol):
     sent: int
     received: int
     lost: int
-    dropped: Mapping[object, int]
     bytes_sent: int
     updates_sent: int
     updates_received: int
@@ -19,6 +18,11 @@ class LinkStatistics(Protocol):
     heartbeats: int
     rtt: float | None
     one_way: float | None
+
+    @property
+    def dropped(self) -> Mapping[Any, int]:
+        """Received and refused, by reason."""
+        ...
 
 
 class Counters(NamedTuple):

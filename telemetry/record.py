@@ -55,6 +55,9 @@ FIELDS = (
     Field("sent", "u1", 1, "", "1 if an update was sent in this tick"),
     Field("received", "u1", 1, "", "updates applied in this tick"),
     Field("clipped", "u1", 1, "", "1 if a limiter changed the output"),
+    Field(
+        "ramping", "u1", 1, "", "1 while a session begins or ends: force is faded (master), robot approaches (slave)"
+    ),
 )
 
 COLUMNS = tuple(
@@ -106,3 +109,4 @@ class Record(NamedTuple):
     sent: int
     received: int
     clipped: int
+    ramping: int

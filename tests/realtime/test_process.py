@@ -82,7 +82,7 @@ def test_nothing_asked_for_changes_nothing_but_timer_slack():
     seen = ask(0, False, None)
     unasked = {"granted": False, "detail": "not asked for"}
     assert [seen["grants"][name] for name in ("priority", "memory", "cpu")] == [unasked] * 3
-    assert seen["grants"]["timer_slack"] == {"granted": True, "detail": "1 ns"}
+    assert seen["grants"]["timer_slack"] == {"granted": True, "detail": "timer slack 1 ns"}
     assert (seen["fifo"], seen["locked_kb"], seen["slack_ns"]) == (False, 0, 1)
     assert seen["cpus"] == sorted(os.sched_getaffinity(0))
 
