@@ -1,0 +1,76 @@
+"""What every haptic device driver offers: the mirror of `slave.robots.contract`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from pydantic import BaseModel
+
+from codec.vector import Vector
+
+
+class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
+    """The device cannot go on; says why. The loop leaves the session with force at zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSpec:
+    """What a device can do, known before it is opened.
+
+    Args:
+        name: As the driver calls it.
+        axes: The axes that move, for example "xyz" or "z"; the others stay at 0.
+        force_n: Largest force that it displays [N]; more is cut to it. 0 without force feedback.
+        stiffness_n_m: Stiffest wall that it displays stably at `rate_hz` [N/m].
+        workspace_m: Lower and upper corner of where the hand may be [m].
+        rate_hz: Rate at which it gives positions and takes forces [Hz].
+        force_feedback: Whether `command` does anything.
+    """
+
+    name: str
+    axes: str
+    force_n: float
+    stiffness_n_m: float
+    workspace_m: tuple[Vector, Vector]
+    rate_hz: float
+    force_feedback: bool
+
+
+class DeviceReading(NamedTuple):
+    """Measured at `at` [s]: position of the handle [m]; `ended` once a script or a recording is over."""
+
+    at: float
+    position: Vector
+    ended: bool
+
+
+class Device(Protocol):
+    """A haptic device. No method blocks; `spec` is readable before `open`.
+
+    `latest` raises `DeviceFault` outside of `open` and `close`, and where the device cannot go on. `command` has no
+    effect outside of them, so that whoever makes the device safe need not ask; it raises ValueError for a force that
+    is not finite, which is a fault of our own. `close` may be called at any time, any number of times, and leaves the
+    force at zero.
+    """
+
+    @property
+    def spec(self) -> DeviceSpec: ...
+
+    def open(self, now: float) -> None: ...
+
+    def latest(self, now: float) -> DeviceReading:
+        """The newest reading; asked twice with the same `now`, the same answer."""
+        ...
+
+    def command(self, force: Vector, now: float) -> None:
+        """The force to display on the operator's hand [N]; holds until the next command."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class DeviceDriver(Protocol):
+    """A driver class as the table names it: its options, and how a device is built from them and `tick_period` [s]."""
+
+    Options: ClassVar[type[BaseModel]]
+    __call__: Callable[[Any, float], Device]

@@ -1,0 +1,123 @@
+"""A haptic device with a modelled hand on it: what `operator` and `replay` share. Knows no scripts and no traces."""
+
+from collections.abc import Callable
+from math import ceil
+from random import Random
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from codec.vector import ZERO, Vector, add, is_finite, norm, scale
+from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from master.devices.hand import Hand, HandOptions
+from master.devices.tremor import Tremor
+
+LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand pause, it does not jump
+
+
+class HandDeviceOptions(BaseModel):
+    """The device and the hand, whatever moves it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    hand: HandOptions = HandOptions()
+    tremor_m: float = Field(
+        default=30e-6, ge=0.0, le=0.01, description="RMS per axis of the free hand, 8 to 12 Hz; 0 for none"
+    )
+    seed: int = Field(default=1, ge=0, description="of the tremor")
+    home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="where the hand rests at first")
+    workspace_m: float = Field(default=0.06, gt=0.0, le=1.0, description="half an edge of the cube about the origin")
+    force_n: float = Field(
+        default=12.0, gt=0.0, description="largest force that the device displays; more is cut to it"
+    )
+    stiffness_n_m: float = Field(default=3000.0, gt=0.0, description="stiffest wall that the device displays stably")
+
+    @model_validator(mode="after")
+    def check_home(self) -> Self:
+        if max(map(abs, self.home_m)) > self.workspace_m:
+            raise ValueError(
+                f"home_m: expected a point within the workspace of +-{self.workspace_m} m, got {self.home_m}"
+            )
+        return self
+
+
+class HandDevice:
+    """Moves a `Hand` after an intention, against the force that is commanded.
+
+    Time is that of the model: it goes on with `now`, in equal steps no longer than a tick, by at most 0.1 s a call.
+    The handle stays within the workspace, as on a device with end stops.
+
+    Args:
+        name: Of the driver.
+        options: Of the driver.
+        intention: Where the hand means to be at a model time [s] from `open`, and whether that is over.
+        tick_period: [s]
+    """
+
+    def __init__(
+        self,
+        name: str,
+        options: HandDeviceOptions,
+        intention: Callable[[float], tuple[Vector, bool]],
+        tick_period: float,
+    ) -> None:
+        edge = options.workspace_m
+        self.spec = DeviceSpec(
+            name=name,
+            axes="xyz",
+            force_n=options.force_n,
+            stiffness_n_m=options.stiffness_n_m,
+            workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
+            rate_hz=1.0 / tick_period,
+            force_feedback=True,
+        )
+        self._options = options
+        self._intention = intention
+        self._tick_period = tick_period
+        self._tremor: Tremor | None = None
+        if options.tremor_m > 0.0:
+            self._tremor = Tremor(options.tremor_m, options.hand, Random(options.seed).random)  # noqa: S311
+        self._hand = Hand(options.hand, options.home_m)
+        self._elapsed = 0.0
+        self._felt = ZERO
+        self._reading: DeviceReading | None = None
+
+    def open(self, now: float) -> None:
+        self._hand = Hand(self._options.hand, self._options.home_m)
+        self._elapsed = 0.0
+        self._felt = ZERO
+        self._reading = DeviceReading(now, self._hand.position, False)
+
+    def latest(self, now: float) -> DeviceReading:
+        reading = self._reading
+        if reading is None:
+            raise DeviceFault(f"{self.spec.name}: not open")
+        if now <= reading.at:
+            return reading
+        gap = min(now - reading.at, LONGEST_GAP)
+        count = max(1, ceil(gap / self._tick_period - 1e-6))
+        step = gap / count
+        ended = reading.ended
+        for _ in range(count):
+            self._elapsed += step
+            intended, ended = self._intention(self._elapsed)
+            if self._tremor is not None:
+                intended = add(intended, self._tremor.at(self._elapsed))
+            self._hand.advance(intended, self._felt, step)
+        self._reading = DeviceReading(now, self._within_stops(self._hand.position), ended)
+        return self._reading
+
+    def command(self, force: Vector, now: float) -> None:  # noqa: ARG002
+        if not is_finite(force):
+            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
+        length, limit = norm(force), self.spec.force_n
+        self._felt = force if length <= limit else scale(force, limit / length)
+
+    def close(self) -> None:
+        self._reading = None
+        self._felt = ZERO
+
+    def _within_stops(self, position: Vector) -> Vector:
+        edge = self._options.workspace_m
+        x, y, z = (min(max(component, -edge), edge) for component in position)
+        return (x, y, z)

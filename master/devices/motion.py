@@ -1,0 +1,86 @@
+"""Minimum-jerk motion along timed legs: how a hand goes from one point to the next."""
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+from math import cos, pi, sin
+from typing import Protocol
+
+from codec.vector import Vector
+
+
+class Leg(Protocol):
+    """One stretch of motion that begins and ends at rest."""
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        ...
+
+    def at(self, share: float) -> Vector:
+        """Position [m] after this share of the duration, 0 to 1."""
+        ...
+
+
+def minimum_jerk(share: float) -> float:
+    """10 s^3 - 15 s^4 + 6 s^5: the smoothest way from 0 to 1 (Flash and Hogan 1985)."""
+    return share * share * share * (10.0 + share * (6.0 * share - 15.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """Straight from `start` to `end`; the same point twice is a rest."""
+
+    start: Vector
+    end: Vector
+    duration: float
+
+    def at(self, share: float) -> Vector:
+        s = minimum_jerk(share)
+        a, b = self.start, self.end
+        return (a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2]))
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """`turns` around `center` in a horizontal plane, counterclockwise from the side of +x."""
+
+    center: Vector
+    radius: float
+    turns: float
+    duration: float
+
+    def at(self, share: float) -> Vector:
+        angle = 2.0 * pi * self.turns * minimum_jerk(share)
+        x, y, z = self.center
+        return (x + self.radius * cos(angle), y + self.radius * sin(angle), z)
+
+
+class Motion:
+    """Legs one after another, once or for ever.
+
+    A repeated motion is expected to end where it begins; the caller adds the way back.
+    """
+
+    __slots__ = ("_ends", "_legs", "_repeat", "duration")
+
+    def __init__(self, legs: Sequence[Leg], repeat: bool) -> None:
+        self._legs = [leg for leg in legs if leg.duration > 0.0]
+        if not self._legs:
+            raise ValueError("a motion needs at least one leg that takes time")
+        self._ends = list(accumulate(leg.duration for leg in self._legs))
+        self._repeat = repeat
+        self.duration = self._ends[-1]
+        """Of one round [s]."""
+
+    def at(self, time: float) -> tuple[Vector, bool]:
+        """Position [m] at `time` [s] from the start, and whether the motion is over."""
+        over = not self._repeat and time >= self.duration
+        if over:
+            return self._legs[-1].at(1.0), True
+        time = time % self.duration if self._repeat else max(time, 0.0)
+        index = min(bisect_right(self._ends, time), len(self._legs) - 1)
+        leg = self._legs[index]
+        began = self._ends[index] - leg.duration
+        return leg.at(min(1.0, max(0.0, (time - began) / leg.duration))), False

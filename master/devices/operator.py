@@ -1,0 +1,186 @@
+"""A scripted operator: reaches, slides, taps, presses, circles and rests, with a hand that yields and trembles."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from codec.vector import Vector, distance
+from master.devices.hand_device import HandDevice, HandDeviceOptions
+from master.devices.motion import Circle, Leg, Line, Motion
+
+Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
+
+
+class Step(BaseModel):
+    """One motion of the script; it begins wherever the one before left the hand."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Reach(Step):
+    """To a point, the smoothest way."""
+
+    motion: Literal["reach"]
+    to_m: Vector
+    duration_s: Duration = 1.0
+
+    def legs(self, start: Vector) -> list[Leg]:
+        return [Line(start, self.to_m, self.duration_s)]
+
+    def end(self, start: Vector) -> Vector:  # noqa: ARG002
+        return self.to_m
+
+
+class Slide(Step):
+    """Along points, pressed below them by a depth; every second pass goes back the same way."""
+
+    motion: Literal["slide"]
+    points_m: tuple[Vector, ...] = Field(min_length=2, description="on the surface")
+    depth_m: float = Field(default=0.015, ge=0.0, description="how far below the surface the hand means to be")
+    duration_s: Duration = Field(default=1.5, description="from each point to the next")
+    passes: int = Field(default=1, ge=1, le=1000)
+    approach_s: Duration = Field(default=0.8, description="to the first point")
+
+    def legs(self, start: Vector) -> list[Leg]:
+        points = [below(point, self.depth_m) for point in self.points_m]
+        legs: list[Leg] = [Line(start, points[0], self.approach_s)]
+        for number in range(self.passes):
+            way = points if number % 2 == 0 else points[::-1]
+            legs += [Line(a, b, self.duration_s) for a, b in pairwise(way)]
+        return legs
+
+    def end(self, start: Vector) -> Vector:  # noqa: ARG002
+        return below(self.points_m[-1 if self.passes % 2 else 0], self.depth_m)
+
+
+class CircleAround(Step):
+    """Around a point in a horizontal plane, pressed below it by a depth."""
+
+    motion: Literal["circle"]
+    center_m: Vector = Field(description="on the surface")
+    radius_m: float = Field(gt=0.0)
+    depth_m: float = Field(default=0.015, ge=0.0)
+    turns: float = Field(default=1.0, description="negative for clockwise")
+    duration_s: Duration = 3.0
+    approach_s: Duration = Field(default=0.8, description="to where the circle begins, on the side of +x")
+
+    def legs(self, start: Vector) -> list[Leg]:
+        circle = Circle(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
+        return [Line(start, circle.at(0.0), self.approach_s), circle]
+
+    def end(self, start: Vector) -> Vector:
+        return self.legs(start)[-1].at(1.0)
+
+
+class Tap(Step):
+    """Up and down over a point, a number of times at a frequency."""
+
+    motion: Literal["tap"]
+    at_m: Vector = Field(description="on the surface")
+    height_m: float = Field(default=0.01, gt=0.0, description="above it between taps")
+    depth_m: float = Field(default=0.015, ge=0.0, description="below it in a tap")
+    frequency_hz: float = Field(default=2.0, gt=0.0, le=20.0)
+    count: int = Field(default=4, ge=1, le=10_000)
+    approach_s: Duration = 0.8
+
+    def legs(self, start: Vector) -> list[Leg]:
+        up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
+        half = 0.5 / self.frequency_hz
+        return [Line(start, up, self.approach_s), *[Line(up, down, half), Line(down, up, half)] * self.count]
+
+    def end(self, start: Vector) -> Vector:  # noqa: ARG002
+        return below(self.at_m, -self.height_m)
+
+
+class Press(Step):
+    """Onto a point, into it to a depth, hold, and release to a height."""
+
+    motion: Literal["press"]
+    at_m: Vector = Field(description="on the surface")
+    depth_m: float = Field(default=0.02, gt=0.0)
+    hold_s: Duration = 1.0
+    height_m: float = Field(default=0.01, ge=0.0)
+    duration_s: Duration = Field(default=0.6, description="to go in, and again to come out")
+    approach_s: Duration = 0.8
+
+    def legs(self, start: Vector) -> list[Leg]:
+        up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
+        return [
+            Line(start, up, self.approach_s),
+            Line(up, down, self.duration_s),
+            Line(down, down, self.hold_s),
+            Line(down, up, self.duration_s),
+        ]
+
+    def end(self, start: Vector) -> Vector:  # noqa: ARG002
+        return below(self.at_m, -self.height_m)
+
+
+class Rest(Step):
+    """Stays where it is."""
+
+    motion: Literal["rest"]
+    duration_s: Duration = 1.0
+
+    def legs(self, start: Vector) -> list[Leg]:
+        return [Line(start, start, self.duration_s)]
+
+    def end(self, start: Vector) -> Vector:
+        return start
+
+
+Script = Annotated[Reach | Slide | CircleAround | Tap | Press | Rest, Field(discriminator="motion")]
+
+DEFAULT_SCRIPT: tuple[Script, ...] = (
+    Slide(motion="slide", points_m=((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0)), passes=2),
+    Reach(motion="reach", to_m=(-0.03, -0.02, 0.02), duration_s=0.6),
+    Tap(motion="tap", at_m=(0.0, 0.0, 0.0)),
+    Press(motion="press", at_m=(0.01, -0.01, 0.0)),
+    CircleAround(motion="circle", center_m=(0.0, 0.0, 0.0), radius_m=0.025),
+    Reach(motion="reach", to_m=(0.0, 0.0, 0.03)),
+    Rest(motion="rest", duration_s=0.5),
+)
+
+
+class OperatorOptions(HandDeviceOptions):
+    """Options of `operator`. The default script explores a surface at z = 0 within +-6 cm, coming from 3 cm above."""
+
+    script: tuple[Script, ...] = Field(default=DEFAULT_SCRIPT, min_length=1)
+    repeat: bool = Field(default=True, description="begin again at the end; otherwise the reading says `ended`")
+
+    @model_validator(mode="after")
+    def check_script(self) -> Self:
+        position = self.home_m
+        for number, step in enumerate(self.script):
+            for leg in step.legs(position):
+                if any(max(map(abs, leg.at(i / 16.0))) > self.workspace_m for i in range(17)):
+                    raise ValueError(f"script.{number}: expected motion within the workspace of +-{self.workspace_m} m")
+            position = step.end(position)
+        return self
+
+
+class OperatorDevice(HandDevice):
+    """A hand that follows the script."""
+
+    Options = OperatorOptions
+
+    def __init__(self, options: OperatorOptions, tick_period: float) -> None:
+        super().__init__("operator", options, motion_of(options.script, options.home_m, options.repeat).at, tick_period)
+
+
+def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
+    """All legs of the script from `home` on; a repeated one returns there smoothly."""
+    legs: list[Leg] = []
+    position = home
+    for step in script:
+        legs += step.legs(position)
+        position = step.end(position)
+    if repeat and distance(position, home) > 0.0:
+        legs.append(Line(position, home, 1.0))
+    return Motion(legs, repeat)
+
+
+def below(point: Vector, depth: float) -> Vector:
+    return (point[0], point[1], point[2] - depth)

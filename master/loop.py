@@ -1,0 +1,251 @@
+"""The operator's side of the loop, one tick at a time.
+
+Owns the order of a tick: hear the peer, read the device, send the position if it must be sent, render the force at the
+device's own position. Knows no clock, socket or file: `now` comes in, and the endpoint's datagrams are fetched by
+whoever carries them, in real time or in virtual time.
+"""
+
+from collections.abc import Callable
+from math import nan
+
+from codec import Decoder, Encoder, Update
+from codec.vector import ZERO, Vector, is_finite
+from master.devices.contract import Device, DeviceFault
+from master.safety import ForceGate, ForceLimiter
+from protocol.endpoint import Endpoint
+from protocol.events import (
+    Connected,
+    DatagramDropped,
+    Event,
+    PeerClosed,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    UpdateReceived,
+)
+from protocol.states import State
+from realtime.watchdog import Watchdog
+from telemetry.fault import Fault, FaultLedger
+from telemetry.link import counters, delays
+from telemetry.record import Record
+
+LONGEST_STEP = 0.1
+"""A tick that comes later than this after the last one counts as this late [s]: ramps must not jump over a stall."""
+
+
+class MasterLoop:
+    """The master: device, position encoder, force decoder, safety, endpoint.
+
+    Args:
+        device: the haptic device, not yet open.
+        encoder: of the forward (position) channel.
+        decoder: of the backward (force) channel.
+        endpoint: the initiator's end of the session.
+        gate: fades the force in and out.
+        limiter: bounds the force.
+        tick_period: of both sides, as agreed [s].
+        horizon: how long a model is extrapolated in time past the last word of the peer [s].
+        device_limit: how long the device may go without a usable sample [s].
+        stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+    """
+
+    def __init__(
+        self,
+        *,
+        device: Device,
+        encoder: Encoder,
+        decoder: Decoder,
+        endpoint: Endpoint,
+        gate: ForceGate,
+        limiter: ForceLimiter,
+        tick_period: float,
+        horizon: float,
+        device_limit: float,
+        stopwatch: Callable[[], float],
+    ) -> None:
+        self.endpoint = endpoint
+        self.device = device
+        self.encoder = encoder
+        self.decoder = decoder
+        self._gate = gate
+        self._limiter = limiter
+        self._tick_period = tick_period
+        self._horizon = horizon
+        self._watchdog = Watchdog(device_limit)
+        self._stopwatch = stopwatch
+        self._stopping: str | None = None
+        self._stopped = False
+        self._outcome: str | None = None
+        self._faults = FaultLedger()
+        self._last_now: float | None = None
+        self._last_reading_at = nan
+        self._position: Vector = ZERO
+        self._decoded: Vector = ZERO
+        self._output: Vector = ZERO
+        self._tick = 0
+        self._deadline = 0.0
+        self._sent = 0
+        self._received = 0
+        self._codec_time = 0.0
+
+    @property
+    def stopped(self) -> bool:
+        return self._stopped
+
+    @property
+    def outcome(self) -> str | None:
+        """Why the session ended, where it was not by request; None otherwise."""
+        return self._outcome
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How often each fault occurred, by name."""
+        return self._faults.counts
+
+    def open(self, now: float) -> None:
+        """Open the device and start to call the peer.
+
+        Raises:
+            DeviceFault: if the device cannot be opened.
+        """
+        self.device.open(now)
+        self.endpoint.connect(now)
+
+    def close(self) -> None:
+        self.device.close()
+
+    def tick(self, index: int, deadline: float, now: float) -> None:
+        """Do the work of tick `index`, due at `deadline`, at `now` [s]."""
+        self._tick, self._deadline = index, deadline
+        self._sent = self._received = 0
+        self._codec_time = 0.0
+        elapsed = min(LONGEST_STEP, now - self._last_now) if self._last_now is not None else 0.0
+        self._last_now = now
+        self._hear(now)
+        self._read(now)
+        if self.endpoint.state is State.ENGAGED:
+            self._send(index, now)
+        self._render(now, elapsed)
+        if self._stopping is not None and self._gate.gain == 0.0 and not self._stopped:
+            self.endpoint.close(now, self._stopping)
+            self._stopped = True
+
+    def stop(self, now: float, reason: str) -> None:  # noqa: ARG002
+        """Begin to fade the force out; the session is closed when it is at zero."""
+        self._stopping = self._stopping or reason
+
+    def fail(self, now: float, error: BaseException) -> None:
+        """Zero force and leave, at once; no tick follows."""
+        self.device.command(ZERO, now)
+        self.endpoint.close(now, f"failed: {error}")
+
+    def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
+        """What happened in the tick just done, as telemetry writes it."""
+        statistics = self.endpoint.statistics
+        peer_at = self.endpoint.peer_time(self._deadline)
+        return Record(
+            self._deadline,
+            nan if peer_at is None else peer_at,
+            *self._position,
+            *self._position,
+            *self._decoded,
+            *self._output,
+            self.encoder.bound,
+            self._tick,
+            missed,
+            *counters(statistics),
+            lateness_us,
+            work_us,
+            self._codec_time * 1e6,
+            *delays(statistics),
+            self.endpoint.state.value,
+            self._faults.active,
+            self.decoder.selected,
+            self._sent,
+            self._received,
+            self._limiter.clipped,
+            self._gate.ramping,
+        )
+
+    def _hear(self, now: float) -> None:
+        while (event := self.endpoint.next_event()) is not None:
+            self._take(event, now)
+
+    def _take(self, event: Event, now: float) -> None:
+        match event:
+            case UpdateReceived():
+                self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
+            case Connected():
+                self.encoder.reset()
+                self.decoder.reset()
+                self._gate.close()
+                self._faults.active = Fault.NONE
+            case PeerSilent():
+                self._faults.meet(Fault.SILENCE)
+            case PeerClosed():
+                pass  # the gate fades the last force out; the next session starts afresh
+            case Refused(message):
+                self._faults.meet(Fault.REFUSED)
+                self._outcome = f"refused: {message}"
+                self.stop(now, "refused")
+            case PeerReturned():
+                self._faults.clear(Fault.SILENCE)
+            case DatagramDropped():
+                pass  # counted by the endpoint; the session lives on
+
+    def _apply(self, update: Update) -> None:
+        began = self._stopwatch()
+        try:
+            self.decoder.apply(update)
+            self._received += 1
+        except ValueError:  # from a peer that agreed on this channel and does not keep to it
+            self._faults.note(Fault.UPDATE)
+        self._codec_time += self._stopwatch() - began
+
+    def _read(self, now: float) -> None:
+        """The device's position; the last good one while it gives none, until that has lasted too long."""
+        if self._faults.active is Fault.DEVICE:
+            return
+        complaint = "gives no new sample"
+        try:
+            reading = self.device.latest(now)
+        except DeviceFault as fault:
+            self._lose_device(str(fault), now)
+            return
+        if not is_finite(reading.position):
+            complaint = f"reports the position {reading.position}"
+        elif reading.at != self._last_reading_at:
+            self._last_reading_at = reading.at
+            self._position = reading.position
+            self._watchdog.feed(now)
+        if reading.ended:
+            self.stop(now, "completed")
+        if self._watchdog.expired(now):
+            self._lose_device(complaint, now)
+
+    def _lose_device(self, complaint: str, now: float) -> None:
+        self._faults.meet(Fault.DEVICE)
+        self._gate.close()
+        self._outcome = f"device fault: {self.device.spec.name} {complaint}"
+        self.stop(now, self._outcome)
+
+    def _send(self, index: int, now: float) -> None:
+        began = self._stopwatch()
+        update = self.encoder.encode(index, self._position)
+        self._codec_time += self._stopwatch() - began
+        if update is not None:
+            self.endpoint.send_update(now, *update)
+            self._sent = 1
+
+    def _render(self, now: float, elapsed: float) -> None:
+        """The force at the device's own position now, without waiting for the network."""
+        heard_at = self.endpoint.heard_at
+        peer_time = self.endpoint.peer_time(min(now, heard_at + self._horizon))
+        began = self._stopwatch()
+        decoded = self.decoder.value((peer_time or 0.0) / self._tick_period, self._position)
+        self._codec_time += self._stopwatch() - began
+        self._decoded = decoded if decoded is not None else ZERO
+        engaged = self.endpoint.state is State.ENGAGED and self._stopping is None
+        limited = self._limiter.limit(self._decoded)
+        self._output = self._gate.pass_through(limited, engaged=engaged, silent_for=now - heard_at, elapsed=elapsed)
+        self.device.command(self._output, now)

@@ -1,0 +1,88 @@
+"""What stands between a decoded force and the operator's hand: a limiter, and the gate that fades force in and out.
+
+Owns no clock and no network; both are told the time and what the session looks like.
+"""
+
+from math import hypot
+
+from codec.vector import Vector
+
+
+class ForceLimiter:
+    """Keeps the direction of a force and bounds its magnitude."""
+
+    __slots__ = ("_limit", "clipped")
+
+    def __init__(self, limit: float) -> None:
+        """Make the limiter.
+
+        Args:
+            limit: largest force [N], > 0.
+        """
+        if not limit > 0.0:
+            raise ValueError(f"force limit must be positive, not {limit!r}")
+        self._limit = limit
+        self.clipped = False
+
+    def limit(self, force: Vector) -> Vector:
+        """The force, shortened to the limit if it is longer; `clipped` says whether it was."""
+        length = hypot(force[0], force[1], force[2])
+        self.clipped = length > self._limit
+        if not self.clipped:
+            return force
+        factor = self._limit / length
+        return (force[0] * factor, force[1] * factor, force[2] * factor)
+
+
+class ForceGate:
+    """The share of the decoded force that the operator is given, 0 to 1, without a jump in either direction.
+
+    It opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While it is engaged
+    but nothing is heard, it closes over the last part of the silence limit, so that the force *is* zero when the limit
+    is reached, not only then begins to fall. The gate is the same whatever ended the silence, so a returning peer is
+    felt as a fade-in. `ramping` says whether the beginning or the end of a session holds the force back, and not
+    silence.
+    """
+
+    __slots__ = ("_fade_from", "_gain", "_ramp", "_silence", "ramping")
+
+    def __init__(self, *, ramp: float, silence: float, fade_share: float) -> None:
+        """Make the gate, closed.
+
+        Args:
+            ramp: time from closed to open and back [s], > 0.
+            silence: limit of silence [s], > 0.
+            fade_share: part of the limit, 0..1, after which the force begins to fade.
+        """
+        self._ramp = ramp
+        self._silence = silence
+        self._fade_from = fade_share * silence
+        self._gain = 0.0
+        self.ramping = True
+
+    @property
+    def gain(self) -> float:
+        return self._gain
+
+    def close(self) -> None:
+        """Shut at once; for a new session, whose first force has nothing to do with the last one."""
+        self._gain = 0.0
+
+    def pass_through(self, force: Vector, *, engaged: bool, silent_for: float, elapsed: float) -> Vector:
+        """The share of a force that passes now.
+
+        Args:
+            force: the decoded force [N].
+            engaged: whether force may be felt at all.
+            silent_for: time since the peer was heard [s].
+            elapsed: time since the last call [s].
+        """
+        step = elapsed / self._ramp
+        heard = (self._silence - silent_for) / (self._silence - self._fade_from)
+        if engaged:
+            self._gain = max(0.0, min(1.0, self._gain + step, heard))
+        else:
+            self._gain = max(0.0, self._gain - step)
+        self.ramping = not engaged or self._gain < min(1.0, heard)
+        gain = self._gain
+        return (force[0] * gain, force[1] * gain, force[2] * gain)

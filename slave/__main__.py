@@ -1,0 +1,7 @@
+"""`python -m slave FILE` is `weberlink slave FILE`."""
+
+import sys
+
+from weberlink.cli import app
+
+app(["slave", *sys.argv[1:]], prog_name="weberlink")

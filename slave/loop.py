@@ -1,0 +1,247 @@
+"""The teleoperator's side of the loop, one tick at a time.
+
+Owns the order of a tick: hear the peer, command the robot to the decoded position, read what it feels, send the force
+if it must be sent. Knows no clock, socket or file: `now` comes in, and the endpoint's datagrams are fetched by whoever
+carries them, in real time or in virtual time.
+"""
+
+from collections.abc import Callable
+from math import nan
+
+from codec import Decoder, Encoder, Update
+from codec.vector import ZERO, Vector, is_finite
+from protocol.endpoint import Endpoint
+from protocol.events import (
+    Connected,
+    DatagramDropped,
+    Event,
+    PeerClosed,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    UpdateReceived,
+)
+from protocol.states import State
+from realtime.watchdog import Watchdog
+from slave.robots.contract import Robot, RobotFault
+from slave.safety import CommandGuard
+from telemetry.fault import Fault, FaultLedger
+from telemetry.link import counters, delays
+from telemetry.record import Record
+
+LONGEST_STEP = 0.1
+"""A tick that comes later than this after the last one counts as this late [s]: motion must not jump over a stall."""
+
+
+class SlaveLoop:
+    """The slave: robot, position decoder, force encoder, safety, endpoint.
+
+    Args:
+        robot: the teleoperator, not yet open.
+        encoder: of the backward (force) channel.
+        decoder: of the forward (position) channel.
+        endpoint: the responder's end of the session.
+        guard: bounds what the robot is commanded.
+        tick_period: of both sides, as agreed [s].
+        horizon: how long a motion is extrapolated past the last word of the peer [s].
+        robot_limit: how long the robot may go without a usable sample [s].
+        stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+    """
+
+    def __init__(
+        self,
+        *,
+        robot: Robot,
+        encoder: Encoder,
+        decoder: Decoder,
+        endpoint: Endpoint,
+        guard: CommandGuard,
+        tick_period: float,
+        horizon: float,
+        robot_limit: float,
+        stopwatch: Callable[[], float],
+    ) -> None:
+        self.endpoint = endpoint
+        self.robot = robot
+        self.encoder = encoder
+        self.decoder = decoder
+        self._guard = guard
+        self._tick_period = tick_period
+        self._horizon = horizon
+        self._watchdog = Watchdog(robot_limit)
+        self._stopwatch = stopwatch
+        self._stopped = False
+        self._outcome: str | None = None
+        self._faults = FaultLedger()
+        self._last_now: float | None = None
+        self._last_reading_at = nan
+        self._commanded: Vector = ZERO
+        self._applied: Vector = ZERO
+        self._force: Vector = ZERO
+        self._tick = 0
+        self._deadline = 0.0
+        self._sent = 0
+        self._received = 0
+        self._codec_time = 0.0
+
+    @property
+    def stopped(self) -> bool:
+        return self._stopped
+
+    @property
+    def outcome(self) -> str | None:
+        """Why the daemon ended, where it was not by request; None otherwise."""
+        return self._outcome
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How often each fault occurred, by name."""
+        return self._faults.counts
+
+    def open(self, now: float) -> None:
+        """Open the robot and listen.
+
+        Raises:
+            RobotFault: if the robot cannot be opened.
+        """
+        self.robot.open(now)
+        self._guard.place(self.robot.latest(now).position)
+        self.endpoint.connect(now)
+
+    def close(self) -> None:
+        self.robot.close()
+
+    def tick(self, index: int, deadline: float, now: float) -> None:
+        """Do the work of tick `index`, due at `deadline`, at `now` [s]."""
+        self._tick, self._deadline = index, deadline
+        self._sent = self._received = 0
+        self._codec_time = 0.0
+        elapsed = min(LONGEST_STEP, now - self._last_now) if self._last_now is not None else 0.0
+        self._last_now = now
+        self._hear()
+        self._move(now, elapsed)
+        self._feel(now)
+        if self.endpoint.state is State.ENGAGED:
+            self._send(index, now)
+
+    def stop(self, now: float, reason: str) -> None:
+        """Leave the session; the robot holds where it is."""
+        self._guard.release()
+        self.endpoint.close(now, reason)
+        self._stopped = True
+
+    def fail(self, now: float, error: BaseException) -> None:
+        """Hold and leave, at once; no tick follows."""
+        self.robot.command(self._applied, now)
+        self.endpoint.close(now, f"failed: {error}")
+
+    def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
+        """What happened in the tick just done, as telemetry writes it."""
+        statistics = self.endpoint.statistics
+        peer_at = self.endpoint.peer_time(self._deadline)
+        mirrored = self.encoder.mirror.value(self._tick, self._applied)
+        return Record(
+            self._deadline,
+            nan if peer_at is None else peer_at,
+            *self._commanded,
+            *self._force,
+            *(mirrored if mirrored is not None else ZERO),
+            *self._applied,
+            self.encoder.bound,
+            self._tick,
+            missed,
+            *counters(statistics),
+            lateness_us,
+            work_us,
+            self._codec_time * 1e6,
+            *delays(statistics),
+            self.endpoint.state.value,
+            self._faults.active,
+            self.encoder.mirror.selected,
+            self._sent,
+            self._received,
+            self._guard.clipped,
+            self._guard.ramping,
+        )
+
+    def _hear(self) -> None:
+        while (event := self.endpoint.next_event()) is not None:
+            self._take(event)
+
+    def _take(self, event: Event) -> None:
+        match event:
+            case UpdateReceived():
+                self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
+            case Connected():
+                self.encoder.reset()
+                self.decoder.reset()
+                self._guard.release()
+                self._faults.active = Fault.NONE
+            case PeerSilent():
+                self._faults.meet(Fault.SILENCE)
+                self._guard.release(self._force)
+            case PeerClosed():
+                self._guard.release(self._force)
+            case Refused():
+                self._faults.meet(Fault.REFUSED)
+            case PeerReturned():
+                self._faults.clear(Fault.SILENCE)
+            case DatagramDropped():
+                pass  # counted by the endpoint; the session lives on
+
+    def _apply(self, update: Update) -> None:
+        began = self._stopwatch()
+        try:
+            self.decoder.apply(update)
+            self._received += 1
+        except ValueError:  # from a peer that agreed on this channel and does not keep to it
+            self._faults.note(Fault.UPDATE)
+        self._codec_time += self._stopwatch() - began
+
+    def _move(self, now: float, elapsed: float) -> None:
+        """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
+        commanded = None
+        if self.endpoint.state is State.ENGAGED and self._faults.active is not Fault.DEVICE:
+            peer_time = self.endpoint.peer_time(min(now, self.endpoint.heard_at + self._horizon))
+            began = self._stopwatch()
+            commanded = self.decoder.value((peer_time or 0.0) / self._tick_period)
+            self._codec_time += self._stopwatch() - began
+        if commanded is None:
+            self._applied = self._guard.hold(elapsed)
+        else:
+            self._commanded = commanded
+            self._applied = self._guard.follow(commanded, elapsed)
+        self.robot.command(self._applied, now)
+
+    def _feel(self, now: float) -> None:
+        """The robot's force; the last good one while it gives none, until that has lasted too long."""
+        if self._faults.active is Fault.DEVICE:
+            return
+        complaint = "gives no new sample"
+        try:
+            reading = self.robot.latest(now)
+        except RobotFault as fault:
+            self._lose_robot(str(fault), now)
+            return
+        if not is_finite(reading.force):
+            complaint = f"reports the force {reading.force}"
+        elif reading.at != self._last_reading_at:
+            self._last_reading_at = reading.at
+            self._force = reading.force
+            self._watchdog.feed(now)
+        if self._watchdog.expired(now):
+            self._lose_robot(complaint, now)
+
+    def _lose_robot(self, complaint: str, now: float) -> None:
+        self._faults.meet(Fault.DEVICE)
+        self._outcome = f"robot fault: {self.robot.spec.name} {complaint}"
+        self.stop(now, self._outcome)
+
+    def _send(self, index: int, now: float) -> None:
+        """Send the force that may be shown: a zero while the robot is on its way is an update like any other."""
+        began = self._stopwatch()
+        update = self.encoder.encode(index, self._guard.shown(self._force), self._applied)
+        self._codec_time += self._stopwatch() - began
+        if update is not None:
+            self.endpoint.send_update(now, *update)
+            self._sent = 1

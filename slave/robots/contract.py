@@ -1,0 +1,80 @@
+"""What every robot driver offers: the mirror of `master.devices.contract`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from pydantic import BaseModel
+
+from codec.vector import Vector
+from slave.scenes.scene import Scene
+
+
+class RobotFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
+    """The robot cannot go on; says why. The loop stops sending force and leaves the session."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """What a robot can do, known before it is opened.
+
+    Args:
+        name: As the driver calls it.
+        axes: The axes that move, for example "xyz" or "z"; the others stay at 0.
+        force_n: Largest force that it measures or stands [N].
+        stiffness_n_m: Stiffness of its position control, infinite for an ideal one [N/m].
+        workspace_m: Lower and upper corner of where it may be commanded to [m].
+        rate_hz: Rate at which it takes commands [Hz].
+        force_sensing: Whether `RobotReading.force` is measured; without it the reading holds zero.
+    """
+
+    name: str
+    axes: str
+    force_n: float
+    stiffness_n_m: float
+    workspace_m: tuple[Vector, Vector]
+    rate_hz: float
+    force_sensing: bool
+
+
+class RobotReading(NamedTuple):
+    """Measured at `at` [s]: position of the tip [m], and the force of the environment on the robot [N]."""
+
+    at: float
+    position: Vector
+    force: Vector
+
+
+class Robot(Protocol):
+    """A robot under position control. No method blocks; `spec` is readable before `open`.
+
+    `latest` raises `RobotFault` outside of `open` and `close`, and where the robot cannot go on. `command` has no
+    effect outside of them, so that whoever makes the robot safe need not ask; it raises ValueError for a position
+    that is not finite, which is a fault of our own. `close` may be called at any time, any number of times, and
+    leaves the robot safe.
+    """
+
+    @property
+    def spec(self) -> RobotSpec: ...
+
+    def open(self, now: float) -> None: ...
+
+    def command(self, position: Vector, now: float) -> None:
+        """Where to go [m]; holds until the next command."""
+        ...
+
+    def latest(self, now: float) -> RobotReading:
+        """The newest reading; asked twice with the same `now`, the same answer."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class RobotDriver(Protocol):
+    """A driver class as the table names it: its options, and how a robot is built from them.
+
+    `scene` is what a simulated robot touches (None for a real one), `tick_period` the time between two ticks [s].
+    """
+
+    Options: ClassVar[type[BaseModel]]
+    __call__: Callable[[Any, Scene | None, float], Robot]

@@ -1,0 +1,173 @@
+"""The proxy (god-object): where the probe would be if the solids were rigid.
+
+Zilles and Salisbury, "A constraint-based god-object method for haptic display", IROS 1995: it stays outside every
+solid and moves to the locally closest point to the probe. Its only state is its position; it knows nothing of forces.
+"""
+
+from collections.abc import Sequence
+
+from codec.vector import Vector, distance, dot, scale, subtract
+from slave.scenes.active_set import displacement, smallest_push
+from slave.scenes.shape import Shape
+
+Press = tuple[int, float, Vector]
+"""Which shape the probe is pressed into, how deep [m], and the unit direction out of it."""
+
+Step = tuple[Vector, Vector, Press]
+"""From where, to where, and what was pressed."""
+
+TOUCHING = 1e-7  # [m] closer than this counts as on the surface
+CONVERGED = 1e-10  # [m]
+ITERATIONS = 8
+TRACE_STEPS = 32
+SAME_PATCH = 0.9  # cosine between normals that still belong to one smooth patch of surface
+FARTHEST_SHARE = 20.0
+
+
+class Proxy:
+    """Follows the probe over `shapes` and reports what holds it back.
+
+    Two things happen on the way. A shape that the proxy does not touch is looked for along the straight path (sphere
+    tracing), so a thin solid cannot be jumped over. A shape that it touches is linearised at the current candidate,
+    the smallest push out of all tangent planes gives the next candidate, and so on until it rests: one step on a
+    plane, two or three on smooth surfaces.
+    """
+
+    __slots__ = ("_shapes", "at")
+
+    def __init__(self, shapes: Sequence[Shape]) -> None:
+        self._shapes = tuple(shapes)
+        self.at: Vector | None = None
+        """Position of the proxy; None until the first target, which it adopts even inside a solid."""
+
+    def follow(self, target: Vector) -> tuple[Vector, Sequence[Press]]:
+        """Moves toward the probe at `target` as far as the solids allow; nothing holds it back where it arrives."""
+        shapes = self._shapes
+        here = target if self.at is None else self.at
+        touching = [index for index, shape in enumerate(shapes) if shape.clearance(here) < TOUCHING]
+        presses: Sequence[Press] = ()
+        last: Step | None = None
+        iterations = 0
+        while iterations < ITERATIONS:
+            goal, presses = self._closest(here, target, touching)
+            settled = (
+                not touching or (len(touching) == 1 and shapes[touching[0]].flat) or distance(here, goal) < CONVERGED
+            )
+            if not settled and len(presses) == 1:
+                step = (here, goal, presses[0])
+                if last is not None:
+                    goal = extrapolated(last, step)
+                last = step
+            if len(touching) < len(shapes):
+                hit = self._first_hit(here, goal, touching)
+                if hit is not None:
+                    index, here = hit
+                    touching.append(index)  # not an iteration: it happens at most once per shape
+                    last = None
+                    continue
+            here = goal
+            if settled:
+                break
+            iterations += 1
+        self.at = here
+        return here, presses
+
+    def _closest(self, here: Vector, target: Vector, touching: Sequence[int]) -> tuple[Vector, Sequence[Press]]:
+        """The point nearest to `target` in front of the tangent planes seen from `here`."""
+        if not touching:
+            return target, ()
+        x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
+        owners: list[int] = []
+        violations: list[float] = []
+        normals: list[Vector] = []
+        for index in touching:
+            for gap, n in self._shapes[index].linearise(here):
+                owners.append(index)
+                violations.append(-(n[0] * x + n[1] * y + n[2] * z + gap))
+                normals.append(n)
+        if len(owners) == 1:
+            if violations[0] <= 0.0:
+                return target, ()
+            depth, n = violations[0], normals[0]
+            goal = (target[0] + depth * n[0], target[1] + depth * n[1], target[2] + depth * n[2])
+            return goal, ((owners[0], depth, n),)
+        pushes = smallest_push(violations, normals)
+        x, y, z = displacement(pushes, normals)
+        goal = (target[0] + x, target[1] + y, target[2] + z)
+        return goal, merged([(owners[i], depth, normals[i]) for i, depth in pushes if depth > 0.0])
+
+    def _first_hit(self, start: Vector, end: Vector, touching: Sequence[int]) -> tuple[int, Vector] | None:
+        """The first shape not yet touched on the straight path, and the point where the path meets it."""
+        length = distance(start, end)
+        first: tuple[int, float] | None = None
+        for index, shape in enumerate(self._shapes):
+            if index in touching or shape.clearance(start) >= length:
+                continue
+            travelled = traced(shape, start, end, length if first is None else first[1])
+            if travelled is not None:
+                first = (index, travelled)
+        if first is None:
+            return None
+        index, travelled = first
+        return index, along(start, end, travelled / length if length > 0.0 else 0.0)
+
+
+def extrapolated(last: Step, step: Step) -> Vector:
+    """Where two steps on one smooth patch of surface are heading (Anderson acceleration of depth one).
+
+    Tangent planes alone converge at the rate depth / radius of curvature, alternating in a hollow: slowly where the
+    probe is deep. Steps across an edge are left alone.
+    """
+    (before, reached, pressed), (here, goal, press) = last, step
+    if pressed[0] != press[0] or dot(pressed[2], press[2]) < SAME_PATCH:
+        return goal
+    residual, change = subtract(goal, here), subtract(subtract(goal, here), subtract(reached, before))
+    squared = dot(change, change)
+    if squared == 0.0:
+        return goal
+    share = dot(residual, change) / squared
+    if abs(share) > FARTHEST_SHARE:
+        return goal
+    return subtract(goal, scale(subtract(goal, reached), share))
+
+
+def along(start: Vector, end: Vector, share: float) -> Vector:
+    return (
+        start[0] + share * (end[0] - start[0]),
+        start[1] + share * (end[1] - start[1]),
+        start[2] + share * (end[2] - start[2]),
+    )
+
+
+def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | None:
+    """How far [m] toward `end` the path is free of `shape`; None if it is free up to `limit`.
+
+    A path that grazes the shape for more steps than allowed counts as touching where it got to: its tangent plane there
+    decides.
+    """
+    length = distance(start, end)
+    travelled = 0.0
+    for _ in range(TRACE_STEPS):
+        clearance = shape.clearance(along(start, end, travelled / length) if length > 0.0 else start)
+        if clearance < TOUCHING:
+            return travelled
+        travelled += clearance
+        if travelled >= limit:
+            return None
+    return travelled
+
+
+def merged(presses: list[Press]) -> Sequence[Press]:
+    """One press per shape: in a concave corner the pushes of its faces add up to one displacement."""
+    if len({index for index, _, _ in presses}) == len(presses):
+        return presses
+    sums: dict[int, Vector] = {}
+    for index, depth, n in presses:
+        x, y, z = sums.get(index, (0.0, 0.0, 0.0))
+        sums[index] = (x + depth * n[0], y + depth * n[1], z + depth * n[2])
+    result: list[Press] = []
+    for index, (x, y, z) in sums.items():
+        depth = (x * x + y * y + z * z) ** 0.5
+        if depth > 0.0:
+            result.append((index, depth, (x / depth, y / depth, z / depth)))
+    return result

@@ -1,0 +1,147 @@
+"""The contract that every device driver of the table keeps."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from codec.vector import ZERO, Vector, is_finite
+from master.devices import drivers, load
+from master.devices.contract import Device, DeviceFault
+
+TICK = 0.001
+every_driver = pytest.mark.parametrize("name", sorted(drivers()))
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A second of a small circle, which is what the replay driver needs to exist."""
+    path = tmp_path / "circle.csv"
+    rows = [f"{i * 0.01},{0.001 * (i % 7)},{0.0005 * i},{-0.0001 * i},0,0,0" for i in range(101)]
+    path.write_text("\n".join(["t,px,py,pz,fx,fy,fz", *rows]) + "\n")
+    return path
+
+
+def device_of(name: str, recording: Path, **options: Any) -> Device:
+    driver = load(name)
+    return driver(driver.Options(**needed(name, recording), **options), TICK)
+
+
+def needed(name: str, recording: Path) -> dict[str, Any]:
+    return {"trace": recording} if name == "replay" else {}
+
+
+@every_driver
+def test_the_spec_is_there_before_opening(name: str, recording: Path) -> None:
+    spec = device_of(name, recording).spec
+    assert spec.name == name
+    assert spec.axes
+    assert set(spec.axes) <= set("xyz")
+    assert (spec.force_n > 0.0) == spec.force_feedback
+    assert spec.rate_hz == pytest.approx(1.0 / TICK)
+    lower, upper = spec.workspace_m
+    assert all(a < b for a, b in zip(lower, upper, strict=True))
+
+
+@every_driver
+def test_only_an_open_device_is_read_and_closing_is_idempotent(name: str, recording: Path) -> None:
+    device = device_of(name, recording)
+    device.close()
+    with pytest.raises(DeviceFault, match=name):
+        device.latest(0.0)
+    device.command(ZERO, 0.0)
+    device.open(5.0)
+    assert device.latest(5.0).at == 5.0
+    device.close()
+    device.close()
+    device.command(ZERO, 6.0)
+    with pytest.raises(DeviceFault, match=name):
+        device.latest(6.0)
+
+
+@every_driver
+def test_readings_follow_now_stay_put_within_it_and_do_not_jump(name: str, recording: Path) -> None:
+    device = device_of(name, recording)
+    device.open(100.0)
+    lower, upper = device.spec.workspace_m
+    before = device.latest(100.0).position
+    moved = 0.0
+    for tick in range(1, 4000):
+        now = 100.0 + tick * TICK
+        reading = device.latest(now)
+        assert reading.at == now
+        assert device.latest(now) == reading
+        assert is_finite(reading.position)
+        assert all(a <= p <= b for a, p, b in zip(lower, reading.position, upper, strict=True))
+        step = max(abs(a - b) for a, b in zip(reading.position, before, strict=True))
+        assert step < 0.5 * TICK, "half a metre a second"
+        moved += step
+        before = reading.position
+    assert moved > 0.01
+
+
+@every_driver
+def test_the_same_calls_give_the_same_run_bit_for_bit(name: str, recording: Path) -> None:
+    def run(seed: int) -> list[Vector]:
+        device = device_of(name, recording, seed=seed)
+        positions = []
+        for _ in range(2):  # a second session starts as afresh
+            device.open(0.0)
+            now = 0.0
+            for tick in range(1, 1500):
+                now += TICK * (1.0 + 0.3 * (tick % 3)) + (0.05 if tick == 50 else 0.0)
+                positions.append(device.latest(now).position)
+                device.command((0.0, 0.1 * (tick % 5), 0.5), now)
+            device.close()
+        assert positions[:1499] == positions[1499:]
+        return positions
+
+    assert run(1) == run(1)
+    assert run(1) != run(2)
+
+
+@every_driver
+def test_a_long_gap_pauses_the_hand_and_makes_no_jump(name: str, recording: Path) -> None:
+    device = device_of(name, recording)
+    device.open(0.0)
+    for tick in range(1, 600):
+        before = device.latest(tick * TICK).position
+    after = device.latest(3600.0)
+    assert after.at == 3600.0
+    assert max(abs(a - b) for a, b in zip(after.position, before, strict=True)) < 0.02
+
+
+@every_driver
+def test_the_hand_yields_to_the_force_but_not_beyond_the_range(name: str, recording: Path) -> None:
+    def position_under(force: Vector) -> Vector:
+        device = device_of(name, recording, tremor_m=0.0, force_n=3.0)
+        device.open(0.0)
+        for tick in range(1, 1001):
+            reading = device.latest(tick * TICK)
+            device.command(force, tick * TICK)
+        return reading.position
+
+    free, pushed, overdriven = (position_under((0.0, 0.0, f)) for f in (0.0, 3.0, 30.0))
+    assert pushed[2] - free[2] == pytest.approx(3.0 / 300.0, rel=0.01)
+    assert overdriven == pytest.approx(pushed)
+
+
+@every_driver
+def test_a_force_that_is_no_number_is_our_own_error(name: str, recording: Path) -> None:
+    device = device_of(name, recording)
+    device.open(0.0)
+    with pytest.raises(ValueError, match="not finite"):
+        device.command((0.0, float("inf"), 0.0), TICK)
+    assert is_finite(device.latest(TICK).position)
+
+
+@every_driver
+@pytest.mark.parametrize("options", [{"workspace_m": 0.0}, {"home_m": [0, 0, 1]}, {"colour": "red"}, {"tremor_m": -1}])
+def test_wrong_options_are_refused_by_name(name: str, recording: Path, options: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(options))):
+        load(name).Options(**needed(name, recording), **options)
+
+
+def test_an_unknown_driver_names_the_nearest() -> None:
+    with pytest.raises(ValueError, match=r"'operater'.*nearest is 'operator'.*replay"):
+        load("operater")

@@ -1,0 +1,61 @@
+from math import exp
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.vector import ZERO
+from master.devices.hand import Hand, HandOptions, transition
+
+positive = st.floats(0.01, 100.0)
+
+
+@given(force=st.tuples(*[st.floats(-10.0, 10.0)] * 3), stiffness=st.floats(50.0, 1000.0))
+def test_it_yields_by_force_over_stiffness(force: tuple[float, float, float], stiffness: float) -> None:
+    hand = Hand(HandOptions(stiffness_n_m=stiffness), ZERO)
+    for _ in range(5000):
+        hand.advance((0.01, 0.0, 0.0), force, 0.001)
+    expected = (0.01 + force[0] / stiffness, force[1] / stiffness, force[2] / stiffness)
+    assert hand.position == pytest.approx(expected, abs=1e-9)
+
+
+@given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(0.1, 1e4), step=st.floats(1e-5, 0.2))
+def test_two_steps_are_one_of_twice_the_length(mass: float, damping: float, stiffness: float, step: float) -> None:
+    """exp(A h) exp(A h) = exp(A 2h): an exact discretisation composes, in every damping regime."""
+    a, b, c, d = transition(mass, damping, stiffness, step)
+    twice = transition(mass, damping, stiffness, 2.0 * step)
+    squared = (a * a + b * c, a * b + b * d, c * a + d * c, c * b + d * d)
+    scale = 1.0 + (stiffness / mass) ** 0.5 + stiffness / mass
+    assert squared == pytest.approx(twice, abs=1e-9 * scale)
+
+
+@given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(0.1, 1e4), step=st.floats(1e-5, 0.2))
+def test_the_determinant_is_that_of_the_damping(mass: float, damping: float, stiffness: float, step: float) -> None:
+    a, b, c, d = transition(mass, damping, stiffness, step)
+    assert a * d - b * c == pytest.approx(exp(-damping / mass * step), rel=1e-6, abs=1e-9)
+
+
+@given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(1.0, 1e4), step=st.floats(1e-4, 100.0))
+def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: float, step: float) -> None:
+    hand = Hand(HandOptions(mass_kg=mass, damping_n_s_m=damping, stiffness_n_m=stiffness), (0.01, 0.0, 0.0))
+    energy = 0.5 * stiffness * 0.01**2
+    for _ in range(20):
+        hand.advance(ZERO, ZERO, step)
+        now = 0.5 * stiffness * hand.position[0] ** 2 + 0.5 * mass * hand.velocity[0] ** 2
+        assert now <= energy * (1.0 + 1e-9) + 1e-18
+        energy = now
+
+
+@pytest.mark.parametrize("damping", [0.0, 2.0, 19.99999, 20.0, 20.00001, 100.0])
+def test_it_is_the_solution_of_the_differential_equation(damping: float) -> None:
+    """Against ten thousand steps of a second-order integrator; m = 0.25 and k = 400 are critically damped at 20."""
+    hand = Hand(HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0), (0.02, 0.0, 0.0))
+    hand.advance((0.005, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1)
+    x, v, step = 0.02, 0.0, 1e-5
+    for _ in range(10_000):
+        a = (400.0 * (0.005 - x) - damping * v + 1.0) / 0.25
+        middle_x, middle_v = x + 0.5 * step * v, v + 0.5 * step * a
+        x += step * middle_v
+        v += step * (400.0 * (0.005 - middle_x) - damping * middle_v + 1.0) / 0.25
+    assert hand.position[0] == pytest.approx(x, abs=1e-7)
+    assert hand.velocity[0] == pytest.approx(v, abs=1e-5)

@@ -1,0 +1,80 @@
+from itertools import pairwise
+from math import hypot
+from typing import Any
+
+import pytest
+
+from codec.vector import Vector, distance
+from master.devices.operator import OperatorDevice, OperatorOptions
+
+TICK = 0.001
+
+
+def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
+    device = OperatorDevice(OperatorOptions(tremor_m=0.0, **options), TICK)
+    device.open(0.0)
+    readings = [device.latest(tick * TICK) for tick in range(1, round(seconds / TICK) + 1)]
+    return [(reading.position, reading.ended) for reading in readings]
+
+
+def test_it_reaches_the_point_and_says_that_it_ended() -> None:
+    steps = run(3.0, script=[{"motion": "reach", "to_m": [0.03, 0.01, 0.0], "duration_s": 1.0}], repeat=False)
+    assert steps[-1][0] == pytest.approx((0.03, 0.01, 0.0), abs=1e-5)
+    assert [ended for _, ended in steps].index(True) in (999, 1000)
+    assert steps[-1][1]
+
+
+def test_a_repeated_script_goes_on() -> None:
+    script = [{"motion": "reach", "to_m": [0.03, 0.0, 0.0], "duration_s": 0.5}, {"motion": "rest", "duration_s": 0.5}]
+    steps = run(6.0, script=script)
+    assert not any(ended for _, ended in steps)
+    assert [distance(steps[i][0], (0.03, 0.0, 0.0)) < 1e-3 for i in (950, 2950, 4950)] == [True] * 3
+    assert distance(steps[2050][0], (0.0, 0.0, 0.03)) < 2e-3, "back home in between"
+
+
+def test_a_tap_touches_as_often_as_asked() -> None:
+    steps = run(4.0, script=[{"motion": "tap", "at_m": [0, 0, 0], "frequency_hz": 2, "count": 5}], repeat=False)
+    heights = [position[2] for position, _ in steps]
+    assert sum(a >= 0.0 > b for a, b in pairwise(heights)) == 5
+
+
+def test_a_press_holds_its_depth() -> None:
+    script = [{"motion": "press", "at_m": [0.01, 0, 0], "depth_m": 0.02, "hold_s": 1.0}]
+    steps = run(2.3, script=script, repeat=False)
+    assert steps[-1][0] == pytest.approx((0.01, 0.0, -0.02), abs=2e-4)
+
+
+def test_a_slide_passes_its_points_back_and_forth() -> None:
+    script = [
+        {"motion": "slide", "points_m": [[-0.02, 0, 0], [0.02, 0, 0]], "depth_m": 0.01, "duration_s": 1, "passes": 3}
+    ]
+    steps = run(4.3, script=script, repeat=False)
+    sliding = [position for position, _ in steps[1100:3800]]
+    assert all(position[2] == pytest.approx(-0.01, abs=1e-3) for position in sliding)
+    assert sum((a[0] < 0.0) != (b[0] < 0.0) for a, b in pairwise(sliding)) == 3
+    assert steps[-1][0] == pytest.approx((0.02, 0.0, -0.01), abs=2e-4)
+
+
+def test_a_circle_is_round() -> None:
+    script = [{"motion": "circle", "center_m": [0.01, 0, 0], "radius_m": 0.02, "depth_m": 0.01, "duration_s": 8}]
+    steps = run(8.8, script=script, repeat=False)
+    for position, _ in steps[1400::100]:
+        assert hypot(position[0] - 0.01, position[1]) == pytest.approx(0.02, abs=5e-4)
+    assert {position[1] > 0.0 for position, _ in steps[1400:]} == {True, False}
+
+
+@pytest.mark.parametrize(
+    ("script", "named"),
+    [
+        ([], "script"),
+        ([{"motion": "dance"}], "motion"),
+        ([{"motion": "reach", "to_m": [0.2, 0, 0]}], "script.0: expected motion within the workspace"),
+        ([{"motion": "rest"}, {"motion": "press", "at_m": [0, 0, 0], "depth_m": 0.1}], "script.1"),
+        ([{"motion": "reach", "to_m": [0, 0, 0], "duration_s": 0}], "duration_s"),
+        ([{"motion": "slide", "points_m": [[0, 0, 0]]}], "points_m"),
+        ([{"motion": "tap", "at_m": [0, 0, 0], "speed": 1}], "speed"),
+    ],
+)
+def test_a_wrong_script_is_refused_by_name(script: list[dict[str, Any]], named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        OperatorOptions(script=script)

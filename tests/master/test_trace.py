@@ -1,0 +1,102 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from master.trace import Trace, TraceError, read_trace
+
+HEADER = "t,px,py,pz,fx,fy,fz\n"
+
+
+def written(path: Path, text: str | bytes) -> Path:
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def test_columns_are_read_as_named(tmp_path: Path) -> None:
+    trace = read_trace(written(tmp_path / "a.csv", HEADER + "0,1,2,3,4,5,6\n0.001,7,8,9,10,11,12\n"))
+    assert isinstance(trace, Trace)
+    assert trace.time_s.tolist() == [0.0, 0.001]
+    assert trace.position_m.tolist() == [[1.0, 2.0, 3.0], [7.0, 8.0, 9.0]]
+    assert trace.force_n.tolist() == [[4.0, 5.0, 6.0], [10.0, 11.0, 12.0]]
+    assert (trace.duration_s, trace.period_s, trace.gaps_s.shape) == (0.001, 0.001, (0, 2))
+
+
+def test_order_extra_columns_blank_lines_and_a_byte_order_mark_do_not_matter(tmp_path: Path) -> None:
+    text = "\ufefffz, note,t,px,py,pz,fx,fy\n6,7,0,1,2,3,4,5\n\n12,x,1,7,8,9,10,11\r\n"
+    trace = read_trace(written(tmp_path / "a.csv", text))
+    assert trace.force_n.tolist() == [[4.0, 5.0, 6.0], [10.0, 11.0, 12.0]]
+    assert trace.position_m[1].tolist() == [7.0, 8.0, 9.0]
+
+
+@given(values=st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 6), min_size=2, max_size=20))
+def test_what_is_written_is_what_is_read(
+    tmp_path_factory: pytest.TempPathFactory, values: list[tuple[float, ...]]
+) -> None:
+    rows = [",".join(map(repr, (0.001 * i, *row))) for i, row in enumerate(values)]
+    trace = read_trace(written(tmp_path_factory.mktemp("t") / "a.csv", HEADER + "\n".join(rows)))
+    assert np.hstack((trace.position_m, trace.force_n)).tolist() == [list(row) for row in values]
+
+
+def test_pauses_are_reported(tmp_path: Path) -> None:
+    times = [0.0, 0.01, 0.02, 0.5, 0.51, 0.52, 0.53]
+    trace = read_trace(written(tmp_path / "a.csv", HEADER + "".join(f"{t},0,0,0,0,0,0\n" for t in times)))
+    assert trace.gaps_s == pytest.approx(np.array([[0.02, 0.48]]))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (None, "not found"),
+        ("", "row 1: expected the header t,px,py,pz,fx,fy,fz, found nothing"),
+        ("\n", "row 1: expected the header"),
+        ("t,px,py,fx,fy\n1,2,3,4,5\n", "row 1: missing column pz, fz"),
+        ("t,t,px,py,pz,fx,fy,fz\n", "row 1: column t appears more than once"),
+        ("0,1,2,3,4,5,6\n", "row 1: missing column t, px"),
+        (HEADER, "at least 2 rows of samples, found none"),
+        (HEADER + "0,0,0,0,0,0,0\n", "at least 2 rows of samples, found 1"),
+        (HEADER + "0,0,0,0,0,0,0\n1,0,0,x,0,0,0\n", "row 3, column pz: expected a number, found 'x'"),
+        (HEADER + "0,0,0,0,0,0,0\n\n1,0,,0,0,0,0\n", "row 4, column py: expected a number, found ''"),
+        (HEADER + "0,0,0,0,0,0,0\n1,0,0,0,0,0\n", "row 3, column fz: expected a number, found only 6 values"),
+        (HEADER + "0,0,0,0,0,0,0\n1,0,0,0,nan,0,0\n", "row 3, column fx: expected a finite number, found 'nan'"),
+        (HEADER + "0,0,0,0,0,0,0\n1,0,inf,0,0,0,0\n", "row 3, column py: expected a finite number, found 'inf'"),
+        (
+            HEADER + "0,0,0,0,0,0,0\n1,0,0,0,0,0,0\n\n1,0,0,0,0,0,0\n",
+            "row 5, column t: expected a time after 1 s, found 1 s",
+        ),
+        (HEADER + "2,0,0,0,0,0,0\n1,0,0,0,0,0,0\n", "row 3, column t: expected a time after 2 s, found 1 s"),
+        (HEADER + '"0","0",0,0,0,0,0\n', "expected numbers with commas between them and no quotes"),
+        (b"\xff\xfe\x00\x01", "expected a readable CSV file"),
+        (HEADER.encode() + b"0,0,0,0,0,0,0\n1,0,\xff,0,0,0,0\n", "expected a readable CSV file"),
+    ],
+)
+def test_a_file_that_is_no_trace_is_refused_in_one_line(
+    tmp_path: Path, text: str | bytes | None, expected: str
+) -> None:
+    path = tmp_path / "bad.csv"
+    if text is not None:
+        written(path, text)
+    with pytest.raises(TraceError) as caught:
+        read_trace(path)
+    message = str(caught.value)
+    assert expected in message
+    assert "bad.csv" in message
+    assert "\n" not in message
+
+
+def test_a_folder_is_no_trace(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match="readable CSV"):
+        read_trace(tmp_path)
+
+
+@given(content=st.binary(max_size=200))
+def test_any_bytes_are_a_trace_or_a_trace_error(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
+    path = written(tmp_path_factory.mktemp("t") / "a.csv", HEADER.encode() + content)
+    try:
+        trace = read_trace(path)
+    except TraceError as error:
+        assert "\n" not in str(error)
+    else:
+        assert len(trace.time_s) >= 2

@@ -1,0 +1,63 @@
+"""Shapes and scenes that the laws are tried on, each a few centimetres large about the origin."""
+
+from math import sin
+
+from codec.vector import Vector
+from slave.scenes.box import Box, BoxCavity
+from slave.scenes.carved import Carved
+from slave.scenes.contact import FrictionCone, SceneObject
+from slave.scenes.height_field import HeightField, bumps
+from slave.scenes.plane import Plane
+from slave.scenes.scene import Scene
+from slave.scenes.shape import Shape
+from slave.scenes.sphere import Sphere, SphereCavity
+from slave.scenes.turned import Turned
+
+UP: Vector = (0.0, 0.0, 1.0)
+GROUND = Plane((0.0, 0.0, 0.0), UP)
+STIFFNESS = 500.0
+
+
+def field() -> HeightField:
+    heights, spacing = bumps(0.003, 0.02, 0.12)
+    return HeightField(heights, spacing, (-0.06, -0.06, 0.0))
+
+
+SHAPES: dict[str, Shape] = {
+    "plane": Plane((0.0, 0.01, 0.0), (1.0, 2.0, 3.0)),
+    "sphere": Sphere((0.01, 0.0, -0.01), 0.03),
+    "sphere cavity": SphereCavity((0.0, 0.01, 0.0), 0.04),
+    "box": Box((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)),
+    "box cavity": BoxCavity((0.0, 0.0, 0.01), (0.06, 0.04, 0.05)),
+    "turned box": Turned(Box((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)), (0.0, 0.0, -0.01), (0.3, -0.2, 0.7)),
+    "bowl": Carved(GROUND, [SphereCavity((0.0, 0.0, 0.02), 0.03)]),
+    "pocket": Carved(GROUND, [BoxCavity((0.0, 0.0, 0.0), (0.04, 0.03, 0.02))]),
+    "height field": field(),
+}
+
+
+def elastic(*shapes: Shape) -> Scene:
+    return Scene([SceneObject(shape, STIFFNESS) for shape in shapes])
+
+
+def scenes() -> dict[str, Scene]:
+    """Fresh scenes: each shape alone, then combinations with everything that a contact can have."""
+    cone = FrictionCone(0.5, 0.4)
+    everything = [SceneObject(shape, 300.0 + 100.0 * i, cone, 2.0) for i, shape in enumerate(SHAPES.values())]
+    return {
+        **{name: elastic(shape) for name, shape in SHAPES.items()},
+        "dome on the ground": elastic(GROUND, Sphere((0.0, 0.0, -0.01), 0.03)),
+        "rough dome": Scene(
+            [SceneObject(GROUND, 600.0, cone, 1.0), SceneObject(Sphere((0.0, 0.0, 0.0), 0.02), 400.0, cone)]
+        ),
+        "everything": Scene(everything),
+    }
+
+
+def wander(count: int, depth: float = -0.004, reach: float = 0.05) -> list[Vector]:
+    """A smooth path that comes from above and then roams about z = `depth`, at most 0.3 mm a tick."""
+    descent = [(0.0, 0.0, 0.05 - (0.05 - depth) * i / 300.0) for i in range(300)]
+    roaming = [
+        (reach * sin(0.0041 * i), reach * sin(0.0033 * i), depth + 0.002 * sin(0.021 * i)) for i in range(count - 300)
+    ]
+    return descent + roaming

@@ -1,0 +1,157 @@
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter, ValidationError
+
+from slave.scenes.settings import SceneSettings, build
+
+SCENE: TypeAdapter[Any] = TypeAdapter(SceneSettings)
+TICK = 0.001
+
+
+def force_of(scene: list[dict[str, Any]], position: tuple[float, float, float]) -> tuple[float, float, float]:
+    """After a straight way down from 5 cm above `position`."""
+    built = build(SCENE.validate_python(scene))
+    force = (0.0, 0.0, 0.0)
+    for i in range(101):
+        force = built.force((position[0], position[1], position[2] + 0.05 * (1.0 - i / 100)), TICK)
+    return force
+
+
+@pytest.mark.parametrize(
+    ("thing", "position", "expected"),
+    [
+        ({"shape": "plane", "normal": [0, 0, 5]}, (0.01, 0.0, -0.002), (0.0, 0.0, 1.0)),
+        ({"shape": "sphere", "center_m": [0, 0, -0.02], "radius_m": 0.02}, (0.0, 0.0, -0.002), (0.0, 0.0, 1.0)),
+        (
+            {"shape": "sphere", "center_m": [0, 0, 0.05], "radius_m": 0.05, "side": "inside"},
+            (0.0, 0.0, -0.002),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {"shape": "box", "center_m": [0, 0, -0.01], "size_m": [0.02, 0.02, 0.02]},
+            (0.0, 0.0, -0.002),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {"shape": "box", "center_m": [0, 0, -0.01], "size_m": [0.1, 0.02, 0.02], "rotation_deg": [0, 0, 90]},
+            (0.0, 0.04, -0.002),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {"shape": "box", "center_m": [0, 0, 0.05], "size_m": [0.1, 0.1, 0.1], "side": "inside"},
+            (0.0, 0.0, -0.002),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {"shape": "height_field", "heights_m": [[0, 0], [0, 0]], "spacing_m": 0.1},
+            (0.0, 0.0, -0.002),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {"shape": "plane", "carve": [{"shape": "box", "center_m": [0, 0, 0], "size_m": [0.02, 0.02, 0.02]}]},
+            (0.0, 0.0, -0.012),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {"shape": "plane", "carve": [{"shape": "sphere", "center_m": [0, 0, 0], "radius_m": 0.01}]},
+            (0.0, 0.0, -0.012),
+            (0.0, 0.0, 1.0),
+        ),
+        (
+            {
+                "shape": "box",
+                "center_m": [0, 0, 0],
+                "size_m": [0.1, 0.1, 0.1],
+                "carve": [{"shape": "plane", "normal": [0, 0, -1]}],
+            },
+            (0.0, 0.0, -0.002),
+            (0.0, 0.0, 1.0),
+        ),
+    ],
+)
+def test_every_shape_and_cut_pushes_as_written(
+    thing: dict[str, Any], position: tuple[float, float, float], expected: tuple[float, float, float]
+) -> None:
+    assert force_of([thing | {"stiffness_n_m": 500}], position) == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_bounded_field_ends_at_its_border() -> None:
+    field = {
+        "shape": "height_field",
+        "bumps": {"amplitude_m": 0.002, "wavelength_m": 0.02, "size_m": 0.04},
+        "stiffness_n_m": 500,
+    }
+    assert force_of([field], (0.03, 0.0, -0.001))[2] > 0.0
+    assert force_of([field | {"bounded": True}], (0.03, 0.0, -0.001)) == (0.0, 0.0, 0.0)
+    assert force_of([field | {"bounded": True}], (0.01, 0.01, -0.001))[2] > 0.0
+
+
+def test_a_field_from_a_file_is_that_of_the_list(tmp_path: Path) -> None:
+    path = tmp_path / "heights.csv"
+    path.write_text("0.0,0.001,0.0\n0.002,0.003,0.001\n\n0.0,0.0,0.001\n")
+    common = {"shape": "height_field", "spacing_m": 0.02, "stiffness_n_m": 500}
+    listed = common | {"heights_m": [[0.0, 0.001, 0.0], [0.002, 0.003, 0.001], [0.0, 0.0, 0.001]]}
+    position = (0.004, -0.003, -0.001)
+    assert force_of([common | {"csv": str(path)}], position) == force_of([listed], position)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ("0,1\n0,x\n", "row 2"),
+        ("0,1\n0,nan\n", "row 2"),
+        ("0,1\n0,1,2\n", "row 2: expected 2 values, found 3"),
+        ("0,1\n", "at least 2 rows"),
+        ("", "at least 2 rows"),
+        (None, "readable"),
+    ],
+)
+def test_a_bad_height_file_is_named_with_its_row(tmp_path: Path, content: str | None, expected: str) -> None:
+    path = tmp_path / "heights.csv"
+    if content is not None:
+        path.write_text(content)
+    scene = SCENE.validate_python([{"shape": "height_field", "csv": path, "spacing_m": 0.01, "stiffness_n_m": 500}])
+    with pytest.raises(ValueError, match=expected) as error:
+        build(scene)
+    assert "heights.csv" in str(error.value)
+
+
+def test_surface_parts_reach_the_scene() -> None:
+    surface = {"stiffness_n_m": 500, "friction": {"static": 0.5, "dynamic": 0.4}, "damping_n_s_m": 3.0}
+    scene = build(SCENE.validate_python([{"shape": "plane", **surface}]))
+    scene.force((0.0, 0.0, -0.002), TICK)
+    assert scene.force((0.0005, 0.0, -0.002), TICK)[0] == pytest.approx(-0.25)
+    assert scene.damping_n_s_m == 3.0
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"stiffness_n_m": 0}, "stiffness_n_m"),
+        ({"stiffness_n_m": float("nan")}, "stiffness_n_m"),
+        ({"stiffness_n_m": float("inf")}, "stiffness_n_m"),
+        ({"normal": [0, 0, 0]}, "normal"),
+        ({"normal": [0, 1]}, "normal"),
+        ({"damping_n_s_m": -1}, "damping_n_s_m"),
+        ({"friction": {"static": 0.3, "dynamic": 0.4}}, "dynamic"),
+        ({"friction": {"static": 0.3}}, "dynamic"),
+        ({"colour": "red"}, "colour"),
+        ({"shape": "cone"}, "shape"),
+        ({"shape": "sphere", "center_m": [0, 0, 0], "radius_m": -1}, "radius_m"),
+        ({"shape": "box", "center_m": [0, 0, 0], "size_m": [1, 1, 0]}, "size_m"),
+        ({"shape": "height_field"}, "exactly one of"),
+        ({"shape": "height_field", "heights_m": [[0, 0], [0, 0]]}, "spacing_m"),
+        ({"shape": "height_field", "heights_m": [[0, 0], [0]], "spacing_m": 0.1}, "heights_m"),
+        ({"shape": "height_field", "bumps": {"amplitude_m": 0.001, "wavelength_m": 0.0001}}, "size_m"),
+        ({"carve": [{"shape": "height_field"}]}, "carve"),
+    ],
+)
+def test_a_wrong_setting_is_refused_by_name(change: dict[str, Any], field: str) -> None:
+    with pytest.raises(ValidationError, match=field):
+        SCENE.validate_python([{"shape": "plane", "stiffness_n_m": 500} | change])
+
+
+def test_nothing_to_touch_is_a_scene_too() -> None:
+    assert force_of([], (0.0, 0.0, -1.0)) == (0.0, 0.0, 0.0)

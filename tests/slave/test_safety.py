@@ -1,0 +1,87 @@
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.vector import Vector, distance
+from slave.safety import CommandGuard
+
+WORKSPACE = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
+TICK = 1e-3
+coordinates = st.floats(-1.0, 1.0)
+
+
+def guard(retract: float = 0.0) -> CommandGuard:
+    made = CommandGuard(workspace=WORKSPACE, speed=1.0, approach_speed=0.1, ramp=0.05, retract=retract)
+    made.place((0.0, 0.0, 0.05))
+    return made
+
+
+def test_it_approaches_at_a_limited_speed_and_follows_without_delay_once_there() -> None:
+    engaging = guard()
+    goal = (0.0, 0.0, 0.04)
+    way = [engaging.follow(goal, TICK) for _ in range(101)]
+    assert distance(way[0], (0.0, 0.0, 0.05)) == pytest.approx(0.1 * TICK)
+    assert way[-1] == goal
+    assert engaging.following
+    assert engaging.follow((0.0, 0.0005, 0.04), TICK) == (0.0, 0.0005, 0.04)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=1, max_size=50))
+def test_whatever_is_commanded_stays_in_the_workspace_and_below_the_speed(commands: list[Vector]) -> None:
+    moving = guard()
+    last = (0.0, 0.0, 0.05)
+    for command in commands:
+        applied = moving.follow(command, TICK)
+        assert all(low <= value <= high for value, low, high in zip(applied, *WORKSPACE, strict=True))
+        assert distance(applied, last) <= 1.0 * TICK * (1 + 1e-9)
+        last = applied
+
+
+def test_force_is_shown_only_where_the_operator_is_and_fades_in_there() -> None:
+    engaging = guard()
+    shown = []
+    for _ in range(160):
+        engaging.follow((0.0, 0.0, 0.04), TICK)
+        shown.append(engaging.shown((0.0, 0.0, 5.0))[2])
+    assert shown[:98] == [0.0] * 98
+    assert max(b - a for a, b in pairwise(shown)) <= 5.0 * TICK / 0.05 * (1 + 1e-9)
+    assert shown[-1] == 5.0
+    assert not engaging.ramping
+    engaging.release()
+    engaging.hold(TICK)
+    assert engaging.shown((0.0, 0.0, 5.0)) == (0.0, 0.0, 0.0)
+
+
+def test_without_a_session_it_holds_where_it_was() -> None:
+    lost = guard()
+    for _ in range(200):
+        lost.follow((0.01, 0.0, 0.04), TICK)
+    lost.release((0.0, 0.0, 5.0))
+    assert {lost.hold(TICK) for _ in range(100)} == {(0.01, 0.0, 0.04)}
+    assert not lost.following
+
+
+def test_it_retreats_along_the_contact_force_at_the_approach_speed() -> None:
+    lost = guard(retract=0.01)
+    lost.place((0.0, 0.0, -0.005))
+    lost.release((0.0, 0.0, 3.0))
+    way = [lost.hold(TICK) for _ in range(200)]
+    assert way[0][2] == pytest.approx(-0.005 + 0.1 * TICK)
+    assert way[-1] == (0.0, 0.0, 0.005)
+
+
+def test_free_of_contact_there_is_nothing_to_retreat_from() -> None:
+    lost = guard(retract=0.01)
+    lost.release((0.0, 0.0, 0.0))
+    assert lost.hold(TICK) == (0.0, 0.0, 0.05)
+
+
+def test_a_peer_that_returns_elsewhere_is_approached_not_jumped_to() -> None:
+    returning = guard()
+    for _ in range(200):
+        returning.follow((0.0, 0.0, 0.04), TICK)
+    returning.release()
+    returning.hold(TICK)
+    assert distance(returning.follow((0.09, 0.0, 0.0), TICK), (0.0, 0.0, 0.04)) == pytest.approx(0.1 * TICK)
