@@ -1,0 +1,75 @@
+"""Where a figure was made: machine, versions and commit, for the footer of whatever is published."""
+
+import os
+import platform
+import subprocess
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography")
+
+
+def environment() -> dict[str, Any]:
+    """What a reader needs to judge a figure; keys are stable, values are None where unknown."""
+    return {
+        "machine": _processor(),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.release()}",
+        "python": platform.python_version(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "commit": _commit(),
+    }
+
+
+def footer(facts: dict[str, Any], seed: int | None = None) -> str:
+    """One line of the facts."""
+    packages = ", ".join(f"{name} {number}" for name, number in facts["packages"].items() if number)
+    parts = [
+        f"{facts['machine']} x{facts['cores']}",
+        facts["system"],
+        f"Python {facts['python']}",
+        packages,
+        f"commit {facts['commit'] or 'unknown'}",
+    ]
+    if seed is not None:
+        parts.append(f"seed {seed}")
+    return "; ".join(parts)
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _commit() -> str | None:
+    """The commit of the checkout that this file lies in, with a + if there are changes; None outside a checkout."""
+    here = Path(__file__).resolve().parent
+    try:
+        described = subprocess.run(  # noqa: S603
+            ["git", "-C", str(here), "describe", "--always", "--dirty=+", "--exclude=*"],  # noqa: S607
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=5,
+        )
+        inside = subprocess.run(  # noqa: S603
+            ["git", "-C", str(here), "ls-files", "--error-unmatch", Path(__file__).name],  # noqa: S607
+            capture_output=True,
+            check=False,
+            timeout=5,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return described.stdout.strip() if inside.returncode == 0 else None

@@ -1,0 +1,39 @@
+"""A simulated session as a trace: what the robot was commanded and what it felt, tick by tick.
+
+The same CSV that `master.trace` reads, so a simulated signal goes wherever a recorded one does.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from evaluation.session import Records
+from master.trace import COLUMNS
+from protocol.states import State
+
+
+class TraceRecorder:
+    """Collects the teleoperator's side of a session while it is engaged."""
+
+    def __init__(self) -> None:
+        self._pieces: list[Records] = []
+
+    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - the same call as a score's
+        """Take the next records of both sides."""
+        self._pieces.append(slave[slave["state"] == State.ENGAGED.value])
+
+    def save(self, path: Path) -> int:
+        """Write the trace, to the micrometre and the millinewton; returns the number of rows.
+
+        Raises:
+            OSError: if the file cannot be written.
+        """
+        records = np.concatenate(self._pieces)
+        time = records["at"] - records["at"][0]
+        lines = [",".join(COLUMNS)]
+        for at, position, force in zip(time, records["output"], records["raw"], strict=True):
+            # + 0.0 turns a rounded -0.0 into 0.0.
+            numbers = [*(round(value, 6) + 0.0 for value in position), *(round(value, 3) + 0.0 for value in force)]
+            lines.append(",".join([f"{at:.3f}", *(f"{value:g}" for value in numbers)]))
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return len(records)

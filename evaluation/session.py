@@ -1,0 +1,241 @@
+"""The figures of a session, from the telemetry of its two sides on one clock.
+
+Owns the join of the two records and every number that needs both: what the operator felt against what the robot
+measured. Fed in pieces, it keeps sums and histograms, so a session may last as long as it likes.
+"""
+
+from dataclasses import dataclass, field
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.states import State
+from realtime.histogram import Histogram
+
+Records = NDArray[Any]
+"""Structured array of telemetry records."""
+
+
+@dataclass
+class _Errors:
+    """Running statistics of an error against its bound."""
+
+    count: int = 0
+    violations: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+    longest_run: int = 0
+    _run: int = 0
+
+    def add(self, errors: NDArray[np.float64], bounds: NDArray[np.float64]) -> None:
+        outside = errors > bounds
+        self.count += len(errors)
+        self.violations += int(outside.sum())
+        self.square_sum += float((errors * errors).sum())
+        if len(errors):
+            self.largest = max(self.largest, float(errors.max()))
+        for value in outside.tolist():
+            self._run = self._run + 1 if value else 0
+            self.longest_run = max(self.longest_run, self._run)
+
+    def summary(self) -> dict[str, float | None]:
+        return {
+            "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
+            "error_max": self.largest if self.count else None,
+            "violation_fraction": self.violations / self.count if self.count else None,
+            "violation_longest_ticks": self.longest_run,
+        }
+
+
+@dataclass
+class _Side:
+    """What one side's records say by themselves."""
+
+    ticks: int = 0
+    engaged: int = 0
+    last: Any = None
+    lateness: Histogram = field(default_factory=Histogram)
+    work: Histogram = field(default_factory=Histogram)
+    codec: Histogram = field(default_factory=lambda: Histogram(10_000))
+    rtt: Histogram = field(default_factory=lambda: Histogram(2_000_000))
+    one_way: Histogram = field(default_factory=lambda: Histogram(2_000_000))
+    selected: dict[int, int] = field(default_factory=dict)
+
+    def add(self, records: Records) -> None:
+        if not len(records):
+            return
+        self.ticks += len(records)
+        self.engaged += int((records["state"] == State.ENGAGED.value).sum())
+        self.last = records[-1]
+        for name, histogram in (("lateness_us", self.lateness), ("work_us", self.work), ("codec_us", self.codec)):
+            for value in records[name].tolist():
+                histogram.add(value)
+        for name, histogram in (("rtt_us", self.rtt), ("one_way_us", self.one_way)):
+            for value in records[name][np.isfinite(records[name])].tolist():
+                histogram.add(value)
+        chosen, counts = np.unique(records["selected"][records["sent"] > 0], return_counts=True)
+        for selector, count in zip(chosen.tolist(), counts.tolist(), strict=True):
+            self.selected[selector] = self.selected.get(selector, 0) + count
+
+    def counter(self, name: str) -> int:
+        return 0 if self.last is None else int(self.last[name])
+
+    def timing(self) -> dict[str, Any]:
+        return {
+            "count": self.ticks,
+            "missed": self.counter("ticks_missed"),
+            "lateness_us": _known(self.lateness.summary()),
+            "work_us": _known(self.work.summary()),
+            "codec_us": _known(self.codec.summary()),
+        }
+
+
+class SessionScore:
+    """Joins the records of master and slave tick by tick, and sums up.
+
+    The felt error of a slave tick is the force that the operator's device was told at the master's tick nearest in
+    time, against the force that the robot measured. It is counted while both sides are engaged, but for the ramps at
+    the beginning and the end of a session; a force that fades because the link is silent counts.
+
+    Args:
+        rate_hz: tick rate of both sides [Hz].
+        bank: names of the force channel's predictors, in the order of selectors.
+    """
+
+    def __init__(self, rate_hz: float, bank: tuple[str, ...]) -> None:
+        self._period = 1.0 / rate_hz
+        self._bank = bank
+        self._master, self._slave = _Side(), _Side()
+        self._waiting: list[Records] = [np.empty(0), np.empty(0)]
+        self._felt, self._coding, self._position = _Errors(), _Errors(), _Errors()
+        self._energy = 0.0
+        self._least_energy = 0.0
+        self._before: tuple[Any, Any] | None = None
+        self._first: float | None = None
+        self._until = 0.0
+
+    def add(self, master: Records, slave: Records) -> None:
+        """Take the next records of both sides, each in order of time; either may be empty or run ahead."""
+        for side, index, records in ((self._master, 0, master), (self._slave, 1, slave)):
+            side.add(records)
+            if len(records):
+                waiting = self._waiting[index]
+                self._waiting[index] = np.concatenate([waiting, records]) if len(waiting) else records.copy()
+                self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
+                self._until = max(self._until, float(records["at"][-1]))
+        self._join()
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """The newest record of each side, for a status line; None before the first."""
+        return {"master": self._master.last, "slave": self._slave.last}
+
+    def summary(self) -> dict[str, Any]:
+        """All figures, under the keys that the commands document."""
+        duration = self._until - self._first + self._period if self._first is not None else 0.0
+        master, slave = self._master, self._slave
+        return {
+            "duration_s": duration,
+            "ticks": {"master": master.timing(), "slave": slave.timing()},
+            "force": self._channel(slave, duration, self._felt)
+            | {
+                "coding": self._coding.summary(),
+                "violation_floor": self._violation_floor(),
+                "selected": {self._bank[i]: count for i, count in sorted(slave.selected.items())},
+            },
+            "position": self._channel(master, duration, self._position),
+            "link": {
+                "rtt_us": _percentiles(master.rtt),
+                "one_way_us": _percentiles(master.one_way),
+                "sent": master.counter("datagrams_sent") + slave.counter("datagrams_sent"),
+                "received": master.counter("datagrams_received") + slave.counter("datagrams_received"),
+                "lost": master.counter("datagrams_lost") + slave.counter("datagrams_lost"),
+                "dropped": master.counter("datagrams_dropped") + slave.counter("datagrams_dropped"),
+                "repeats": master.counter("repeats") + slave.counter("repeats"),
+            },
+            "energy": {"generated_j": max(0.0, -self._least_energy), "dissipated_j": max(0.0, self._energy)},
+        }
+
+    def _channel(self, sender: _Side, duration: float, errors: _Errors) -> dict[str, Any]:
+        packets, datagrams = sender.counter("updates_sent"), sender.counter("datagrams_sent")
+        return {
+            "samples": sender.engaged,
+            "packets": packets,
+            "packets_per_s": packets / duration if duration else None,
+            "reduction": 1.0 - packets / sender.engaged if sender.engaged else None,
+            "reduction_all": 1.0 - datagrams / sender.engaged if sender.engaged else None,
+            "bytes_per_s": sender.counter("bytes_sent") / duration if duration else None,
+        } | errors.summary()
+
+    def _violation_floor(self) -> float | None:
+        """Sends per tick times latency in ticks: what an update cannot help, since it is felt a tick later at least."""
+        if not self._slave.engaged:
+            return None
+        latency = self._master.one_way.percentile(50.0) * 1e-6 if self._master.one_way.count else 0.0
+        return self._slave.counter("updates_sent") / self._slave.engaged * max(1.0, latency / self._period)
+
+    def _join(self) -> None:
+        master, slave = self._waiting
+        if not (len(master) and len(slave)):
+            return
+        # Beyond this a nearer master tick may still come.
+        ready = int(np.searchsorted(slave["at"], master["at"][-1] - 0.5 * self._period, side="right"))
+        now, later = slave[:ready], slave[ready:]
+        right = np.clip(np.searchsorted(master["at"], now["at"]), 1, max(1, len(master) - 1))
+        left = right - 1
+        right = np.minimum(right, len(master) - 1)
+        nearest = np.where(now["at"] - master["at"][left] <= master["at"][right] - now["at"], left, right)
+        matched = master[nearest]
+        self._waiting = [master[max(0, int(nearest[-1]) - 1) :] if ready else master, later]
+        close = np.abs(matched["at"] - now["at"]) <= 0.75 * self._period
+        counts = close & _in_session(matched) & _in_session(now)
+        self._compare(matched[counts], now[counts])
+
+    def _compare(self, master: Records, slave: Records) -> None:
+        if not len(master):
+            return
+        self._felt.add(_distance(master["output"], slave["raw"]), slave["bound"])
+        self._coding.add(_distance(slave["decoded"], slave["raw"]), slave["bound"])
+        self._position.add(_distance(slave["output"], master["raw"]), master["bound"])
+        self._observe_energy(master, slave)
+
+    def _observe_energy(self, master: Records, slave: Records) -> None:
+        """Energy that the link took in, from the operator's port less what it gave to the robot's [J].
+
+        Trapezoidal over the tick. A negative sum is energy that the link made.
+        """
+        if self._before is not None:
+            master = np.concatenate([np.asarray([self._before[0]], dtype=master.dtype), master])
+            slave = np.concatenate([np.asarray([self._before[1]], dtype=slave.dtype), slave])
+        self._before = (master[-1], slave[-1])
+        steps = _work(slave["raw"], slave["output"]) - _work(master["output"], master["raw"])
+        if len(steps):
+            sums = self._energy + np.cumsum(steps)
+            self._energy = float(sums[-1])
+            self._least_energy = min(self._least_energy, float(sums.min()))
+
+
+def _in_session(records: Records) -> NDArray[np.bool_]:
+    """Ticks that say how well the link works: engaged, and neither fading in nor out."""
+    counts: NDArray[np.bool_] = (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
+    return counts
+
+
+def _work(force: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
+    mean_force = 0.5 * (force[1:] + force[:-1])
+    return np.asarray((mean_force * np.diff(position, axis=0)).sum(axis=1), dtype=np.float64)
+
+
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
+
+
+def _percentiles(histogram: Histogram) -> dict[str, float | None]:
+    return _known({"p50": histogram.percentile(50.0), "p99": histogram.percentile(99.0)})
+
+
+def _known(figures: dict[str, float]) -> dict[str, float | None]:
+    """None for what nothing was counted of: JSON has no NaN."""
+    return {name: None if isnan(value) else value for name, value in figures.items()}

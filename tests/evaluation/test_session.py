@@ -1,0 +1,104 @@
+"""The join of two records, on records made by hand."""
+
+import numpy as np
+import pytest
+
+from evaluation.session import Records, SessionScore
+from protocol.states import State
+from telemetry.reader import DTYPE
+
+RATE = 1000.0
+
+
+def records(ticks: int, *, phase: float = 0.0) -> Records:
+    made = np.zeros(ticks, DTYPE)
+    made["tick"] = np.arange(ticks)
+    made["at"] = 10.0 + phase + np.arange(ticks) / RATE
+    made["state"] = State.ENGAGED.value
+    made["rtt_us"] = made["one_way_us"] = np.nan
+    return made
+
+
+def score(master: Records, slave: Records, pieces: int = 1) -> dict[str, object]:
+    scored = SessionScore(RATE, ("zoh", "plane"))
+    for one, other in zip(np.array_split(master, pieces), np.array_split(slave, pieces), strict=True):
+        scored.add(one, other)
+    return scored.summary()
+
+
+def test_felt_error_compares_the_same_moment_on_both_sides() -> None:
+    master, slave = records(1000, phase=0.2e-3), records(1000)
+    slave["raw"][:, 2] = np.arange(1000) * 0.01
+    master["output"][:, 2] = np.arange(1000) * 0.01 + 0.5
+    slave["bound"] = 0.4
+    force = score(master, slave)["force"]
+    assert force["error_rms"] == pytest.approx(0.5)  # type: ignore[index]
+    assert force["violation_fraction"] == 1.0  # type: ignore[index]
+    slave["bound"] = 0.6
+    assert score(master, slave)["force"]["violation_fraction"] == 0.0  # type: ignore[index]
+
+
+def test_the_figures_do_not_depend_on_how_the_records_come_in_pieces() -> None:
+    rng = np.random.default_rng(1)
+    master, slave = records(3000, phase=0.4e-3), records(3000)
+    for side in (master, slave):
+        for name in ("raw", "output", "decoded"):
+            side[name] = rng.normal(size=(3000, 3))
+        side["bound"] = 1.5
+    whole, pieces = score(master, slave), score(master, slave, pieces=37)
+    for channel in ("force", "position"):
+        for key in ("error_rms", "error_max", "violation_fraction"):
+            assert pieces[channel][key] == pytest.approx(whole[channel][key], rel=2e-3)  # type: ignore[index]
+    assert pieces["energy"]["dissipated_j"] == pytest.approx(whole["energy"]["dissipated_j"], rel=1e-2, abs=0.1)  # type: ignore[index]
+
+
+def test_ticks_of_a_ramp_or_out_of_session_do_not_count() -> None:
+    master, slave = records(1000), records(1000)
+    slave["raw"][:, 2] = 1.0
+    master["ramping"][:500] = 1
+    slave["state"][500:900] = State.SILENT.value
+    master["output"][900:, 2] = 1.0
+    force = score(master, slave)["force"]
+    assert force["error_max"] == pytest.approx(0.0)  # type: ignore[index]
+
+
+def test_reduction_counts_updates_and_all_datagrams_against_engaged_ticks() -> None:
+    master, slave = records(1000), records(1000)
+    slave["updates_sent"] = np.linspace(0, 50, 1000).astype(int)
+    slave["datagrams_sent"] = np.linspace(0, 70, 1000).astype(int)
+    slave["selected"][::2] = 1
+    slave["sent"][:10] = 1
+    force = score(master, slave)["force"]
+    assert force["packets"] == 50  # type: ignore[index]
+    assert force["reduction"] == pytest.approx(0.95)  # type: ignore[index]
+    assert force["reduction_all"] == pytest.approx(0.93)  # type: ignore[index]
+    assert force["selected"] == {"zoh": 5, "plane": 5}  # type: ignore[index]
+    assert force["violation_floor"] == pytest.approx(0.05)  # type: ignore[index]
+
+
+def test_energy_is_what_the_operator_gave_less_what_the_robot_got() -> None:
+    """A spring that pushes the operator out harder than the robot was pushed makes energy."""
+    master, slave = records(1001), records(1001)
+    way = np.linspace(0.0, 0.01, 1001)
+    master["raw"][:, 2] = slave["output"][:, 2] = way
+    master["output"][:, 2], slave["raw"][:, 2] = 3.0, 1.0
+    energy = score(master, slave)["energy"]
+    assert energy["generated_j"] == pytest.approx(0.02, rel=2e-3)  # type: ignore[index]
+    master["raw"][:, 2] = slave["output"][:, 2] = way[::-1]
+    energy = score(master, slave)["energy"]
+    assert energy["generated_j"] == 0.0  # type: ignore[index]
+    assert energy["dissipated_j"] == pytest.approx(0.02, rel=2e-3)  # type: ignore[index]
+
+
+def test_the_longest_time_outside_spans_pieces() -> None:
+    master, slave = records(1000), records(1000)
+    slave["raw"][300:420, 2] = 1.0
+    force = score(master, slave, pieces=10)["force"]
+    assert force["violation_longest_ticks"] == 120  # type: ignore[index]
+
+
+def test_a_side_alone_has_its_own_figures_and_no_felt_error() -> None:
+    summary = score(records(100), np.empty(0, DTYPE))
+    assert summary["ticks"]["master"]["count"] == 100  # type: ignore[index]
+    assert summary["ticks"]["slave"]["lateness_us"]["p50"] is None  # type: ignore[index]
+    assert summary["force"]["error_rms"] is None  # type: ignore[index]
