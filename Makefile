@@ -1,0 +1,53 @@
+# Everything is set up in .venv from the pinned lock files; Python (3.11 or newer, with venv) and make are all it takes.
+PYTHON ?= python3
+DURATION ?= 20
+VENV := .venv
+BIN := $(VENV)/bin
+RUN := $(VENV)/.run
+DEV := $(VENV)/.dev
+
+.PHONY: demo test lint format fuzz bench lock schema clean
+
+demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
+	$(BIN)/weberlink loopback --duration $(DURATION)
+
+test: $(DEV)  ## the whole test suite
+	$(BIN)/python -m pytest
+
+lint: $(DEV)  ## style, types, and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(DEV)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
+	$(BIN)/python -m tests.protocol.fuzz --seconds 60
+
+bench: $(DEV)  ## run time of a tick's codec work, beside its limit
+	$(BIN)/python -m benchmarks.codec_tick
+
+schema: $(DEV)  ## the JSON Schema of configuration files, for editors
+	$(BIN)/python -m weberlink.configuration.schema configs/weberlink.schema.json
+
+lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
+	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
+		--output-file requirements.lock pyproject.toml
+	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
+		--extra dev --extra plots --output-file requirements-dev.lock pyproject.toml
+
+clean:
+	rm -rf $(VENV) build *.egg-info
+
+$(RUN): requirements.lock pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	touch $@
+
+$(DEV): requirements-dev.lock $(RUN)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-dev.lock
+	touch $@

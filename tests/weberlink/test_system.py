@@ -1,0 +1,266 @@
+"""Laws of the whole system in virtual time: operator, codec, link with faults, scene."""
+
+from itertools import pairwise
+from math import inf, nan, sqrt
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.vector import ZERO, Vector, distance, norm
+from evaluation.simulation import Simulation
+from master.devices.contract import DeviceFault, DeviceReading
+from master.devices.operator import OperatorDevice
+from protocol.states import State
+from slave.robots.contract import RobotFault, RobotReading
+from slave.robots.point import PointRobot
+from telemetry.fault import Fault
+from tests.weberlink.systems import decoded, output, raw, steps, system
+
+TICK = 1e-3
+SILENCE = 0.1
+HALF_STEP = 0.5e-3 * sqrt(3.0) * (1 + 1e-9)
+BAD_LINK = (
+    "link.emulate.delay_ms=3",
+    "link.emulate.jitter_ms=4",
+    "link.emulate.loss=0.3",
+    "link.emulate.burst=20",
+    "link.emulate.reorder=0.05",
+    "link.emulate.duplicate=0.05",
+    "link.emulate.corrupt=0.05",
+)
+
+
+def test_same_seed_same_run_bit_for_bit() -> None:
+    runs = [list(steps(system(*BAD_LINK, "link.emulate.seed=5"), 3.0)) for _ in range(2)]
+    assert repr(runs[0]) == repr(runs[1])
+    other = list(steps(system(*BAD_LINK, "link.emulate.seed=6"), 3.0))
+    assert repr(runs[0]) != repr(other)
+
+
+@pytest.mark.parametrize("predictor", ["zoh", "linear", "plane", "sphere", "hybrid"])
+@pytest.mark.parametrize("axes", ["xyz", "z"])
+def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(predictor: str, axes: str) -> None:
+    simulation = system(f"codec.force.predictor={predictor}", f"axes={axes}")
+    sends = 0
+    for step in steps(simulation, 4.0):
+        if step.slave.ramping:
+            continue  # a share of the force is coded, and the record holds all of it
+        error = distance(decoded(step.slave), raw(step.slave))
+        assert error <= (HALF_STEP if step.slave.sent else step.slave.bound)
+        sends += step.slave.sent
+        if not step.slave.sent:  # otherwise it arrives before the next tick
+            assert simulation.master.decoder.state == simulation.slave.encoder.mirror.state
+        if step.slave.state == State.ENGAGED.value:
+            assert simulation.slave.decoder.state == simulation.master.encoder.mirror.state
+    assert sends > 0
+
+
+@given(
+    predictor=st.sampled_from(["zoh", "linear", "plane", "sphere", "hybrid"]),
+    seed=st.integers(0, 2**31),
+    burst=st.sampled_from([1, 5, 20]),
+)
+@settings(max_examples=12, deadline=None)
+def test_after_any_fault_the_first_update_that_arrives_restores_the_state(
+    predictor: str, seed: int, burst: int
+) -> None:
+    follow_states_over_a_bad_link(predictor, seed, burst)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_bad_link_does_carry_updates(seed: int) -> None:
+    """What keeps the property above from being empty: a burst of 20 may outlast a run that has not yet connected."""
+    forces, positions = follow_states_over_a_bad_link("hybrid", seed, burst=20)
+    assert forces > 20
+    assert positions > 200
+
+
+def follow_states_over_a_bad_link(predictor: str, seed: int, burst: int) -> tuple[int, int]:
+    """Returns at how many ticks a force and a position state were compared."""
+    simulation = system(
+        *BAD_LINK, f"link.emulate.seed={seed}", f"link.emulate.burst={burst}", f"codec.force.predictor={predictor}"
+    )
+    forces, positions = Restorations(), Restorations()
+    for step in steps(simulation, 3.0):
+        forces.look(step.slave.sent, simulation.slave.encoder, simulation.master.decoder)
+        positions.look(step.master.sent, simulation.master.encoder, simulation.slave.decoder)
+        assert norm(output(step.master)) <= 10.0 * (1 + 1e-9)
+    assert simulation.master.faults.get("update", 0) == simulation.slave.faults.get("update", 0) == 0
+    return forces.checked, positions.checked
+
+
+class Restorations:
+    """What the sender held when it sent a sample is what the receiver holds once that sample is there."""
+
+    def __init__(self) -> None:
+        self.held: dict[int, object] = {}
+        self.checked = 0
+
+    def look(self, sent: int, encoder, decoder) -> None:  # type: ignore[no-untyped-def]
+        mirror = encoder.mirror
+        if sent:
+            self.held[mirror.newest.tick] = mirror.state
+        if decoder.newest is not None:
+            assert decoder.state == self.held[decoder.newest.tick]
+            self.checked += 1
+
+
+def test_a_link_that_queues_for_longer_than_the_limit_delivers_no_stale_command() -> None:
+    simulation = system("link.emulate.rate_kbit_s=12", "codec.force.predictor=zoh", "codec.force.weber=0.02")
+    for _ in steps(simulation, 6.0):
+        newest = simulation.slave.decoder.newest
+        assert newest is None or newest.tick >= 0
+    drops = simulation.slave.endpoint.statistics.dropped
+    assert sum(drops.values()) > 0
+
+
+def blackout(start: float, seconds: float, *overrides: str) -> tuple[Simulation, list]:  # type: ignore[type-arg]
+    simulation = system(f"link.emulate.blackouts_s=[[{start}, {seconds}]]", *overrides)
+    return simulation, list(steps(simulation, start + seconds + 2.0))
+
+
+@pytest.mark.parametrize("predictor", ["zoh", "linear", "hybrid"])
+def test_in_silence_force_fades_to_zero_and_the_robot_holds_and_both_return_without_a_jump(predictor: str) -> None:
+    start, seconds = 1.2, 1.0
+    simulation, run = blackout(start, seconds, f"codec.force.predictor={predictor}")
+    contact = [norm(output(step.master)) for step in run if step.master.at < start]
+    assert max(contact) > 1.0  # there was something to fade
+    safe = [step for step in run if start + SILENCE + TICK < step.master.at < start + seconds]
+    assert {output(step.master) for step in safe} == {ZERO}
+    assert len({output(step.slave) for step in safe}) == 1
+    assert all(step.slave.fault == Fault.SILENCE for step in safe)
+    after = [step for step in run if step.master.at >= start + seconds - TICK]
+    force_steps = [distance(output(b.master), output(a.master)) for a, b in pairwise(after)]
+    motion_steps = [distance(output(b.slave), output(a.slave)) for a, b in pairwise(after)]
+    # A ramp of 50 ms up to the limiter's 10 N, a speed of 0.25 m/s, and what an update corrects: the deadbands.
+    peak = max(norm(output(step.master)) for step in after)
+    assert max(force_steps) <= 10.0 * TICK / 0.05 + 0.10 * peak + 0.05
+    assert max(motion_steps) <= 0.25 * TICK + 0.3e-3
+    assert run[-1].master.state == run[-1].slave.state == State.ENGAGED.value
+    assert run[-1].master.fault == Fault.NONE
+    assert simulation.master.faults == {"silence": 1}
+
+
+def test_extrapolation_during_silence_is_bounded_by_ramp_limiter_and_horizon() -> None:
+    """The link dies while the linear predictor climbs steeply and the hand moves fast."""
+    _, run = blackout(0.95, 0.5, "codec.force.predictor=linear", "master.limits.force_n=5")
+    assert max(norm(output(step.master)) for step in run) <= 5.0 * (1 + 1e-9)
+    lost = next(step for step in run if step.master.at >= 0.95)
+    held = next(step for step in run if step.slave.at >= 0.95 + SILENCE + TICK)
+    assert distance(output(held.slave), output(lost.slave)) <= 0.6 * SILENCE * 0.5
+
+
+def test_retreat_backs_off_the_contact() -> None:
+    _, run = blackout(1.5, 1.0, "slave.limits.on_silence=retract", "slave.limits.retract_m=0.02")
+    before = next(step for step in run if step.slave.at >= 1.5)
+    assert norm(raw(before.slave)) > 0.5
+    end = next(step for step in run if step.slave.at >= 2.45)
+    assert output(end.slave)[2] - output(before.slave)[2] > 0.015
+    assert raw(end.slave) == ZERO
+
+
+class Broken(OperatorDevice):
+    """A device that fails from half a second on, in a way that a subclass names."""
+
+    def latest(self, now: float) -> DeviceReading:
+        reading = super().latest(now)
+        return self.broken(reading) if now >= 0.5 else reading
+
+    def broken(self, reading: DeviceReading) -> DeviceReading:
+        raise DeviceFault("was unplugged")
+
+
+class NotANumber(Broken):
+    def broken(self, reading: DeviceReading) -> DeviceReading:
+        return reading._replace(position=(nan, 0.0, 0.0))
+
+
+class Infinite(Broken):
+    def broken(self, reading: DeviceReading) -> DeviceReading:
+        return reading._replace(position=(0.0, inf, 0.0))
+
+
+class Frozen(Broken):
+    def broken(self, reading: DeviceReading) -> DeviceReading:
+        return reading._replace(at=0.5)
+
+
+@pytest.mark.parametrize(
+    ("device", "complaint", "within"),
+    [
+        (Broken, "was unplugged", 1),
+        (NotANumber, "reports the position (nan", 22),
+        (Infinite, "inf", 22),
+        (Frozen, "gives no new sample", 22),
+    ],
+)
+def test_a_device_that_fails_gives_zero_force_and_leaves_with_the_reason(
+    device: type[Broken], complaint: str, within: int
+) -> None:
+    simulation = system("master.device.home_m=[0, 0, -0.01]", device=device)
+    run = list(steps(simulation, 2.0))
+    assert simulation.master.stopped
+    assert simulation.master.outcome is not None
+    assert complaint in simulation.master.outcome
+    assert len(run) <= 500 + within + 1
+    assert output(run[-1].master) == ZERO
+    assert all(norm(output(step.master)) < inf for step in run)
+
+
+class Glitch(OperatorDevice):
+    """One sample that is no number now and then."""
+
+    def latest(self, now: float) -> DeviceReading:
+        reading = super().latest(now)
+        return reading._replace(position=(nan, nan, nan)) if round(now / TICK) % 97 == 0 else reading
+
+
+def test_a_single_bad_sample_is_passed_over() -> None:
+    simulation = system(device=Glitch)
+    run = list(steps(simulation, 2.0))
+    assert simulation.master.outcome is None
+    assert all(norm(output(step.slave)) < inf for step in run)
+    assert max(norm(raw(step.slave)) for step in run) > 0.5
+
+
+class Numb(PointRobot):
+    """A robot whose force sensor says NaN from half a second on."""
+
+    def latest(self, now: float) -> RobotReading:
+        reading = super().latest(now)
+        return reading._replace(force=(nan, 0.0, 0.0)) if now >= 0.5 else reading
+
+
+class Dead(PointRobot):
+    def latest(self, now: float) -> RobotReading:
+        if now >= 0.5:
+            raise RobotFault("does not answer")
+        return super().latest(now)
+
+
+@pytest.mark.parametrize(("robot", "complaint"), [(Numb, "reports the force (nan"), (Dead, "does not answer")])
+def test_a_robot_that_fails_leaves_with_the_reason_and_the_operator_is_let_go(
+    robot: type[PointRobot], complaint: str
+) -> None:
+    simulation = system(robot=robot)
+    run = list(steps(simulation, 1.0))
+    assert simulation.slave.outcome is not None
+    assert complaint in simulation.slave.outcome
+    assert output(run[-1].master) == ZERO
+    assert run[-1].master.state == State.CONNECTING.value
+
+
+def test_stopping_fades_the_force_out_and_says_goodbye() -> None:
+    simulation = system()
+    forces: list[Vector] = []
+    for step in steps(simulation, 5.0):
+        if step.index == 1500:
+            simulation.master.stop(step.master.at, "interrupted")
+        forces.append(output(step.master))
+    assert simulation.master.stopped
+    assert len(forces) < 1500 + 60
+    drops = [norm(a) - norm(b) for a, b in pairwise(forces[1500:])]
+    assert max(drops) <= 10.0 * TICK / 0.05
+    simulation.step()
+    assert simulation.slave.endpoint.state is State.LISTENING

@@ -1,0 +1,5 @@
+"""`python -m weberlink` is `weberlink`."""
+
+from weberlink.cli import main
+
+main()

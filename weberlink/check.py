@@ -1,0 +1,143 @@
+"""The `check` command: what a file composes, what that costs here, and what is unwise about it.
+
+Everything is said of the parts themselves, built as the daemons build them; nothing is opened or sent.
+"""
+
+from collections.abc import Iterator
+from math import cos, pi, sin
+from statistics import median
+from time import perf_counter
+
+from codec import Channel, Decoder, Encoder
+from codec.vector import ZERO, Vector
+from protocol.wire import UpdateLayout
+from slave.scenes.scene import Scene
+from weberlink.composition import build_scene, build_security, channels
+from weberlink.configuration import Configuration, System
+from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings
+
+UDP_IP_BYTES = 28
+SAMPLES = 2000
+"""Ticks of the cost measurement."""
+
+
+def describe(configuration: Configuration) -> Iterator[str]:
+    """The lines to print.
+
+    Raises:
+        ConfigurationError: if a part cannot be made as the file asks.
+    """
+    system, device = configuration.system, configuration.device
+    forward, backward = channels(system)
+    scene = build_scene(system)
+    security = build_security(system)
+    yield f"{configuration.path}: valid"
+    yield from _sides(configuration, scene)
+    yield from _link(system)
+    yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
+        f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
+    )
+    yield f"          update of {_sizes(backward, security.tag_size)} bytes of UDP payload"
+    bound_mm = 1e3 * system.codec.position.bound_m
+    yield f"position  {_coding(system.codec.position.predictor, forward)}; bound {bound_mm:g} mm"
+    yield f"          update of {_sizes(forward, security.tag_size)} bytes of UDP payload"
+    yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
+    if scene is not None:
+        yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
+    uncoded = _uncoded_kbit(system, backward, forward, security.tag_size)
+    yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
+    stiffness = None if device is None else device.driver(device.options, system.tick_period).spec.stiffness_n_m
+    for warning in _warnings(system, stiffness):
+        yield f"warning   {warning}"
+
+
+def _sides(configuration: Configuration, scene: Scene | None) -> Iterator[str]:
+    system = configuration.system
+    device, robot = configuration.device, configuration.robot
+    yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
+    if device is not None:
+        yield f"master    device {system.master.device.driver}, force at most {system.master.limits.force_n:g} N"
+    if robot is not None:
+        built = robot.driver(robot.options, scene, system.tick_period)
+        detail = f", {built.description()}" if hasattr(built, "description") else ""
+        yield f"slave     robot {system.slave.robot.driver}{detail}; on silence {system.slave.limits.on_silence}"
+    for thing in system.slave.scene:
+        extras = [name for name in ("friction", "damping_n_s_m") if getattr(thing, name) is not None]
+        with_extras = f" with {', '.join(extras)}" if extras else ""
+        yield f"scene     {thing.shape}, {thing.stiffness_n_m:g} N/m{with_extras}"
+
+
+def _link(system: System) -> Iterator[str]:
+    link = system.link
+    yield f"link      {link.slave}, security {link.security}, silence limit {link.silence_ms:g} ms"
+    if link.emulate is not None:
+        changed = link.emulate.model_dump(exclude_defaults=True)
+        yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
+    yield f"control   {system.control.scheme}"
+
+
+def _coding(predictor: str, channel: Channel) -> str:
+    return predictor if len(channel.bank) == 1 else f"{predictor} of {', '.join(channel.bank)}"
+
+
+def _sizes(channel: Channel, tag: int) -> str:
+    layout = UpdateLayout(channel.level_count)
+    with_previous, without = (layout.size(with_previous=each) + tag for each in (True, False))
+    return str(without) if channel.bank == ("zoh",) else f"{without} or, with history, {with_previous}"
+
+
+def _uncoded_kbit(system: System, backward: Channel, forward: Channel, tag: int) -> float:
+    updates = (UpdateLayout(channel.level_count).size(with_previous=False) for channel in (backward, forward))
+    octets = sum(size + tag + UDP_IP_BYTES for size in updates)
+    return octets * 8 * system.rate_hz / 1e3
+
+
+def _codec_us(channel: Channel) -> float:
+    """Median time of a tick on a stroke over a soft wall, which sends now and then as real contact does."""
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    times = []
+    for tick in range(SAMPLES):
+        position, force = _stroke(tick)
+        began = perf_counter()
+        update = encoder.encode(tick, force, position)
+        if update is not None:
+            decoder.apply(update)
+        decoder.value(tick, position)
+        times.append(perf_counter() - began)
+    return median(times) * 1e6
+
+
+def _scene_us(scene: Scene) -> float:
+    times = []
+    for tick in range(SAMPLES):
+        position, _ = _stroke(tick)
+        began = perf_counter()
+        scene.force(position, 1e-3)
+        times.append(perf_counter() - began)
+    scene.reset()
+    return median(times) * 1e6
+
+
+def _stroke(tick: int) -> tuple[Vector, Vector]:
+    """Position on a circle of 3 cm that dips 4 mm below z = 0, and the reaction of a wall of 500 N/m there."""
+    angle = 2.0 * pi * tick * 1e-3
+    position = (0.03 * cos(angle), 0.03 * sin(angle), -0.002 + 0.002 * sin(3.0 * angle))
+    return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)
+
+
+def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
+    weber = system.codec.force.weber
+    if weber > PERCEPTUAL_WEBER_LIMIT:
+        yield f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}"
+    emulate = system.link.emulate or EmulationSettings()
+    if emulate.delay_ms + emulate.jitter_ms >= system.link.silence_ms:
+        yield (
+            f"link.silence_ms {system.link.silence_ms:g}: commands are older than this when they arrive "
+            f"({emulate.delay_ms + emulate.jitter_ms:g} ms), so none would be executed"
+        )
+    if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
+        yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"
+    if system.codec.force.floor_n == 0.0:
+        yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
+    if emulate.delay_ms > 0.0 and system.control.scheme == "none":
+        yield f"control.scheme none: a delay of {emulate.delay_ms:g} ms each way can make stiff contact unstable"

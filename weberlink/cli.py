@@ -1,0 +1,200 @@
+"""The command line. Owns arguments, exit statuses and what is printed; every command's work is elsewhere.
+
+Exit status: 0 done, 1 the run failed, 2 the file or the arguments are wrong (one line on standard error).
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from weberlink.configuration import MASTER, SIDES, SLAVE, ConfigurationError, load
+from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED
+
+app = typer.Typer(
+    name="weberlink",
+    help="Bilateral haptic teleoperation over UDP with perceptual coding.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
+OptionalFile = Annotated[
+    Path | None, typer.Argument(metavar="[FILE]", help="Configuration; without it, a default that needs nothing.")
+]
+Set = Annotated[
+    list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
+]
+Duration = Annotated[float | None, typer.Option("--duration", metavar="S", min=0.0, help="Length of the run [s].")]
+Json = Annotated[
+    Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output, alone.")
+]
+
+
+@app.command()
+def loopback(file: OptionalFile = None, duration: Duration = None, json_out: Json = None, set_: Set = None) -> None:
+    """Run master and slave as two processes over UDP on 127.0.0.1."""
+    path = file or Path(str(files("configs") / "loopback.yaml"))
+    overrides = [*(set_ or ()), *_free_port(path, set_ or ())]
+    _live("loopback", path, overrides, SIDES, duration, json_out)
+
+
+@app.command()
+def master(file: File, duration: Duration = None, json_out: Json = None, set_: Set = None) -> None:
+    """Run the operator's side."""
+    _live("master", file, set_ or (), [MASTER], duration, json_out)
+
+
+@app.command()
+def slave(file: File, duration: Duration = None, json_out: Json = None, set_: Set = None) -> None:
+    """Run the teleoperator's side."""
+    _live("slave", file, set_ or (), [SLAVE], duration, json_out)
+
+
+@app.command()
+def check(file: File, set_: Set = None) -> None:
+    """Validate a file, and print what it composes and what that costs."""
+    from weberlink.check import describe  # noqa: PLC0415 - each command imports what it needs
+
+    with _errors():
+        for line in describe(load(file, set_ or ())):
+            typer.echo(line)
+
+
+@app.command()
+def keygen(out: Annotated[Path, typer.Argument(metavar="OUT", help="Where to write the key, with mode 0600.")]) -> None:
+    """Write a new pre-shared key."""
+    from protocol.keys import KeyFileError, generate  # noqa: PLC0415
+
+    try:
+        generate(out)
+    except KeyFileError as error:
+        _fail(str(error), MISCONFIGURED)
+    typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+
+
+@app.command()
+def simulate(
+    file: File,
+    duration: Duration = None,
+    json_out: Json = None,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="Write what the robot was commanded and felt, as a trace (CSV).")
+    ] = None,
+    set_: Set = None,
+) -> None:
+    """Run the whole system in virtual time, as fast as it goes."""
+    from weberlink.simulate import simulate as run  # noqa: PLC0415
+
+    with _errors():
+        summary = run(load(file, set_ or ()), duration, trace)
+    _finish(summary, f"weberlink simulate {file}", json_out)
+
+
+@app.command()
+def evaluate(
+    traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="Recorded signals (CSV).")],
+    predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
+    weber: Annotated[str, typer.Option(metavar="K,..", help="Weber factors.")] = "0.10",
+    floor: Annotated[float, typer.Option(metavar="N", min=0.0, help="Absolute threshold [N].")] = 0.02,
+    wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
+    json_out: Json = None,
+    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Draw figures (extra: weberlink[plots]).")] = None,
+) -> None:
+    """Run recorded signals through the codec."""
+    from weberlink.evaluate import run  # noqa: PLC0415
+
+    with _errors():
+        document, table = run(traces, predictor, weber, floor, wire=wire, plots=plots)
+    _write(document, json_out, lambda console: console.print(table))
+
+
+def main() -> None:
+    """Entry point of the program."""
+    app(prog_name="weberlink")
+
+
+def _live(
+    name: str, path: Path, overrides: list[str] | tuple[()], sides: Any, duration: float | None, json_out: Path | None
+) -> None:
+    from weberlink.launcher import Session  # noqa: PLC0415
+    from weberlink.report import status_line  # noqa: PLC0415
+
+    with _errors():
+        configuration = load(path, overrides, sides)
+    console = Console(stderr=True)
+    with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
+
+        def watch(records: dict[str, Any], summary: dict[str, Any]) -> None:
+            live.update(Text(status_line(records, summary)))
+
+        watcher = watch if console.is_terminal else None
+        with Session(configuration, overrides, sides, duration, watcher) as session:
+            summary = session.run()
+    _finish(summary, f"weberlink {name}", json_out)
+
+
+def _finish(summary: dict[str, Any], title: str, json_out: Path | None) -> None:
+    from evaluation.environment import environment  # noqa: PLC0415
+    from weberlink.report import session_report  # noqa: PLC0415
+
+    status = summary.pop("status", COMPLETED)
+    summary["environment"] = environment()
+    _write(summary, json_out, lambda console: session_report(summary, title, console))
+    raise typer.Exit(status)
+
+
+def _write(document: dict[str, Any], out: Path | None, show: Callable[[Console], None]) -> None:
+    """JSON where it was asked for; the report for people unless standard output is taken."""
+    text = json.dumps(document, indent=2, allow_nan=False)
+    if out is not None and str(out) == "-":
+        sys.stdout.write(text + "\n")
+        return
+    if out is not None:
+        try:
+            out.write_text(text + "\n", encoding="utf-8")
+        except OSError as error:
+            sys.stderr.write(text + "\n")  # nothing is lost
+            _fail(f"{out}: cannot be written: {error.strerror}", FAILED)
+    console = Console()
+    show(Console(width=80) if not console.is_terminal or console.width > 100 else console)
+
+
+@contextmanager
+def _errors() -> Iterator[None]:
+    try:
+        yield
+    except ConfigurationError as error:
+        _fail(str(error), MISCONFIGURED)
+
+
+def _fail(message: str, status: int) -> None:
+    typer.echo(f"weberlink: {message}", err=True)
+    raise typer.Exit(status)
+
+
+def _free_port(path: Path, overrides: list[str] | tuple[()]) -> list[str]:
+    """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once."""
+    import socket  # noqa: PLC0415
+
+    from weberlink.configuration.model import split_address  # noqa: PLC0415
+
+    with _errors():
+        link = load(path, overrides).system.link
+    host, port = split_address(link.listen)
+    if port != 0:
+        return []
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((host, 0))
+        port = probe.getsockname()[1]
+    return [f"link.listen={host}:{port}", f"link.slave={host}:{port}"]

@@ -1,0 +1,269 @@
+"""What a configuration file may say: every key, its unit, its range and its default.
+
+Owns the schema only; reading files and building parts are elsewhere. The options of a device or robot driver belong
+to the driver, and are validated against it once its name is known.
+"""
+
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from slave.scenes.settings import SceneSettings
+
+PredictorName = Literal["zoh", "linear", "plane", "sphere"]
+Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
+Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+Interval = tuple[float, float]
+Probability = Annotated[float, Field(ge=0, le=1)]
+
+PERCEPTUAL_WEBER_LIMIT = 0.27
+"""Above this Weber factor published task performance falls (Chaudhari 2011); `check` warns."""
+
+
+class Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+
+
+class EmulationSettings(Settings):
+    """Faults put on each side's outgoing datagrams, seeded."""
+
+    delay_ms: float = Field(default=0.0, ge=0, le=10_000)
+    """Constant one-way delay."""
+    jitter_ms: float = Field(default=0.0, ge=0, le=10_000)
+    """Largest additional delay, uniform."""
+    loss: Probability = 0.0
+    """Share of datagrams lost."""
+    burst: float = Field(default=1.0, ge=1, le=1000)
+    """Mean length of a run of losses; 1 for independent losses, more for a Gilbert-Elliott channel."""
+    reorder: Probability = 0.0
+    """Share of datagrams held back behind the next one."""
+    duplicate: Probability = 0.0
+    """Share of datagrams delivered twice."""
+    corrupt: Probability = 0.0
+    """Share of datagrams with bits flipped."""
+    rate_kbit_s: float | None = Field(default=None, gt=0)
+    """Capacity of the link; none for no limit."""
+    blackouts_s: tuple[tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]], ...] = ()
+    """Pairs of start and duration in which nothing arrives."""
+    seed: int = Field(default=0, ge=0)
+    """Same seed, same faults."""
+
+
+class LinkSettings(Settings):
+    """Where the two sides meet, and how they trust each other."""
+
+    listen: str = "0.0.0.0:47000"
+    """Address that the slave binds."""
+    slave: str = "127.0.0.1:47000"
+    """Address at which the master finds the slave."""
+    security: Literal["psk", "none"] = "psk"
+    """`psk`: a pre-shared key encrypts every datagram. `none`: a checksum only, on loopback addresses only."""
+    key_file: Path | None = None
+    """The key, as written by `weberlink keygen`; needed with `psk`."""
+    silence_ms: float = Field(default=100.0, ge=10, le=60_000)
+    """Silence that counts as a fault; a command older than this is never executed."""
+    emulate: EmulationSettings | None = None
+    """Faults to put on the link; leave out for a real one."""
+
+    @field_validator("listen", "slave")
+    @classmethod
+    def _address(cls, text: str) -> str:
+        split_address(text)
+        return text
+
+    @model_validator(mode="after")
+    def _trust(self) -> "LinkSettings":
+        if self.security == "psk":
+            if self.key_file is None:
+                raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
+        elif not (_is_loopback(self.listen) and _is_loopback(self.slave)):
+            raise ValueError("security none is for loopback addresses only; between hosts use psk")
+        return self
+
+
+class TrustSettings(Settings):
+    """The range in which a fitted contact is believed; outside it a geometry predictor holds the newest sample."""
+
+    stiffness_n_m: Range = (10.0, 3000.0)
+    """The master renders a fitted contact on its own: nothing stiffer than its device displays stably."""
+    radius_m: Range = (0.001, 10.0)
+
+    @model_validator(mode="after")
+    def _rising(self) -> "TrustSettings":
+        for name in ("stiffness_n_m", "radius_m"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} must rise, not [{low}, {high}]")
+        return self
+
+
+class ForceCodecSettings(Settings):
+    """The backward channel."""
+
+    predictor: Literal["zoh", "linear", "plane", "sphere", "hybrid"] = "hybrid"
+    """What both ends predict with."""
+    bank: tuple[PredictorName, ...] = Field(default=("zoh", "linear", "plane", "sphere"), min_length=1, max_length=4)
+    """What `hybrid` chooses among, the simplest first."""
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor k: the relative error that stays unsent."""
+    floor_n: float = Field(default=0.02, ge=0)
+    """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
+    reference: Literal["actual", "displayed", "sent"] = "actual"
+    """Which force k scales."""
+    step_n: float = Field(default=0.001, gt=0, le=1)
+    """Wire step [N]; 16 bits span +-32767 steps."""
+    trust: TrustSettings = TrustSettings()
+
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(bank)) != len(bank):
+            raise ValueError("names each predictor once")
+        return bank
+
+
+class PositionCodecSettings(Settings):
+    """The forward channel."""
+
+    predictor: Literal["zoh", "linear", "hybrid"] = "linear"
+    bank: tuple[Literal["zoh", "linear"], ...] = Field(default=("zoh", "linear"), min_length=1, max_length=2)
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor of velocity."""
+    bound_m: float = Field(default=0.0002, ge=0)
+    """Position error at rest that stays unsent [m]."""
+    step_m: float = Field(default=0.00001, gt=0, le=0.01)
+    """Wire step [m], of both channels; 16 bits span +-32767 steps."""
+
+
+class CodecSettings(Settings):
+    """Perceptual coding; both sides must agree on all of it."""
+
+    force: ForceCodecSettings = ForceCodecSettings()
+    position: PositionCodecSettings = PositionCodecSettings()
+
+
+class ControlSettings(Settings):
+    """What keeps a delayed loop stable."""
+
+    scheme: Literal["none"] = "none"
+
+
+class RealtimeSettings(Settings):
+    """What to ask of the operating system; what it refuses is said in the report."""
+
+    priority: int = Field(default=50, ge=0, le=98)
+    """SCHED_FIFO priority; 0 for the normal scheduler."""
+    lock_memory: bool = True
+    """Keep all pages in memory."""
+    cpus: tuple[int, int] | None = None
+    """Processors to pin the master and the slave to."""
+
+
+class DriverSettings(BaseModel):
+    """A driver by name, with the options that are its own."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    driver: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
+
+
+class MasterLimits(Settings):
+    """What protects the operator."""
+
+    force_n: float = Field(default=10.0, gt=0)
+    """Largest force [N], on top of the device's own limit."""
+    ramp_ms: float = Field(default=50.0, gt=0, le=5000)
+    """Time in which force fades in and out."""
+    device_ms: float = Field(default=20.0, gt=0, le=5000)
+    """Longest time without a usable sample of the device."""
+
+
+class MasterSettings(Settings):
+    """The operator's side."""
+
+    device: DriverSettings = DriverSettings(driver="operator")
+    limits: MasterLimits = MasterLimits()
+
+
+class SlaveLimits(Settings):
+    """What protects the robot and what it touches."""
+
+    workspace_m: tuple[Interval, Interval, Interval] = ((-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3))
+    """Lowest and highest commanded position on x, y, z."""
+    speed_m_s: float = Field(default=2.0, gt=0)
+    """Largest speed while following."""
+    approach_speed_m_s: float = Field(default=0.25, gt=0)
+    """Speed at which the robot approaches the operator's position after an engagement."""
+    on_silence: Literal["hold", "retract"] = "hold"
+    """What the robot does when the master is not heard: stay, or back off along the contact force."""
+    retract_m: float = Field(default=0.01, gt=0)
+    """How far it backs off."""
+    ramp_ms: float = Field(default=50.0, gt=0, le=5000)
+    """Time in which its force fades in once it has reached the operator's position."""
+    robot_ms: float = Field(default=20.0, gt=0, le=5000)
+    """Longest time without a usable sample of the robot."""
+
+    @field_validator("workspace_m")
+    @classmethod
+    def _rising(cls, workspace: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
+        for axis, (low, high) in zip("xyz", workspace, strict=True):
+            if not low < high:
+                raise ValueError(f"{axis} must rise, not [{low}, {high}]")
+        return workspace
+
+
+class SlaveSettings(Settings):
+    """The teleoperator's side."""
+
+    robot: DriverSettings = DriverSettings(driver="point")
+    scene: SceneSettings = ()
+    """What there is to touch; nothing for free space or a real robot."""
+    limits: SlaveLimits = SlaveLimits()
+
+
+class System(Settings):
+    """A WeberLink system: one file, read by both daemons, each of which builds its own side."""
+
+    rate_hz: float = Field(default=1000.0, ge=10, le=10_000)
+    """Tick rate of both sides."""
+    axes: Axes = "xyz"
+    """Axes that are sent."""
+    link: LinkSettings
+    codec: CodecSettings = CodecSettings()
+    control: ControlSettings = ControlSettings()
+    realtime: RealtimeSettings = RealtimeSettings()
+    master: MasterSettings = MasterSettings()
+    slave: SlaveSettings = SlaveSettings()
+
+    @property
+    def tick_period(self) -> float:
+        """[s]."""
+        return 1.0 / self.rate_hz
+
+
+def split_address(text: str) -> tuple[str, int]:
+    """Host and port of "host:port" or "[v6]:port".
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    host, colon, port = text.rpartition(":")
+    if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
+        raise ValueError(f"must be host:port, not {text!r}")
+    return host.strip("[]"), int(port)
+
+
+def _is_loopback(address: str) -> bool:
+    host, _ = split_address(address)
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

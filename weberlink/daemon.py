@@ -1,0 +1,177 @@
+"""One daemon: one side of a configuration, in real time, in a process of its own.
+
+Owns the composition of a side with clock, socket, telemetry and the rights it asks of the kernel. Started by the
+launcher with an `Order` as JSON; answers with a summary as JSON on standard output. It prints nothing else there.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from random import Random
+from signal import SIGTERM
+from time import monotonic, perf_counter
+from typing import Any
+
+from master.devices.contract import DeviceFault
+from master.loop import MasterLoop
+from protocol.aio.udp import UdpShell
+from protocol.emulation import EmulatedLink
+from protocol.endpoint import Endpoint
+from protocol.events import Address
+from realtime.garbage import GarbageSchedule
+from realtime.process import Grants, die_with_parent, prepare
+from realtime.shell import Run, run
+from slave.loop import SlaveLoop
+from slave.robots.contract import RobotFault
+from telemetry.ring import RingWriter
+from weberlink.composition import build_emulation, build_master, build_security, build_slave
+from weberlink.configuration import MASTER, Configuration, ConfigurationError, load
+from weberlink.configuration.model import split_address
+
+COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
+"""Exit statuses of every command."""
+
+HEAD_START = 0.02
+"""From the end of the set-up to the first tick [s]."""
+RING_SECONDS = 10.0
+GARBAGE_EVERY_S = 1.0
+
+Side = MasterLoop | SlaveLoop
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the launcher tells a daemon to run.
+
+    Args:
+        side: "master" or "slave".
+        file: the configuration.
+        overrides: as of `--set`.
+        ring: where to write telemetry.
+        parent: process that the daemon stops with.
+        duration_s: length of the run; None to run until it is stopped.
+    """
+
+    side: str
+    file: str
+    overrides: tuple[str, ...]
+    ring: str
+    parent: int
+    duration_s: float | None = None
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "Order":
+        values = json.loads(text)
+        return cls(**{**values, "overrides": tuple(values["overrides"])})
+
+
+def main(text: str) -> int:
+    """Run an order; returns the exit status. Errors are one line on standard error."""
+    order = Order.from_json(text)
+    die_with_parent(SIGTERM, order.parent)
+    try:
+        configuration = load(Path(order.file), order.overrides, sides=[order.side])
+        summary = serve(order, configuration)
+    except ConfigurationError as error:
+        return _complain(order, error, MISCONFIGURED)
+    except (DeviceFault, RobotFault, OSError) as error:  # among them a port in use, a ring in use
+        return _complain(order, error, FAILED)
+    json.dump(summary, sys.stdout)
+    return FAILED if summary["failed"] else COMPLETED
+
+
+def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
+    """Run one side to its end.
+
+    Returns:
+        Outcome, faults and what else the telemetry does not say.
+
+    Raises:
+        ConfigurationError, DeviceFault, RobotFault, OSError: before the first tick.
+    """
+    system = configuration.system
+    realtime = system.realtime
+    cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
+    grants = prepare(realtime.priority, realtime.lock_memory, cpu)
+    epoch = monotonic() + HEAD_START
+    side = _build(order.side, configuration, epoch)
+    transport = _transport(order.side, configuration, side.endpoint, epoch)
+    capacity = int(RING_SECONDS * system.rate_hz)
+    with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
+        return _summary(_drive(side, transport, configuration, order, epoch, ring), side, grants)
+
+
+def _build(name: str, configuration: Configuration, epoch: float) -> Side:
+    system = configuration.system
+    security = build_security(system)
+    if name == MASTER:
+        peer = split_address(system.link.slave)
+        return build_master(
+            configuration, security=security, entropy=os.urandom, epoch=epoch, stopwatch=perf_counter, peer=peer
+        )
+    return build_slave(configuration, security=security, entropy=os.urandom, epoch=epoch, stopwatch=perf_counter)
+
+
+def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoch: float) -> UdpShell:
+    link = configuration.system.link
+    emulated = None
+    if link.emulate is not None:
+        # Each side distorts what it sends, by its own chance.
+        uniform: Callable[[], float] = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
+        emulated = EmulatedLink[Address](build_emulation(link.emulate), uniform, epoch)
+    if name == MASTER:
+        return UdpShell(endpoint, now=monotonic, link=emulated)
+    return UdpShell(endpoint, now=monotonic, listen=split_address(link.listen), link=emulated)
+
+
+def _drive(
+    side: Side, transport: UdpShell, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
+) -> Run:
+    missed = 0
+    next_index = 0
+
+    def write(index: int, deadline: float, now: float, work_us: float) -> None:
+        nonlocal missed, next_index
+        missed += index - next_index
+        next_index = index + 1
+        ring.write(side.record(lateness_us=(now - deadline) * 1e6, work_us=work_us, missed=missed))
+
+    system = configuration.system
+    side.open(monotonic())
+    try:
+        return run(
+            side,
+            transport=transport,
+            ticker_period=system.tick_period,
+            duration_s=order.duration_s,
+            start_at=epoch,
+            after_tick=write,
+            garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
+        )
+    finally:
+        side.close()
+
+
+def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
+    return {
+        "outcome": side.outcome or run_.outcome,
+        "failed": side.outcome is not None or not run_.orderly,
+        "faults": side.faults,
+        "drops": {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()},
+        "realtime": grants.as_dict(),
+    }
+
+
+def _complain(order: Order, error: Exception, status: int) -> int:
+    sys.stderr.write(f"weberlink {order.side}: {error}\n")
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,186 @@
+"""Starts daemons, watches their telemetry and reports: the parent process of every live run.
+
+Owns the child processes and the terminal. The daemons do not wait for it; if it dies they stop in order.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from signal import SIG_DFL, SIGINT, SIGTERM, Signals, signal
+from time import sleep
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from evaluation.session import Records, SessionScore
+from telemetry.reader import DTYPE, RingReader
+from telemetry.ring import default_path
+from weberlink.composition import channels
+from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
+from weberlink.daemon import COMPLETED, Order
+
+LOOK_S = 0.1
+"""Between two looks at the telemetry."""
+STOP_LIMIT_S = 3.0
+"""From a request to stop to a kill."""
+
+
+class Daemon:
+    """One child process and its ring."""
+
+    def __init__(self, order: Order) -> None:
+        self.side = order.side
+        self._order = order
+        self._reader: RingReader | None = None
+        # A group of its own: Ctrl-C reaches the launcher only, which stops the sides in their order.
+        self._process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", "weberlink.daemon", order.to_json()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def records(self) -> Records:
+        """What it has written since the last look."""
+        if self._reader is None:
+            try:
+                self._reader = RingReader(self._order.ring)
+            except FileNotFoundError:
+                return np.empty(0, DTYPE)
+        return self._reader.read()
+
+    def stop(self, number: Signals) -> None:
+        if self.running:
+            self._process.send_signal(number)
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the end, for a limited time; returns its summary."""
+        try:
+            output, _ = self._process.communicate(timeout=STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            output, _ = self._process.communicate()
+        status = self._process.returncode
+        try:
+            summary: dict[str, Any] = json.loads(output)
+        except ValueError:
+            ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
+            summary = {"outcome": f"{self.side} {ended}", "failed": True, "faults": {}, "drops": {}, "realtime": None}
+        return summary | {"status": status}
+
+    def release(self) -> None:
+        """Let go of the ring; removes the file that a killed daemon left."""
+        if self._reader is not None:
+            self._reader.close()
+        Path(self._order.ring).unlink(missing_ok=True)
+
+
+@dataclass
+class Session:
+    """A live run of one side or of both, as a context manager that leaves no process behind.
+
+    Args:
+        configuration: what to run.
+        overrides: as given on the command line; the daemons read the file themselves.
+        sides: which daemons to start.
+        duration_s: length of the run; None until it is stopped.
+        watch: called about ten times a second with the newest records and the figures so far.
+    """
+
+    configuration: Configuration
+    overrides: Sequence[str]
+    sides: Sequence[str] = SIDES
+    duration_s: float | None = None
+    watch: Callable[[dict[str, Any], dict[str, Any]], None] | None = None
+    daemons: dict[str, Daemon] = field(default_factory=dict)
+    _signals: list[Signals] = field(default_factory=list)
+    _stack: ExitStack = field(default_factory=ExitStack)
+
+    def __enter__(self) -> Self:
+        system = self.configuration.system
+        self.score = SessionScore(system.rate_hz, channels(system)[1].bank)
+        for number in (SIGINT, SIGTERM):
+            self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
+        for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
+            daemon = Daemon(self._order(side))
+            self.daemons[side] = daemon
+            self._stack.callback(daemon.release)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for daemon in self.daemons.values():
+            if daemon.running:
+                daemon.stop(SIGTERM)
+                daemon.finish()
+        self._stack.close()
+
+    def run(self) -> dict[str, Any]:
+        """Watch until every side has ended; returns the figures of the session."""
+        passed_on = 0
+        while all(daemon.running for daemon in self.daemons.values()):
+            for number in self._signals[passed_on:]:
+                self._first.stop(number)
+            passed_on = len(self._signals)
+            self._look()
+            sleep(LOOK_S)
+        summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
+        self._look()
+        return self._report(summaries)
+
+    @property
+    def _first(self) -> Daemon:
+        """The side that ends a run: the operator's where there is one."""
+        return self.daemons.get(MASTER) or self.daemons[SLAVE]
+
+    def _in_order(self) -> list[tuple[str, Daemon]]:
+        return sorted(self.daemons.items())
+
+    def _order(self, side: str) -> Order:
+        return Order(
+            side=side,
+            file=str(self.configuration.path),
+            overrides=tuple(self.overrides),
+            ring=str(default_path(f"{os.getpid()}-{side}")),
+            parent=os.getpid(),
+            # Of two sides the slave ends when the master has left.
+            duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
+        )
+
+    def _end(self, daemon: Daemon) -> dict[str, Any]:
+        daemon.stop(SIGTERM)
+        return daemon.finish()
+
+    def _look(self) -> None:
+        empty = np.empty(0, DTYPE)
+        records = {side: daemon.records() for side, daemon in self.daemons.items()}
+        self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
+        if self.watch is not None:
+            self.watch(self.score.state, self.score.summary())
+
+    def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
+        failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
+        asked = summaries[self._first.side]["outcome"]
+        return self.score.summary() | {
+            "faults": {side: summary["faults"] for side, summary in summaries.items()},
+            "drops": {side: summary["drops"] for side, summary in summaries.items()},
+            "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+            "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
+            "status": max(summary["status"] for summary in summaries.values()) if failures else COMPLETED,
+        }
+
+    def _signal(self, number: int, _frame: FrameType | None) -> None:
+        self._signals.append(Signals(number))

@@ -1,0 +1,141 @@
+"""What a person reads at the end of a run, and the status line before it: the numbers of the JSON in 80 columns."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from evaluation.environment import footer
+from protocol.states import State
+
+WIDTH = 80
+
+
+def session_report(summary: dict[str, Any], title: str, console: Console) -> None:
+    """Print the report of `loopback` or `simulate`: the error beside the run time that it cost."""
+    outcome = summary["outcome"]
+    colour = "green" if outcome in ("completed", "interrupted", "terminated") else "red"
+    console.print(Text.assemble((title, "bold"), f"  {summary['duration_s']:.1f} s  ", (outcome, colour)))
+    console.print(_channels(summary))
+    console.print(_ticks(summary))
+    for line in _lines(summary):
+        console.print(line, soft_wrap=False)
+    if "environment" in summary:
+        console.print(Text(footer(summary["environment"], summary.get("seed")), style="dim"))
+
+
+def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
+    """One line of a running session, at most 80 characters."""
+    states = [State(int(record["state"])).name.lower() for record in records.values() if record is not None]
+    state = states[0] if states and all(name == states[0] for name in states) else "/".join(states) or "starting"
+    force = summary["force"]
+    parts = [f"{summary['duration_s']:6.1f} s", state]
+    if force["packets_per_s"] is not None and force["reduction"] is not None:
+        parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
+    if force["error_rms"] is not None:
+        parts += [f"felt RMS {force['error_rms']:.3f} N", f"outside {100 * force['violation_fraction']:.1f} %"]
+    if summary["link"]["rtt_us"]["p50"] is not None:
+        parts.append(f"rtt {summary['link']['rtt_us']['p50'] / 1000:.2f} ms")
+    return "  ".join(parts)[:WIDTH]
+
+
+def _channels(summary: dict[str, Any]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("channel", no_wrap=True)
+    for name in ("packets/s", "fewer", "all fewer", "B/s", "error RMS", "max", "outside"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name, unit, factor in (("force", "N", 1.0), ("position", "mm", 1e3)):
+        channel = summary[name]
+        if not channel["samples"]:
+            table.add_row(name, "-", "-", "-", "-", "-", "-", "-")
+            continue
+        table.add_row(
+            name,
+            f"{channel['packets_per_s']:.1f}",
+            _percent(channel["reduction"]),
+            _percent(channel["reduction_all"]),
+            f"{channel['bytes_per_s']:.0f}",
+            _number(channel["error_rms"], factor, unit),
+            _number(channel["error_max"], factor, unit),
+            _percent(channel["violation_fraction"]),
+        )
+    return table
+
+
+def _ticks(summary: dict[str, Any]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("side", no_wrap=True)
+    for name in ("ticks", "missed", "late p50/p99 us", "work p50/p99 us", "codec p50/p99 us"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for side, ticks in summary["ticks"].items():
+        total = ticks["count"] + ticks["missed"]
+        table.add_row(
+            side,
+            str(ticks["count"]),
+            _percent(ticks["missed"] / total if total else None, 2),
+            *(_pair(ticks[name]) for name in ("lateness_us", "work_us", "codec_us")),
+        )
+    return table
+
+
+def _lines(summary: dict[str, Any]) -> list[str]:
+    force, link = summary["force"], summary["link"]
+    lines = []
+    if force["violation_floor"] is not None:
+        coded = _number(force["coding"]["error_rms"], 1.0, "N")
+        lines.append(
+            f"felt outside the deadband {_percent(force['violation_fraction'])}, "
+            f"of which sends x latency make {_percent(force['violation_floor'])}; coding error {coded}"
+        )
+    if len(force["selected"]) > 1:
+        lines.append("sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items()))
+    if link["rtt_us"]["p50"] is not None:
+        lines.append(
+            f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
+            f"one way {link['one_way_us']['p50'] / 1e3:.2f} ms"
+        )
+    lines.append(
+        f"datagrams: {link['sent']} sent, {link['received']} received, {link['lost']} lost, "
+        f"{link['dropped']} dropped, {link['repeats']} repeats"
+    )
+    if any(summary["drops"].values()):
+        lines.append(f"dropped: {_by_side(summary['drops'])}")
+    lines.append(
+        f"energy of the link: {summary['energy']['generated_j'] * 1e3:.2f} mJ generated, "
+        f"{summary['energy']['dissipated_j'] * 1e3:.2f} mJ dissipated"
+    )
+    lines.append(f"faults: {_by_side(summary['faults']) or 'none'}")
+    lines += [
+        f"{side}: {_rights(grants)}" for side, grants in summary.get("realtime", {}).items() if grants is not None
+    ]
+    if "run_time_s" in summary:
+        lines.append(
+            f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
+        )
+    return lines
+
+
+def _by_side(counts: dict[str, dict[str, int]]) -> str:
+    return ", ".join(f"{side} {name} {count}" for side, named in counts.items() for name, count in named.items())
+
+
+def _rights(grants: dict[str, dict[str, Any]]) -> str:
+    """What the kernel granted of what was asked for, and what it did not."""
+    asked = {name: grant for name, grant in grants.items() if grant["detail"] != "not asked for"}
+    return ", ".join(
+        grant["detail"] if grant["granted"] else f"{name.replace('_', ' ')} {grant['detail']}"
+        for name, grant in asked.items()
+    )
+
+
+def _percent(share: float | None, digits: int = 1) -> str:
+    return "-" if share is None else f"{100 * share:.{digits}f} %"
+
+
+def _number(value: float | None, factor: float, unit: str) -> str:
+    return "-" if value is None else f"{value * factor:.3f} {unit}"
+
+
+def _pair(summary: dict[str, float | None]) -> str:
+    return "-" if summary["p50"] is None else f"{summary['p50']:.0f}/{summary['p99']:.0f}"

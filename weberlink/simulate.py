@@ -1,0 +1,87 @@
+"""A configuration in virtual time: composed as the daemons are, driven by a simulation instead of a clock."""
+
+from pathlib import Path
+from random import Random
+from time import perf_counter
+from typing import Any
+
+from evaluation.recording import TraceRecorder
+from evaluation.session import SessionScore
+from evaluation.simulation import SLAVE_ADDRESS, Observer, Simulation
+from weberlink.composition import build_links, build_master, build_security, build_slave, channels
+from weberlink.configuration import Configuration
+from weberlink.configuration.model import EmulationSettings
+
+DEFAULT_DURATION = 60.0
+"""Of a device that never ends by itself [s]."""
+
+
+def build_simulation(configuration: Configuration) -> Simulation:
+    """Both sides and their link, not yet begun. Chance comes from the seed of `link.emulate` alone.
+
+    Raises:
+        ConfigurationError: if a part cannot be made as the file asks.
+    """
+    system = configuration.system
+    emulation = system.link.emulate or EmulationSettings()
+    chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
+    return Simulation(
+        master=build_master(
+            configuration,
+            security=build_security(system),
+            entropy=chance["master"].randbytes,
+            epoch=0.0,
+            stopwatch=_no_time,
+            peer=SLAVE_ADDRESS,
+        ),
+        slave=build_slave(
+            configuration,
+            security=build_security(system),
+            entropy=chance["slave"].randbytes,
+            epoch=0.0,
+            stopwatch=_no_time,
+        ),
+        links=build_links(emulation, (chance["forward"].random, chance["backward"].random), 0.0),
+        tick_period=system.tick_period,
+    )
+
+
+def simulate(configuration: Configuration, duration: float | None, trace: Path | None = None) -> dict[str, Any]:
+    """Run to the end of the duration [s] or of the device's motion; returns the figures of the session.
+
+    Args:
+        configuration: both sides.
+        duration: [s]; None for `DEFAULT_DURATION`.
+        trace: where to write what the robot was commanded and felt; None for nowhere.
+
+    Raises:
+        ConfigurationError: if a part cannot be made as the file asks.
+    """
+    system = configuration.system
+    simulation = build_simulation(configuration)
+    score = SessionScore(system.rate_hz, channels(system)[1].bank)
+    began = perf_counter()
+    recorder = TraceRecorder()
+    observers: list[Observer] = [score] if trace is None else [score, recorder]
+    simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
+    run_time = perf_counter() - began
+    if trace is not None:
+        recorder.save(trace)
+    master, slave = simulation.master, simulation.slave
+    failures = [side.outcome for side in (master, slave) if side.outcome is not None]
+    return score.summary() | {
+        "faults": {"master": master.faults, "slave": slave.faults},
+        "drops": {
+            name: {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()}
+            for name, side in (("master", master), ("slave", slave))
+        },
+        "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
+        "status": 1 if failures else 0,
+        "run_time_s": run_time,
+        "seed": (system.link.emulate or EmulationSettings()).seed,
+    }
+
+
+def _no_time() -> float:
+    """The stopwatch of virtual time: equal runs must be equal bit for bit."""
+    return 0.0
