@@ -1,0 +1,40 @@
+"""Datagram session between the two ends of a teleoperation link: sans-I/O core, and a thin shell in `protocol.aio`.
+
+Pure but for that shell: no socket, no clock, no randomness of its own. It carries integers and knows no codec. Security
+suites are imported where they are chosen: `protocol.psk` or `protocol.checksum`.
+"""
+
+from protocol.endpoint import Endpoint
+from protocol.events import (
+    Address,
+    Connected,
+    DatagramDropped,
+    Event,
+    PeerClosed,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    UpdateReceived,
+)
+from protocol.reasons import DropReason
+from protocol.roles import Role
+from protocol.states import State, StateError
+from protocol.statistics import Statistics
+
+__all__ = [
+    "Address",
+    "Connected",
+    "DatagramDropped",
+    "DropReason",
+    "Endpoint",
+    "Event",
+    "PeerClosed",
+    "PeerReturned",
+    "PeerSilent",
+    "Refused",
+    "Role",
+    "State",
+    "StateError",
+    "Statistics",
+    "UpdateReceived",
+]

@@ -1,0 +1,205 @@
+"""A UDP socket and an event loop around one endpoint. Decides nothing about the protocol.
+
+The owner ticks: it calls `service(now)` before its work and `flush(now)` after it. Between ticks the socket wakes the
+loop by itself, and one timer covers whatever is due first, so an owner that ticks slowly, or not at all, loses nothing.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+from errno import EADDRINUSE
+from math import inf
+
+from protocol.emulation import EmulatedLink
+from protocol.endpoint import Endpoint
+from protocol.events import Address
+from protocol.wire import LONGEST_DATAGRAM
+
+_READS_PER_WAKEUP = 64
+_ANY_PORT: Address = ("", 0)
+
+
+class AddressInUseError(OSError):
+    """Another program holds the UDP port."""
+
+
+class UdpShell:
+    """Drives one endpoint over UDP.
+
+    Attributes:
+        socket_errors: sends and reads that the system refused (peer not there, buffer full, no route); each is as good
+            as a lost datagram, which the protocol stands.
+    """
+
+    __slots__ = (
+        "_endpoint",
+        "_link",
+        "_listen",
+        "_loop",
+        "_names",
+        "_now",
+        "_numeric",
+        "_socket",
+        "_timer",
+        "_timer_at",
+        "socket_errors",
+    )
+
+    def __init__(
+        self,
+        endpoint: Endpoint,
+        *,
+        now: Callable[[], float],
+        listen: Address = _ANY_PORT,
+        link: EmulatedLink[Address] | None = None,
+    ) -> None:
+        """Prepare; nothing is claimed before `open`.
+
+        Args:
+            now: the clock that the endpoint lives by [s], such as `time.monotonic`.
+            listen: own host and port; "" for all interfaces, 0 for any port.
+            link: faults to put on what is sent; None for none.
+        """
+        self._endpoint = endpoint
+        self._now = now
+        self._listen = listen
+        self._link = link
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._socket: socket.socket | None = None
+        self._names: dict[Address, Address] = {}
+        self._numeric: dict[Address, Address] = {}
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_at = inf
+        self.socket_errors = 0
+
+    @property
+    def address(self) -> Address:
+        """Own address, once open."""
+        assert self._socket is not None
+        host, port = self._socket.getsockname()[:2]
+        return host, port
+
+    async def open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Resolve names, claim the port and listen.
+
+        Raises:
+            AddressInUseError: if another program has the port.
+            OSError: if a name does not resolve or is not an address of this host.
+        """
+        self._loop = loop
+        family, local = await self._resolve(loop, self._listen, socket.AF_UNSPEC, passive=True)
+        if self._endpoint.peer is not None:
+            wanted = family if self._listen[0] else socket.AF_UNSPEC
+            family, peer = await self._resolve(loop, self._endpoint.peer, wanted, passive=False)
+            if not self._listen[0]:
+                _, local = await self._resolve(loop, self._listen, family, passive=True)
+            self._names[peer] = self._endpoint.peer
+            self._numeric[self._endpoint.peer] = peer
+        self._socket = self._bind(family, local)
+        loop.add_reader(self._socket.fileno(), self._on_readable)
+        self.flush(self._now())
+
+    async def _resolve(
+        self, loop: asyncio.AbstractEventLoop, address: Address, family: int, *, passive: bool
+    ) -> tuple[socket.AddressFamily, Address]:
+        host, port = address
+        flags = socket.AI_PASSIVE if passive else 0
+        try:
+            found = await loop.getaddrinfo(host or None, port, family=family, type=socket.SOCK_DGRAM, flags=flags)
+        except socket.gaierror as problem:
+            raise OSError(f"{host}:{port} cannot be resolved: {problem.strerror}") from None
+        # IPv4 first: a wildcard must take callers of the kind that most configurations name.
+        chosen = min(found, key=lambda entry: entry[0] != socket.AF_INET)
+        return chosen[0], (str(chosen[4][0]), int(chosen[4][1]))
+
+    def _bind(self, family: socket.AddressFamily, local: Address) -> socket.socket:
+        bound = socket.socket(family, socket.SOCK_DGRAM)
+        try:
+            bound.setblocking(False)
+            bound.bind(local)
+        except OSError as problem:
+            bound.close()
+            if problem.errno != EADDRINUSE:
+                raise
+            host, port = local
+            raise AddressInUseError(
+                EADDRINUSE,
+                f"UDP {host}:{port} is in use: stop the program that holds it (ss -lunp shows which), "
+                "or choose another port to listen on",
+            ) from None
+        return bound
+
+    def close(self) -> None:
+        """Send what is still waiting, then release the socket; also if `open` did not finish."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer, self._timer_at = None, inf
+        if self._socket is None:
+            return
+        for data, address in self._endpoint.datagrams_to_send():
+            self._send(data, address)
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.remove_reader(self._socket.fileno())
+        self._socket.close()
+        self._socket = None
+
+    def service(self, now: float) -> None:
+        """Take what has arrived, and let the endpoint do what is due."""
+        self._read()
+        self._endpoint.handle_timer(now)
+
+    def flush(self, now: float) -> None:
+        """Send what the endpoint and the emulated link have ready, and be woken when more is due."""
+        datagrams = self._endpoint.datagrams_to_send()
+        if self._link is None:
+            for data, address in datagrams:
+                self._send(data, address)
+        else:
+            for data, address in datagrams:
+                self._link.send(data, address, now)
+            for data, address in self._link.receive(now):
+                self._send(data, address)
+        self._arm(now)
+
+    def _arm(self, now: float) -> None:
+        due = self._endpoint.next_timer()
+        if self._link is not None and (arrival := self._link.next_due()) is not None:
+            due = arrival if due is None else min(due, arrival)
+        if due is None or due >= self._timer_at or self._loop is None or self._socket is None:
+            return  # a timer that fires too early only arms the next one
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer_at = due
+        self._timer = self._loop.call_later(max(0.0, due - now), self._on_timer)
+
+    def _on_timer(self) -> None:
+        self._timer, self._timer_at = None, inf
+        now = self._now()
+        self._endpoint.handle_timer(now)
+        self.flush(now)
+
+    def _on_readable(self) -> None:
+        self._read()
+        self.flush(self._now())
+
+    def _read(self) -> None:
+        for _ in range(_READS_PER_WAKEUP):
+            if self._socket is None:
+                return
+            try:
+                data, source = self._socket.recvfrom(LONGEST_DATAGRAM + 1)
+            except BlockingIOError:
+                return
+            except OSError:  # an ICMP error of an earlier send, told here
+                self.socket_errors += 1
+                continue
+            address = (source[0], source[1])
+            self._endpoint.receive_datagram(data, self._names.get(address, address), self._now())
+
+    def _send(self, data: bytes, address: Address) -> None:
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(data, self._numeric.get(address, address))
+        except OSError:
+            self.socket_errors += 1

@@ -1,0 +1,203 @@
+"""A faulty link: delay, loss and the rest, from a seed. The same object serves virtual time and real sockets.
+
+Knows nothing of what it carries or to whom; randomness is handed in, so the same seed does the same harm.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import count
+from math import inf
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+REORDER_HOLD = 0.005
+"""How long a reordered datagram is held back, so that those behind it overtake [s]."""
+QUEUE_S = 0.25
+"""A rate-limited link drops what would wait longer than this [s]."""
+HEADER_BYTES = 28
+"""IPv4 and UDP headers, which take their share of the rate."""
+CAPACITY = 16_384
+"""Datagrams under way; more are dropped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Emulation:
+    """What a link does to datagrams.
+
+    Args:
+        delay_s: least one-way delay [s].
+        jitter_s: extra delay, uniform in [0, jitter_s]; as in a queue, it does not reorder [s].
+        loss: share of datagrams lost, 0..1.
+        burst: mean length of a run of losses; 1 for independent losses, more for a Gilbert-Elliott channel whose good
+            state loses nothing and whose bad state loses everything.
+        reorder: probability that a datagram is held back by `REORDER_HOLD`.
+        duplicate: probability that it arrives twice.
+        corrupt: probability that one of its bits is flipped.
+        rate_bit_s: capacity, headers included; None for no limit [bit/s].
+        blackouts: (start, duration) of times when nothing gets through, from the epoch of the link [s].
+
+    Raises:
+        ValueError: naming the field.
+    """
+
+    delay_s: float = 0.0
+    jitter_s: float = 0.0
+    loss: float = 0.0
+    burst: float = 1.0
+    reorder: float = 0.0
+    duplicate: float = 0.0
+    corrupt: float = 0.0
+    rate_bit_s: float | None = None
+    blackouts: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("delay_s", "jitter_s"):
+            value = getattr(self, name)
+            if not 0.0 <= value < inf:
+                raise ValueError(f"{name} must be a time of at least 0 s, not {value}")
+        for name in ("loss", "reorder", "duplicate", "corrupt"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{name} must be a probability, not {value}")
+        if not 1.0 <= self.burst < inf:
+            raise ValueError(f"burst must be a mean length of at least 1, not {self.burst}")
+        if self.burst > 1.0 and self.loss < 1.0 and self.loss > self.burst / (1.0 + self.burst):
+            raise ValueError(f"loss must be at most burst / (1 + burst) for bursts of {self.burst}, not {self.loss}")
+        if self.rate_bit_s is not None and not self.rate_bit_s > 0.0:
+            raise ValueError(f"rate_bit_s must be positive, not {self.rate_bit_s}")
+        if any(duration < 0.0 for _, duration in self.blackouts):
+            raise ValueError(f"blackouts must be pairs of start and duration, not {self.blackouts}")
+
+
+@dataclass(slots=True)
+class LinkCounters:
+    """What a link has done so far."""
+
+    sent: int = 0
+    delivered: int = 0
+    lost: int = 0
+    blacked_out: int = 0
+    congested: int = 0
+    reordered: int = 0
+    duplicated: int = 0
+    corrupted: int = 0
+
+
+class EmulatedLink(Generic[T]):
+    """One direction of a faulty link; `T` is whatever the owner wants back with a datagram (an address)."""
+
+    __slots__ = (
+        "_busy_until",
+        "_emulation",
+        "_epoch",
+        "_flights",
+        "_in_burst",
+        "_last_due",
+        "_numbers",
+        "_uniform",
+        "counters",
+    )
+
+    def __init__(self, emulation: Emulation, uniform: Callable[[], float], epoch: float = 0.0) -> None:
+        """Lay the link.
+
+        Args:
+            uniform: random numbers in [0, 1), from a seeded generator.
+            epoch: `now` of the origin of the blackouts [s].
+        """
+        self._emulation = emulation
+        self._uniform = uniform
+        self._epoch = epoch
+        self._flights: list[tuple[float, int, bytes, T]] = []
+        self._numbers = count()
+        self._in_burst = False
+        self._last_due = -inf
+        self._busy_until = -inf
+        self.counters = LinkCounters()
+
+    def send(self, data: bytes, tag: T, now: float) -> None:
+        """Put a datagram on the link."""
+        emulation, counters = self._emulation, self.counters
+        counters.sent += 1
+        if self._is_lost():
+            counters.lost += 1
+            return
+        if self._is_blacked_out(now):
+            counters.blacked_out += 1
+            return
+        left_at = self._transmit(len(data), now)
+        if left_at is None:
+            counters.congested += 1
+            return
+        due = self._arrival(left_at)
+        if self._happens(emulation.corrupt):
+            data = self._flip(data)
+            counters.corrupted += 1
+        self._fly(due, data, tag)
+        if self._happens(emulation.duplicate):
+            counters.duplicated += 1
+            self._fly(due, data, tag)
+
+    def receive(self, now: float) -> list[tuple[bytes, T]]:
+        """What has arrived by now, in order of arrival."""
+        arrived = []
+        while self._flights and self._flights[0][0] <= now:
+            _, _, data, tag = heappop(self._flights)
+            arrived.append((data, tag))
+        self.counters.delivered += len(arrived)
+        return arrived
+
+    def next_due(self) -> float | None:
+        """When the next datagram arrives [s]."""
+        return self._flights[0][0] if self._flights else None
+
+    def _happens(self, probability: float) -> bool:
+        return probability > 0.0 and self._uniform() < probability
+
+    def _is_lost(self) -> bool:
+        loss, burst = self._emulation.loss, self._emulation.burst
+        if burst == 1.0 or loss in (0.0, 1.0):
+            return self._happens(loss)
+        # Leaving the bad state with 1 / burst makes runs of that mean length; entering it with the rate below makes
+        # the share of time in it equal to the loss (Gilbert 1960).
+        change = 1.0 / burst if self._in_burst else loss / (burst * (1.0 - loss))
+        if self._happens(change):
+            self._in_burst = not self._in_burst
+        return self._in_burst
+
+    def _is_blacked_out(self, now: float) -> bool:
+        since = now - self._epoch
+        return any(start <= since < start + duration for start, duration in self._emulation.blackouts)
+
+    def _transmit(self, size: int, now: float) -> float | None:
+        rate = self._emulation.rate_bit_s
+        if rate is None:
+            return now if len(self._flights) < CAPACITY else None
+        begin = max(now, self._busy_until)
+        if begin - now > QUEUE_S or len(self._flights) >= CAPACITY:
+            return None
+        self._busy_until = begin + 8.0 * (size + HEADER_BYTES) / rate
+        return self._busy_until
+
+    def _arrival(self, left_at: float) -> float:
+        emulation = self._emulation
+        due = left_at + emulation.delay_s
+        if emulation.jitter_s > 0.0:
+            due += emulation.jitter_s * self._uniform()
+        due = max(due, self._last_due)
+        if self._happens(emulation.reorder):
+            self.counters.reordered += 1
+            return due + REORDER_HOLD
+        self._last_due = due
+        return due
+
+    def _flip(self, data: bytes) -> bytes:
+        bit = int(self._uniform() * 8 * len(data))
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        return bytes(flipped)
+
+    def _fly(self, due: float, data: bytes, tag: T) -> None:
+        heappush(self._flights, (due, next(self._numbers), data, tag))

@@ -1,0 +1,348 @@
+"""One end of a link: states, sessions and queues; everything else is delegated.
+
+Pure: driven by its owner (`send_update`), the network (`receive_datagram`) and time (`handle_timer`), each with
+`now`, and answering through `datagrams_to_send`, `next_timer` and `next_event`. What a peer does wrong is an event
+and a count, never an exception. Knows no codec: it carries integers that it does not interpret.
+"""
+
+from collections.abc import Callable, Mapping
+from math import inf
+
+from protocol.dialer import Dialer
+from protocol.events import Address, Connected, Event, PeerClosed, PeerReturned, PeerSilent, Refused, UpdateReceived
+from protocol.handshake import PROTOCOL_VERSION, pack_agreement, read_map
+from protocol.listener import Listener
+from protocol.mailbox import Mailbox
+from protocol.reasons import DropReason
+from protocol.roles import Role
+from protocol.security import Protection, Security
+from protocol.session import Opened, Parameters, Session
+from protocol.states import State, Trigger, next_state
+from protocol.statistics import Statistics
+from protocol.wire import LONGEST_DATAGRAM, Kind, UpdateLayout, kind_of, length_fault
+
+_HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
+
+
+class Endpoint:
+    """One end of a link.
+
+    The life of an initiator: `connect`, then `Connected` (or `Refused`, which is final), updates, `PeerSilent` and
+    `PeerReturned` in the same session or `Connected` in a new one. It calls again by itself whenever the peer is gone.
+    A responder does the same from the other side and goes on listening, until `close`.
+    """
+
+    __slots__ = (
+        "_address",
+        "_agreement",
+        "_dialer",
+        "_former",
+        "_heard_at",
+        "_lengths",
+        "_listener",
+        "_mailbox",
+        "_parameters",
+        "_role",
+        "_session",
+        "_state",
+        "_statistics",
+    )
+
+    def __init__(
+        self,
+        *,
+        role: Role,
+        agreement: Mapping[str, object],
+        outgoing_values: int,
+        incoming_values: int,
+        security: Security,
+        entropy: Callable[[int], bytes],
+        epoch: float,
+        tick_period: float,
+        silence: float = 0.1,
+        peer: Address | None = None,
+        version: int = PROTOCOL_VERSION,
+    ) -> None:
+        """Compose one end.
+
+        Args:
+            role: the initiator calls `peer`; the responder answers whoever proves the key.
+            agreement: dotted path to value; must be the same at both ends.
+            outgoing_values, incoming_values: levels in a sample of each direction.
+            security: the suite, with its key.
+            entropy: random bytes of a number, for keys and nonces; must be unpredictable where it matters.
+            epoch: `now` of the owner's tick 0 [s].
+            tick_period: of both ends [s], > 0.
+            silence: age beyond which no update is delivered, and the silence beyond which a peer counts as gone [s].
+            peer: whom an initiator calls.
+            version: of the protocol; another one than this code's only to study a mismatch.
+
+        Raises:
+            ValueError: naming the argument.
+        """
+        if role is Role.INITIATOR and peer is None:
+            raise ValueError("peer: an initiator must be told whom to call")
+        if not (tick_period > 0.0 and silence > 0.0):
+            raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
+        layouts = UpdateLayout(outgoing_values), UpdateLayout(incoming_values)
+        packed = pack_agreement(agreement)
+        self._agreement: dict[str, object] = read_map(packed) or {}
+        self._role = role
+        self._address = peer
+        self._state = State.IDLE
+        self._statistics = Statistics()
+        self._parameters = Parameters(*layouts, epoch, tick_period, silence)
+        self._lengths = self._parameters.incoming.lengths(security.tag_size)
+        self._dialer = Dialer(security, entropy, packed, version, epoch)
+        self._listener = Listener(security, entropy, self._agreement, version, epoch, self._open_session)
+        self._session: Session | None = None
+        self._former: Session | None = None
+        self._heard_at = -inf
+        self._mailbox = Mailbox(self._statistics)
+
+    # --- what the owner reads
+
+    @property
+    def role(self) -> Role:
+        return self._role
+
+    @property
+    def state(self) -> State:
+        return self._state
+
+    @property
+    def peer(self) -> Address | None:
+        """Where the peer is, or was last; None for a responder that nobody has called."""
+        return self._address
+
+    @property
+    def heard_at(self) -> float:
+        """When the last fresh authentic datagram came from the peer [s]; -inf before the first."""
+        return self._heard_at
+
+    @property
+    def statistics(self) -> Statistics:
+        """Counters, which go on counting, and measurements as of this call."""
+        if self._session is not None:
+            self._session.measure()
+        return self._statistics
+
+    def peer_time(self, now: float) -> float | None:
+        """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
+        return None if self._session is None else self._session.clock.peer_time(now)
+
+    def next_event(self) -> Event | None:
+        """The oldest event not yet taken."""
+        return self._mailbox.next_event()
+
+    def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
+        """Everything to be sent, oldest first; the caller takes it over."""
+        return self._mailbox.datagrams()
+
+    # --- what the owner does
+
+    def connect(self, now: float) -> None:
+        """Begin: an initiator calls, a responder listens.
+
+        Raises:
+            StateError: if begun before.
+        """
+        if self._role is Role.INITIATOR:
+            self._turn(Trigger.DIAL)
+            self._call(now)
+        else:
+            self._turn(Trigger.LISTEN)
+
+    def send_update(
+        self, now: float, tick: int, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]
+    ) -> bool:
+        """Send a new state to the peer, and see to it that it arrives.
+
+        To a peer that has fallen silent the update is sent as well, and is repeated once the peer is back.
+
+        Args:
+            tick: when the newest sample was taken, counted from the epoch.
+            selector: 0..15.
+            newest: int16 levels.
+            gap: ticks between the two samples, 1..65535; 0 without a previous one.
+            previous: int16 levels of the sample before, or ().
+
+        Returns:
+            False if there is no session, and nothing was sent.
+
+        Raises:
+            ValueError: naming what cannot be sent.
+        """
+        if self._session is None:
+            return False
+        self._post(self._session.send_update(now, tick, selector, newest, gap, previous))
+        return True
+
+    def close(self, now: float, reason: str) -> None:
+        """Leave for good, and tell the peer why; the datagrams to send still hold the farewell.
+
+        Raises:
+            StateError: if closed already.
+        """
+        self._turn(Trigger.CLOSE)
+        if self._session is not None:
+            self._post(self._session.send_bye(now, reason))
+        self._end_session()
+        self._listener.settle()
+
+    # --- time
+
+    def next_timer(self) -> float | None:
+        """When `handle_timer` has something to do [s]."""
+        due = self._dialer.due
+        if self._session is not None:
+            is_engaged = self._state is State.ENGAGED
+            due = min(due, self._session.next_timer(is_engaged=is_engaged))
+            if is_engaged:
+                due = min(due, self._heard_at + self._parameters.silence)
+        return None if due == inf else due
+
+    def handle_timer(self, now: float) -> None:
+        """Do what is due: silence, calls, repeats, heartbeats. Early calls do no harm."""
+        session = self._session
+        if session is not None:
+            if self._state is State.ENGAGED and now >= self._heard_at + self._parameters.silence:
+                self._fall_silent(now)
+            is_engaged = self._state is State.ENGAGED
+            while (datagram := session.handle_timer(now, is_engaged=is_engaged)) is not None:
+                self._post(datagram)
+        if now >= self._dialer.due:
+            self._post(self._dialer.hello(now))
+
+    def _fall_silent(self, now: float) -> None:
+        self._turn(Trigger.FALL_SILENT)
+        self._mailbox.tell(PeerSilent())
+        if self._role is Role.INITIATOR:
+            self._call(now)
+
+    def _call(self, now: float) -> None:
+        self._dialer.start(now)
+        self._post(self._dialer.hello(now))
+
+    # --- the network
+
+    def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
+        """Take one datagram that has come from `address`, whatever its bytes."""
+        if not data:
+            self._mailbox.drop(DropReason.TRUNCATED)
+            return
+        kind = kind_of(data)
+        if self._role is Role.INITIATOR and address != self._address:
+            self._mailbox.drop(DropReason.FOREIGN_ADDRESS)
+        elif kind in _HANDSHAKE:
+            self._receive_handshake(kind, data, address, now)
+        elif reason := length_fault(data, self._lengths):
+            self._mailbox.drop(reason)
+        else:
+            self._receive_sealed(data, address, now)
+
+    def _receive_handshake(self, kind: int, data: bytes, address: Address, now: float) -> None:
+        is_initiator = self._role is Role.INITIATOR
+        if self._state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not is_initiator:
+            self._mailbox.drop(DropReason.UNEXPECTED)
+        elif len(data) > LONGEST_DATAGRAM:
+            self._mailbox.drop(DropReason.WRONG_LENGTH)
+        elif is_initiator:
+            self._receive_welcome(data, address, now)
+        else:
+            self._receive_hello(data, address, now)
+
+    def _receive_hello(self, data: bytes, address: Address, now: float) -> None:
+        reply = self._listener.receive(data, now)
+        if isinstance(reply, DropReason):
+            self._mailbox.drop(reply)
+            return
+        self._mailbox.count(data)
+        if reply.refusal is not None:
+            self._mailbox.tell(Refused(reply.refusal))
+        self._mailbox.post(reply.welcome, address)
+
+    def _receive_welcome(self, data: bytes, address: Address, now: float) -> None:
+        answer = self._dialer.receive(data)
+        if isinstance(answer, DropReason):
+            self._mailbox.drop(answer)
+            return
+        self._mailbox.count(data)
+        if isinstance(answer, str):
+            self._turn(Trigger.REFUSE)
+            self._end_session()
+            self._mailbox.tell(Refused(answer))
+            return
+        session = self._open_session(answer.protection, answer.peer_clock, now)
+        session.clock.learn(answer.outward_delay, 0.0, 0.0)
+        self._establish(session, address, now)
+        self._post(session.send_heartbeat(now))
+
+    def _receive_sealed(self, data: bytes, address: Address, now: float) -> None:
+        match = self._match(data)
+        if isinstance(match, DropReason):
+            self._mailbox.drop(match)
+            return
+        session, opened = match
+        if session is not self._session:
+            self._listener.settle()
+            self._establish(session, address, now)
+        self._mailbox.count(data)
+        is_newest = session.is_newest(opened)
+        outcome = session.accept(opened, now)
+        self._heard_at = session.heard_at
+        if session.heard_at == now:  # what is old or cannot be true moves nothing
+            if is_newest:
+                self._address = address
+            if self._state is State.SILENT:
+                self._turn(Trigger.HEAR)
+                self._dialer.stop()
+                self._mailbox.tell(PeerReturned())
+        self._take(outcome, now)
+
+    def _match(self, data: bytes) -> tuple[Session, Opened] | DropReason:
+        """The session under whose keys a datagram is authentic; one on paper becomes the session by this."""
+        session = self._session
+        if session is not None and (opened := session.authenticate(data)) is not None:
+            return session, opened
+        for session in self._listener.pending:
+            if (opened := session.authenticate(data)) is not None:
+                return session, opened
+        if self._former is not None and self._former.authenticate(data) is not None:
+            return DropReason.WRONG_SESSION
+        return DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG
+
+    def _take(self, outcome: UpdateReceived | PeerClosed | DropReason | None, now: float) -> None:
+        if isinstance(outcome, DropReason):
+            self._mailbox.drop(outcome)
+        elif isinstance(outcome, UpdateReceived):
+            self._statistics.updates_received += 1
+            self._mailbox.tell(outcome)
+        elif isinstance(outcome, PeerClosed):
+            self._turn(Trigger.LEAVE)
+            self._end_session()
+            self._mailbox.tell(outcome)
+            self.connect(now)
+
+    def _open_session(self, protection: Protection, peer_clock: float, now: float) -> Session:
+        return Session(protection, self._parameters, self._statistics, peer_clock, now)
+
+    def _establish(self, session: Session, address: Address, now: float) -> None:
+        self._turn(Trigger.ESTABLISH)
+        self._end_session()
+        self._session = session
+        self._address = address
+        self._heard_at = now
+        self._mailbox.tell(Connected(address, self._agreement))
+
+    def _end_session(self) -> None:
+        self._dialer.stop()
+        if self._session is not None:
+            self._former, self._session = self._session, None
+
+    def _turn(self, trigger: Trigger) -> None:
+        self._state = next_state(self._state, trigger)
+
+    def _post(self, datagram: bytes) -> None:
+        assert self._address is not None
+        self._mailbox.post(datagram, self._address)

@@ -1,0 +1,65 @@
+"""What an endpoint tells its owner. Plain values; knows nothing of how they come about."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from protocol.reasons import DropReason
+
+Address = tuple[str, int]
+"""Host and UDP port."""
+
+
+class Connected(NamedTuple):
+    """A new session has begun; whatever was held of an older one (codec states) is void."""
+
+    address: Address
+    agreement: Mapping[str, object]
+
+
+class UpdateReceived(NamedTuple):
+    """The newest update of the peer.
+
+    Args:
+        tick: sample tick on the peer's tick clock.
+        selector: 0..15, not interpreted here.
+        newest: int16 levels of the sample.
+        gap: ticks between the two samples; 0 when there is no previous one.
+        previous: int16 levels of the sample before, or ().
+        age: time since the datagram left the peer, by the mapped clock [s].
+    """
+
+    tick: int
+    selector: int
+    newest: tuple[int, ...]
+    gap: int
+    previous: tuple[int, ...]
+    age: float
+
+
+class PeerSilent(NamedTuple):
+    """Nothing fresh was heard from the peer for longer than the silence limit."""
+
+
+class PeerReturned(NamedTuple):
+    """The peer was heard again in the session that had fallen silent; codec states still hold."""
+
+
+class PeerClosed(NamedTuple):
+    """The peer has left, and said why."""
+
+    reason: str
+
+
+class Refused(NamedTuple):
+    """The two ends do not agree; `message` names each key and both values."""
+
+    message: str
+
+
+class DatagramDropped(NamedTuple):
+    """A received datagram was of no use."""
+
+    reason: DropReason
+
+
+Event = Connected | UpdateReceived | PeerSilent | PeerReturned | PeerClosed | Refused | DatagramDropped

@@ -1,0 +1,76 @@
+"""The key file: one line of text that only its owner may read. Knows no cryptography.
+
+weberlink-key-1 <64 hexadecimal digits>
+"""
+
+import os
+import secrets
+import stat
+from pathlib import Path
+
+KEY_BYTES = 32
+_LABEL = "weberlink-key-1"
+_LONGEST_FILE = 256
+
+
+class KeyFileError(ValueError):
+    """The key file cannot be used; the message says which and what to do."""
+
+
+def generate(path: Path) -> None:
+    """Write a new random key, mode 0600.
+
+    Raises:
+        KeyFileError: if there is such a file already (it is left as it is), or none can be made there.
+    """
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise KeyFileError(f"{path} exists already; a key is never overwritten") from None
+    except OSError as problem:
+        raise KeyFileError(f"{path} cannot be written: {problem.strerror}") from None
+    with os.fdopen(descriptor, "w", encoding="ascii") as file:
+        os.fchmod(descriptor, 0o600)
+        file.write(f"{_LABEL} {secrets.token_hex(KEY_BYTES)}\n")
+
+
+def load(path: Path) -> bytes:
+    """Read the key, of `KEY_BYTES`.
+
+    Raises:
+        KeyFileError: if the file is missing, open to other users, or not a key file.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # nothing waits for a pipe by that name
+    except FileNotFoundError:
+        raise KeyFileError(f"{path} does not exist; `weberlink keygen {path}` makes a key") from None
+    except OSError as problem:
+        raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
+    try:
+        return _parse(_read(descriptor, path), path)
+    finally:
+        os.close(descriptor)
+
+
+def _read(descriptor: int, path: Path) -> bytes:
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode):
+        raise KeyFileError(f"{path} is not a file")
+    if status.st_mode & 0o077:
+        mode = stat.S_IMODE(status.st_mode)
+        raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")
+    return os.read(descriptor, _LONGEST_FILE)
+
+
+def _parse(content: bytes, path: Path) -> bytes:
+    words = content.decode("ascii", errors="replace").split()
+    try:
+        label, digits = words
+        key = bytes.fromhex(digits)
+    except ValueError:
+        raise KeyFileError(f"{path} is not a key file; expected one line: {_LABEL} and hexadecimal digits") from None
+    if label != _LABEL:
+        raise KeyFileError(f"{path} starts with {label!r}; expected {_LABEL!r}")
+    if len(key) != KEY_BYTES:
+        raise KeyFileError(f"{path} holds a key of {len(key)} bytes; expected {KEY_BYTES}")
+    return key

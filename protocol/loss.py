@@ -1,0 +1,102 @@
+"""Loss measured from gaps in sequence numbers, and how dense heartbeats must be to stand it. Knows no clock."""
+
+from math import floor, log
+
+PATIENCE = 3
+"""A number is missing once this many later ones were seen (the packet threshold of RFC 9002): swaps do not count."""
+_MEMORY = 256
+_MASK = (1 << _MEMORY) - 1
+_RATES = (1 / 32, 1 / 1024)
+
+CLEAN_INTERVAL = 0.05
+"""Heartbeat interval where nothing is lost [s]."""
+SHORTEST_INTERVAL = 0.002
+_HOUR = 3600.0
+
+
+class LossMeter:
+    """Counts missing sequence numbers and estimates the present share of them.
+
+    Two exponential averages over the sequence, one over about 32 numbers and one over about 1024; the larger counts,
+    so the estimate rises within a burst and still remembers one loss in a thousand. A number that turns up after it was
+    judged missing is taken back from the count and, the averages being linear, exactly from both of them.
+    """
+
+    __slots__ = ("_fast", "_lost", "_newest", "_seen", "_slow")
+
+    def __init__(self) -> None:
+        self._newest: int | None = None
+        self._seen = _MASK  # nothing before the first number is held against the link
+        self._lost = 0
+        self._fast = 0.0
+        self._slow = 0.0
+
+    @property
+    def lost(self) -> int:
+        return self._lost
+
+    @property
+    def fraction(self) -> float:
+        """Share of recent datagrams that were lost, 0..1."""
+        return self._fast if self._fast > self._slow else self._slow
+
+    def record(self, sequence: int) -> int:
+        """Take note of a number that was not recorded before; returns the change of `lost`."""
+        before = self._lost
+        if self._newest is None:
+            self._newest = sequence
+        elif sequence > self._newest:
+            self._advance(sequence - self._newest)
+            self._newest = sequence
+        else:
+            self._fill(self._newest - sequence)
+        return self._lost - before
+
+    def _advance(self, step: int) -> None:
+        if step == 1 and self._seen >> (PATIENCE - 1) & 1:  # nearly always
+            self._fast *= 1.0 - _RATES[0]
+            self._slow *= 1.0 - _RATES[1]
+            self._seen = ((self._seen << 1) | 1) & _MASK
+            return
+        for index in range(PATIENCE - 1, max(PATIENCE - 1 - step, -1), -1):
+            self._judge(1, missing=not self._seen >> index & 1)
+        if step > PATIENCE:
+            self._judge(step - PATIENCE, missing=True)
+        self._seen = ((self._seen << step) | 1) & _MASK if step < _MEMORY else 1
+
+    def _judge(self, count: int, *, missing: bool) -> None:
+        target = 1.0 if missing else 0.0
+        self._lost += count if missing else 0
+        self._fast = target + (self._fast - target) * (1.0 - _RATES[0]) ** count
+        self._slow = target + (self._slow - target) * (1.0 - _RATES[1]) ** count
+
+    def _fill(self, behind: int) -> None:
+        if behind >= _MEMORY or self._seen >> behind & 1:
+            return
+        self._seen |= 1 << behind
+        since = behind - PATIENCE
+        if since >= 0:
+            self._lost -= 1
+            self._fast = max(0.0, self._fast - _RATES[0] * (1.0 - _RATES[0]) ** since)
+            self._slow = max(0.0, self._slow - _RATES[1] * (1.0 - _RATES[1]) ** since)
+
+
+def heartbeat_interval(loss: float, window: float, lateness: float) -> float:
+    """The longest interval that keeps false alarms rarer than one an hour.
+
+    A window with n datagrams passes in silence with probability loss^n if losses are independent, and an hour holds
+    3600 / window of them, so n is the least number with loss^n * 3600 / window < 1. Bursts longer than the window are
+    not covered: no density of heartbeats outlasts them.
+
+    Args:
+        loss: share of our datagrams that the peer misses, 0..1.
+        window: silence that must not happen by chance [s].
+        lateness: how much later than due a heartbeat may be sent [s].
+
+    Returns:
+        Interval [s], from `SHORTEST_INTERVAL` to `CLEAN_INTERVAL`.
+    """
+    if loss >= 1.0:
+        return SHORTEST_INTERVAL
+    needed = 1 if loss <= 0.0 else max(1, floor(log(_HOUR / window) / -log(loss)) + 1)
+    return min(CLEAN_INTERVAL, max(SHORTEST_INTERVAL, window / needed - lateness))

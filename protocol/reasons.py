@@ -1,0 +1,37 @@
+"""Why a datagram was dropped: the words that counters, events and tests share."""
+
+from enum import StrEnum
+
+
+class DropReason(StrEnum):
+    """One word for each way in which a datagram can be of no use. None of them ends a session."""
+
+    TRUNCATED = "truncated"
+    """Shorter than its kind can be."""
+    WRONG_LENGTH = "wrong_length"
+    """Longer than its kind can be."""
+    UNKNOWN_KIND = "unknown_kind"
+    FOREIGN_ADDRESS = "foreign_address"
+    """Not from the peer that the initiator calls."""
+    UNEXPECTED = "unexpected"
+    """A handshake datagram that this role does not take, or not now."""
+    UNPROVEN = "unproven"
+    """A handshake datagram whose sender did not prove the key, or that was damaged on the way."""
+    MALFORMED = "malformed"
+    """Authentic, but its content is not what its layout says."""
+    NO_SESSION = "no_session"
+    """Of a session, while there is none."""
+    WRONG_SESSION = "wrong_session"
+    """Authentic under the session before this one."""
+    BAD_TAG = "bad_tag"
+    """Forged, damaged, or of a session not known here."""
+    REPLAYED = "replayed"
+    """Received before, or too old to tell."""
+    IMPLAUSIBLE = "implausible"
+    """Authentic, but its time stamp, clock report or tick cannot be true."""
+    UNTIMED = "untimed"
+    """An update that came before its age can be told."""
+    STALE = "stale"
+    """Older than the silence limit when it arrived."""
+    SUPERSEDED = "superseded"
+    """An update older than one that has already been delivered."""

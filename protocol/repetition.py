@@ -1,0 +1,80 @@
+"""Whether the peer holds our newest update, and when to send it again. Knows no bytes and no clock mapping.
+
+Only the newest update is ever repeated: it carries the whole state, so an older one has no use.
+"""
+
+from collections import deque
+from math import inf
+
+from protocol.sequence import ACKNOWLEDGEMENT_MASK
+
+SHORTEST_PACE = 0.005
+LONGEST_PACE = 0.1
+_EVEN_REPEATS = 3
+_REMEMBERED = 8
+
+
+class Repetition:
+    """One update in flight.
+
+    An update is overdue on evidence (a datagram that left the peer after the update must have been there, and does not
+    acknowledge it) or, where nothing comes from the peer, after a fallback time. Pace, the least time between two
+    transmissions of the same update: 5 ms or the round trip if that is longer, doubled with each repeat after the
+    third, at most 100 ms (or the round trip). So in T seconds one update is repeated at most 7 + T / 0.1 times.
+    """
+
+    __slots__ = ("_count", "_evidence", "_sent_at", "_sequences")
+
+    def __init__(self) -> None:
+        self._sequences: deque[int] = deque(maxlen=_REMEMBERED)
+        self._sent_at = -inf
+        self._count = 0
+        self._evidence = False
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether there is an update that is not known to have arrived."""
+        return bool(self._sequences)
+
+    @property
+    def sent_at(self) -> float:
+        """When the update was last sent [s]."""
+        return self._sent_at
+
+    def begin(self, sequence: int, now: float) -> None:
+        """A new update was sent; any older one no longer matters."""
+        self._sequences.clear()
+        self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
+        self._count = 0
+        self._sent_at = now
+        self._evidence = False
+
+    def repeated(self, sequence: int, now: float) -> None:
+        self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
+        self._count += 1
+        self._sent_at = now
+        self._evidence = False
+
+    def acknowledge(self, ack: int) -> bool:
+        """Take the acknowledgement of any datagram; True if the update has arrived."""
+        if ack in self._sequences:
+            self._sequences.clear()
+        return not self._sequences
+
+    def miss(self) -> None:
+        """The peer was heard after the update must have arrived, and does not have it."""
+        self._evidence = True
+
+    def due_at(self, rtt: float, fallback: float) -> float:
+        """When to send it again [s]; infinity if there is no need.
+
+        Args:
+            rtt: measured round trip [s].
+            fallback: how long to wait for evidence [s].
+        """
+        if not self._sequences:
+            return inf
+        pace = max(SHORTEST_PACE, rtt)
+        if self._count >= _EVEN_REPEATS:
+            pace = min(pace * 2.0 ** min(self._count + 1 - _EVEN_REPEATS, 10), max(LONGEST_PACE, rtt))
+        return self._sent_at + (pace if self._evidence else max(pace, fallback))

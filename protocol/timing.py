@@ -1,0 +1,199 @@
+"""The mapping between the clocks of the two ends, measured from the datagrams themselves.
+
+Each end sees raw delays: arrival on its own clock minus departure on the other's. With o = peer's clock minus ours,
+
+    inward = delay_in - o        outward = delay_out + o (measured by the peer, reported in its heartbeats)
+
+so their sum is the round trip, and half their difference is the offset if the fastest datagrams of both directions
+took equally long (the assumption of NTP, RFC 5905, section 8; an asymmetric path shifts it by half the asymmetry).
+Queues only ever add delay, hence minima; they are taken over a sliding window, so that drifting clocks are followed: an
+error of at most half the window times the drift, 0.1 ms at 50 ppm.
+
+Knows no socket and no clock of its own. Clocks count seconds since the epoch of their owner.
+"""
+
+from math import floor, inf
+
+from protocol.sequence import expand
+
+WINDOW = 4.0
+"""Length of the minimum filter [s]."""
+_BUCKETS = 8
+_BUCKET = WINDOW / _BUCKETS
+STAMP_BITS = 24
+STAMP_UNIT = 1e-5
+"""Resolution of the time stamps [s]; 24 bits of it wrap every 168 s."""
+_STAMP_MASK = (1 << STAMP_BITS) - 1
+_STAMPS_PER_S = 1e5
+
+EARLY_LIMIT = 0.05
+"""How much faster than physics allows a datagram may seem before its stamp is not believed [s]."""
+_EARLY_LIMIT_UNMAPPED = 5.0
+LONGEST_RTT = 60.0
+_LEAST_RTT = -0.001  # clocks drift between two reports, and stamps are cut off
+
+
+class SlidingMinimum:
+    """Minimum over the last `WINDOW` seconds, in steps of an eighth of it; constant work for each sample."""
+
+    __slots__ = ("_bucket", "_minima", "_newest_at", "_value")
+
+    def __init__(self) -> None:
+        self._minima = [inf] * _BUCKETS
+        self._bucket = 0
+        self._newest_at = -inf
+        self._value = inf
+
+    @property
+    def value(self) -> float:
+        return self._value
+
+    def is_expired(self, now: float) -> bool:
+        return now - self._newest_at > WINDOW
+
+    def record(self, sample: float, now: float) -> None:
+        bucket = int(now // _BUCKET)
+        if bucket != self._bucket:
+            self._rotate(bucket)
+        index = bucket % _BUCKETS
+        if sample < self._minima[index]:
+            self._minima[index] = sample
+            self._value = min(self._minima)
+        self._newest_at = now
+
+    def _rotate(self, bucket: int) -> None:
+        for passed in range(min(max(bucket - self._bucket, 0), _BUCKETS)):
+            self._minima[(bucket - passed) % _BUCKETS] = inf
+        self._bucket = bucket
+        self._value = min(self._minima)
+
+
+class Clock:
+    """Our clock, and the peer's as seen from here."""
+
+    __slots__ = (
+        "_early_limit",
+        "_epoch",
+        "_excess",
+        "_inward",
+        "_latest",
+        "_offset",
+        "_outward",
+        "_variation",
+        "late",
+        "peer_latest",
+    )
+
+    def __init__(self, epoch: float, peer_clock: float, now: float) -> None:
+        """Start from a first datagram, whose departure was stated in full.
+
+        Args:
+            epoch: when our clock was at 0 [s].
+            peer_clock: departure on the peer's clock [s].
+            now: arrival [s].
+        """
+        self._epoch = epoch
+        self._inward = SlidingMinimum()
+        self._excess = 0.0
+        self._variation = 0.0
+        self._latest = 0.0
+        self._outward: float | None = None
+        self.peer_latest = 0.0
+        self.late = 0.0
+        self._offset: float | None = None
+        self._early_limit = _EARLY_LIMIT_UNMAPPED
+        self.record(peer_clock, now)
+
+    def time(self, now: float) -> float:
+        """Our own clock [s]."""
+        return now - self._epoch
+
+    def stamp(self, now: float) -> int:
+        """Our own clock as it travels."""
+        return floor((now - self._epoch) * _STAMPS_PER_S) & _STAMP_MASK
+
+    def departure(self, stamp: int, now: float) -> float:
+        """Full time [s] on the peer's clock of a stamp that has just arrived."""
+        near = int((now - self._epoch - self._inward.value) * _STAMPS_PER_S)
+        return expand(stamp, STAMP_BITS, near) * STAMP_UNIT
+
+    def is_plausible(self, departure: float, now: float) -> bool:
+        """Whether a datagram can have left then: not by much after it has arrived.
+
+        The true delay is not below 0, and the offset is wrong by at most half the least round trip. After a whole
+        window without a plausible datagram any stamp is believed: then a clock was stepped, not a datagram damaged.
+        """
+        early = self._inward.value - (now - self._epoch - departure)
+        return early <= self._early_limit or self._inward.is_expired(now)
+
+    def record(self, departure: float, now: float) -> None:
+        """Take the raw delay of a plausible datagram into the mapping."""
+        delay = now - self._epoch - departure
+        before = self._inward.value
+        self._inward.record(delay, now)
+        self._latest = delay
+        minimum = self._inward.value
+        excess = delay - minimum
+        # The shape of RFC 6298: mean plus four mean deviations is a bound that few datagrams exceed.
+        self._variation += (abs(excess - self._excess) - self._variation) / 16
+        self._excess += (excess - self._excess) / 16
+        if minimum != before:
+            self._map()
+
+    def report(self) -> tuple[float, float, float]:
+        """For the peer [s]: least raw delay, and above it the latest and the one that few datagrams exceed."""
+        minimum = self._inward.value
+        return minimum, self._latest - minimum, max(0.0, self._excess) + 4.0 * self._variation
+
+    def learn(self, minimum: float, latest: float, late: float) -> bool:
+        """Take the peer's report; False, and nothing is changed, if no real link could give it."""
+        if not _LEAST_RTT - EARLY_LIMIT <= self._inward.value + minimum <= LONGEST_RTT:
+            return False
+        self._outward = minimum
+        self.peer_latest = latest
+        self.late = min(late, LONGEST_RTT)
+        self._map()
+        return True
+
+    @property
+    def offset(self) -> float | None:
+        """Peer's clock minus ours [s]; None until both directions are measured."""
+        return self._offset
+
+    @property
+    def rtt(self) -> float | None:
+        """Round trip of the latest datagrams of the two directions [s]."""
+        if self._outward is None:
+            return None
+        return max(0.0, self._latest + self._outward + self.peer_latest)
+
+    @property
+    def one_way(self) -> float | None:
+        """Delay of the latest datagram of the peer [s]."""
+        return None if self._offset is None else max(0.0, self._latest + self._offset)
+
+    def peer_time(self, now: float) -> float | None:
+        """The peer's clock now [s]."""
+        return None if self._offset is None else now - self._epoch + self._offset
+
+    def age(self, departure: float, now: float) -> float | None:
+        """Time since then [s], not negative; None until both directions are measured."""
+        return None if self._offset is None else max(0.0, now - self._epoch + self._offset - departure)
+
+    def arrival_bound(self, sent_at: float) -> float | None:
+        """By when [s, peer's clock] nearly every datagram that we sent at `sent_at` [s] has arrived."""
+        if self._outward is None:
+            return None
+        return sent_at - self._epoch + self._outward + self.late
+
+    def _map(self) -> None:
+        if self._outward is None:
+            return
+        inward = self._inward.value
+        least_rtt = inward + self._outward
+        if _LEAST_RTT - EARLY_LIMIT <= least_rtt <= LONGEST_RTT:
+            self._offset = 0.5 * (self._outward - inward)
+            self._early_limit = EARLY_LIMIT + max(0.0, least_rtt)
+        else:  # two reports on either side of a stepped clock: no mapping until they agree again
+            self._offset = None
+            self._early_limit = _EARLY_LIMIT_UNMAPPED

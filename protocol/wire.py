@@ -1,0 +1,223 @@
+"""Binary layout of the datagrams of a session. Knows no keys and no meaning of what it carries.
+
+All fields are little endian; n is the number of values that the two ends agreed on for the direction.
+
+| part | field | format | bytes | meaning |
+|---|---|---|---|---|
+| head | kind | B | 1 | bits 0-2 kind, bit 3 a previous sample follows, bits 4-7 selector |
+| head | sequence | 3s | 3 | low 24 bits of the datagram's number; every datagram of a direction has its own |
+| head | ack | H | 2 | low 16 bits of the number of the newest update received |
+| head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
+| head | tick | 3s | 3 | sample tick on the sender's clock, low 24 bits; 0 where there is no sample |
+| update | newest | nh | 2n | levels of the newest sample |
+| previous | gap | H | 2 | ticks between the two samples, 1..65535 |
+| previous | difference | nH | 2n | newest minus previous, modulo 2^16, hence always exact |
+| heartbeat | minimum | q | 8 | least raw delay of the other direction lately, in us |
+| heartbeat | latest | I | 4 | raw delay of the latest datagram above the least, in us |
+| heartbeat | late | I | 4 | raw delay above the least that few datagrams exceed, in us |
+| heartbeat | loss | H | 2 | share of datagrams of the other direction that never came, in 1/65535 |
+| bye | reason | 0-64s | 0-64 | why, UTF-8 |
+
+After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
+encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.
+"""
+
+from enum import IntEnum
+from struct import Struct, error
+from typing import NamedTuple
+
+from protocol.reasons import DropReason
+
+CLEAR_BYTES = 4
+"""Kind and sequence number, which travel in clear."""
+HEAD_BYTES = 12
+LONGEST_REASON = 64
+LONGEST_DATAGRAM = 4096
+"""Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
+MAX_GAP = 0xFFFF
+MAX_SELECTOR = 0xF
+
+_KIND_MASK = 0b0111
+_PREVIOUS_BIT = 0b1000
+_SELECTOR_SHIFT = 4
+_SHAPE_MASK = _KIND_MASK | _PREVIOUS_BIT
+_WORD = Struct("<Q")
+_HEARTBEAT = Struct("<IQqIIH")
+_HEARTBEAT_BODY = Struct("<qIIH")
+_U32_MAX = 0xFFFF_FFFF
+
+
+class Kind(IntEnum):
+    """The low three bits of every datagram."""
+
+    HELLO = 1
+    WELCOME = 2
+    UPDATE = 3
+    HEARTBEAT = 4
+    BYE = 5
+
+
+_UPDATE, _BYE = int(Kind.UPDATE), int(Kind.BYE)
+
+
+class Head(NamedTuple):
+    """The part that all datagrams of a session have, still truncated."""
+
+    kind: int
+    has_previous: bool
+    selector: int
+    ack: int
+    sent: int
+    tick: int
+
+
+class Report(NamedTuple):
+    """Body of a heartbeat, in the units of the wire."""
+
+    minimum_us: int
+    latest_us: int
+    late_us: int
+    loss_65535: int
+
+
+def kind_of(data: bytes) -> int:
+    """Kind of a datagram that is not empty."""
+    return data[0] & _KIND_MASK
+
+
+def sequence_of(data: bytes) -> int:
+    """Truncated sequence number of a datagram of at least `CLEAR_BYTES`."""
+    return int.from_bytes(data[1:4], "little")
+
+
+def read_head(first: int, body: bytes) -> Head:
+    """Take the head apart.
+
+    Args:
+        first: first byte of the datagram.
+        body: what follows `CLEAR_BYTES`, decrypted.
+    """
+    (word,) = _WORD.unpack_from(body)
+    return Head(
+        first & _KIND_MASK,
+        bool(first & _PREVIOUS_BIT),
+        first >> _SELECTOR_SHIFT,
+        word & 0xFFFF,
+        word >> 16 & 0xFFFFFF,
+        word >> 40,
+    )
+
+
+def pack_heartbeat(sequence: int, ack: int, sent: int, report: Report) -> bytes:
+    return _HEARTBEAT.pack(
+        Kind.HEARTBEAT | sequence << 8,
+        ack | sent << 16,
+        report.minimum_us,
+        min(report.latest_us, _U32_MAX),
+        min(report.late_us, _U32_MAX),
+        report.loss_65535,
+    )
+
+
+def unpack_report(body: bytes) -> Report:
+    return Report._make(_HEARTBEAT_BODY.unpack_from(body, _WORD.size))
+
+
+def pack_bye(sequence: int, ack: int, sent: int, reason: str) -> bytes:
+    text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
+    return (Kind.BYE | sequence << 8).to_bytes(4, "little") + _WORD.pack(ack | sent << 16) + text
+
+
+def unpack_bye(body: bytes) -> str:
+    return body[_WORD.size :].decode(errors="replace")
+
+
+class UpdateLayout:
+    """Packs and unpacks the updates of one direction."""
+
+    __slots__ = ("_paired", "_paired_body", "_plain", "_plain_body", "values")
+
+    def __init__(self, values: int) -> None:
+        """Prepare for samples of `values` levels.
+
+        Raises:
+            ValueError: if an update of so many would not fit a datagram.
+        """
+        if not 1 <= values <= 256:
+            raise ValueError(f"an update carries 1 to 256 values, not {values}")
+        self.values = values
+        self._plain = Struct(f"<IQ{values}h")
+        self._paired = Struct(f"<IQ{values}hH{values}H")
+        self._plain_body = Struct(f"<{values}h")
+        self._paired_body = Struct(f"<{values}hH{values}H")
+
+    def size(self, *, with_previous: bool) -> int:
+        """Bytes of an update, without tag."""
+        return (self._paired if with_previous else self._plain).size
+
+    def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
+        """Shortest and longest datagram of each shape (kind and previous bit) that a peer of this layout sends."""
+        bye = HEAD_BYTES + tag_size
+        return {
+            Kind.UPDATE: (self._plain.size + tag_size,) * 2,
+            Kind.UPDATE | _PREVIOUS_BIT: (self._paired.size + tag_size,) * 2,
+            Kind.HEARTBEAT: (_HEARTBEAT.size + tag_size,) * 2,
+            Kind.BYE: (bye, bye + LONGEST_REASON),
+        }
+
+    def pack(
+        self,
+        sequence: int,
+        ack: int,
+        sent: int,
+        tick: int,
+        selector: int,
+        newest: tuple[int, ...],
+        gap: int,
+        previous: tuple[int, ...],
+    ) -> bytes:
+        """Datagram of one update, without tag; `sequence`, `sent` and `tick` already truncated."""
+        first = _UPDATE | selector << _SELECTOR_SHIFT | sequence << 8
+        word = ack | sent << 16 | tick << 40
+        if not previous:
+            return self._plain.pack(first, word, *newest)
+        difference = [(new - old) & 0xFFFF for new, old in zip(newest, previous, strict=True)]
+        return self._paired.pack(first | _PREVIOUS_BIT, word, *newest, gap, *difference)
+
+    def check(self, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]) -> None:
+        """See that an update can be packed without loss.
+
+        Raises:
+            ValueError: naming the field and its range.
+        """
+        if not 0 <= selector <= MAX_SELECTOR:
+            raise ValueError(f"selector must be in 0..{MAX_SELECTOR}, not {selector}")
+        if (previous and not 1 <= gap <= MAX_GAP) or (not previous and gap):
+            raise ValueError(f"gap must be in 1..{MAX_GAP} with a previous sample and 0 without, not {gap}")
+        for levels in (newest, previous) if previous else (newest,):
+            try:
+                self._plain_body.pack(*levels)
+            except error:
+                raise ValueError(f"a sample must be {self.values} levels of int16, not {levels!r}") from None
+
+    def unpack(self, body: bytes, has_previous: bool) -> tuple[tuple[int, ...], int, tuple[int, ...]]:
+        """Newest levels, gap, previous levels of a body as `read_head` takes it."""
+        values = self.values
+        if not has_previous:
+            return self._plain_body.unpack_from(body, _WORD.size), 0, ()
+        fields = self._paired_body.unpack_from(body, _WORD.size)
+        newest, gap = fields[:values], fields[values]
+        previous = [
+            ((new - step + 0x8000) & 0xFFFF) - 0x8000 for new, step in zip(newest, fields[values + 1 :], strict=True)
+        ]
+        return newest, gap, tuple(previous)
+
+
+def length_fault(data: bytes, lengths: dict[int, tuple[int, int]]) -> DropReason | None:
+    """Whether a datagram, not empty, has the length of its shape."""
+    limits = lengths.get(data[0] & _SHAPE_MASK)
+    if limits is None:
+        return DropReason.UNKNOWN_KIND
+    if len(data) < limits[0]:
+        return DropReason.TRUNCATED
+    return DropReason.WRONG_LENGTH if len(data) > limits[1] else None

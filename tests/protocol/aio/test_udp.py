@@ -1,0 +1,215 @@
+"""The shell on real sockets of this host, with the real event loop. Time limits only bound a hang."""
+
+import asyncio
+import socket
+from collections.abc import Awaitable, Callable
+from random import Random
+from time import monotonic
+
+import pytest
+import uvloop
+
+from protocol import Connected, Endpoint, Event, PeerClosed, Role, State, UpdateReceived
+from protocol.aio import AddressInUseError, UdpShell
+from protocol.emulation import EmulatedLink, Emulation
+from protocol.events import Address
+from tests.protocol.harness import make_endpoint, update_fields
+
+ANY: Address = ("127.0.0.1", 0)
+HANG_S = 10.0
+
+
+def run(main: Callable[[asyncio.AbstractEventLoop], Awaitable[None]]) -> None:
+    async def bounded() -> None:
+        async with asyncio.timeout(HANG_S):
+            await main(asyncio.get_running_loop())
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(bounded())
+
+
+def make(role: Role, **changes: object) -> Endpoint:
+    return make_endpoint(role, epoch=monotonic(), outgoing_values=3, incoming_values=3, silence=2.0, **changes)
+
+
+async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> Event:
+    """Wait for an event of a kind; the endpoint is driven by its socket and timers alone."""
+    while True:
+        while (event := endpoint.next_event()) is not None:
+            events.append(event)
+            if isinstance(event, kind):
+                return event
+        await asyncio.sleep(0.001)
+
+
+async def engage(
+    loop: asyncio.AbstractEventLoop, link: EmulatedLink[Address] | None = None, host: str = "127.0.0.1"
+) -> tuple[UdpShell, Endpoint, UdpShell, Endpoint]:
+    slave = make(Role.RESPONDER)
+    slave_shell = UdpShell(slave, now=monotonic, listen=ANY)
+    await slave_shell.open(loop)
+    slave.connect(monotonic())
+    master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]))
+    master_shell = UdpShell(master, now=monotonic, link=link)
+    await master_shell.open(loop)
+    master.connect(monotonic())
+    master_shell.flush(monotonic())
+    await until(master, Connected, [])
+    await until(slave, Connected, [])
+    return master_shell, master, slave_shell, slave
+
+
+def test_two_shells_connect_exchange_updates_and_part() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master_shell, master, slave_shell, slave = await engage(loop)
+        for tick in range(20):
+            now = monotonic()
+            for shell in (master_shell, slave_shell):
+                shell.service(now)
+            assert master.send_update(now, *update_fields(tick))
+            master_shell.flush(now)
+            event = await until(slave, UpdateReceived, [])
+            assert event[:5] == update_fields(tick)
+        slave.close(monotonic(), "slave: done")
+        slave_shell.close()
+        assert await until(master, PeerClosed, []) == PeerClosed("slave: done")
+        master_shell.close()
+        master_shell.close()
+
+    run(main)
+
+
+def test_a_session_lives_on_without_ticks() -> None:
+    """Timers alone keep heartbeats going, past several silence limits."""
+
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master_shell, master, slave_shell, slave = await engage(loop)
+        before = slave.statistics.received
+        while slave.statistics.received < before + 10:
+            await asyncio.sleep(0.01)
+        assert master.state is slave.state is State.ENGAGED
+        master_shell.close()
+        slave_shell.close()
+
+    run(main)
+
+
+def test_names_are_resolved_and_events_speak_of_the_name() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        slave = make(Role.RESPONDER)
+        slave_shell = UdpShell(slave, now=monotonic, listen=ANY)
+        await slave_shell.open(loop)
+        slave.connect(monotonic())
+        peer = ("localhost", slave_shell.address[1])
+        master = make(Role.INITIATOR, peer=peer)
+        master.connect(monotonic())  # the first HELLO waits for the socket
+        master_shell = UdpShell(master, now=monotonic, listen=ANY)
+        await master_shell.open(loop)
+        event = await until(master, Connected, [])
+        assert isinstance(event, Connected)
+        assert event.address == peer
+        master_shell.close()
+        slave_shell.close()
+
+    run(main)
+
+
+def test_emulated_faults_act_on_real_sockets() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        link: EmulatedLink[Address] = EmulatedLink(
+            Emulation(delay_s=0.03, duplicate=0.5, corrupt=0.2), Random(3).random, monotonic()
+        )
+        master_shell, master, slave_shell, slave = await engage(loop, link)
+        sent_at = monotonic()
+        while slave.statistics.updates_received < 10:
+            master.send_update(monotonic(), *update_fields(1))
+            master_shell.flush(monotonic())
+            await asyncio.sleep(0.005)
+        assert monotonic() - sent_at >= 0.03
+        assert link.counters.duplicated > 0
+        assert slave.statistics.dropped.total() > 0
+        rtt = master.statistics.rtt
+        assert rtt is not None
+        assert rtt >= 0.03
+        master_shell.close()
+        slave_shell.close()
+
+    run(main)
+
+
+def test_a_port_in_use_is_named_with_what_to_do() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(ANY)
+            port = other.getsockname()[1]
+            shell = UdpShell(make(Role.RESPONDER), now=monotonic, listen=("127.0.0.1", port))
+            with pytest.raises(AddressInUseError, match=f"127.0.0.1:{port} is in use.*choose another port"):
+                await shell.open(loop)
+            shell.close()
+
+    run(main)
+
+
+def test_addresses_that_are_none_are_refused_with_their_name() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        shell = UdpShell(make(Role.INITIATOR, peer=("no.such.host.invalid", 1)), now=monotonic)
+        with pytest.raises(OSError, match=r"no\.such\.host\.invalid:1 cannot be resolved"):
+            await shell.open(loop)
+        shell.close()
+        with pytest.raises(OSError, match="assign"):
+            await UdpShell(make(Role.RESPONDER), now=monotonic, listen=("192.0.2.1", 0)).open(loop)
+
+    run(main)
+
+
+def test_a_peer_that_is_not_there_is_counted_and_called_again() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reserved:
+            reserved.bind(ANY)
+            port = reserved.getsockname()[1]
+        master = make(Role.INITIATOR, peer=("127.0.0.1", port))
+        shell = UdpShell(master, now=monotonic)
+        await shell.open(loop)
+        master.connect(monotonic())
+        shell.flush(monotonic())
+        while master.statistics.sent < 4:
+            await asyncio.sleep(0.01)
+        assert master.state is State.CONNECTING
+        shell.close()
+
+    run(main)
+
+
+def test_a_datagram_that_cannot_be_sent_is_counted() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master = make(Role.INITIATOR, peer=("255.255.255.255", 9))  # broadcast, which a plain socket may not
+        shell = UdpShell(master, now=monotonic)
+        await shell.open(loop)
+        master.connect(monotonic())
+        shell.flush(monotonic())
+        assert shell.socket_errors == 1
+        shell.close()
+
+    run(main)
+
+
+@pytest.mark.skipif(not socket.has_ipv6, reason="this Python has no IPv6")
+def test_ipv6() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        slave = make(Role.RESPONDER)
+        slave_shell = UdpShell(slave, now=monotonic, listen=("::1", 0))
+        try:
+            await slave_shell.open(loop)
+        except OSError:
+            pytest.skip("this host has no IPv6 loopback")
+        slave.connect(monotonic())
+        master = make(Role.INITIATOR, peer=("::1", slave_shell.address[1]))
+        master_shell = UdpShell(master, now=monotonic)
+        await master_shell.open(loop)
+        master.connect(monotonic())
+        master_shell.flush(monotonic())
+        await until(master, Connected, [])
+        master_shell.close()
+        slave_shell.close()
+
+    run(main)

@@ -1,0 +1,171 @@
+"""Throws mutated datagrams at live endpoints: `python -m tests.protocol.fuzz --seconds 60 --seed N`.
+
+Three kinds of harm: bytes changed on the way, which no tag survives; contents changed under a valid tag or proof, as a
+peer with a fault (or anyone, on a link without a key) could send them; and datagrams of other times and sessions. The
+endpoints must never raise, must stay within their queues, and must still carry an update in the end.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from random import Random
+from time import perf_counter
+
+from protocol import Endpoint, State
+from protocol.checksum import Checksum
+from protocol.psk import PresharedKey
+from protocol.security import Security
+from protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
+from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, update_fields
+
+STRANGER = ("203.0.113.9", 9)
+THREE = {"outgoing_values": 3, "incoming_values": 3}
+
+
+class Meddler:
+    """A suite whose owner now and then seals something else than was meant: an authentic peer with a fault."""
+
+    def __init__(self, inner: Security, random: Random, rate: float) -> None:
+        self.inner, self.random, self.rate = inner, random, rate
+        self.tag_size, self.proof_size = inner.tag_size, inner.proof_size
+        self.private_size, self.public_size = inner.private_size, inner.public_size
+
+    def public_key(self, private: bytes) -> bytes:
+        return self.inner.public_key(private)
+
+    def proof(self, message: bytes) -> bytes:
+        return self.inner.proof(message)
+
+    def protect(self, *, is_initiator: bool, private: bytes, peer_public: bytes, transcript: bytes) -> "Meddled | None":
+        made = self.inner.protect(
+            is_initiator=is_initiator, private=private, peer_public=peer_public, transcript=transcript
+        )
+        return None if made is None else Meddled(self, made)
+
+
+class Meddled:
+    """The sessions of a `Meddler`."""
+
+    def __init__(self, owner: Meddler, inner: object) -> None:
+        self.owner, self.inner = owner, inner
+
+    def seal(self, sequence: int, clear: bytes) -> bytes:
+        random = self.owner.random
+        if random.random() < self.owner.rate:
+            changed = bytearray(clear)
+            for _ in range(random.randint(1, 4)):
+                changed[random.choice([0, *range(4, len(clear))])] = random.choice(
+                    [0, 0x7F, 0x80, 0xFF, random.getrandbits(8)]
+                )
+            clear = bytes(changed)
+        return self.inner.seal(sequence, clear)  # type: ignore[attr-defined, no-any-return]
+
+    def open(self, sequence: int, datagram: bytes) -> bytes | None:
+        return self.inner.open(sequence, datagram)  # type: ignore[attr-defined, no-any-return]
+
+
+def mutate(data: bytes, random: Random) -> bytes:
+    """One of the things that can happen to bytes."""
+    changed = bytearray(data)
+    match random.randrange(6):
+        case 0:
+            changed[random.randrange(len(changed))] ^= 1 << random.randrange(8)
+        case 1:
+            del changed[random.randrange(len(changed)) :]
+        case 2:
+            changed += random.randbytes(random.randint(1, 30))
+        case 3:
+            start = random.randrange(len(changed))
+            changed[start : start + 4] = random.choice([b"\x00", b"\xff", b"\x7f"]) * 4
+        case 4:
+            changed = bytearray(random.randbytes(random.randrange(64)))
+        case _:
+            changed[0] = random.getrandbits(8)
+    return bytes(changed)
+
+
+def forge_handshake(security: Security, random: Random, recorded: bytes) -> bytes:
+    """A handshake datagram with any content and a valid proof."""
+    body = mutate(recorded[: -security.proof_size], random)[:LONGEST_DATAGRAM]
+    return body + security.proof(body)
+
+
+def harm(pair: Pair, side: Side, source: tuple[str, int], recorded: list[bytes], random: Random) -> None:
+    """Give one endpoint something it should not get."""
+    data = random.choice(recorded)
+    choice = random.random()
+    if choice < 0.6:
+        data = mutate(data, random)
+    elif choice < 0.8 and kind_of(data) in (Kind.HELLO, Kind.WELCOME):
+        data = forge_handshake(Checksum() if random.random() < 0.5 else PresharedKey(KEY), random, data)
+    address = source if random.random() < 0.7 else STRANGER
+    side.endpoint.receive_datagram(data, address, side.local(pair.now))
+
+
+def check(endpoint: Endpoint) -> None:
+    """What must hold whatever has come in."""
+    statistics = endpoint.statistics
+    assert isinstance(endpoint.state, State)
+    assert len(endpoint.datagrams_to_send()) <= 64
+    assert 0.0 <= statistics.incoming_loss <= 1.0
+    assert 0.0 <= statistics.outgoing_loss <= 1.0
+    assert statistics.rtt is None or 0.0 <= statistics.rtt < 1e6
+
+
+def sessions(seed: int) -> Iterator[Counter[str]]:
+    """Endless fuzzed sessions, one after the other; yields what each dropped."""
+    random = Random(seed)
+    recorded: list[bytes] = []
+    while True:
+        secure: Security = PresharedKey(KEY) if random.random() < 0.5 else Checksum()
+        rate = random.choice([0.0, 0.02, 0.3])
+        pair = Pair(
+            seed=random.getrandbits(32),
+            master={**THREE, "security": Meddler(secure, random, rate), "silence": random.choice([0.1, 10.0])},
+            slave={**THREE, "security": Meddler(secure, random, rate)},
+        ).connect()
+        for _ in range(150):
+            pair.run(0.004)
+            recorded += [data for _, _, data in pair.tap[-4:]]
+            del recorded[:-400], pair.tap[:-4]
+            for side, source in ((pair.master, SLAVE), (pair.slave, MASTER)):
+                side.endpoint.send_update(side.local(pair.now), *update_fields(pair.ticks))
+                for _ in range(random.randrange(8)):
+                    harm(pair, side, source, recorded, random)
+        dropped = pair.master.endpoint.statistics.dropped + pair.slave.endpoint.statistics.dropped
+        for side in pair.sides:
+            check(side.endpoint)
+        if rate == 0.0:
+            recover(pair)
+        yield Counter({reason.value: count for reason, count in dropped.items()})
+
+
+def recover(pair: Pair) -> None:
+    """Left in peace, the two must be in a session again and carry an update, unless one was told to go."""
+    pair.run(8.0)
+    if State.CLOSED in (pair.master.endpoint.state, pair.slave.endpoint.state):
+        return
+    fields = update_fields(pair.ticks)
+    assert pair.master.endpoint.send_update(pair.now, *fields)
+    pair.run(1.0)
+    assert pair.slave.updates()[-1][:5] == fields
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    sys.stdout.write(f"seed {arguments.seed}\n")
+    end = perf_counter() + arguments.seconds
+    count, total = 0, Counter[str]()
+    for dropped in sessions(arguments.seed):
+        count, total = count + 1, total + dropped
+        if perf_counter() >= end:
+            break
+    sys.stdout.write(f"{count} sessions; dropped {dict(total.most_common())}\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,198 @@
+"""Two real endpoints back to back through two emulated links, in virtual time.
+
+Each side has its own clock (offset and drift against the time of the world). Whatever happens next (a tick of the
+owners, an arrival, a timer) happens at its own instant, in order.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from random import Random
+
+from protocol import Address, Connected, DatagramDropped, DropReason, Endpoint, Event, Role, UpdateReceived
+from protocol.checksum import Checksum
+from protocol.emulation import EmulatedLink, Emulation
+from protocol.psk import PresharedKey
+from protocol.security import Security
+
+MASTER: Address = ("192.0.2.1", 40_000)
+SLAVE: Address = ("192.0.2.2", 47_000)
+KEY = bytes(range(32))
+AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
+TICK = 0.001
+
+
+@dataclass
+class Side:
+    """An endpoint with its clock, and everything it told."""
+
+    endpoint: Endpoint
+    address: Address
+    offset: float = 0.0
+    drift: float = 0.0
+    events: list[Event] = field(default_factory=list)
+    received_at: list[tuple[float, UpdateReceived]] = field(default_factory=list)
+    sessions: int = 0
+
+    def local(self, world: float) -> float:
+        return self.offset + world * (1.0 + self.drift)
+
+    def world(self, local: float) -> float:
+        return (local - self.offset) / (1.0 + self.drift)
+
+    def collect(self, world: float) -> None:
+        while (event := self.endpoint.next_event()) is not None:
+            self.events.append(event)
+            self.sessions += isinstance(event, Connected)
+            if isinstance(event, UpdateReceived):
+                self.received_at.append((world, event))
+
+    def of(self, kind: type[Event]) -> list[Event]:
+        return [event for event in self.events if isinstance(event, kind)]
+
+    def updates(self) -> list[UpdateReceived]:
+        return [event for event in self.events if isinstance(event, UpdateReceived)]
+
+    def faults(self) -> list[DropReason]:
+        return [event.reason for event in self.events if isinstance(event, DatagramDropped)]
+
+
+def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
+    """An endpoint with plain values, but for what a test changes."""
+    arguments: dict[str, object] = {
+        "role": role,
+        "agreement": AGREEMENT,
+        "outgoing_values": 3 if role is Role.INITIATOR else 6,
+        "incoming_values": 6 if role is Role.INITIATOR else 3,
+        "security": PresharedKey(KEY),
+        "entropy": Random(f"{seed} {role.value}").randbytes,
+        "epoch": 0.0,
+        "tick_period": TICK,
+        "peer": SLAVE if role is Role.INITIATOR else None,
+    }
+    return Endpoint(**{**arguments, **changes})  # type: ignore[arg-type]
+
+
+Tick = Callable[["Pair", float, int], None]
+
+
+class Pair:
+    """A master and a slave, a link each way, and the time of the world."""
+
+    def __init__(
+        self,
+        *,
+        forward: Emulation | None = None,
+        backward: Emulation | None = None,
+        seed: int = 1,
+        master: Mapping[str, object] | None = None,
+        slave: Mapping[str, object] | None = None,
+        offsets: tuple[float, float] = (0.0, 0.0),
+        drifts: tuple[float, float] = (0.0, 0.0),
+        on_tick: Tick | None = None,
+    ) -> None:
+        """Build both ends.
+
+        Args:
+            offsets: local time of master and slave at world time 0 [s].
+            drifts: relative error of the rate of each clock.
+            on_tick: called after each tick with the pair, world time and the number of the tick.
+        """
+        self.seed = seed
+        self.now = 0.0
+        self.ticks = 0
+        self.on_tick = on_tick
+        self.master = Side(
+            make_endpoint(Role.INITIATOR, seed=seed, **{"epoch": offsets[0], **(master or {})}),
+            MASTER,
+            offsets[0],
+            drifts[0],
+        )
+        self.slave = Side(
+            make_endpoint(Role.RESPONDER, seed=seed, **{"epoch": offsets[1], **(slave or {})}),
+            SLAVE,
+            offsets[1],
+            drifts[1],
+        )
+        self.forward = self.link(forward)
+        self.backward = self.link(backward)
+        self.tap: list[tuple[float, Side, bytes]] = []
+        """Everything sent: world time, sender, bytes."""
+        self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
+        """A fault aimed at certain datagrams, on top of those of the links."""
+
+    def link(self, emulation: Emulation | None) -> EmulatedLink[tuple[Address, Address]]:
+        self.seed += 1
+        return EmulatedLink(emulation or Emulation(delay_s=0.001), Random(self.seed).random, 0.0)
+
+    @property
+    def sides(self) -> tuple[Side, Side]:
+        return self.master, self.slave
+
+    def connect(self) -> "Pair":
+        for side in self.sides:
+            side.endpoint.connect(side.local(self.now))
+        return self
+
+    def engage(self) -> "Pair":
+        """Connect, and let both ends measure the link."""
+        self.connect().run(0.2)
+        assert self.master.of(Connected), f"seed {self.seed}"
+        assert self.slave.of(Connected), f"seed {self.seed}"
+        return self
+
+    def run(self, duration: float) -> "Pair":
+        """Let the world go on for `duration` seconds."""
+        end = self.now + duration
+        while self.now < end - 1e-9:
+            self.now = min(self._next(), end)
+            self._deliver()
+            for side in self.sides:
+                local = side.local(self.now)
+                due = side.endpoint.next_timer()
+                if due is not None and due <= local + 1e-9:
+                    side.endpoint.handle_timer(max(local, due))
+            if self.now >= self.ticks * TICK - 1e-9:
+                self._tick()
+            self._transmit()
+        return self
+
+    def _tick(self) -> None:
+        for side in self.sides:
+            side.endpoint.handle_timer(side.local(self.now))
+            side.collect(self.now)
+        if self.on_tick is not None:
+            self.on_tick(self, self.now, self.ticks)
+        self.ticks += 1
+
+    def _next(self) -> float:
+        times = [self.ticks * TICK]
+        times += [due for link in (self.forward, self.backward) if (due := link.next_due()) is not None]
+        for side in self.sides:
+            if (due := side.endpoint.next_timer()) is not None:
+                times.append(side.world(due))
+        return max(self.now, min(times))
+
+    def _deliver(self) -> None:
+        for link, to in ((self.forward, self.slave), (self.backward, self.master)):
+            for data, (source, target) in link.receive(self.now):
+                if target == to.address:
+                    to.endpoint.receive_datagram(data, source, to.local(self.now))
+
+    def _transmit(self) -> None:
+        for side, link in ((self.master, self.forward), (self.slave, self.backward)):
+            for data, target in side.endpoint.datagrams_to_send():
+                self.tap.append((self.now, side, data))
+                if not self.swallow(side, data):
+                    link.send(data, (side.address, target), self.now)
+        for side in self.sides:
+            side.collect(self.now)
+
+
+def suites() -> list[Security]:
+    return [PresharedKey(KEY), Checksum()]
+
+
+def update_fields(tick: int) -> tuple[int, int, tuple[int, ...], int, tuple[int, ...]]:
+    """Tick, selector, newest, gap, previous of a position sample that tells its tick."""
+    newest = (tick % 1000, -tick % 1000, 7)
+    return tick, tick % 16, newest, 3, (newest[0] - 5, newest[1] + 5, -7)

@@ -1,0 +1,170 @@
+from itertools import groupby, pairwise
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol.emulation import HEADER_BYTES, QUEUE_S, REORDER_HOLD, EmulatedLink, Emulation
+
+
+def link(seed: int = 1, epoch: float = 0.0, **faults: object) -> EmulatedLink[int]:
+    return EmulatedLink(Emulation(**faults), Random(seed).random, epoch)  # type: ignore[arg-type]
+
+
+def fates(made: EmulatedLink[int], count: int) -> list[bool]:
+    """Which of `count` datagrams arrive."""
+    for number in range(count):
+        made.send(b"x", number, 0.0)
+    arrived = {tag for _, tag in made.receive(1e9)}
+    return [number in arrived for number in range(count)]
+
+
+def test_a_perfect_link_delivers_at_once_and_in_order() -> None:
+    made = link()
+    assert made.next_due() is None
+    for number in range(10):
+        made.send(bytes([number]), number, 1.0)
+    assert made.next_due() == 1.0
+    assert made.receive(0.999) == []
+    assert made.receive(1.0) == [(bytes([number]), number) for number in range(10)]
+    assert made.counters.sent == made.counters.delivered == 10
+
+
+def test_delay_and_jitter_are_within_their_bounds_and_keep_the_order() -> None:
+    made = link(delay_s=0.1, jitter_s=0.05)
+    waits = []
+    for number in range(2000):
+        now = number * 0.1  # far enough apart that none waits for the one before
+        made.send(b"x", number, now)
+        due = made.next_due()
+        assert due is not None
+        waits.append(due - now)
+        assert made.receive(due) == [(b"x", number)]
+    assert 0.1 <= min(waits) < 0.101
+    assert 0.149 < max(waits) <= 0.15
+    assert sum(waits) / len(waits) == pytest.approx(0.125, abs=0.002)
+    for number in range(100):
+        made.send(b"x", number, 1000.0 + number * 0.001)
+    assert [tag for _, tag in made.receive(2000.0)] == list(range(100))
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.01, 0.3, 1.0])
+def test_independent_losses_have_their_rate_and_no_memory(loss: float) -> None:
+    lost = [not arrived for arrived in fates(link(loss=loss), 16_000)]
+    assert sum(lost) / len(lost) == pytest.approx(loss, abs=0.012)
+    if loss == 0.3:
+        after = [later for earlier, later in pairwise(lost) if earlier]
+        assert sum(after) / len(after) == pytest.approx(loss, abs=0.03)
+
+
+@pytest.mark.parametrize(("loss", "burst"), [(0.1, 5.0), (0.3, 20.0), (0.3, 2.0)])
+def test_bursts_have_their_rate_and_their_mean_length(loss: float, burst: float) -> None:
+    lost: list[bool] = []
+    made = link(loss=loss, burst=burst)
+    for _ in range(10):
+        lost += [not arrived for arrived in fates(made, 16_000)]
+    runs = [sum(1 for _ in run) for is_lost, run in groupby(lost) if is_lost]
+    assert sum(lost) / len(lost) == pytest.approx(loss, rel=0.1)
+    assert sum(runs) / len(runs) == pytest.approx(burst, rel=0.1)
+
+
+def test_reordered_datagrams_are_overtaken() -> None:
+    made = link(reorder=0.2)
+    for number in range(1000):
+        made.send(b"x", number, number * 0.001)
+    order = [tag for _, tag in made.receive(10.0)]
+    assert sorted(order) == list(range(1000))
+    moved = [place - number for place, number in enumerate(order) if place > number]
+    assert made.counters.reordered == pytest.approx(200, abs=40)
+    assert max(moved) <= round(REORDER_HOLD / 0.001)
+
+
+def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
+    made = link(duplicate=0.5, corrupt=0.5)
+    for number in range(1000):
+        made.send(bytes(8), number, 0.0)
+    arrived = made.receive(0.0)
+    assert len(arrived) == 1000 + made.counters.duplicated
+    assert made.counters.duplicated == pytest.approx(500, abs=60)
+    damaged = {tag for data, tag in arrived if data != bytes(8)}
+    assert len(damaged) == made.counters.corrupted == pytest.approx(500, abs=60)
+    assert all(sum(byte.bit_count() for byte in data) == 1 for data, tag in arrived if tag in damaged)
+    assert len({data for data, _ in arrived}) == 65
+
+
+def test_a_rate_spaces_datagrams_and_drops_what_waits_too_long() -> None:
+    made = link(rate_bit_s=80_000.0)
+    size = 100 - HEADER_BYTES  # 10 ms each
+    for number in range(100):
+        made.send(bytes(size), number, 0.0)
+    times = []
+    while (due := made.next_due()) is not None:
+        times.append(due)
+        made.receive(due)
+    assert times == pytest.approx([0.01 * (number + 1) for number in range(len(times))])
+    assert len(times) == pytest.approx(QUEUE_S / 0.01, abs=2)
+    assert made.counters.congested == 100 - len(times)
+
+
+def test_nothing_gets_through_a_blackout() -> None:
+    made = link(blackouts=((1.0, 0.5), (3.0, 1.0)), epoch=10.0)
+    for number in range(50):
+        made.send(b"x", number, 10.0 + number * 0.1 + 0.01)
+    arrived = [tag for _, tag in made.receive(100.0)]
+    assert arrived == [number for number in range(50) if not (10 <= number < 15 or 30 <= number < 40)]
+    assert made.counters.blacked_out == 15
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.floats(1.0, 10.0))
+def test_the_same_seed_does_the_same_harm(seed: int, loss: float, burst: float) -> None:
+    faults = {
+        "delay_s": 0.01, "jitter_s": 0.01, "loss": loss, "burst": burst,
+        "reorder": 0.1, "duplicate": 0.1, "corrupt": 0.1, "rate_bit_s": 1e6,
+    }  # fmt: skip
+    results = []
+    for _ in range(2):
+        made = link(seed, **faults)
+        for number in range(100):
+            made.send(bytes(20), number, number * 0.001)
+        results.append((made.receive(10.0), made.counters))
+    assert results[0] == results[1]
+
+
+def test_every_datagram_is_accounted_for() -> None:
+    made = link(loss=0.2, burst=3.0, duplicate=0.2, rate_bit_s=1e5, blackouts=((0.1, 0.1),))
+    for number in range(1000):
+        made.send(bytes(50), number, number * 0.001)
+    arrived = made.receive(1e9)
+    counters = made.counters
+    assert counters.delivered == len(arrived)
+    gone = counters.lost + counters.blacked_out + counters.congested
+    assert counters.sent == 1000 == len(arrived) - counters.duplicated + gone
+    assert min(counters.lost, counters.blacked_out, counters.congested, counters.duplicated) > 0
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("delay_s", -1.0),
+        ("jitter_s", float("inf")),
+        ("loss", 1.5),
+        ("loss", float("nan")),
+        ("reorder", -0.1),
+        ("duplicate", 2.0),
+        ("corrupt", -1.0),
+        ("burst", 0.5),
+        ("rate_bit_s", 0.0),
+        ("blackouts", ((0.0, -1.0),)),
+    ],
+)
+def test_a_fault_that_cannot_be_is_named(field: str, value: object) -> None:
+    with pytest.raises(ValueError, match=field):
+        Emulation(**{field: value})  # type: ignore[arg-type]
+
+
+def test_a_loss_too_high_for_its_bursts_is_named() -> None:
+    with pytest.raises(ValueError, match="burst"):
+        Emulation(loss=0.9, burst=2.0)
+    Emulation(loss=1.0, burst=2.0)

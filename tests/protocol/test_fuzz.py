@@ -1,0 +1,89 @@
+from collections import Counter
+from itertools import islice
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol import Endpoint, Role, State
+from protocol.security import Security
+from protocol.wire import CLEAR_BYTES, Kind, UpdateLayout
+from tests.protocol.cost import engaged
+from tests.protocol.fuzz import sessions
+from tests.protocol.harness import MASTER, SLAVE, suites, update_fields
+
+DATAGRAMS = st.one_of(
+    st.binary(max_size=100),
+    st.builds(
+        lambda first, rest: bytes([first]) + rest,
+        st.integers(0, 255),
+        st.sampled_from(sorted({low for low, _ in UpdateLayout(3).lengths(8).values()})).flatmap(
+            lambda size: st.binary(min_size=size - 1, max_size=size - 1)
+        ),
+    ),
+    st.builds(
+        lambda kind, body: bytes([kind, 1]) + body,
+        st.sampled_from([Kind.HELLO, Kind.WELCOME]),
+        st.binary(max_size=200),
+    ),
+)
+
+
+@pytest.mark.parametrize("security", suites())
+@settings(deadline=None, max_examples=60)
+@given(st.lists(DATAGRAMS, min_size=1, max_size=20))
+def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list[bytes]) -> None:
+    master, slave = engaged(security, outgoing=3)
+    for data in datagrams:
+        master.receive_datagram(data, SLAVE, 0.01)
+        slave.receive_datagram(data, MASTER, 0.01)
+    for sender, receiver, source in ((master, slave, MASTER), (slave, master, SLAVE)):
+        assert receiver.statistics.dropped.total() == len(datagrams)
+        assert sender.state is State.ENGAGED
+        assert sender.send_update(0.02, *update_fields(20))
+        for data, _ in sender.datagrams_to_send():
+            receiver.receive_datagram(data, source, 0.02)
+        assert receiver.statistics.updates_received == 1
+
+
+@pytest.mark.parametrize("security", suites())
+def test_every_truncation_and_extension_of_a_datagram_is_dropped(security: Security) -> None:
+    master, slave = engaged(security, outgoing=3)
+    master.send_update(0.01, *update_fields(10))
+    (data, _) = master.datagrams_to_send()[0]
+    for size in range(len(data)):
+        slave.receive_datagram(data[:size], MASTER, 0.01)
+        slave.receive_datagram(data + bytes(size + 1), MASTER, 0.01)
+    assert slave.statistics.dropped.total() == 2 * len(data)
+    assert slave.statistics.updates_received == 0
+    slave.receive_datagram(data, MASTER, 0.01)
+    assert slave.statistics.updates_received == 1
+    assert len(data) > CLEAR_BYTES
+
+
+@pytest.mark.parametrize("role", Role)
+@given(data=DATAGRAMS)
+def test_no_bytes_raise_before_a_session(role: Role, data: bytes) -> None:
+    for security in suites():
+        endpoint = Endpoint(
+            role=role,
+            agreement={},
+            outgoing_values=3,
+            incoming_values=3,
+            security=security,
+            entropy=bytes,
+            epoch=0.0,
+            tick_period=0.001,
+            peer=SLAVE,
+        )
+        endpoint.receive_datagram(data, SLAVE, 0.0)
+        endpoint.connect(0.0)
+        endpoint.receive_datagram(data, SLAVE, 0.0)
+        endpoint.close(0.0, "")
+        endpoint.receive_datagram(data, SLAVE, 0.0)
+        assert endpoint.statistics.dropped.total() == 3
+
+
+def test_the_fuzzer_finds_nothing_in_a_short_run() -> None:
+    total: Counter[str] = sum(islice(sessions(seed=7), 12), start=Counter())
+    assert {"bad_tag", "truncated", "wrong_length", "replayed", "unproven", "foreign_address"} <= set(total)

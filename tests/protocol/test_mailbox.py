@@ -1,0 +1,47 @@
+from protocol.events import DatagramDropped, PeerSilent, Refused
+from protocol.mailbox import QUEUED_DATAGRAMS, QUEUED_EVENTS, Mailbox
+from protocol.reasons import DropReason
+from protocol.statistics import Statistics
+
+
+def test_datagrams_leave_in_order_and_once() -> None:
+    statistics = Statistics()
+    mailbox = Mailbox(statistics)
+    mailbox.post(b"a", ("h", 1))
+    mailbox.post(b"bc", ("h", 2))
+    assert mailbox.datagrams() == [(b"a", ("h", 1)), (b"bc", ("h", 2))]
+    assert mailbox.datagrams() == []
+    assert (statistics.sent, statistics.bytes_sent) == (2, 3)
+
+
+def test_the_oldest_datagram_gives_way() -> None:
+    statistics = Statistics()
+    mailbox = Mailbox(statistics)
+    for number in range(QUEUED_DATAGRAMS + 3):
+        mailbox.post(bytes([number]), ("h", 1))
+    assert mailbox.datagrams()[0][0] == b"\x03"
+    assert statistics.overflowed == 3
+
+
+def test_a_flood_of_drops_pushes_no_other_event_out() -> None:
+    statistics = Statistics()
+    mailbox = Mailbox(statistics)
+    mailbox.tell(PeerSilent())
+    for _ in range(10_000):
+        mailbox.drop(DropReason.BAD_TAG)
+    mailbox.tell(Refused("no"))
+    events = []
+    while (event := mailbox.next_event()) is not None:
+        events.append(event)
+    assert events[0] == PeerSilent()
+    assert events[-1] == Refused("no")
+    assert len(events) < QUEUED_EVENTS
+    assert DatagramDropped(DropReason.BAD_TAG) in events
+    assert statistics.dropped == {DropReason.BAD_TAG: 10_000}
+
+
+def test_events_are_bounded() -> None:
+    mailbox = Mailbox(Statistics())
+    for number in range(QUEUED_EVENTS + 5):
+        mailbox.tell(Refused(str(number)))
+    assert mailbox.next_event() == Refused("5")

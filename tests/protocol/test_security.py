@@ -1,0 +1,120 @@
+"""The contract of a security suite, on each of them, and what only the keyed one promises."""
+
+import subprocess
+import sys
+from random import Random
+
+import pytest
+
+from protocol.checksum import Checksum
+from protocol.psk import PresharedKey
+from protocol.security import Protection, Security
+from tests.protocol.harness import KEY, suites
+
+CLEAR = b"\x03\x01\x00\x00"
+DATAGRAM = CLEAR + b"what follows is hidden"
+
+
+def sessions(security: Security, transcript: bytes = b"t", seed: int = 1) -> tuple[Protection, Protection]:
+    random = Random(seed)
+    privates = [random.randbytes(security.private_size) for _ in range(2)]
+    publics = [security.public_key(private) for private in privates]
+    assert all(len(public) == security.public_size for public in publics)
+    made = [
+        security.protect(
+            is_initiator=side == 0, private=privates[side], peer_public=publics[1 - side], transcript=transcript
+        )
+        for side in range(2)
+    ]
+    assert made[0] is not None
+    assert made[1] is not None
+    return made[0], made[1]
+
+
+@pytest.mark.parametrize("security", suites())
+def test_each_end_opens_what_the_other_seals(security: Security) -> None:
+    for sealing, opening in (sessions(security), sessions(security)[::-1]):
+        for sequence in (0, 1, 2**24, 2**40):
+            sealed = sealing.seal(sequence, DATAGRAM)
+            assert sealed[:4] == CLEAR
+            assert len(sealed) == len(DATAGRAM) + security.tag_size
+            assert opening.open(sequence, sealed) == DATAGRAM[4:]
+
+
+@pytest.mark.parametrize("security", suites())
+def test_every_flipped_bit_is_found(security: Security) -> None:
+    sealing, opening = sessions(security)
+    sealed = sealing.seal(9, DATAGRAM)
+    for bit in range(8 * len(sealed)):
+        damaged = bytearray(sealed)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert opening.open(9, bytes(damaged)) is None
+
+
+@pytest.mark.parametrize("security", suites())
+def test_wrong_number_direction_and_session_are_found(security: Security) -> None:
+    sealing, opening = sessions(security)
+    sealed = sealing.seal(9, DATAGRAM)
+    assert opening.open(10, sealed) is None
+    assert opening.open(9 + 2**24, sealed) is None
+    assert sealing.open(9, sealed) is None
+    assert sessions(security, transcript=b"other")[1].open(9, sealed) is None
+
+
+@pytest.mark.parametrize("security", suites())
+def test_a_proof_depends_on_the_message(security: Security) -> None:
+    assert len(security.proof(b"a")) == security.proof_size
+    assert security.proof(b"a") != security.proof(b"b")
+    assert security.proof(b"a") == security.proof(b"a")
+
+
+def test_another_key_gives_another_proof_and_another_session() -> None:
+    ours, theirs = PresharedKey(KEY), PresharedKey(bytes(32))
+    assert ours.proof(b"a") != theirs.proof(b"a")
+    sealed = sessions(ours)[0].seal(1, DATAGRAM)
+    assert sessions(theirs)[1].open(1, sealed) is None
+
+
+def test_the_session_key_needs_the_ephemeral_keys_too() -> None:
+    sealed = sessions(PresharedKey(KEY), seed=1)[0].seal(1, DATAGRAM)
+    assert sessions(PresharedKey(KEY), seed=2)[1].open(1, sealed) is None
+
+
+def test_what_is_sealed_is_hidden() -> None:
+    assert b"hidden" not in sessions(PresharedKey(KEY))[0].seal(1, DATAGRAM)
+    assert b"hidden" in sessions(Checksum())[0].seal(1, DATAGRAM)
+
+
+@pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31), b"short", b""])
+def test_a_public_key_that_is_none_is_refused(public: bytes) -> None:
+    security = PresharedKey(KEY)
+    assert security.protect(is_initiator=True, private=KEY, peer_public=public, transcript=b"t") is None
+
+
+@pytest.mark.parametrize("size", [0, 16, 31, 33])
+def test_a_key_has_its_size(size: int) -> None:
+    with pytest.raises(ValueError, match="32 bytes"):
+        PresharedKey(bytes(size))
+
+
+def test_no_crypto_library_is_loaded_without_a_key() -> None:
+    program = """
+import sys
+import protocol, protocol.aio, protocol.emulation, protocol.keys
+from protocol import Endpoint, Role, State
+from protocol.checksum import Checksum
+ends = [Endpoint(role=role, agreement={}, outgoing_values=3, incoming_values=3, security=Checksum(), entropy=bytes,
+                 epoch=0.0, tick_period=0.001, peer=("h", 1)) for role in Role]
+for end in ends[::-1]:
+    end.connect(0.0)
+for _ in range(3):
+    for end, other in (ends, ends[::-1]):
+        for data, _ in end.datagrams_to_send():
+            other.receive_datagram(data, ("h", 1), 0.0)
+assert all(end.state is State.ENGAGED for end in ends)
+assert "cryptography" not in sys.modules
+import protocol.psk
+assert "cryptography" in sys.modules
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

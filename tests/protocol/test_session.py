@@ -1,0 +1,171 @@
+"""Two sessions without endpoints, introduced to each other: counters near their wrap, single timers."""
+
+from itertools import pairwise
+
+import pytest
+
+from protocol.checksum import Checksum
+from protocol.events import PeerClosed, UpdateReceived
+from protocol.reasons import DropReason
+from protocol.security import Security
+from protocol.session import INTRODUCTIONS, Parameters, Session
+from protocol.statistics import Statistics
+from protocol.wire import UpdateLayout
+from tests.protocol.harness import suites, update_fields
+
+
+def pair(security: Security, first_sequence: int = 1) -> tuple[Session, Session, Statistics, Statistics]:
+    parameters = Parameters(UpdateLayout(3), UpdateLayout(3), 0.0, 0.001, 0.1)
+    privates = [bytes([side + 1]) * security.private_size for side in range(2)]
+    made: list[Session] = []
+    counted: list[Statistics] = []
+    for side in range(2):
+        protection = security.protect(
+            is_initiator=side == 0,
+            private=privates[side],
+            peer_public=security.public_key(privates[1 - side]),
+            transcript=b"t",
+        )
+        assert protection is not None
+        counted.append(Statistics())
+        session = Session(protection, parameters, counted[side], 0.0, 0.0, first_sequence=first_sequence)
+        session.clock.learn(0.0, 0.0, 0.0)
+        made.append(session)
+    for _ in range(INTRODUCTIONS + 1):
+        deliver(made[1], made[0].send_heartbeat(0.0), 0.0)
+        deliver(made[0], made[1].send_heartbeat(0.0), 0.0)
+    return made[0], made[1], counted[0], counted[1]
+
+
+def deliver(receiver: Session, data: bytes, now: float) -> UpdateReceived | PeerClosed | DropReason | None:
+    opened = receiver.authenticate(data)
+    assert opened is not None
+    return receiver.accept(opened, now)
+
+
+@pytest.mark.parametrize("security", suites())
+def test_a_session_goes_on_past_the_wrap_of_its_numbers(security: Security) -> None:
+    sender, receiver, counted, received = pair(security, first_sequence=2**24 - 500)
+    last = -1
+    for step in range(1000):
+        now = step * 0.001
+        outcome = deliver(receiver, sender.send_update(now, *update_fields(step)), now)
+        assert isinstance(outcome, UpdateReceived)
+        assert outcome.tick == step > last
+        last = step
+        assert deliver(sender, receiver.send_heartbeat(now), now) is None
+        assert sender.next_timer(is_engaged=True) > now
+    assert received.lost == counted.lost == 0
+    assert counted.repeats == 0
+
+
+def test_acknowledgements_go_on_past_the_wrap_of_theirs() -> None:
+    sender, receiver, counted, _ = pair(Checksum(), first_sequence=2**16 - 50)
+    for step in range(100):
+        now = 0.5 * step
+        deliver(receiver, sender.send_update(now, *update_fields(step)), now)
+        deliver(sender, receiver.send_heartbeat(now), now)
+        while sender.handle_timer(now + 0.4, is_engaged=True) is not None:
+            pass  # without an acknowledgement this would repeat the update
+    assert counted.repeats == 0
+
+
+def test_an_acknowledgement_of_long_ago_is_not_taken_for_one_of_now() -> None:
+    """The receiver has one update and nothing after it; 2^16 datagrams later the same low bits come round."""
+    sender, receiver, counted, _ = pair(Checksum())
+    deliver(receiver, sender.send_update(0.0, *update_fields(0)), 0.0)
+    deliver(sender, receiver.send_heartbeat(0.0), 0.0)
+    for _ in range(2**16 - 1):
+        sender.send_heartbeat(0.0)
+    sender.send_update(1.0, *update_fields(1))
+    for step in range(100):
+        now = 1.02 + step * 0.05
+        deliver(sender, receiver.send_heartbeat(now), now)
+        while (data := sender.handle_timer(now, is_engaged=True)) is not None:
+            assert data
+    assert counted.repeats > 5
+
+
+def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
+    sender, receiver, counted, _ = pair(Checksum())
+    sender.send_update(0.5, *update_fields(500))
+    due = sender.next_timer(is_engaged=True)
+    deliver(sender, receiver.send_heartbeat(0.51), 0.51)
+    assert sender.next_timer(is_engaged=True) < due
+    data = sender.handle_timer(0.511, is_engaged=True)
+    assert data is not None
+    assert counted.repeats == 1
+    outcome = deliver(receiver, data, 0.511)
+    assert isinstance(outcome, UpdateReceived)
+    assert outcome[:5] == update_fields(500)
+    deliver(sender, receiver.send_heartbeat(0.512), 0.512)
+    assert sender.next_timer(is_engaged=True) > 0.53
+
+
+def test_a_datagram_that_left_before_the_update_arrived_is_no_evidence() -> None:
+    sender, receiver, _, _ = pair(Checksum())
+    early = receiver.send_heartbeat(0.5)
+    sender.send_update(0.5, *update_fields(500))
+    due = sender.next_timer(is_engaged=True)
+    deliver(sender, early, 0.53)
+    assert sender.next_timer(is_engaged=True) >= min(due, 0.55)
+
+
+def test_an_update_is_acknowledged_sooner_where_loss_is_measured() -> None:
+    waits = []
+    for lossy in (False, True):
+        sender, receiver, _, _ = pair(Checksum())
+        for step in range(40):
+            data = sender.send_heartbeat(0.001 * step)
+            if not (lossy and step % 2):
+                deliver(receiver, data, 0.001 * step)
+        receiver.send_heartbeat(0.05)
+        before = receiver.next_timer(is_engaged=True)
+        deliver(receiver, sender.send_update(0.051, *update_fields(51)), 0.051)
+        waits.append(before - receiver.next_timer(is_engaged=True))
+    assert waits[0] == 0.0
+    assert waits[1] > 0.02
+
+
+def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
+    security = Checksum()
+    parameters = Parameters(UpdateLayout(3), UpdateLayout(3), 0.0, 0.001, 0.1)
+    protections = [
+        security.protect(is_initiator=side == 0, private=b"", peer_public=b"", transcript=b"t") for side in range(2)
+    ]
+    sender = Session(protections[0], parameters, Statistics(), 0.0, 0.0)
+    receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
+    assert deliver(receiver, sender.send_update(0.01, *update_fields(1)), 0.01) is DropReason.UNTIMED
+    assert deliver(receiver, sender.send_heartbeat(0.01), 0.01) is None
+    assert isinstance(deliver(receiver, sender.send_update(0.02, *update_fields(2)), 0.02), UpdateReceived)
+
+
+def test_an_update_that_contradicts_itself_is_malformed() -> None:
+    """A previous sample at no distance; no owner can send it, a peer with a fault can."""
+    layout = UpdateLayout(3)
+    parameters = Parameters(layout, layout, 0.0, 0.001, 0.1)
+    protections = [
+        Checksum().protect(is_initiator=side == 0, private=b"", peer_public=b"", transcript=b"t") for side in range(2)
+    ]
+    receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
+    receiver.clock.learn(0.0, 0.0, 0.0)
+    outcomes = []
+    for sequence, gap in ((1, 0), (2, 1)):
+        clear = layout.pack(sequence, 0, receiver.clock.stamp(0.01), 10, 0, (1, 2, 3), gap, (1, 2, 3))
+        outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
+    assert outcomes[0] is DropReason.MALFORMED
+    assert isinstance(outcomes[1], UpdateReceived)
+
+
+def test_a_silent_peer_is_sent_heartbeats_only() -> None:
+    sender, _, counted, _ = pair(Checksum())
+    sender.send_update(0.0, *update_fields(0))
+    times = [step for step in range(1, 1000) if sender.handle_timer(step * 0.001, is_engaged=False) is not None]
+    assert counted.repeats == 0
+    assert all(later - earlier == pytest.approx(50, abs=1) for earlier, later in pairwise(times))
+
+
+def test_a_farewell_arrives_however_late() -> None:
+    sender, receiver, _, _ = pair(Checksum())
+    data = sender.send_bye(0.1, "robot: fault")
+    assert deliver(receiver, data, 50.0) == PeerClosed("robot: fault")

@@ -1,0 +1,130 @@
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.timing import EARLY_LIMIT, LONGEST_RTT, WINDOW, Clock, SlidingMinimum
+
+
+def mapped(offset: float = 100.0, delay: float = 0.01) -> Clock:
+    """A clock whose peer is `offset` ahead, over a symmetric link, at 0."""
+    clock = Clock(0.0, offset - delay, 0.0)
+    assert clock.learn(delay + offset, 0.0, 0.0)
+    return clock
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(-1e6, 1e6)), min_size=1, max_size=60))
+def test_the_minimum_covers_its_window_give_or_take_a_bucket(steps: list[tuple[float, float]]) -> None:
+    minimum = SlidingMinimum()
+    now, samples = 1e6, []
+    for step, value in steps:
+        now += step
+        minimum.record(value, now)
+        samples.append((now, value))
+        surely = min(sample for at, sample in samples if now - at <= WINDOW * 7 / 8)
+        possibly = min(sample for at, sample in samples if now - at <= WINDOW)
+        assert possibly <= minimum.value <= surely
+
+
+def test_the_minimum_expires_with_its_newest_sample() -> None:
+    minimum = SlidingMinimum()
+    assert minimum.is_expired(0.0)
+    minimum.record(1.0, 5.0)
+    assert not minimum.is_expired(5.0 + WINDOW)
+    assert minimum.is_expired(5.1 + WINDOW)
+
+
+@pytest.mark.parametrize("offset", [-5000.0, 0.0, 12.5])
+def test_offset_and_delay_of_a_symmetric_link(offset: float) -> None:
+    clock = mapped(offset, 0.01)
+    assert clock.offset == pytest.approx(offset)
+    assert clock.rtt == pytest.approx(0.02)
+    assert clock.one_way == pytest.approx(0.01)
+    assert clock.peer_time(3.0) == pytest.approx(3.0 + offset)
+    assert clock.age(offset + 2.0, 3.0) == pytest.approx(1.0)
+    assert clock.age(offset + 4.0, 3.0) == 0.0
+
+
+def test_nothing_is_claimed_before_both_directions_are_measured() -> None:
+    clock = Clock(0.0, 5.0, 1.0)
+    assert clock.offset is clock.rtt is clock.one_way is None
+    assert clock.peer_time(1.0) is clock.age(5.0, 1.0) is clock.arrival_bound(1.0) is None
+
+
+def test_asymmetry_shifts_the_offset_by_half_of_it() -> None:
+    clock = Clock(0.0, -0.03, 0.0)
+    clock.learn(0.01, 0.0, 0.0)
+    assert clock.offset == pytest.approx((0.01 - 0.03) / 2)
+
+
+@given(st.floats(0.0, 1e5), st.floats(-1e5, 1e5), st.floats(0.0, 80.0))
+def test_a_stamp_is_expanded_near_the_mapped_clock(now: float, offset: float, delay: float) -> None:
+    ours, theirs = mapped(offset), Clock(-offset, 0.0, 0.0)
+    stamp = theirs.stamp(now - delay)
+    departure = ours.departure(stamp, now)
+    assert departure == pytest.approx(now - delay + offset, abs=2e-5)
+    assert departure <= now - delay + offset + 1e-9, "cut off, so that no delay is ever too short"
+
+
+def test_what_left_after_it_came_is_not_believed_until_the_window_has_passed() -> None:
+    clock = mapped(0.0, 0.01)
+    assert clock.is_plausible(0.99, 1.0)
+    assert clock.is_plausible(-50.0, 1.0), "late, but possible"
+    assert clock.is_plausible(1.0 + EARLY_LIMIT, 1.0)
+    assert not clock.is_plausible(1.1, 1.0)
+    assert not clock.is_plausible(50.0, 1.0)
+    assert clock.is_plausible(50.0, 1.0 + WINDOW)
+
+
+@pytest.mark.parametrize("minimum", [-1e12, -1.0, LONGEST_RTT + 1.0, 1e12])
+def test_a_report_that_no_link_can_give_changes_nothing(minimum: float) -> None:
+    clock = mapped(0.0, 0.01)
+    assert not clock.learn(minimum, 1.0, 1.0)
+    assert clock.offset == pytest.approx(0.0)
+    assert clock.rtt == pytest.approx(0.02)
+    assert clock.late == 0.0
+
+
+def test_a_step_of_the_peers_clock_unmaps_rather_than_misleads() -> None:
+    clock = mapped(0.0, 0.01)
+    clock.record(1.0 + 30.0 + WINDOW, 1.0 + WINDOW)
+    assert clock.peer_time(5.0) is None
+    assert clock.learn(30.02, 0.0, 0.0)
+    assert clock.peer_time(5.0) == pytest.approx(35.01)
+
+
+def test_drift_is_followed_within_half_the_window() -> None:
+    drift, delay = 200e-6, 0.005
+    clock = Clock(0.0, -delay, 0.0)
+    random = Random(2)
+    outward: list[tuple[float, float]] = []
+    for step in range(1, 4000):
+        now = step * 0.01
+        peer = now * (1.0 + drift)
+        clock.record((now - delay - 0.001 * random.random()) * (1.0 + drift), now)
+        outward.append((now, peer - (now - delay - 0.001 * random.random())))
+        clock.learn(min(sample for at, sample in outward[-400:] if now - at <= WINDOW), 0.0, 0.0)
+        mapped_time = clock.peer_time(now)
+        assert mapped_time is not None
+        assert abs(mapped_time - peer) < 0.5 * WINDOW * drift + 0.0006
+
+
+def test_the_report_bounds_nearly_all_delays() -> None:
+    random = Random(3)
+    clock = Clock(0.0, -0.01, 0.0)
+    delays = [0.01 + 0.01 * random.random() for _ in range(2000)]
+    exceeded = 0
+    for step, delay in enumerate(delays):
+        now = 0.01 * step
+        minimum, _, late = clock.report()
+        exceeded += step > 100 and delay > minimum + late
+        clock.record(now - delay, now)
+    assert exceeded < 20
+    assert clock.report()[1] == pytest.approx(delays[-1] - clock.report()[0])
+
+
+def test_arrival_is_bounded_by_the_reported_delays() -> None:
+    clock = Clock(10.0, 0.0, 10.0)
+    clock.learn(0.02, 0.0, 0.005)
+    assert clock.arrival_bound(12.0) == pytest.approx(2.025)

@@ -1,0 +1,125 @@
+import re
+from struct import calcsize
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol import wire
+from protocol.checksum import Checksum
+from protocol.psk import PresharedKey
+from protocol.reasons import DropReason
+from protocol.wire import Kind, Report, UpdateLayout
+from tests.protocol.harness import KEY
+
+LEVEL = st.integers(-32_768, 32_767)
+PSK_TAG = PresharedKey(KEY).tag_size
+
+
+def documented(values: int) -> dict[str, int]:
+    """Bytes of each part, from the table of the module; formats and sizes of the table must agree with each other."""
+    sizes: dict[str, int] = {}
+    rows = re.findall(r"^\| (\w+) \| (\w+) \| ([\w-]+) \| ([\w-]+) \|", wire.__doc__ or "", re.MULTILINE)[1:]
+    for part, _, form, size in rows:
+        if part == "bye":
+            assert size == f"0-{wire.LONGEST_REASON}"
+            continue
+        stated = values * int(size[:-1]) if size.endswith("n") else int(size)
+        assert calcsize("<" + re.sub(r"^n", str(values), form)) == stated
+        sizes[part] = sizes.get(part, 0) + stated
+    return sizes
+
+
+@pytest.mark.parametrize("values", [1, 2, 3, 6])
+def test_the_table_is_the_code(values: int) -> None:
+    sizes = documented(values)
+    layout = UpdateLayout(values)
+    levels = tuple(range(values))
+    assert set(sizes) == {"head", "update", "previous", "heartbeat"}
+    assert sizes["head"] == wire.HEAD_BYTES
+    plain = layout.pack(1, 2, 3, 4, 5, levels, 0, ())
+    assert len(plain) == sizes["head"] + sizes["update"]
+    paired = layout.pack(1, 2, 3, 4, 5, levels, 6, levels)
+    assert len(paired) == sizes["head"] + sizes["update"] + sizes["previous"]
+    assert len(wire.pack_heartbeat(1, 2, 3, Report(0, 0, 0, 0))) == sizes["head"] + sizes["heartbeat"]
+    assert len(wire.pack_bye(1, 2, 3, "x" * 100)) == sizes["head"] + wire.LONGEST_REASON
+
+
+def test_a_three_axis_force_update_with_tag_fits_the_budget() -> None:
+    layout = UpdateLayout(6)
+    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 0, ())) + PSK_TAG <= 32
+    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 6, (1,) * 6)) + PSK_TAG <= 48
+
+
+def test_one_axis_is_shorter_and_no_security_shorter_still() -> None:
+    assert len(UpdateLayout(2).pack(1, 2, 3, 4, 5, (1, 2), 0, ())) + PSK_TAG == 24
+    assert Checksum().tag_size < PSK_TAG
+
+
+@given(
+    st.integers(0, 2**24 - 1),
+    st.integers(0, 2**16 - 1),
+    st.integers(0, 2**24 - 1),
+    st.integers(0, 2**24 - 1),
+    st.integers(0, 15),
+    st.lists(LEVEL, min_size=6, max_size=6),
+    st.integers(1, 65_535),
+    st.one_of(st.just([]), st.lists(LEVEL, min_size=6, max_size=6)),
+)
+def test_an_update_survives_the_wire(
+    sequence: int, ack: int, sent: int, tick: int, selector: int, newest: list[int], gap: int, previous: list[int]
+) -> None:
+    layout = UpdateLayout(6)
+    gap = gap if previous else 0
+    layout.check(selector, tuple(newest), gap, tuple(previous))
+    data = layout.pack(sequence, ack, sent, tick, selector, tuple(newest), gap, tuple(previous))
+    assert wire.kind_of(data) == Kind.UPDATE
+    assert wire.sequence_of(data) == sequence
+    head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
+    assert head == wire.Head(Kind.UPDATE, bool(previous), selector, ack, sent, tick)
+    assert layout.unpack(data[wire.CLEAR_BYTES :], head.has_previous) == (tuple(newest), gap, tuple(previous))
+    assert wire.length_fault(data, layout.lengths(0)) is None
+
+
+@given(
+    st.integers(-(2**63), 2**63 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**16 - 1)
+)
+def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: int) -> None:
+    report = Report(minimum, latest, late, loss)
+    data = wire.pack_heartbeat(5, 6, 7, report)
+    assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
+    assert wire.read_head(data[0], data[wire.CLEAR_BYTES :]) == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0)
+
+
+def test_a_report_saturates() -> None:
+    data = wire.pack_heartbeat(5, 6, 7, Report(0, 2**40, 2**40, 0))
+    assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == Report(0, 2**32 - 1, 2**32 - 1, 0)
+
+
+@given(st.text())
+def test_a_reason_is_cut_at_a_character(reason: str) -> None:
+    data = wire.pack_bye(5, 6, 7, reason)
+    said = wire.unpack_bye(data[wire.CLEAR_BYTES :])
+    assert len(said.encode()) <= wire.LONGEST_REASON
+    assert reason.encode(errors="replace").decode().startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (b"\x03" + bytes(25), None),
+        (b"\x03" + bytes(24), DropReason.TRUNCATED),
+        (b"\x03" + bytes(26), DropReason.WRONG_LENGTH),
+        (b"\x0b" + bytes(33), None),
+        (b"\x0b" + bytes(25), DropReason.TRUNCATED),
+        (b"\xfb" + bytes(33), None),
+        (b"\x04" + bytes(37), None),
+        (b"\x05" + bytes(19), None),
+        (b"\x05" + bytes(83), None),
+        (b"\x05" + bytes(84), DropReason.WRONG_LENGTH),
+        (b"\x0c" + bytes(37), DropReason.UNKNOWN_KIND),
+        (b"\x00" + bytes(37), DropReason.UNKNOWN_KIND),
+    ],
+)
+def test_each_shape_has_its_length(data: bytes, fault: DropReason | None) -> None:
+    assert wire.length_fault(data, UpdateLayout(3).lengths(8)) is fault
