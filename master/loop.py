@@ -75,7 +75,8 @@ class MasterLoop:
         self._stopwatch = stopwatch
         self._stopping: str | None = None
         self._stopped = False
-        self._outcome: str | None = None
+        self.failure: str | None = None
+        """Why the run ends otherwise than by request; None while it does not."""
         self._faults = FaultLedger()
         self._last_now: float | None = None
         self._last_reading_at = nan
@@ -94,8 +95,8 @@ class MasterLoop:
 
     @property
     def outcome(self) -> str | None:
-        """Why the session ended, where it was not by request; None otherwise."""
-        return self._outcome
+        """How the run ends, once that is decided: the failure, or the reason given to `stop`."""
+        return self.failure or self._stopping
 
     @property
     def faults(self) -> dict[str, int]:
@@ -127,7 +128,7 @@ class MasterLoop:
             self._send(index, now)
         self._render(now, elapsed)
         if self._stopping is not None and self._gate.gain == 0.0 and not self._stopped:
-            self.endpoint.close(now, self._stopping)
+            self._leave(now, self._stopping)
             self._stopped = True
 
     def stop(self, now: float, reason: str) -> None:  # noqa: ARG002
@@ -137,7 +138,7 @@ class MasterLoop:
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force and leave, at once; no tick follows."""
         self.device.command(ZERO, now)
-        self.endpoint.close(now, f"failed: {error}")
+        self._leave(now, f"failed: {error}")
 
     def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
         """What happened in the tick just done, as telemetry writes it."""
@@ -167,6 +168,10 @@ class MasterLoop:
             self._gate.ramping,
         )
 
+    def _leave(self, now: float, reason: str) -> None:
+        if self.endpoint.state is not State.CLOSED:  # which a refusal has brought about already
+            self.endpoint.close(now, reason)
+
     def _hear(self, now: float) -> None:
         while (event := self.endpoint.next_event()) is not None:
             self._take(event, now)
@@ -186,7 +191,7 @@ class MasterLoop:
                 pass  # the gate fades the last force out; the next session starts afresh
             case Refused(message):
                 self._faults.meet(Fault.REFUSED)
-                self._outcome = f"refused: {message}"
+                self.failure = f"refused: {message}"
                 self.stop(now, "refused")
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE)
@@ -226,8 +231,8 @@ class MasterLoop:
     def _lose_device(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
         self._gate.close()
-        self._outcome = f"device fault: {self.device.spec.name} {complaint}"
-        self.stop(now, self._outcome)
+        self.failure = f"device fault: {self.device.spec.name} {complaint}"
+        self.stop(now, self.failure)
 
     def _send(self, index: int, now: float) -> None:
         began = self._stopwatch()

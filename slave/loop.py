@@ -71,7 +71,9 @@ class SlaveLoop:
         self._watchdog = Watchdog(robot_limit)
         self._stopwatch = stopwatch
         self._stopped = False
-        self._outcome: str | None = None
+        self._stopping: str | None = None
+        self.failure: str | None = None
+        """Why the run ends otherwise than by request; None while it does not."""
         self._faults = FaultLedger()
         self._last_now: float | None = None
         self._last_reading_at = nan
@@ -90,8 +92,8 @@ class SlaveLoop:
 
     @property
     def outcome(self) -> str | None:
-        """Why the daemon ended, where it was not by request; None otherwise."""
-        return self._outcome
+        """How the run ends, once that is decided: the failure, or the reason given to `stop`."""
+        return self.failure or self._stopping
 
     @property
     def faults(self) -> dict[str, int]:
@@ -126,14 +128,17 @@ class SlaveLoop:
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session; the robot holds where it is."""
+        if self._stopped:
+            return
+        self._stopping = reason
         self._guard.release()
-        self.endpoint.close(now, reason)
+        self._leave(now, reason)
         self._stopped = True
 
     def fail(self, now: float, error: BaseException) -> None:
         """Hold and leave, at once; no tick follows."""
         self.robot.command(self._applied, now)
-        self.endpoint.close(now, f"failed: {error}")
+        self._leave(now, f"failed: {error}")
 
     def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
         """What happened in the tick just done, as telemetry writes it."""
@@ -163,6 +168,10 @@ class SlaveLoop:
             self._guard.clipped,
             self._guard.ramping,
         )
+
+    def _leave(self, now: float, reason: str) -> None:
+        if self.endpoint.state is not State.CLOSED:  # which a refusal has brought about already
+            self.endpoint.close(now, reason)
 
     def _hear(self) -> None:
         while (event := self.endpoint.next_event()) is not None:
@@ -234,8 +243,8 @@ class SlaveLoop:
 
     def _lose_robot(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
-        self._outcome = f"robot fault: {self.robot.spec.name} {complaint}"
-        self.stop(now, self._outcome)
+        self.failure = f"robot fault: {self.robot.spec.name} {complaint}"
+        self.stop(now, self.failure)
 
     def _send(self, index: int, now: float) -> None:
         """Send the force that may be shown: a zero while the robot is on its way is an update like any other."""

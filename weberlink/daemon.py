@@ -161,7 +161,7 @@ def _drive(
 def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
     return {
         "outcome": side.outcome or run_.outcome,
-        "failed": side.outcome is not None or not run_.orderly,
+        "failed": side.failure is not None or not run_.orderly,
         "faults": side.faults,
         "drops": {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()},
         "realtime": grants.as_dict(),

@@ -68,7 +68,7 @@ def simulate(configuration: Configuration, duration: float | None, trace: Path |
     if trace is not None:
         recorder.save(trace)
     master, slave = simulation.master, simulation.slave
-    failures = [side.outcome for side in (master, slave) if side.outcome is not None]
+    failures = [side.failure for side in (master, slave) if side.failure is not None]
     return score.summary() | {
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {

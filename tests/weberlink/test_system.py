@@ -15,7 +15,8 @@ from protocol.states import State
 from slave.robots.contract import RobotFault, RobotReading
 from slave.robots.point import PointRobot
 from telemetry.fault import Fault
-from tests.weberlink.systems import decoded, output, raw, steps, system
+from tests.weberlink.systems import configuration, decoded, output, raw, steps, system
+from weberlink.simulate import build_simulation
 
 TICK = 1e-3
 SILENCE = 0.1
@@ -201,8 +202,8 @@ def test_a_device_that_fails_gives_zero_force_and_leaves_with_the_reason(
     simulation = system("master.device.home_m=[0, 0, -0.01]", device=device)
     run = list(steps(simulation, 2.0))
     assert simulation.master.stopped
-    assert simulation.master.outcome is not None
-    assert complaint in simulation.master.outcome
+    assert simulation.master.failure is not None
+    assert complaint in simulation.master.failure
     assert len(run) <= 500 + within + 1
     assert output(run[-1].master) == ZERO
     assert all(norm(output(step.master)) < inf for step in run)
@@ -219,7 +220,7 @@ class Glitch(OperatorDevice):
 def test_a_single_bad_sample_is_passed_over() -> None:
     simulation = system(device=Glitch)
     run = list(steps(simulation, 2.0))
-    assert simulation.master.outcome is None
+    assert simulation.master.failure is None
     assert all(norm(output(step.slave)) < inf for step in run)
     assert max(norm(raw(step.slave)) for step in run) > 0.5
 
@@ -245,8 +246,8 @@ def test_a_robot_that_fails_leaves_with_the_reason_and_the_operator_is_let_go(
 ) -> None:
     simulation = system(robot=robot)
     run = list(steps(simulation, 1.0))
-    assert simulation.slave.outcome is not None
-    assert complaint in simulation.slave.outcome
+    assert simulation.slave.failure is not None
+    assert complaint in simulation.slave.failure
     assert output(run[-1].master) == ZERO
     assert run[-1].master.state == State.CONNECTING.value
 
@@ -263,4 +264,17 @@ def test_stopping_fades_the_force_out_and_says_goodbye() -> None:
     drops = [norm(a) - norm(b) for a, b in pairwise(forces[1500:])]
     assert max(drops) <= 10.0 * TICK / 0.05
     simulation.step()
+    assert simulation.slave.endpoint.state is State.LISTENING
+
+
+def test_ends_that_disagree_name_both_values_and_the_slave_lives_on() -> None:
+    master, slave = configuration("codec.force.weber=0.1"), configuration("codec.force.weber=0.05")
+    simulation = build_simulation(master)
+    simulation.slave = build_simulation(slave).slave
+    run = list(steps(simulation, 1.0))
+    assert simulation.master.failure == "refused: codec.force.weber: master has 0.1, slave has 0.05"
+    assert simulation.master.stopped
+    assert output(run[-1].master) == ZERO
+    assert simulation.slave.failure is None
+    assert simulation.slave.faults == {"refused": 1}
     assert simulation.slave.endpoint.state is State.LISTENING
