@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from math import cos, pi, sin
 from statistics import median
 from time import perf_counter
+from typing import Protocol, runtime_checkable
 
 from codec import Channel, Decoder, Encoder
 from codec.vector import ZERO, Vector
+from master.devices.contract import Device
 from protocol.wire import UpdateLayout
+from slave.robots.contract import Robot
 from slave.scenes.scene import Scene
-from weberlink.composition import build_scene, build_security, channels
+from weberlink.composition import build_device, build_robot, build_scene, build_security, channels
 from weberlink.configuration import Configuration, System
 from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings
 
@@ -21,18 +24,29 @@ SAMPLES = 2000
 """Ticks of the cost measurement."""
 
 
+@runtime_checkable
+class Described(Protocol):
+    """A part that has something to say of what it picked."""
+
+    def description(self) -> str:
+        """In a few words."""
+        ...
+
+
 def describe(configuration: Configuration) -> Iterator[str]:
     """The lines to print.
 
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
-    system, device = configuration.system, configuration.device
+    system = configuration.system
+    device = None if configuration.device is None else build_device(configuration)
+    robot = None if configuration.robot is None else build_robot(configuration)
     forward, backward = channels(system)
-    scene = build_scene(system)
-    security = build_security(system)
+    scene = build_scene(configuration)
+    security = build_security(configuration)
     yield f"{configuration.path}: valid"
-    yield from _sides(configuration, scene)
+    yield from _sides(system, device, robot)
     yield from _link(system)
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
@@ -46,20 +60,16 @@ def describe(configuration: Configuration) -> Iterator[str]:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
     uncoded = _uncoded_kbit(system, backward, forward, security.tag_size)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
-    stiffness = None if device is None else device.driver(device.options, system.tick_period).spec.stiffness_n_m
-    for warning in _warnings(system, stiffness):
+    for warning in _warnings(system, None if device is None else device.spec.stiffness_n_m):
         yield f"warning   {warning}"
 
 
-def _sides(configuration: Configuration, scene: Scene | None) -> Iterator[str]:
-    system = configuration.system
-    device, robot = configuration.device, configuration.robot
+def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
     if device is not None:
         yield f"master    device {system.master.device.driver}, force at most {system.master.limits.force_n:g} N"
     if robot is not None:
-        built = robot.driver(robot.options, scene, system.tick_period)
-        detail = f", {built.description()}" if hasattr(built, "description") else ""
+        detail = f", {robot.description()}" if isinstance(robot, Described) else ""
         yield f"slave     robot {system.slave.robot.driver}{detail}; on silence {system.slave.limits.on_silence}"
     for thing in system.slave.scene:
         extras = [name for name in ("friction", "damping_n_s_m") if getattr(thing, name) is not None]

@@ -127,11 +127,13 @@ def main() -> None:
 def _live(
     name: str, path: Path, overrides: list[str] | tuple[()], sides: Any, duration: float | None, json_out: Path | None
 ) -> None:
+    from weberlink.composition import try_out  # noqa: PLC0415
     from weberlink.launcher import Session  # noqa: PLC0415
     from weberlink.report import status_line  # noqa: PLC0415
 
     with _errors():
         configuration = load(path, overrides, sides)
+        try_out(configuration)
     console = Console(stderr=True)
     with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
 

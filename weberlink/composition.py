@@ -1,11 +1,13 @@
 """The whole architecture on one page: how a configuration becomes the two sides and the link between them."""
 
 from collections.abc import Callable
-from typing import Any
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from codec import Channel, Decoder, Encoder, force_channel, position_channel
 from codec.predictors import Trust
 from codec.quantizer import INT16_MAX
+from master.devices.contract import Device
 from master.loop import MasterLoop
 from master.safety import ForceGate, ForceLimiter
 from protocol.emulation import EmulatedLink, Emulation
@@ -15,6 +17,7 @@ from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE
 from slave.loop import SlaveLoop
+from slave.robots.contract import Robot
 from slave.safety import CommandGuard, Workspace
 from slave.scenes.scene import Scene
 from slave.scenes.settings import build
@@ -23,6 +26,23 @@ from weberlink.configuration.model import EmulationSettings
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
+
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def _located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
+    """Errors of a builder with the file in front."""
+
+    @wraps(build)
+    def located(configuration: Configuration, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return build(configuration, *args, **kwargs)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{configuration.path}: {error}") from None
+
+    return located
 
 
 def channels(system: System) -> tuple[Channel, Channel]:
@@ -74,11 +94,8 @@ def build_master(
     Raises:
         ConfigurationError: if the device cannot do what the file asks.
     """
-    system, part = configuration.system, configuration.device
-    assert part is not None
-    device = _construct("master.device", part.driver, part.options, system.tick_period)
+    system, device = configuration.system, build_device(configuration)
     forward, backward = channels(system)
-    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, forward)
     return MasterLoop(
         device=device,
         encoder=Encoder(forward),
@@ -110,9 +127,7 @@ def build_slave(
     Raises:
         ConfigurationError: if the robot or the scene cannot be made as the file asks.
     """
-    system, part = configuration.system, configuration.robot
-    assert part is not None
-    robot = _construct("slave.robot", part.driver, part.options, build_scene(system), system.tick_period)
+    system, robot = configuration.system, build_robot(configuration)
     forward, backward = channels(system)
     limits = system.slave.limits
     return SlaveLoop(
@@ -121,7 +136,7 @@ def build_slave(
         decoder=Decoder(forward),
         endpoint=_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None),
         guard=CommandGuard(
-            workspace=_intersection(_corners(limits.workspace_m), robot.spec.workspace_m),
+            workspace=_workspace(configuration, robot),
             speed=limits.speed_m_s,
             approach_speed=limits.approach_speed_m_s,
             ramp=limits.ramp_ms * 1e-3,
@@ -134,32 +149,79 @@ def build_slave(
     )
 
 
-def build_security(system: System) -> Security:
+@_located
+def build_device(configuration: Configuration) -> Device:
+    """The haptic device, not yet open.
+
+    Raises:
+        ConfigurationError: if it cannot be made of its options, or the wire cannot say its positions.
+    """
+    system, part = configuration.system, configuration.device
+    assert part is not None
+    device: Device = _construct("master.device", part.driver, part.options, system.tick_period)
+    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, channels(system)[0])
+    return device
+
+
+@_located
+def build_robot(configuration: Configuration) -> Robot:
+    """The robot with the scene that it touches, not yet open.
+
+    Raises:
+        ConfigurationError: if either cannot be made of its options.
+    """
+    system, part = configuration.system, configuration.robot
+    assert part is not None
+    robot: Robot = _construct("slave.robot", part.driver, part.options, _scene(system), system.tick_period)
+    return robot
+
+
+def try_out(configuration: Configuration) -> None:
+    """Build what a run would build, and let go of it: every error of the file shows before a process is started.
+
+    Raises:
+        ConfigurationError: as the builders do.
+    """
+    build_security(configuration)
+    if configuration.device is not None:
+        build_device(configuration)
+    if configuration.robot is not None:
+        _workspace(configuration, build_robot(configuration))
+
+
+@_located
+def build_security(configuration: Configuration) -> Security:
     """The security suite that the file asks for; only that one is imported.
 
     Raises:
         ConfigurationError: if the key file cannot be used.
     """
-    if system.link.security == "none":
+    link = configuration.system.link
+    if link.security == "none":
         from protocol.checksum import Checksum  # noqa: PLC0415
 
         return Checksum()
     from protocol.keys import KeyFileError, load  # noqa: PLC0415
     from protocol.psk import PresharedKey  # noqa: PLC0415
 
-    assert system.link.key_file is not None
+    assert link.key_file is not None
     try:
-        return PresharedKey(load(system.link.key_file))
+        return PresharedKey(load(link.key_file))
     except KeyFileError as error:
         raise ConfigurationError(f"link.key_file: {error}") from None
 
 
-def build_scene(system: System) -> Scene | None:
+@_located
+def build_scene(configuration: Configuration) -> Scene | None:
     """What there is to touch; None where the file names nothing.
 
     Raises:
         ConfigurationError: if an object of the scene cannot be made.
     """
+    return _scene(configuration.system)
+
+
+def _scene(system: System) -> Scene | None:
     if not system.slave.scene:
         return None
     try:
@@ -234,6 +296,12 @@ def _check_range(where: str, workspace: Workspace, axes: str, system: System, ch
             f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
             f"use a step of at least {reach / INT16_MAX:.2g}"
         )
+
+
+@_located
+def _workspace(configuration: Configuration, robot: Robot) -> Workspace:
+    """Where the robot may be commanded to: its own workspace within that of the file."""
+    return _intersection(_corners(configuration.system.slave.limits.workspace_m), robot.spec.workspace_m)
 
 
 def _corners(intervals: tuple[tuple[float, float], ...]) -> Workspace:

@@ -109,7 +109,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
 
 def _build(name: str, configuration: Configuration, epoch: float) -> Side:
     system = configuration.system
-    security = build_security(system)
+    security = build_security(configuration)
     if name == MASTER:
         peer = split_address(system.link.slave)
         return build_master(

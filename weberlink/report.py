@@ -17,6 +17,8 @@ def session_report(summary: dict[str, Any], title: str, console: Console) -> Non
     outcome = summary["outcome"]
     colour = "green" if outcome in ("completed", "interrupted", "terminated") else "red"
     console.print(Text.assemble((title, "bold"), f"  {summary['duration_s']:.1f} s  ", (outcome, colour)))
+    if not any(ticks["count"] for ticks in summary["ticks"].values()):
+        return  # it never ran, and why has been said
     console.print(_channels(summary))
     console.print(_ticks(summary))
     for line in _lines(summary):

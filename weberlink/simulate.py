@@ -28,7 +28,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     return Simulation(
         master=build_master(
             configuration,
-            security=build_security(system),
+            security=build_security(configuration),
             entropy=chance["master"].randbytes,
             epoch=0.0,
             stopwatch=_no_time,
@@ -36,7 +36,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
         ),
         slave=build_slave(
             configuration,
-            security=build_security(system),
+            security=build_security(configuration),
             entropy=chance["slave"].randbytes,
             epoch=0.0,
             stopwatch=_no_time,
