@@ -1,0 +1,95 @@
+"""What the repository says of itself is so: README, schema, lock files, shipped configurations."""
+
+import importlib
+import json
+import pkgutil
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from weberlink.cli import app
+from weberlink.configuration.schema import schema
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = ["codec", "protocol", "telemetry", "realtime", "master", "slave", "evaluation", "weberlink"]
+
+
+def test_readme_lists_the_folders_that_are_there() -> None:
+    listed = set(re.findall(r"^\| `(\w+)/` \|", README, re.M))
+    there = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
+    assert listed == there
+
+
+def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
+    commands = get_command(app).commands  # type: ignore[attr-defined]
+    rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*)\|", README, re.M))
+    rows["slave"] = rows["master"]
+    assert set(rows) == set(commands)
+    for name, row in rows.items():
+        known = {option for parameter in commands[name].params for option in parameter.opts}
+        assert set(re.findall(r"--[a-z]+", row)) <= known
+
+
+def test_files_that_the_readme_names_are_there() -> None:
+    for path in re.findall(r"`?((?:configs|master|slave)/[\w/.-]+\.\w+)", README):
+        assert (ROOT / path).is_file(), path
+
+
+def test_make_targets_that_the_documents_name_are_there() -> None:
+    targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
+    for document in ("README.md", "CONTRIBUTING.md"):
+        for target in re.findall(r"^make (\w+)", (ROOT / document).read_text(encoding="utf-8"), re.M):
+            assert target in targets, f"{document}: make {target}"
+
+
+def test_shipped_schema_is_that_of_the_code() -> None:
+    shipped = json.loads((ROOT / "configs" / "weberlink.schema.json").read_text(encoding="utf-8"))
+    assert shipped == json.loads(json.dumps(schema())), "run: make schema"
+
+
+def test_lock_files_pin_every_dependency() -> None:
+    def pinned(name: str) -> set[str]:
+        lines = (ROOT / name).read_text(encoding="utf-8").splitlines()
+        return {line.partition("==")[0].lower() for line in lines if "==" in line and not line.startswith("#")}
+
+    def names(requirements: list[str]) -> set[str]:
+        return {re.split(r"[<>=\[ ]", requirement)[0].lower() for requirement in requirements}
+
+    needed = names(PROJECT["project"]["dependencies"])
+    assert needed <= pinned("requirements.lock")
+    for extra in PROJECT["project"]["optional-dependencies"].values():
+        needed |= names(extra)
+    assert needed - {"setuptools"} <= pinned("requirements-dev.lock")
+
+
+def test_packages_of_the_linters_and_of_the_wheel_are_the_same() -> None:
+    assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == set(PACKAGES)
+    assert set(PROJECT["tool"]["mypy"]["packages"]) == set(PACKAGES)
+    included = {pattern.rstrip("*") for pattern in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]}
+    assert included == {*PACKAGES, "configs"}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_module_imports_says_what_it_is_and_exports_what_it_has(package: str) -> None:
+    root = importlib.import_module(package)
+    names = [package, *(info.name for info in pkgutil.walk_packages(root.__path__, f"{package}."))]
+    for name in names:
+        if name.endswith("__main__"):
+            continue
+        module = importlib.import_module(name)
+        source = Path(module.__file__ or "").read_text(encoding="utf-8")
+        assert module.__doc__ or not source.strip(), f"{name} has no docstring"
+        for exported in getattr(module, "__all__", []):
+            assert hasattr(module, exported), f"{name}.__all__ names {exported}"
+
+
+def test_nothing_names_a_path_outside_the_repository() -> None:
+    """But for the recordings that lie beside it, which are skipped with a reason where they are not there."""
+    for path in [*ROOT.glob("*.md"), *ROOT.glob("configs/*.yaml")]:
+        for found in re.findall(r"\.\./[\w/]+", path.read_text(encoding="utf-8")):
+            assert found == "../shared/traces", f"{path.name} names {found}"
