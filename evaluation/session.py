@@ -11,11 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.distribution import Distribution
 from protocol.states import State
-from realtime.histogram import Histogram
 
 Records = NDArray[Any]
 """Structured array of telemetry records."""
+
+LONGEST_WAIT_S = 10.0
+"""How long a record waits for its counterpart; a side may run alone for days."""
 
 
 @dataclass
@@ -56,11 +59,11 @@ class _Side:
     ticks: int = 0
     engaged: int = 0
     last: Any = None
-    lateness: Histogram = field(default_factory=Histogram)
-    work: Histogram = field(default_factory=Histogram)
-    codec: Histogram = field(default_factory=lambda: Histogram(10_000))
-    rtt: Histogram = field(default_factory=lambda: Histogram(2_000_000))
-    one_way: Histogram = field(default_factory=lambda: Histogram(2_000_000))
+    lateness: Distribution = field(default_factory=Distribution)
+    work: Distribution = field(default_factory=Distribution)
+    codec: Distribution = field(default_factory=Distribution)
+    rtt: Distribution = field(default_factory=Distribution)
+    one_way: Distribution = field(default_factory=Distribution)
     selected: dict[int, int] = field(default_factory=dict)
 
     def add(self, records: Records) -> None:
@@ -69,12 +72,8 @@ class _Side:
         self.ticks += len(records)
         self.engaged += int((records["state"] == State.ENGAGED.value).sum())
         self.last = records[-1]
-        for name, histogram in (("lateness_us", self.lateness), ("work_us", self.work), ("codec_us", self.codec)):
-            for value in records[name].tolist():
-                histogram.add(value)
-        for name, histogram in (("rtt_us", self.rtt), ("one_way_us", self.one_way)):
-            for value in records[name][np.isfinite(records[name])].tolist():
-                histogram.add(value)
+        for name in ("lateness", "work", "codec", "rtt", "one_way"):
+            getattr(self, name).add(records[f"{name}_us"])
         chosen, counts = np.unique(records["selected"][records["sent"] > 0], return_counts=True)
         for selector, count in zip(chosen.tolist(), counts.tolist(), strict=True):
             self.selected[selector] = self.selected.get(selector, 0) + count
@@ -106,6 +105,7 @@ class SessionScore:
 
     def __init__(self, rate_hz: float, bank: tuple[str, ...]) -> None:
         self._period = 1.0 / rate_hz
+        self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
         self._bank = bank
         self._master, self._slave = _Side(), _Side()
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
@@ -122,7 +122,8 @@ class SessionScore:
             side.add(records)
             if len(records):
                 waiting = self._waiting[index]
-                self._waiting[index] = np.concatenate([waiting, records]) if len(waiting) else records.copy()
+                joined = np.concatenate([waiting, records]) if len(waiting) else records.copy()
+                self._waiting[index] = joined[-self._longest_wait :]
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
         self._join()
@@ -139,16 +140,16 @@ class SessionScore:
         return {
             "duration_s": duration,
             "ticks": {"master": master.timing(), "slave": slave.timing()},
-            "force": self._channel(slave, duration, self._felt)
+            "force": self._channel(slave, master, duration, self._felt)
             | {
                 "coding": self._coding.summary(),
                 "violation_floor": self._violation_floor(),
                 "selected": {self._bank[i]: count for i, count in sorted(slave.selected.items())},
             },
-            "position": self._channel(master, duration, self._position),
+            "position": self._channel(master, slave, duration, self._position),
             "link": {
-                "rtt_us": _percentiles(master.rtt),
-                "one_way_us": _percentiles(master.one_way),
+                "rtt_us": _percentiles((master if master.ticks else slave).rtt),
+                "one_way_us": _percentiles((master if master.ticks else slave).one_way),
                 "sent": master.counter("datagrams_sent") + slave.counter("datagrams_sent"),
                 "received": master.counter("datagrams_received") + slave.counter("datagrams_received"),
                 "lost": master.counter("datagrams_lost") + slave.counter("datagrams_lost"),
@@ -158,15 +159,18 @@ class SessionScore:
             "energy": {"generated_j": max(0.0, -self._least_energy), "dissipated_j": max(0.0, self._energy)},
         }
 
-    def _channel(self, sender: _Side, duration: float, errors: _Errors) -> dict[str, Any]:
-        packets, datagrams = sender.counter("updates_sent"), sender.counter("datagrams_sent")
+    def _channel(self, sender: _Side, receiver: _Side, duration: float, errors: _Errors) -> dict[str, Any]:
+        """The figures of one direction; as seen by the receiver where the sender's records are on another host."""
+        seen = sender if sender.ticks else receiver
+        packets = seen.counter("updates_sent" if sender.ticks else "updates_received")
+        datagrams = seen.counter("datagrams_sent" if sender.ticks else "datagrams_received")
         return {
-            "samples": sender.engaged,
+            "samples": seen.engaged,
             "packets": packets,
             "packets_per_s": packets / duration if duration else None,
-            "reduction": 1.0 - packets / sender.engaged if sender.engaged else None,
-            "reduction_all": 1.0 - datagrams / sender.engaged if sender.engaged else None,
-            "bytes_per_s": sender.counter("bytes_sent") / duration if duration else None,
+            "reduction": 1.0 - packets / seen.engaged if seen.engaged else None,
+            "reduction_all": 1.0 - datagrams / seen.engaged if seen.engaged else None,
+            "bytes_per_s": sender.counter("bytes_sent") / duration if sender.ticks and duration else None,
         } | errors.summary()
 
     def _violation_floor(self) -> float | None:
@@ -232,7 +236,7 @@ def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.floa
     return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
 
 
-def _percentiles(histogram: Histogram) -> dict[str, float | None]:
+def _percentiles(histogram: Distribution) -> dict[str, float | None]:
     return _known({"p50": histogram.percentile(50.0), "p99": histogram.percentile(99.0)})
 
 

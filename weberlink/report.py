@@ -57,7 +57,7 @@ def _channels(summary: dict[str, Any]) -> Table:
             f"{channel['packets_per_s']:.1f}",
             _percent(channel["reduction"]),
             _percent(channel["reduction_all"]),
-            f"{channel['bytes_per_s']:.0f}",
+            "-" if channel["bytes_per_s"] is None else f"{channel['bytes_per_s']:.0f}",
             _number(channel["error_rms"], factor, unit),
             _number(channel["error_max"], factor, unit),
             _percent(channel["violation_fraction"]),
