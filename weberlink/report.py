@@ -36,10 +36,10 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     if force["packets_per_s"] is not None and force["reduction"] is not None:
         parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
     if force["error_rms"] is not None:
-        parts += [f"felt RMS {force['error_rms']:.3f} N", f"outside {100 * force['violation_fraction']:.1f} %"]
+        parts += [f"felt {force['error_rms']:.3f} N", f"outside {100 * force['violation_fraction']:.1f} %"]
     if summary["link"]["rtt_us"]["p50"] is not None:
         parts.append(f"rtt {summary['link']['rtt_us']['p50'] / 1000:.2f} ms")
-    return "  ".join(parts)[:WIDTH]
+    return "  ".join(parts)[: WIDTH - 1]  # a full line would wrap, and leave its trace on the terminal
 
 
 def _channels(summary: dict[str, Any]) -> Table:
