@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
-from signal import SIGINT, SIGTERM, Signals
+from signal import SIG_UNBLOCK, SIGINT, SIGTERM, Signals, pthread_sigmask
 from time import monotonic
 from typing import Any, Protocol
 
@@ -145,6 +145,8 @@ class _Shell:
         loop.set_exception_handler(self._loop_fault)
         for number in stop_signals:
             loop.add_signal_handler(number, self._signal, number)
+        # A parent may have held them back while there was nobody to handle them.
+        pthread_sigmask(SIG_UNBLOCK, stop_signals)
         try:
             await self._open(loop)
             await self._live()

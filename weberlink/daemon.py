@@ -168,8 +168,16 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
     }
 
 
+def failure(outcome: str) -> dict[str, Any]:
+    """The summary of a daemon that never came to its first tick, or could not tell how it ended."""
+    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
+
+
 def _complain(order: Order, error: Exception, status: int) -> int:
-    sys.stderr.write(f"weberlink {order.side}: {error}\n")
+    # An OSError's own text begins with its number.
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    sys.stderr.write(f"weberlink {order.side}: {text}\n")
+    json.dump(failure(text), sys.stdout)
     return status
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from signal import SIG_DFL, SIGINT, SIGTERM, Signals, signal
+from signal import SIG_BLOCK, SIG_DFL, SIG_SETMASK, SIGINT, SIGTERM, Signals, pthread_sigmask, signal
 from time import sleep
 from types import FrameType, TracebackType
 from typing import Any, Self
@@ -23,8 +23,9 @@ from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path
 from weberlink.composition import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.daemon import COMPLETED, Order
+from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
 
+STOP_SIGNALS = (SIGINT, SIGTERM)
 LOOK_S = 0.1
 """Between two looks at the telemetry."""
 STOP_LIMIT_S = 3.0
@@ -39,12 +40,18 @@ class Daemon:
         self._order = order
         self._reader: RingReader | None = None
         # A group of its own: Ctrl-C reaches the launcher only, which stops the sides in their order.
-        self._process = subprocess.Popen(  # noqa: S603
-            [sys.executable, "-m", "weberlink.daemon", order.to_json()],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            start_new_session=True,
-        )
+        # It inherits blocked signals, which wait until its event loop can handle them: one that comes while it still
+        # imports is an orderly end too.
+        held_back = pthread_sigmask(SIG_BLOCK, STOP_SIGNALS)
+        try:
+            self._process = subprocess.Popen(  # noqa: S603
+                [sys.executable, "-m", "weberlink.daemon", order.to_json()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                start_new_session=True,
+            )
+        finally:
+            pthread_sigmask(SIG_SETMASK, held_back)
 
     @property
     def pid(self) -> int:
@@ -79,7 +86,7 @@ class Daemon:
             summary: dict[str, Any] = json.loads(output)
         except ValueError:
             ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
-            summary = {"outcome": f"{self.side} {ended}", "failed": True, "faults": {}, "drops": {}, "realtime": None}
+            summary = failure(f"{self.side} {ended}")
         return summary | {"status": status}
 
     def release(self) -> None:
@@ -113,7 +120,7 @@ class Session:
     def __enter__(self) -> Self:
         system = self.configuration.system
         self.score = SessionScore(system.rate_hz, channels(system)[1].bank)
-        for number in (SIGINT, SIGTERM):
+        for number in STOP_SIGNALS:
             self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             daemon = Daemon(self._order(side))
@@ -179,8 +186,13 @@ class Session:
             "drops": {side: summary["drops"] for side, summary in summaries.items()},
             "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
             "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
-            "status": max(summary["status"] for summary in summaries.values()) if failures else COMPLETED,
+            "status": _exit_status([summary["status"] for summary in summaries.values()]) if failures else COMPLETED,
         }
 
     def _signal(self, number: int, _frame: FrameType | None) -> None:
         self._signals.append(Signals(number))
+
+
+def _exit_status(of_daemons: list[int]) -> int:
+    """The status of a run that failed: that of a wrong file if a daemon found one."""
+    return MISCONFIGURED if MISCONFIGURED in of_daemons else FAILED
