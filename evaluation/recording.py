@@ -10,6 +10,7 @@ import numpy as np
 from evaluation.session import Records
 from master.trace import COLUMNS
 from protocol.states import State
+from telemetry.reader import DTYPE
 
 
 class TraceRecorder:
@@ -28,8 +29,8 @@ class TraceRecorder:
         Raises:
             OSError: if the file cannot be written.
         """
-        records = np.concatenate(self._pieces)
-        time = records["at"] - records["at"][0]
+        records = np.concatenate([np.empty(0, DTYPE), *self._pieces])
+        time = records["at"] - (records["at"][0] if len(records) else 0.0)
         lines = [",".join(COLUMNS)]
         for at, position, force in zip(time, records["output"], records["raw"], strict=True):
             # + 0.0 turns a rounded -0.0 into 0.0.

@@ -5,9 +5,10 @@ Exit status: 0 done, 1 the run failed, 2 the file or the arguments are wrong (on
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,14 +16,43 @@ import typer
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
+from typer.core import TyperGroup
 
 from weberlink.configuration import MASTER, SIDES, SLAVE, ConfigurationError, load
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED
 
+
+class OneLineErrors(TyperGroup):
+    """Commands whose complaints about arguments are one line, as those about files are."""
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        try:
+            result = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
+        except Exception as error:
+            # The class of such errors has no public name; what tells it is that it can put itself in words.
+            in_words = getattr(error, "format_message", None)
+            if in_words is None or not standalone_mode:
+                raise
+            sys.stderr.write(f"weberlink: {' '.join(in_words().split())}\n")
+            sys.exit(MISCONFIGURED)
+        if not standalone_mode:
+            return result
+        return sys.exit(result if isinstance(result, int) else COMPLETED)
+
+
 app = typer.Typer(
     name="weberlink",
+    cls=OneLineErrors,
     help="Bilateral haptic teleoperation over UDP with perceptual coding.",
-    no_args_is_help=True,
+    invoke_without_command=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -35,10 +65,28 @@ OptionalFile = Annotated[
 Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
 ]
-Duration = Annotated[float | None, typer.Option("--duration", metavar="S", min=0.0, help="Length of the run [s].")]
+
+
+def _finite(value: float | None) -> float | None:
+    if value is not None and not isfinite(value):
+        raise typer.BadParameter(f"must be a finite number, not {value}")
+    return value
+
+
+Duration = Annotated[
+    float | None,
+    typer.Option("--duration", metavar="S", min=0.0, callback=_finite, help="Length of the run [s]."),
+]
 Json = Annotated[
     Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output, alone.")
 ]
+
+
+@app.callback()
+def program(context: typer.Context) -> None:
+    """Bilateral haptic teleoperation over UDP with perceptual coding."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command()
@@ -67,8 +115,8 @@ def check(file: File, set_: Set = None) -> None:
     from weberlink.check import describe  # noqa: PLC0415 - each command imports what it needs
 
     with _errors():
-        for line in describe(load(file, set_ or ())):
-            typer.echo(line)
+        lines = list(describe(load(file, set_ or ())))
+    typer.echo("\n".join(lines))
 
 
 @app.command()
@@ -97,8 +145,9 @@ def simulate(
     from weberlink.simulate import simulate as run  # noqa: PLC0415
 
     with _errors():
-        summary = run(load(file, set_ or ()), duration, trace)
-    _finish(summary, f"weberlink simulate {file}", json_out)
+        summary, recorder = run(load(file, set_ or ()), duration)
+    problem = None if trace is None else _attempt(lambda: recorder.save(trace), trace)
+    _finish(summary, f"weberlink simulate {file}", json_out, problem)
 
 
 @app.command()
@@ -106,7 +155,9 @@ def evaluate(
     traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="Recorded signals (CSV).")],
     predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
     weber: Annotated[str, typer.Option(metavar="K,..", help="Weber factors.")] = "0.10",
-    floor: Annotated[float, typer.Option(metavar="N", min=0.0, help="Absolute threshold [N].")] = 0.02,
+    floor: Annotated[
+        float, typer.Option(metavar="N", min=0.0, callback=_finite, help="Absolute threshold [N].")
+    ] = 0.02,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     json_out: Json = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Draw figures (extra: weberlink[plots]).")] = None,
@@ -115,8 +166,11 @@ def evaluate(
     from weberlink.evaluate import run  # noqa: PLC0415
 
     with _errors():
-        document, table = run(traces, predictor, weber, floor, wire=wire, plots=plots)
-    _write(document, json_out, lambda console: console.print(table))
+        result = run(traces, predictor, weber, floor, wire=wire, plots=plots is not None)
+    problem = None if plots is None else _attempt(lambda: result.draw(plots), plots)
+    _write(result.document, json_out, lambda console: console.print(result.table))
+    if problem is not None:
+        _fail(problem, FAILED)
 
 
 def main() -> None:
@@ -146,14 +200,26 @@ def _live(
     _finish(summary, f"weberlink {name}", json_out)
 
 
-def _finish(summary: dict[str, Any], title: str, json_out: Path | None) -> None:
+def _finish(summary: dict[str, Any], title: str, json_out: Path | None, problem: str | None = None) -> None:
+    """Print and write the figures of a session, then what else went wrong, and exit."""
     from evaluation.environment import environment  # noqa: PLC0415
     from weberlink.report import session_report  # noqa: PLC0415
 
     status = summary.pop("status", COMPLETED)
     summary["environment"] = environment()
     _write(summary, json_out, lambda console: session_report(summary, title, console))
+    if problem is not None:
+        _fail(problem, status or FAILED)
     raise typer.Exit(status)
+
+
+def _attempt(write: Callable[[], object], where: Path) -> str | None:
+    """Write what can be written beside the figures; returns the complaint, for after them."""
+    try:
+        write()
+    except OSError as error:
+        return f"{where}: cannot be written: {error.strerror}"
+    return None
 
 
 def _write(document: dict[str, Any], out: Path | None, show: Callable[[Console], None]) -> None:

@@ -1,5 +1,7 @@
 """The `evaluate` command: traces, predictors and Weber factors into rows, a table and figures."""
 
+from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +17,28 @@ UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below any sensor's noise, without a range."""
 
 
-def run(
-    traces: list[Path], predictors: str, webers: str, floor: float, *, wire: bool, plots: Path | None
-) -> tuple[dict[str, Any], Table]:
+@dataclass(frozen=True)
+class Evaluation:
+    """The rows of all combinations, and how they are shown."""
+
+    rows: list[Row]
+    document: dict[str, Any]
+    table: Table
+    caption: str
+
+    def draw(self, folder: Path) -> None:
+        """Write the figures.
+
+        Raises:
+            OSError: if the folder or a file in it cannot be made.
+        """
+        from evaluation.figures import packet_rate  # noqa: PLC0415 - heavy, and only wanted with --plots
+
+        folder.mkdir(parents=True, exist_ok=True)
+        packet_rate(self.rows, folder / "packet_rate.png", self.caption)
+
+
+def run(traces: list[Path], predictors: str, webers: str, floor: float, *, wire: bool, plots: bool) -> Evaluation:
     """Evaluate every combination.
 
     Args:
@@ -26,14 +47,13 @@ def run(
         webers: Weber factors with commas between them.
         floor: absolute threshold [N].
         wire: quantize and saturate as on the wire.
-        plots: folder for figures, or None.
-
-    Returns:
-        The JSON document, and the table for people.
+        plots: whether figures will be wanted.
 
     Raises:
         ConfigurationError: for an argument or a trace that cannot be used; nothing was computed then.
     """
+    if plots and find_spec("matplotlib") is None:
+        raise ConfigurationError('--plots: needs matplotlib; install it with: pip install "weberlink[plots]"')
     study = Study(_predictors(predictors), _webers(webers), floor, **({} if wire else UNQUANTIZED))  # type: ignore[arg-type]
     try:
         signals = [(path.stem, read_trace(path)) for path in traces]
@@ -41,10 +61,8 @@ def run(
         raise ConfigurationError(str(error)) from None
     rows = [row for name, trace in signals for row in study.rows(name, trace)]
     facts = environment()
-    if plots is not None:
-        _draw(rows, plots, footer(facts))
     document = {"floor_n": floor, "wire": wire, "rows": [row.as_json() for row in rows], "environment": facts}
-    return document, _table(rows, footer(facts))
+    return Evaluation(rows, document, _table(rows, footer(facts)), footer(facts))
 
 
 def _predictors(text: str) -> list[str]:
@@ -84,12 +102,3 @@ def _table(rows: list[Row], caption: str) -> Table:
             f"{row.tick_us:.1f}",
         )
     return table
-
-
-def _draw(rows: list[Row], folder: Path, caption: str) -> None:
-    try:
-        from evaluation.figures import packet_rate  # noqa: PLC0415 - heavy, and only wanted with --plots
-    except ImportError:
-        raise ConfigurationError('--plots: needs matplotlib; install it with: pip install "weberlink[plots]"') from None
-    folder.mkdir(parents=True, exist_ok=True)
-    packet_rate(rows, folder / "packet_rate.png", caption)

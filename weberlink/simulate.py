@@ -1,13 +1,12 @@
 """A configuration in virtual time: composed as the daemons are, driven by a simulation instead of a clock."""
 
-from pathlib import Path
 from random import Random
 from time import perf_counter
 from typing import Any
 
 from evaluation.recording import TraceRecorder
 from evaluation.session import SessionScore
-from evaluation.simulation import SLAVE_ADDRESS, Observer, Simulation
+from evaluation.simulation import SLAVE_ADDRESS, Simulation
 from weberlink.composition import build_links, build_master, build_security, build_slave, channels
 from weberlink.configuration import Configuration
 from weberlink.configuration.model import EmulationSettings
@@ -46,13 +45,15 @@ def build_simulation(configuration: Configuration) -> Simulation:
     )
 
 
-def simulate(configuration: Configuration, duration: float | None, trace: Path | None = None) -> dict[str, Any]:
-    """Run to the end of the duration [s] or of the device's motion; returns the figures of the session.
+def simulate(configuration: Configuration, duration: float | None) -> tuple[dict[str, Any], TraceRecorder]:
+    """Run to the end of the duration [s] or of the device's motion.
 
     Args:
         configuration: both sides.
         duration: [s]; None for `DEFAULT_DURATION`.
-        trace: where to write what the robot was commanded and felt; None for nowhere.
+
+    Returns:
+        The figures of the session, and what the robot was commanded and felt.
 
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
@@ -62,14 +63,11 @@ def simulate(configuration: Configuration, duration: float | None, trace: Path |
     score = SessionScore(system.rate_hz, channels(system)[1].bank)
     began = perf_counter()
     recorder = TraceRecorder()
-    observers: list[Observer] = [score] if trace is None else [score, recorder]
-    simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
+    simulation.run(DEFAULT_DURATION if duration is None else duration, [score, recorder])
     run_time = perf_counter() - began
-    if trace is not None:
-        recorder.save(trace)
     master, slave = simulation.master, simulation.slave
     failures = [side.failure for side in (master, slave) if side.failure is not None]
-    return score.summary() | {
+    summary = score.summary() | {
         "faults": {"master": master.faults, "slave": slave.faults},
         "drops": {
             name: {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()}
@@ -80,6 +78,7 @@ def simulate(configuration: Configuration, duration: float | None, trace: Path |
         "run_time_s": run_time,
         "seed": (system.link.emulate or EmulationSettings()).seed,
     }
+    return summary, recorder
 
 
 def _no_time() -> float:
