@@ -5,10 +5,9 @@ Exit status: 0 done, 1 the run failed, 2 the file or the arguments are wrong (on
 
 import json
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.resources import files
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,37 +15,10 @@ import typer
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
-from typer.core import TyperGroup
 
+from weberlink.arguments import Duration, File, Json, OneLineErrors, OptionalFile, Set, finite
 from weberlink.configuration import MASTER, SIDES, SLAVE, ConfigurationError, load
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED
-
-
-class OneLineErrors(TyperGroup):
-    """Commands whose complaints about arguments are one line, as those about files are."""
-
-    def main(
-        self,
-        args: Sequence[str] | None = None,
-        prog_name: str | None = None,
-        complete_var: str | None = None,
-        standalone_mode: bool = True,
-        windows_expand_args: bool = True,
-        **extra: Any,
-    ) -> Any:
-        try:
-            result = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
-        except Exception as error:
-            # The class of such errors has no public name; what tells it is that it can put itself in words.
-            in_words = getattr(error, "format_message", None)
-            if in_words is None or not standalone_mode:
-                raise
-            sys.stderr.write(f"weberlink: {' '.join(in_words().split())}\n")
-            sys.exit(MISCONFIGURED)
-        if not standalone_mode:
-            return result
-        return sys.exit(result if isinstance(result, int) else COMPLETED)
-
 
 app = typer.Typer(
     name="weberlink",
@@ -57,29 +29,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-
-File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
-OptionalFile = Annotated[
-    Path | None, typer.Argument(metavar="[FILE]", help="Configuration; without it, a default that needs nothing.")
-]
-Set = Annotated[
-    list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
-]
-
-
-def _finite(value: float | None) -> float | None:
-    if value is not None and not isfinite(value):
-        raise typer.BadParameter(f"must be a finite number, not {value}")
-    return value
-
-
-Duration = Annotated[
-    float | None,
-    typer.Option("--duration", metavar="S", min=0.0, callback=_finite, help="Length of the run [s]."),
-]
-Json = Annotated[
-    Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output, alone.")
-]
 
 
 @app.callback()
@@ -155,9 +104,7 @@ def evaluate(
     traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="Recorded signals (CSV).")],
     predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
     weber: Annotated[str, typer.Option(metavar="K,..", help="Weber factors.")] = "0.10",
-    floor: Annotated[
-        float, typer.Option(metavar="N", min=0.0, callback=_finite, help="Absolute threshold [N].")
-    ] = 0.02,
+    floor: Annotated[float, typer.Option(metavar="N", min=0.0, callback=finite, help="Absolute threshold [N].")] = 0.02,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     json_out: Json = None,
     plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Draw figures (extra: weberlink[plots]).")] = None,
