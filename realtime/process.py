@@ -80,6 +80,7 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None) -> Grants:
 def die_with_parent(signal: Signals, parent: int | None = None) -> None:
     """Have the kernel send this process a signal when its parent dies, however the parent dies.
 
+    It comes once for each thread that the parent had, so let it be a signal whose repetition means nothing more.
     If the parent is already gone the kernel would never send it, so this process sends it to itself. The kernel means
     the parent's thread that started this process: start it from a thread that lives as long as the parent does.
 

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from math import inf
-from signal import SIG_UNBLOCK, SIGINT, SIGTERM, Signals, pthread_sigmask
+from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
 from time import monotonic
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
 from realtime.histogram import Histogram
 from realtime.ticker import Ticker
 
+_REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
 AfterTick = Callable[[int, float, float, float], None]
 
 
@@ -76,7 +77,7 @@ def run(
     *,
     transport: Transport,
     ticker_period: float,
-    stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM),
+    stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM, SIGHUP),
     duration_s: float | None = None,
     start_at: float | None = None,
     stop_limit_s: float = 1.0,
@@ -87,8 +88,8 @@ def run(
 
     In a tick: `transport.service`, `side.tick`, `transport.flush`, `after_tick`, then garbage collection if there is
     slack. A run ends when the side is `stopped`: by itself, or after `side.stop` at the first signal ("interrupted",
-    "terminated") or at the end of the duration ("completed"). A second signal, or a stop that takes too long, ends it
-    at once through `side.fail`.
+    "terminated", "hung up") or at the end of the duration ("completed"). A second signal, or a stop that takes too
+    long, ends it at once through `side.fail`; but a hang-up is no impatience, however often it comes.
 
     Args:
         ticker_period: time between ticks [s].
@@ -220,8 +221,10 @@ class _Shell:
         self._side.stop(now, reason)
 
     def _signal(self, number: Signals) -> None:
-        reason = "interrupted" if number == SIGINT else "terminated"
+        reason = _REASONS.get(number, "terminated")
         if self._signalled:
+            if number == SIGHUP:
+                return
             self._abandon(InterruptedError(f"{reason} a second time"))
             return
         self._signalled = True

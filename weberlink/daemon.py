@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
-from signal import SIGTERM
+from signal import SIGHUP
 from time import monotonic, perf_counter
 from typing import Any
 
@@ -74,7 +74,7 @@ class Order:
 def main(text: str) -> int:
     """Run an order; returns the exit status. Errors are one line on standard error."""
     order = Order.from_json(text)
-    die_with_parent(SIGTERM, order.parent)
+    die_with_parent(SIGHUP, order.parent)
     try:
         configuration = load(Path(order.file), order.overrides, sides=[order.side])
         summary = serve(order, configuration)

@@ -11,7 +11,19 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from signal import SIG_BLOCK, SIG_DFL, SIG_SETMASK, SIGINT, SIGTERM, Signals, pthread_sigmask, signal
+from signal import (
+    SIG_BLOCK,
+    SIG_DFL,
+    SIG_IGN,
+    SIG_SETMASK,
+    SIGHUP,
+    SIGINT,
+    SIGTERM,
+    Signals,
+    getsignal,
+    pthread_sigmask,
+    signal,
+)
 from time import sleep
 from types import FrameType, TracebackType
 from typing import Any, Self
@@ -25,7 +37,7 @@ from weberlink.composition import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
 
-STOP_SIGNALS = (SIGINT, SIGTERM)
+STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
 """Between two looks at the telemetry."""
 STOP_LIMIT_S = 3.0
@@ -121,6 +133,8 @@ class Session:
         system = self.configuration.system
         self.score = SessionScore(system.rate_hz, channels(system)[1].bank)
         for number in STOP_SIGNALS:
+            if getsignal(number) is SIG_IGN:  # by nohup, say
+                continue
             self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             daemon = Daemon(self._order(side))

@@ -145,6 +145,14 @@ def test_a_second_signal_ends_a_stop_that_does_not_settle():
     assert result.ticks <= 7
 
 
+def test_a_hang_up_may_come_any_number_of_times():
+    side = Side(settle=10, at_tick={3: send(signal.SIGHUP), 5: send(signal.SIGHUP), 6: send(signal.SIGHUP)})
+    result = go(side)
+    assert side.stops == ["hung up"]
+    assert side.failures == []
+    assert (result.outcome, result.orderly) == ("hung up", True)
+
+
 def test_one_signal_during_the_last_stop_neither_restarts_nor_breaks_it():
     side = Side(settle=10, at_tick={8: send(signal.SIGINT)})
     result = go(side, duration_s=0.005)
