@@ -8,6 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
@@ -82,7 +83,7 @@ def main(text: str) -> int:
         return _complain(order, error, MISCONFIGURED)
     except (DeviceFault, RobotFault, OSError) as error:  # among them a port in use, a ring in use
         return _complain(order, error, FAILED)
-    json.dump(summary, sys.stdout)
+    _tell(summary)
     return FAILED if summary["failed"] else COMPLETED
 
 
@@ -177,8 +178,15 @@ def _complain(order: Order, error: Exception, status: int) -> int:
     # An OSError's own text begins with its number.
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     sys.stderr.write(f"weberlink {order.side}: {text}\n")
-    json.dump(failure(text), sys.stdout)
+    _tell(failure(text))
     return status
+
+
+def _tell(summary: dict[str, Any]) -> None:
+    """Answer the launcher, if it is still there."""
+    with suppress(BrokenPipeError):
+        sys.stdout.write(json.dumps(summary))
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":
