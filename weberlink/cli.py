@@ -209,7 +209,9 @@ def _free_port(path: Path, overrides: list[str] | tuple[()]) -> list[str]:
     host, port = split_address(link.listen)
     if port != 0:
         return []
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+    is_v6 = ":" in host
+    with socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((host, 0))
         port = probe.getsockname()[1]
-    return [f"link.listen={host}:{port}", f"link.slave={host}:{port}"]
+    address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
+    return [f"link.listen={address}", f"link.slave={address}"]

@@ -119,9 +119,9 @@ class UdpShell:
             bound.bind(local)
         except OSError as problem:
             bound.close()
-            if problem.errno != EADDRINUSE:
-                raise
             host, port = local
+            if problem.errno != EADDRINUSE:
+                raise OSError(problem.errno, f"UDP {host}:{port} cannot be listened on: {problem.strerror}") from None
             raise AddressInUseError(
                 EADDRINUSE,
                 f"UDP {host}:{port} is in use: stop the program that holds it (ss -lunp shows which), "

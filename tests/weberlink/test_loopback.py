@@ -1,0 +1,420 @@
+"""`weberlink loopback` as its user runs it: processes, signals, a terminal, and what is left behind (nothing)."""
+
+import json
+import os
+import pty
+import re
+import signal
+import socket
+import subprocess
+import sys
+import termios
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from math import cos, pi, sin
+from pathlib import Path
+from time import monotonic, sleep
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from protocol.states import State
+from telemetry.reader import DTYPE, RingReader
+from telemetry.ring import default_path, process_started
+from tests.weberlink.systems import CONFIGS
+
+pytestmark = pytest.mark.realtime
+
+T = TypeVar("T")
+Records = NDArray[Any]
+
+ROOT = CONFIGS.parent
+PATIENCE = 30.0
+"""Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
+ENGAGED = State.ENGAGED.value
+WIDTH = 80
+LIMIT, RAMP, WEBER = 10.0, 0.05, 0.1
+"""Of the default configuration [N], [s], [1]."""
+PERCENTILES = ("p50", "p99", "p99_9", "max")
+CHANNEL = (
+    "samples",
+    "packets",
+    "packets_per_s",
+    "reduction",
+    "reduction_all",
+    "bytes_per_s",
+    "error_rms",
+    "error_max",
+    "violation_fraction",
+)
+NUMBERS = (
+    "duration_s",
+    *(f"ticks.{side}.{name}" for side in ("master", "slave") for name in ("count", "missed")),
+    *(f"ticks.{side}.lateness_us.{name}" for side in ("master", "slave") for name in PERCENTILES),
+    *(f"{channel}.{name}" for channel in ("force", "position") for name in CHANNEL),
+    *(f"link.{name}.{percentile}" for name in ("rtt_us", "one_way_us") for percentile in ("p50", "p99")),
+    *(f"link.{name}" for name in ("sent", "received", "lost", "dropped")),
+    "energy.generated_j",
+    "energy.dissipated_j",
+)
+"""Figures of a live run that other tools rely on; beside them, `faults` and `outcome`."""
+
+
+def until(condition: Callable[[], T], what: str) -> T:
+    """The first value of the condition that counts as true."""
+    deadline = monotonic() + PATIENCE
+    while not (value := condition()):
+        if monotonic() > deadline:
+            pytest.fail(f"waited {PATIENCE:g} s for {what}")
+        sleep(0.01)
+    return value
+
+
+def document(text: str) -> dict[str, Any]:
+    """JSON as the standard has it: no NaN, nothing before and nothing behind."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"JSON has no {constant}")
+
+    parsed = json.loads(text, parse_constant=refuse)
+    assert isinstance(parsed, dict)
+    return parsed
+
+
+def figure(summary: dict[str, Any], path: str) -> Any:
+    value: Any = summary
+    for key in path.split("."):
+        value = value[key]
+    return value
+
+
+class Telemetry:
+    """Everything a daemon records, also once it has ended; to be looked at more often than the ring is long (10 s)."""
+
+    def __init__(self, path: Path) -> None:
+        until(path.exists, f"{path}")
+        self._reader = RingReader(path)
+        self._records: Records = np.empty(0, DTYPE)
+        self._closed = False
+
+    @property
+    def pid(self) -> int:
+        """Of the daemon, not of the launcher."""
+        return self._reader.pid
+
+    @property
+    def started(self) -> float:
+        """When the daemon was about to open its socket, on the clock of the records [s]."""
+        return self._reader.started_monotonic_s
+
+    @property
+    def records(self) -> Records:
+        if not self._closed:
+            self._records = np.concatenate([self._records, self._reader.read()])
+        assert self._reader.overrun == 0
+        return self._records
+
+    @property
+    def last(self) -> Any:
+        """The newest record; before the first, one of zeros."""
+        records = self.records
+        return records[-1] if len(records) else np.zeros(1, DTYPE)[0]
+
+    def close(self) -> None:
+        """Take what there is, and let go of the ring."""
+        if not self._closed:
+            self._records = np.concatenate([self._records, self._reader.read()])
+            self._closed = True
+            self._reader.close()
+
+
+class Program:
+    """A command as a process of its own, which is dead at the end of the `with`, and its daemons with it.
+
+    Args:
+        arguments: of the command line.
+        module: what `python -m` runs.
+        prefix: a command that runs it.
+        terminal: file descriptor for its three streams instead of pipes.
+    """
+
+    def __init__(
+        self, *arguments: object, module: str = "weberlink", prefix: tuple[str, ...] = (), terminal: int | None = None
+    ) -> None:
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        if terminal is not None:
+            streams = dict.fromkeys(streams, terminal)
+        unset = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
+        environment = {name: value for name, value in os.environ.items() if name not in unset}
+        self._process: subprocess.Popen[str] = subprocess.Popen(
+            [*prefix, sys.executable, "-m", module, *map(str, arguments)],
+            cwd=ROOT,
+            env={**environment, "TERM": "xterm"},
+            text=True,
+            **streams,  # type: ignore[call-overload]
+        )
+        self._telemetry: list[Telemetry] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        daemons = self.daemons()
+        self._process.kill()
+        self._process.wait()
+        for pid in daemons:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for stream in (self._process.stdout, self._process.stderr):
+            if stream is not None:
+                stream.close()
+        for telemetry in self._telemetry:
+            telemetry.close()
+        for path in self.rings():
+            path.unlink(missing_ok=True)
+
+    @property
+    def pid(self) -> int:
+        """Of the launcher."""
+        return self._process.pid
+
+    def daemons(self) -> list[int]:
+        """Its child processes that live."""
+        found = []
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(FileNotFoundError, ProcessLookupError):
+                state, parent = path.read_text(errors="replace").rpartition(")")[2].split()[:2]
+                if int(parent) == self.pid and state not in "ZX":
+                    found.append(int(path.parent.name))
+        return found
+
+    def rings(self) -> list[Path]:
+        path = default_path(f"{self.pid}-side")
+        return list(path.parent.glob(path.name.replace("side", "*") + "*"))
+
+    def telemetry(self, side: str) -> Telemetry:
+        telemetry = Telemetry(default_path(f"{self.pid}-{side}"))
+        self._telemetry.append(telemetry)
+        return telemetry
+
+    def engaged(self, side: str) -> Telemetry:
+        """The telemetry of a side that is in a session."""
+        telemetry = self.telemetry(side)
+        until(lambda: telemetry.last["state"] == ENGAGED, f"the {side} to engage")
+        return telemetry
+
+    def send(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def finish(self) -> tuple[int, str, str]:
+        """Wait for the end: exit status, standard output, standard error."""
+        output, errors = self._process.communicate(timeout=PATIENCE)
+        return self._process.returncode, output, errors
+
+
+def assert_nothing_left(program: Program, daemons: list[int]) -> None:
+    until(lambda: not any(process_started(pid) for pid in daemons), f"the end of the daemons {daemons}")
+    assert program.rings() == []
+
+
+def fits(text: str, width: int = WIDTH) -> bool:
+    return all(len(line) <= width for line in text.splitlines())
+
+
+@pytest.fixture(scope="module")
+def three_seconds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any]]:
+    """What a run of three seconds prints, and what it writes."""
+    out = tmp_path_factory.mktemp("loopback") / "out.json"
+    with Program("loopback", "--duration", 3, "--json", out) as program:
+        daemons = until(lambda: len(program.daemons()) == 2 and program.daemons(), "two daemons")
+        assert isinstance(daemons, list)
+        status, output, errors = program.finish()
+        assert (status, errors) == (0, "")
+        assert_nothing_left(program, daemons)
+    return output, document(out.read_text())
+
+
+def test_every_documented_figure_is_there_and_a_number(three_seconds: tuple[str, dict[str, Any]]) -> None:
+    _, summary = three_seconds
+    for path in NUMBERS:
+        assert isinstance(figure(summary, path), int | float), path
+    assert summary["faults"] == {"master": {}, "slave": {}}
+    assert summary["outcome"] == "completed"
+
+
+def test_figures_agree_with_each_other(three_seconds: tuple[str, dict[str, Any]]) -> None:
+    _, summary = three_seconds
+    ticks, force = summary["ticks"], summary["force"]
+    assert ticks["master"]["count"] + ticks["master"]["missed"] >= 3000
+    assert summary["duration_s"] >= 3.0
+    assert force["reduction"] == pytest.approx(1.0 - force["packets"] / force["samples"])
+    assert force["packets_per_s"] == pytest.approx(force["packets"] / summary["duration_s"])
+    assert force["reduction_all"] < force["reduction"]
+    assert force["samples"] <= ticks["slave"]["count"]
+    assert sum(force["selected"].values()) == force["packets"]
+    assert summary["link"]["received"] + summary["link"]["dropped"] <= summary["link"]["sent"]
+
+
+def test_the_default_saves_nine_packets_in_ten(three_seconds: tuple[str, dict[str, Any]]) -> None:
+    _, summary = three_seconds
+    assert summary["force"]["reduction"] >= 0.9
+    assert summary["position"]["reduction"] >= 0.9
+    assert summary["force"]["packets"] > 0  # the hand did touch something
+
+
+def test_the_report_fits_80_columns(three_seconds: tuple[str, dict[str, Any]]) -> None:
+    output, _ = three_seconds
+    assert output.startswith("weberlink loopback")
+    assert fits(output)
+
+
+def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
+    """One plain, one with a key over a bad link: neither meets the other."""
+    key = tmp_path / "key"
+    with Program("keygen", key) as program:
+        assert program.finish()[0] == 0
+    secured = (f"link.key_file={key}", "link.security=psk")
+    bad = ("link.emulate.delay_ms=5", "link.emulate.loss=0.2")
+    overrides = [argument for text in (*secured, *bad) for argument in ("--set", text)]
+    with (
+        Program("loopback", "--duration", 2, "--json", "-") as plain,
+        Program("loopback", "--duration", 2, "--json", "-", *overrides) as emulated,
+    ):
+        ended = [program.finish() for program in (plain, emulated)]
+    assert [(status, errors) for status, _, errors in ended] == [(0, ""), (0, "")]
+    first, second = (document(output) for _, output, _ in ended)
+    assert first["outcome"] == second["outcome"] == "completed"
+    for summary in (first, second):
+        assert summary["force"]["samples"] > 0
+        assert "bad_tag" not in summary["drops"]["master"] | summary["drops"]["slave"]
+    assert first["link"]["lost"] == 0
+    assert second["link"]["lost"] > 0
+    assert second["link"]["rtt_us"]["p50"] >= 10_000
+
+
+@pytest.mark.parametrize(
+    ("number", "outcome"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")], ids=["INT", "TERM"]
+)
+def test_a_signal_ends_the_run_with_its_report(number: signal.Signals, outcome: str) -> None:
+    with Program("loopback") as program:
+        sides = [program.engaged(side) for side in ("master", "slave")]
+        program.send(number)
+        status, output, errors = program.finish()
+        assert (status, errors) == (0, "")
+        assert outcome in output.splitlines()[0]
+        assert fits(output)
+        assert_nothing_left(program, [side.pid for side in sides])
+        assert not sides[0].last["output"].any()  # the operator was let go before the end
+
+
+@pytest.mark.parametrize(
+    ("number", "outcome"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")], ids=["INT", "TERM"]
+)
+def test_a_signal_while_the_daemons_start_is_an_orderly_end_too(number: signal.Signals, outcome: str) -> None:
+    with Program("loopback", "--json", "-") as program:
+        until(lambda: len(program.daemons()) == 2, "two daemons")
+        program.send(number)
+        status, output, errors = program.finish()
+        assert document(output)["outcome"] == outcome
+        assert (status, errors) == (0, "")
+        assert_nothing_left(program, [])
+
+
+def test_daemons_whose_launcher_is_killed_stop_by_themselves_and_in_order() -> None:
+    """However many threads it had: the kernel tells the daemons of the death of each."""
+    with Program("loopback") as program:
+        sides = [program.engaged(side) for side in ("master", "slave")]
+        until(lambda: np.linalg.norm(sides[0].last["output"]) > 1.0, "contact")
+        program.send(signal.SIGKILL)
+        _, _, errors = program.finish()  # whose end comes when the daemons have let go of it
+        assert_nothing_left(program, [side.pid for side in sides])  # a ring is removed in an orderly stop only
+        records = sides[0].records[-200:]
+    force = np.linalg.norm(records["output"], axis=1)
+    assert force[-1] == 0.0
+    assert force.max() > 1.0
+    elapsed = np.diff(records["at"] + 1e-6 * records["lateness_us"].astype(np.float64))
+    assert (-np.diff(force) <= LIMIT * elapsed / RAMP + LIMIT * WEBER).all()  # faded, but for an update on the way
+    assert errors == ""
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+def test_a_daemon_that_is_killed_fails_the_run_and_is_named(side: str) -> None:
+    with Program("loopback", "--json", "-") as program:
+        sides = {name: program.engaged(name) for name in ("master", "slave")}
+        os.kill(sides[side].pid, signal.SIGKILL)
+        status, output, errors = program.finish()
+        summary = document(output)
+        assert summary["outcome"] == f"failed: {side} killed by signal 9"
+        assert (status, errors) == (1, "")
+        assert_nothing_left(program, [telemetry.pid for telemetry in sides.values()])
+        assert not sides["master"].last["output"].any() or side == "master"
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int]]:
+    """Both ends of a terminal of 80 columns: the user's and the program's."""
+    user, program = pty.openpty()
+    termios.tcsetwinsize(program, (24, WIDTH))
+    try:
+        yield user, program
+    finally:
+        for descriptor in (user, program):
+            with suppress(OSError):
+                os.close(descriptor)
+
+
+def shown(user: int) -> str:
+    """All that a program writes to its terminal until it closes it."""
+    pieces = []
+    with suppress(OSError):  # EIO is the end of a terminal
+        while piece := os.read(user, 65_536):
+            pieces.append(piece)
+    return b"".join(pieces).decode()
+
+
+def test_on_a_terminal_a_status_line_goes_before_the_report_and_both_fit(terminal: tuple[int, int]) -> None:
+    user, programs = terminal
+    with Program("loopback", "--duration", 2, terminal=programs) as program:
+        os.close(programs)
+        text = shown(user)
+        assert program.finish()[0] == 0
+    lines = re.split(r"[\r\n]+", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text))
+    assert max(map(len, lines)) <= WIDTH
+    report = next(index for index, line in enumerate(lines) if line.startswith("weberlink loopback"))
+    assert "completed" in lines[report]
+    live = [line for line in lines[:report] if "engaged" in line]
+    assert any("force" in line and "rtt" in line for line in live)
+    assert not any("engaged" in line for line in lines[report:])
+
+
+def has_ipv6() -> bool:
+    with suppress(OSError), socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as probe:
+        probe.bind(("::1", 0))
+        return True
+    return False
+
+
+@pytest.mark.skipif(not has_ipv6(), reason="this host has no IPv6 loopback")
+def test_a_free_port_is_found_on_ipv6_too() -> None:
+    overrides = [argument for key in ("listen", "slave") for argument in ("--set", f'link.{key}="[::1]:0"')]
+    with Program("loopback", "--duration", 0.5, "--json", "-", *overrides) as program:
+        status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    assert document(output)["force"]["samples"] > 0
+
+
+def test_a_replay_runs_to_the_end_of_its_trace(tmp_path: Path) -> None:
+    trace = tmp_path / "trace.csv"
+    angles = [2.0 * pi * index / 800 for index in range(800)]
+    rows = [f"{i / 1000},{0.01 * sin(a)},0,{0.01 * cos(a)},0,0,0" for i, a in enumerate(angles)]
+    trace.write_text("\n".join(["t,px,py,pz,fx,fy,fz", *rows]))
+    overrides = ("--set", f"master.device.trace={trace}", "--set", "master.device.approach_s=0.2")
+    with Program("loopback", CONFIGS / "replay.yaml", *overrides, "--json", "-") as program:
+        status, output, errors = program.finish()
+    summary = document(output)
+    assert (status, errors, summary["outcome"]) == (0, "", "completed")
+    assert summary["duration_s"] >= 0.999
+    assert summary["force"]["packets"] > 0  # half of the circle lies in the plane
