@@ -32,6 +32,9 @@ from telemetry.record import Record
 LONGEST_STEP = 0.1
 """A tick that comes later than this after the last one counts as this late [s]: ramps must not jump over a stall."""
 
+CONNECT_PATIENCE = 1.0
+"""A run that ends without a session after longer than this has failed, not completed [s]."""
+
 
 class MasterLoop:
     """The master: device, position encoder, force decoder, safety, endpoint.
@@ -78,6 +81,8 @@ class MasterLoop:
         self.failure: str | None = None
         """Why the run ends otherwise than by request; None while it does not."""
         self._faults = FaultLedger()
+        self._opened_at = 0.0
+        self._has_connected = False
         self._last_now: float | None = None
         self._last_reading_at = nan
         self._position: Vector = ZERO
@@ -109,6 +114,7 @@ class MasterLoop:
         Raises:
             DeviceFault: if the device cannot be opened.
         """
+        self._opened_at = now
         self.device.open(now)
         self.endpoint.connect(now)
 
@@ -131,8 +137,12 @@ class MasterLoop:
             self._leave(now, self._stopping)
             self._stopped = True
 
-    def stop(self, now: float, reason: str) -> None:  # noqa: ARG002
+    def stop(self, now: float, reason: str) -> None:
         """Begin to fade the force out; the session is closed when it is at zero."""
+        if self._stopping is None and reason == "completed" and not self._has_connected:
+            waited = now - self._opened_at
+            if waited > CONNECT_PATIENCE:
+                self.failure = f"the slave did not answer in {waited:.1f} s"
         self._stopping = self._stopping or reason
 
     def fail(self, now: float, error: BaseException) -> None:
@@ -181,6 +191,7 @@ class MasterLoop:
             case UpdateReceived():
                 self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
             case Connected():
+                self._has_connected = True
                 self.encoder.reset()
                 self.decoder.reset()
                 self._gate.close()

@@ -15,7 +15,9 @@ from master.devices.contract import Device
 from protocol.wire import UpdateLayout
 from slave.robots.contract import Robot
 from slave.scenes.scene import Scene
-from weberlink.composition import build_device, build_robot, build_scene, build_security, channels
+from weberlink.composition.link import build_security, channels
+from weberlink.composition.master import build_device
+from weberlink.composition.slave import build_robot, build_scene
 from weberlink.configuration import Configuration, System
 from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings
 

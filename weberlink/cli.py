@@ -128,7 +128,7 @@ def main() -> None:
 def _live(
     name: str, path: Path, overrides: list[str] | tuple[()], sides: Any, duration: float | None, json_out: Path | None
 ) -> None:
-    from weberlink.composition import try_out  # noqa: PLC0415
+    from weberlink.composition.trial import try_out  # noqa: PLC0415
     from weberlink.launcher import Session  # noqa: PLC0415
     from weberlink.report import status_line  # noqa: PLC0415
 

@@ -7,40 +7,53 @@ launcher with an `Order` as JSON; answers with a summary as JSON on standard out
 import json
 import os
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 from signal import SIGHUP
 from time import monotonic, perf_counter
-from typing import Any
+from typing import Any, Protocol
 
-from master.devices.contract import DeviceFault
-from master.loop import MasterLoop
 from protocol.aio.udp import UdpShell
-from protocol.emulation import EmulatedLink
 from protocol.endpoint import Endpoint
-from protocol.events import Address
 from realtime.garbage import GarbageSchedule
 from realtime.process import Grants, die_with_parent, prepare
 from realtime.shell import Run, run
-from slave.loop import SlaveLoop
-from slave.robots.contract import RobotFault
+from realtime.shell import Side as Ticking
+from telemetry.record import Record
 from telemetry.ring import RingWriter
-from weberlink.composition import build_emulation, build_master, build_security, build_slave
+from weberlink.composition.link import build_security
 from weberlink.configuration import MASTER, Configuration, ConfigurationError, load
 from weberlink.configuration.model import split_address
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 """Exit statuses of every command."""
 
-HEAD_START = 0.02
+HEAD_START = 0.2
 """From the end of the set-up to the first tick [s]."""
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 
-Side = MasterLoop | SlaveLoop
+
+class Side(Ticking, Protocol):
+    """What a daemon asks of a loop beyond its ticks; both sides are one."""
+
+    endpoint: Endpoint
+    failure: str | None
+
+    @property
+    def faults(self) -> dict[str, int]: ...
+
+    def open(self, now: float) -> None: ...
+
+    def close(self) -> None: ...
+
+    def record(self, *, lateness_us: float, work_us: float, missed: int) -> Record: ...
+
+
+class StartError(Exception):
+    """The device or the robot could not be opened."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +94,7 @@ def main(text: str) -> int:
         summary = serve(order, configuration)
     except ConfigurationError as error:
         return _complain(order, error, MISCONFIGURED)
-    except (DeviceFault, RobotFault, OSError) as error:  # among them a port in use, a ring in use
+    except (StartError, OSError) as error:  # among them a port in use, a ring in use
         return _complain(order, error, FAILED)
     _tell(summary)
     return FAILED if summary["failed"] else COMPLETED
@@ -94,7 +107,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
         Outcome, faults and what else the telemetry does not say.
 
     Raises:
-        ConfigurationError, DeviceFault, RobotFault, OSError: before the first tick.
+        ConfigurationError, StartError, OSError: before the first tick.
     """
     system = configuration.system
     realtime = system.realtime
@@ -111,11 +124,16 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
 def _build(name: str, configuration: Configuration, epoch: float) -> Side:
     system = configuration.system
     security = build_security(configuration)
+    # Each side imports its own parts only.
     if name == MASTER:
+        from weberlink.composition.master import build_master  # noqa: PLC0415
+
         peer = split_address(system.link.slave)
         return build_master(
             configuration, security=security, entropy=os.urandom, epoch=epoch, stopwatch=perf_counter, peer=peer
         )
+    from weberlink.composition.slave import build_slave  # noqa: PLC0415
+
     return build_slave(configuration, security=security, entropy=os.urandom, epoch=epoch, stopwatch=perf_counter)
 
 
@@ -123,9 +141,11 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
     link = configuration.system.link
     emulated = None
     if link.emulate is not None:
+        from weberlink.composition.emulation import build_link  # noqa: PLC0415
+
         # Each side distorts what it sends, by its own chance.
-        uniform: Callable[[], float] = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
-        emulated = EmulatedLink[Address](build_emulation(link.emulate), uniform, epoch)
+        uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
+        emulated = build_link(link.emulate, uniform, epoch)
     if name == MASTER:
         return UdpShell(endpoint, now=monotonic, link=emulated)
     return UdpShell(endpoint, now=monotonic, listen=split_address(link.listen), link=emulated)
@@ -144,7 +164,10 @@ def _drive(
         ring.write(side.record(lateness_us=(now - deadline) * 1e6, work_us=work_us, missed=missed))
 
     system = configuration.system
-    side.open(monotonic())
+    try:
+        side.open(monotonic())
+    except RuntimeError as fault:  # the device's or the robot's, by the contract of both
+        raise StartError(str(fault)) from fault
     try:
         return run(
             side,

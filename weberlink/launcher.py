@@ -33,7 +33,7 @@ import numpy as np
 from evaluation.session import Records, SessionScore
 from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path
-from weberlink.composition import channels
+from weberlink.composition.link import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
 

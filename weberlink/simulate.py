@@ -7,7 +7,10 @@ from typing import Any
 from evaluation.recording import TraceRecorder
 from evaluation.session import SessionScore
 from evaluation.simulation import SLAVE_ADDRESS, Simulation
-from weberlink.composition import build_links, build_master, build_security, build_slave, channels
+from weberlink.composition.emulation import build_link
+from weberlink.composition.link import build_security, channels
+from weberlink.composition.master import build_master
+from weberlink.composition.slave import build_slave
 from weberlink.configuration import Configuration
 from weberlink.configuration.model import EmulationSettings
 
@@ -40,7 +43,10 @@ def build_simulation(configuration: Configuration) -> Simulation:
             epoch=0.0,
             stopwatch=_no_time,
         ),
-        links=build_links(emulation, (chance["forward"].random, chance["backward"].random), 0.0),
+        links=(
+            build_link(emulation, chance["forward"].random, 0.0),
+            build_link(emulation, chance["backward"].random, 0.0),
+        ),
         tick_period=system.tick_period,
     )
 

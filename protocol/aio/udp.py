@@ -174,6 +174,7 @@ class UdpShell:
 
     def _on_timer(self) -> None:
         self._timer, self._timer_at = None, inf
+        self._read()  # first, so that a stall of this end does not pass for silence of the other
         now = self._now()
         self._endpoint.handle_timer(now)
         self.flush(now)

@@ -18,7 +18,7 @@ from codec.sample import Sample
 from protocol.wire import UpdateLayout
 from tests.weberlink.systems import CONFIGS, configuration, output, raw, steps, system
 from weberlink.cli import app
-from weberlink.composition import channels
+from weberlink.composition.link import channels
 from weberlink.configuration import load
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
@@ -31,7 +31,7 @@ BUILD = """
 import json, os, sys
 from pathlib import Path
 import weberlink.daemon
-from weberlink.composition import build_master, build_security, build_slave
+from weberlink.composition.link import build_security
 from weberlink.configuration import load
 from weberlink.configuration.model import split_address
 
@@ -41,8 +41,10 @@ common = {
     "security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0,
 }
 if side == "master":
+    from weberlink.composition.master import build_master
     build_master(configuration, peer=split_address(configuration.system.link.slave), **common)
 else:
+    from weberlink.composition.slave import build_slave
     build_slave(configuration, **common)
 json.dump(sorted(sys.modules), sys.stdout)
 """

@@ -22,6 +22,7 @@ import pytest
 from numpy.typing import NDArray
 
 from protocol.states import State
+from telemetry.fault import Fault
 from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path, process_started
 from tests.weberlink.systems import CONFIGS
@@ -351,6 +352,21 @@ def test_a_daemon_that_is_killed_fails_the_run_and_is_named(side: str) -> None:
         assert (status, errors) == (1, "")
         assert_nothing_left(program, [telemetry.pid for telemetry in sides.values()])
         assert not sides["master"].last["output"].any() or side == "master"
+
+
+def test_a_stall_of_one_end_does_not_pass_for_silence_of_the_other() -> None:
+    """A daemon that was stopped for longer than the limit finds the datagrams of its peer in the socket."""
+    with Program("loopback", "--json", "-") as program:
+        master, slave = (program.engaged(side) for side in ("master", "slave"))
+        for met in range(5):
+            os.kill(slave.pid, signal.SIGSTOP)
+            until(lambda: master.last["fault"] == Fault.SILENCE, f"silence {met}")
+            os.kill(slave.pid, signal.SIGCONT)
+            until(lambda: master.last["fault"] == Fault.NONE and master.last["state"] == ENGAGED, "the slave")
+        program.send(signal.SIGTERM)
+        status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    assert document(output)["faults"] == {"master": {"silence": 5}, "slave": {}}
 
 
 @pytest.fixture

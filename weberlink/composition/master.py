@@ -1,0 +1,76 @@
+"""The operator's side, from device to endpoint."""
+
+from codec import Channel, Decoder, Encoder
+from codec.quantizer import INT16_MAX
+from codec.vector import Vector
+from master.devices.contract import Device
+from master.loop import MasterLoop
+from master.safety import ForceGate, ForceLimiter
+from protocol.events import Address
+from protocol.roles import Role
+from protocol.security import Security
+from protocol.session import FADE_SHARE
+from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, construct, located
+from weberlink.configuration import Configuration, ConfigurationError, System
+
+
+def build_master(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+    peer: Address,
+) -> MasterLoop:
+    """The operator's side, not yet open.
+
+    Raises:
+        ConfigurationError: if the device cannot do what the file asks.
+    """
+    system, device = configuration.system, build_device(configuration)
+    forward, backward = channels(system)
+    return MasterLoop(
+        device=device,
+        encoder=Encoder(forward),
+        decoder=Decoder(backward),
+        endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer),
+        gate=ForceGate(
+            ramp=system.master.limits.ramp_ms * 1e-3,
+            silence=system.link.silence_ms * 1e-3,
+            fade_share=FADE_SHARE,
+        ),
+        limiter=ForceLimiter(min(system.master.limits.force_n, device.spec.force_n)),
+        tick_period=system.tick_period,
+        horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
+        device_limit=system.master.limits.device_ms * 1e-3,
+        stopwatch=stopwatch,
+    )
+
+
+@located
+def build_device(configuration: Configuration) -> Device:
+    """The haptic device, not yet open.
+
+    Raises:
+        ConfigurationError: if it cannot be made of its options, or the wire cannot say its positions.
+    """
+    system, part = configuration.system, configuration.device
+    assert part is not None
+    device: Device = construct("master.device", part.driver, part.options, system.tick_period)
+    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, channels(system)[0])
+    return device
+
+
+def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:
+    """A wire that cannot say a position of the device would move the robot elsewhere."""
+    missing = [axis for axis in system.axes if axis not in axes]
+    if missing:
+        raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
+    limit = channel.value_quantizer.limit
+    reach = max(abs(corner["xyz".index(axis)]) for corner in workspace for axis in system.axes)
+    if reach > limit:
+        raise ConfigurationError(
+            f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
+            f"use a step of at least {reach / INT16_MAX:.2g}"
+        )

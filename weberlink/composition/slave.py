@@ -1,0 +1,101 @@
+"""The teleoperator's side, from endpoint to robot and scene."""
+
+from codec import Decoder, Encoder
+from protocol.roles import Role
+from protocol.security import Security
+from protocol.session import FADE_SHARE
+from slave.loop import SlaveLoop
+from slave.robots.contract import Robot
+from slave.safety import CommandGuard, Workspace
+from slave.scenes.scene import Scene
+from slave.scenes.settings import build
+from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, construct, located
+from weberlink.configuration import Configuration, ConfigurationError, System
+
+
+def build_slave(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+) -> SlaveLoop:
+    """The teleoperator's side, not yet open.
+
+    Raises:
+        ConfigurationError: if the robot or the scene cannot be made as the file asks.
+    """
+    system, robot = configuration.system, build_robot(configuration)
+    forward, backward = channels(system)
+    limits = system.slave.limits
+    return SlaveLoop(
+        robot=robot,
+        encoder=Encoder(backward),
+        decoder=Decoder(forward),
+        endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None),
+        guard=CommandGuard(
+            workspace=workspace_of(configuration, robot),
+            speed=limits.speed_m_s,
+            approach_speed=limits.approach_speed_m_s,
+            ramp=limits.ramp_ms * 1e-3,
+            retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
+        ),
+        tick_period=system.tick_period,
+        horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
+        robot_limit=limits.robot_ms * 1e-3,
+        stopwatch=stopwatch,
+    )
+
+
+@located
+def build_robot(configuration: Configuration) -> Robot:
+    """The robot with the scene that it touches, not yet open.
+
+    Raises:
+        ConfigurationError: if either cannot be made of its options.
+    """
+    system, part = configuration.system, configuration.robot
+    assert part is not None
+    robot: Robot = construct("slave.robot", part.driver, part.options, _scene(system), system.tick_period)
+    return robot
+
+
+@located
+def build_scene(configuration: Configuration) -> Scene | None:
+    """What there is to touch; None where the file names nothing.
+
+    Raises:
+        ConfigurationError: if an object of the scene cannot be made.
+    """
+    return _scene(configuration.system)
+
+
+def _scene(system: System) -> Scene | None:
+    if not system.slave.scene:
+        return None
+    try:
+        return build(system.slave.scene)
+    except ValueError as error:
+        raise ConfigurationError(f"slave.scene: {error}") from None
+
+
+@located
+def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
+    """Where the robot may be commanded to: its own workspace within that of the file."""
+    return _intersection(_corners(configuration.system.slave.limits.workspace_m), robot.spec.workspace_m)
+
+
+def _corners(intervals: tuple[tuple[float, float], ...]) -> Workspace:
+    (x0, x1), (y0, y1), (z0, z1) = intervals
+    return (x0, y0, z0), (x1, y1, z1)
+
+
+def _intersection(a: Workspace, b: Workspace) -> Workspace:
+    low, high = (
+        tuple(choose(pair) for pair in zip(mine, theirs, strict=True))
+        for choose, mine, theirs in ((max, a[0], b[0]), (min, a[1], b[1]))
+    )
+    if not all(lowest < highest for lowest, highest in zip(low, high, strict=True)):
+        raise ConfigurationError("slave.limits.workspace_m: leaves nothing of the robot's own workspace")
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
