@@ -192,6 +192,14 @@ def test_a_simulation_without_a_tick_is_no_failure(tmp_path: Path) -> None:
     assert (tmp_path / "trace.csv").read_text().splitlines()[:1] == [HEADER]
 
 
+# --- one side alone
+
+
+@pytest.mark.parametrize(("side", "field"), [("master", "link.slave"), ("slave", "link.listen")])
+def test_one_side_alone_needs_a_port_that_the_other_knows(side: str, field: str) -> None:
+    assert f"{field}: port 0 is for loopback" in complaint(run(side, CONFIGS / "loopback.yaml", *AT_ONCE))
+
+
 # --- evaluate
 
 

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from protocol.reasons import DropReason
 from protocol.states import State
 from telemetry.fault import Fault
-from tests.weberlink.test_loopback import ENGAGED, Program, Records, Telemetry, document, until
+from tests.weberlink.processes import ENGAGED, Program, Records, Telemetry, document, until
 from weberlink.cli import app
 
 pytestmark = pytest.mark.realtime

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tests.weberlink.processes import Program, document, until
 from tests.weberlink.systems import CONFIGS
-from tests.weberlink.test_loopback import Program, document, until
 from weberlink.cli import app
 from weberlink.configuration import load
 

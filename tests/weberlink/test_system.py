@@ -278,3 +278,12 @@ def test_ends_that_disagree_name_both_values_and_the_slave_lives_on() -> None:
     assert simulation.slave.failure is None
     assert simulation.slave.faults == {"refused": 1}
     assert simulation.slave.endpoint.state is State.LISTENING
+
+
+def test_a_run_without_a_session_has_failed_and_not_completed() -> None:
+    simulation = system("link.emulate.loss=1")
+    for step in steps(simulation, 3.0):
+        if step.index == 2000:
+            simulation.master.stop(step.master.at, "completed")
+    assert simulation.master.failure == "the slave did not answer in 2.0 s"
+    assert simulation.master.outcome == simulation.master.failure
