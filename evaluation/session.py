@@ -126,6 +126,9 @@ class SessionScore:
                 self._waiting[index] = joined[-self._longest_wait :]
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
+        own = slave[_in_session(slave)] if len(slave) else slave
+        if len(own):  # the coding error needs no other side
+            self._coding.add(_distance(own["decoded"], own["raw"]), own["bound"])
         self._join()
 
     @property
@@ -156,7 +159,10 @@ class SessionScore:
                 "dropped": master.counter("datagrams_dropped") + slave.counter("datagrams_dropped"),
                 "repeats": master.counter("repeats") + slave.counter("repeats"),
             },
-            "energy": {"generated_j": max(0.0, -self._least_energy), "dissipated_j": max(0.0, self._energy)},
+            "energy": {
+                "generated_j": max(0.0, -self._least_energy) if self._felt.count else None,
+                "dissipated_j": max(0.0, self._energy) if self._felt.count else None,
+            },
         }
 
     def _channel(self, sender: _Side, receiver: _Side, duration: float, errors: _Errors) -> dict[str, Any]:
@@ -201,7 +207,6 @@ class SessionScore:
         if not len(master):
             return
         self._felt.add(_distance(master["output"], slave["raw"]), slave["bound"])
-        self._coding.add(_distance(slave["decoded"], slave["raw"]), slave["bound"])
         self._position.add(_distance(slave["output"], master["raw"]), master["bound"])
         self._observe_energy(master, slave)
 

@@ -31,7 +31,7 @@ COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 """Exit statuses of every command."""
 
 HEAD_START = 0.2
-"""From the end of the set-up to the first tick [s]."""
+"""From the beginning of a side's composition to its first tick [s]."""
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 

@@ -102,3 +102,14 @@ def test_a_side_alone_has_its_own_figures_and_no_felt_error() -> None:
     assert summary["ticks"]["master"]["count"] == 100  # type: ignore[index]
     assert summary["ticks"]["slave"]["lateness_us"]["p50"] is None  # type: ignore[index]
     assert summary["force"]["error_rms"] is None  # type: ignore[index]
+    assert summary["energy"] == {"generated_j": None, "dissipated_j": None}
+
+
+def test_the_slave_alone_knows_its_coding_error() -> None:
+    slave = records(100)
+    slave["raw"][:, 2], slave["decoded"][:, 2], slave["bound"] = 2.0, 1.9, 0.2
+    slave["ramping"][:10] = 1
+    slave["decoded"][:10] = 0.0
+    coding = score(np.empty(0, DTYPE), slave)["force"]["coding"]  # type: ignore[index]
+    assert coding["error_max"] == pytest.approx(0.1)
+    assert coding["violation_fraction"] == 0.0
