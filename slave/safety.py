@@ -4,11 +4,9 @@ Owns no clock and no network; it is told the time that passed and what the sessi
 """
 
 from math import hypot
-from typing import Literal
 
 from codec.vector import ZERO, Vector, add, distance, norm, scale, subtract, unit
 
-OnSilence = Literal["hold", "retract"]
 Workspace = tuple[Vector, Vector]
 
 

@@ -62,7 +62,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
     uncoded = _uncoded_kbit(system, backward, forward, security.tag_size)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
-    for warning in _warnings(system, None if device is None else device.spec.stiffness_n_m):
+    for warning in (*_warnings(system, None if device is None else device.spec.stiffness_n_m), *_lacks(device, robot)):
         yield f"warning   {warning}"
 
 
@@ -135,6 +135,14 @@ def _stroke(tick: int) -> tuple[Vector, Vector]:
     angle = 2.0 * pi * tick * 1e-3
     position = (0.03 * cos(angle), 0.03 * sin(angle), -0.002 + 0.002 * sin(3.0 * angle))
     return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)
+
+
+def _lacks(device: Device | None, robot: Robot | None) -> Iterator[str]:
+    """Capabilities without which nothing is felt."""
+    if device is not None and not device.spec.force_feedback:
+        yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
+    if robot is not None and not robot.spec.force_sensing:
+        yield f"slave.robot: {robot.spec.name} senses no force; nothing is felt"
 
 
 def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:

@@ -192,6 +192,20 @@ def test_a_simulation_without_a_tick_is_no_failure(tmp_path: Path) -> None:
     assert (tmp_path / "trace.csv").read_text().splitlines()[:1] == [HEADER]
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "part"),
+    [
+        ("codec.force.step_n", 0.0001, "slave.robot reports up to"),
+        ("codec.position.step_m", 1e-7, "master.device reaches"),
+    ],
+)
+def test_a_wire_that_cannot_say_what_a_part_measures_is_refused(key: str, value: float, part: str) -> None:
+    line = complaint(run("check", CONFIGS / "fig6.yaml", "--set", f"{key}={value}"))
+    assert key in line
+    assert part in line
+    assert "use a step of at least" in line
+
+
 # --- one side alone
 
 

@@ -11,7 +11,11 @@ from codec.vector import ZERO, Vector, distance, norm
 from evaluation.simulation import Simulation
 from master.devices.contract import DeviceFault, DeviceReading
 from master.devices.operator import OperatorDevice
+from protocol.emulation import EmulatedLink, Emulation
+from protocol.events import Address
+from protocol.reasons import DropReason
 from protocol.states import State
+from protocol.wire import Kind, kind_of
 from slave.robots.contract import RobotFault, RobotReading
 from slave.robots.point import PointRobot
 from telemetry.fault import Fault
@@ -107,13 +111,42 @@ class Restorations:
             self.checked += 1
 
 
-def test_a_link_that_queues_for_longer_than_the_limit_delivers_no_stale_command() -> None:
-    simulation = system("link.emulate.rate_kbit_s=12", "codec.force.predictor=zoh", "codec.force.weber=0.02")
-    for _ in steps(simulation, 6.0):
-        newest = simulation.slave.decoder.newest
-        assert newest is None or newest.tick >= 0
-    drops = simulation.slave.endpoint.statistics.dropped
-    assert sum(drops.values()) > 0
+class LagSpike(EmulatedLink[Address]):
+    """A link that holds everything for a while, and then delivers it in one burst."""
+
+    BEGIN, END = 2.0, 2.6
+
+    def __init__(self) -> None:
+        super().__init__(Emulation(), lambda: 0.0)
+        self.updates_sent_at: list[float] = []
+
+    def send(self, data: bytes, tag: Address, now: float) -> None:
+        if kind_of(data) == Kind.UPDATE:
+            self.updates_sent_at.append(now)
+        super().send(data, tag, now)
+
+    def receive(self, now: float) -> list[tuple[bytes, Address]]:
+        return [] if self.BEGIN <= now < self.END else super().receive(now)
+
+    def next_due(self) -> float | None:
+        due = super().next_due()
+        return self.END if due is not None and self.BEGIN <= due < self.END else due
+
+
+def test_after_a_lag_spike_no_command_older_than_the_limit_is_executed() -> None:
+    built = system()
+    forward = LagSpike()
+    links = forward, EmulatedLink[Address](Emulation(), lambda: 0.0)
+    simulation = Simulation(master=built.master, slave=built.slave, links=links, tick_period=TICK)
+    statistics = simulation.slave.endpoint.statistics
+    accepted = [statistics.updates_received for _ in steps(simulation, 3.0)]
+    burst = round(LagSpike.END / TICK)
+    held = [at for at in forward.updates_sent_at if LagSpike.BEGIN <= at <= LagSpike.END]
+    fresh = [at for at in held if LagSpike.END - at <= SILENCE]
+    assert accepted[burst - 1] - accepted[round(LagSpike.BEGIN / TICK)] == 0
+    assert accepted[burst] - accepted[burst - 1] == len(fresh) > 0
+    assert statistics.dropped[DropReason.STALE] >= len(held) - len(fresh) > 0
+    assert simulation.slave.endpoint.state is State.ENGAGED
 
 
 def blackout(start: float, seconds: float, *overrides: str) -> tuple[Simulation, list]:  # type: ignore[type-arg]

@@ -121,6 +121,17 @@ def construct(where: str, driver: Any, *arguments: Any) -> Any:
         raise ConfigurationError(f"{where}: {error}") from None
 
 
+def check_axes(where: str, axes: str, system: System) -> None:
+    """See that a device or robot moves on every axis that is sent.
+
+    Raises:
+        ConfigurationError: naming those that it lacks.
+    """
+    missing = [axis for axis in system.axes if axis not in axes]
+    if missing:
+        raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
+
+
 def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
     leaves: dict[str, object] = {}
     for key, value in tree.items():

@@ -10,7 +10,7 @@ from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE
-from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, construct, located
+from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, check_axes, construct, located
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 
@@ -64,9 +64,7 @@ def build_device(configuration: Configuration) -> Device:
 
 def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:
     """A wire that cannot say a position of the device would move the robot elsewhere."""
-    missing = [axis for axis in system.axes if axis not in axes]
-    if missing:
-        raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
+    check_axes(where, axes, system)
     limit = channel.value_quantizer.limit
     reach = max(abs(corner["xyz".index(axis)]) for corner in workspace for axis in system.axes)
     if reach > limit:

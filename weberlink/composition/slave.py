@@ -1,6 +1,7 @@
 """The teleoperator's side, from endpoint to robot and scene."""
 
 from codec import Decoder, Encoder
+from codec.quantizer import INT16_MAX
 from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE
@@ -9,7 +10,7 @@ from slave.robots.contract import Robot
 from slave.safety import CommandGuard, Workspace
 from slave.scenes.scene import Scene
 from slave.scenes.settings import build
-from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, construct, located
+from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, check_axes, construct, located
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 
@@ -53,11 +54,18 @@ def build_robot(configuration: Configuration) -> Robot:
     """The robot with the scene that it touches, not yet open.
 
     Raises:
-        ConfigurationError: if either cannot be made of its options.
+        ConfigurationError: if either cannot be made of its options, or the wire cannot say its forces.
     """
     system, part = configuration.system, configuration.robot
     assert part is not None
     robot: Robot = construct("slave.robot", part.driver, part.options, _scene(system), system.tick_period)
+    check_axes("slave.robot", robot.spec.axes, system)
+    force = channels(system)[1].value_quantizer.limit
+    if robot.spec.force_n > force:
+        raise ConfigurationError(
+            f"codec.force.step_n: spans {force:g} N but slave.robot reports up to {robot.spec.force_n:g} N; "
+            f"use a step of at least {robot.spec.force_n / INT16_MAX:.2g}"
+        )
     return robot
 
 
