@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluation.distribution import Distribution
+from evaluation.energy import LinkEnergy, PortWork, Records, Series
 from protocol.states import State
 
-Records = NDArray[Any]
-"""Structured array of telemetry records."""
+__all__ = ["Records", "SessionScore"]
 
 LONGEST_WAIT_S = 10.0
 """How long a record waits for its counterpart; a side may run alone for days."""
@@ -30,25 +30,33 @@ class _Errors:
     square_sum: float = 0.0
     largest: float = 0.0
     longest_run: int = 0
+    jnd: Distribution = field(default_factory=Distribution)  # in millionths, for its bins end at 1
     _run: int = 0
 
-    def add(self, errors: NDArray[np.float64], bounds: NDArray[np.float64]) -> None:
+    def add(self, errors: Series, bounds: Series) -> None:
         outside = errors > bounds
         self.count += len(errors)
         self.violations += int(outside.sum())
         self.square_sum += float((errors * errors).sum())
         if len(errors):
             self.largest = max(self.largest, float(errors.max()))
+        noticed = bounds > 0.0  # a bound of 0 is no unit
+        self.jnd.add(errors[noticed] / bounds[noticed] * 1e6)
         for value in outside.tolist():
             self._run = self._run + 1 if value else 0
             self.longest_run = max(self.longest_run, self._run)
 
-    def summary(self) -> dict[str, float | None]:
+    def summary(self, period: float) -> dict[str, float | None]:
+        jnd = _known({"max": self.jnd.max * 1e-6, "p99": self.jnd.percentile(99.0) * 1e-6})
         return {
             "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
             "error_max": self.largest if self.count else None,
             "violation_fraction": self.violations / self.count if self.count else None,
             "violation_longest_ticks": self.longest_run,
+            "violation_longest_s": self.longest_run * period if self.count else None,
+            "violation_s": self.violations * period if self.count else None,
+            "violation_max_jnd": jnd["max"],
+            "violation_p99_jnd": jnd["p99"],
         }
 
 
@@ -96,7 +104,14 @@ class SessionScore:
 
     The felt error of a slave tick is the force that the operator's device was told at the master's tick nearest in
     time, against the force that the robot measured. It is counted while both sides are engaged, but for the ramps at
-    the beginning and the end of a session; a force that fades because the link is silent counts.
+    the beginning and the end of a session; a force that fades because the link is silent counts. `violation_max_jnd`
+    and `violation_p99_jnd` are that error in units of its bound, over all ticks that count: the largest, and what 99 %
+    of them do not exceed.
+
+    Energy makes no such exception. `energy.generated_j` is the most that the operator had got out of the device beyond
+    what had been put in, at any time: 0 where the hand touches something passive. `energy.dissipated_j` is what had
+    gone in and not come out at the end. Both are the operator's port alone, in all its ticks. `energy.link_generated_j`
+    is the same for the link between the ports, while both sides are engaged (`evaluation.energy`).
 
     Args:
         rate_hz: tick rate of both sides [Hz].
@@ -110,9 +125,10 @@ class SessionScore:
         self._master, self._slave = _Side(), _Side()
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
         self._felt, self._coding, self._position = _Errors(), _Errors(), _Errors()
-        self._energy = 0.0
-        self._least_energy = 0.0
-        self._before: tuple[Any, Any] | None = None
+        self._ports = PortWork("output", "raw", held=True), PortWork("raw", "output", held=False)
+        self._work: list[Series] = [np.empty(0), np.empty(0)]
+        """Work at the port of each side, up to each of the waiting records [J]."""
+        self._link_energy = LinkEnergy()
         self._first: float | None = None
         self._until = 0.0
 
@@ -124,6 +140,8 @@ class SessionScore:
                 waiting = self._waiting[index]
                 joined = np.concatenate([waiting, records]) if len(waiting) else records.copy()
                 self._waiting[index] = joined[-self._longest_wait :]
+                work = np.concatenate([self._work[index], self._ports[index].add(records)])
+                self._work[index] = work[-self._longest_wait :]
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
         own = slave[_in_session(slave)] if len(slave) else slave
@@ -145,7 +163,7 @@ class SessionScore:
             "ticks": {"master": master.timing(), "slave": slave.timing()},
             "force": self._channel(slave, master, duration, self._felt)
             | {
-                "coding": self._coding.summary(),
+                "coding": self._coding.summary(self._period),
                 "violation_floor": self._violation_floor(),
                 "selected": {self._bank[i]: count for i, count in sorted(slave.selected.items())},
             },
@@ -160,8 +178,9 @@ class SessionScore:
                 "repeats": master.counter("repeats") + slave.counter("repeats"),
             },
             "energy": {
-                "generated_j": max(0.0, -self._least_energy) if self._felt.count else None,
-                "dissipated_j": max(0.0, self._energy) if self._felt.count else None,
+                "generated_j": max(0.0, -self._ports[0].least) if master.ticks else None,
+                "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,
+                "link_generated_j": max(0.0, -self._link_energy.least) if self._felt.count else None,
             },
         }
 
@@ -177,7 +196,7 @@ class SessionScore:
             "reduction": 1.0 - packets / seen.engaged if seen.engaged else None,
             "reduction_all": 1.0 - datagrams / seen.engaged if seen.engaged else None,
             "bytes_per_s": sender.counter("bytes_sent") / duration if sender.ticks and duration else None,
-        } | errors.summary()
+        } | errors.summary(self._period)
 
     def _violation_floor(self) -> float | None:
         """Sends per tick times latency in ticks: what an update cannot help, since it is felt a tick later at least."""
@@ -198,46 +217,32 @@ class SessionScore:
         right = np.minimum(right, len(master) - 1)
         nearest = np.where(now["at"] - master["at"][left] <= master["at"][right] - now["at"], left, right)
         matched = master[nearest]
-        self._waiting = [master[max(0, int(nearest[-1]) - 1) :] if ready else master, later]
+        given, taken = self._work[0][nearest], self._work[1][:ready]
+        passed = max(0, int(nearest[-1]) - 1) if ready else 0
+        self._waiting = [master[passed:], later]
+        self._work = [self._work[0][passed:], self._work[1][ready:]]
+        self._link_energy.add(given, taken, _engaged(matched) & _engaged(now))
         close = np.abs(matched["at"] - now["at"]) <= 0.75 * self._period
         counts = close & _in_session(matched) & _in_session(now)
         self._compare(matched[counts], now[counts])
 
     def _compare(self, master: Records, slave: Records) -> None:
-        if not len(master):
-            return
         self._felt.add(_distance(master["output"], slave["raw"]), slave["bound"])
         self._position.add(_distance(slave["output"], master["raw"]), master["bound"])
-        self._observe_energy(master, slave)
 
-    def _observe_energy(self, master: Records, slave: Records) -> None:
-        """Energy that the link took in, from the operator's port less what it gave to the robot's [J].
 
-        Trapezoidal over the tick. A negative sum is energy that the link made.
-        """
-        if self._before is not None:
-            master = np.concatenate([np.asarray([self._before[0]], dtype=master.dtype), master])
-            slave = np.concatenate([np.asarray([self._before[1]], dtype=slave.dtype), slave])
-        self._before = (master[-1], slave[-1])
-        steps = _work(slave["raw"], slave["output"]) - _work(master["output"], master["raw"])
-        if len(steps):
-            sums = self._energy + np.cumsum(steps)
-            self._energy = float(sums[-1])
-            self._least_energy = min(self._least_energy, float(sums.min()))
+def _engaged(records: Records) -> NDArray[np.bool_]:
+    engaged: NDArray[np.bool_] = records["state"] == State.ENGAGED.value
+    return engaged
 
 
 def _in_session(records: Records) -> NDArray[np.bool_]:
     """Ticks that say how well the link works: engaged, and neither fading in nor out."""
-    counts: NDArray[np.bool_] = (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
+    counts: NDArray[np.bool_] = _engaged(records) & (records["ramping"] == 0)
     return counts
 
 
-def _work(force: NDArray[np.float64], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    mean_force = 0.5 * (force[1:] + force[:-1])
-    return np.asarray((mean_force * np.diff(position, axis=0)).sum(axis=1), dtype=np.float64)
-
-
-def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distance(a: Series, b: Series) -> Series:
     return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
 
 

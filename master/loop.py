@@ -10,6 +10,7 @@ from math import nan
 
 from codec import Decoder, Encoder, Update
 from codec.vector import ZERO, Vector, is_finite
+from control.contract import LinkQuality, MasterControl, Surface
 from master.devices.contract import Device, DeviceFault
 from master.safety import ForceGate, ForceLimiter
 from protocol.endpoint import Endpoint
@@ -43,6 +44,7 @@ class MasterLoop:
         device: the haptic device, not yet open.
         encoder: of the forward (position) channel.
         decoder: of the backward (force) channel.
+        control: the operator's side of the scheme that keeps a delayed loop stable.
         endpoint: the initiator's end of the session.
         gate: fades the force in and out.
         limiter: bounds the force.
@@ -58,6 +60,7 @@ class MasterLoop:
         device: Device,
         encoder: Encoder,
         decoder: Decoder,
+        control: MasterControl,
         endpoint: Endpoint,
         gate: ForceGate,
         limiter: ForceLimiter,
@@ -70,6 +73,7 @@ class MasterLoop:
         self.device = device
         self.encoder = encoder
         self.decoder = decoder
+        self.control = control
         self._gate = gate
         self._limiter = limiter
         self._tick_period = tick_period
@@ -130,6 +134,7 @@ class MasterLoop:
         self._last_now = now
         self._hear(now)
         self._read(now)
+        self._observe(elapsed)
         if self.endpoint.state is State.ENGAGED:
             self._send(index, now)
         self._render(now, elapsed)
@@ -169,8 +174,10 @@ class MasterLoop:
             work_us,
             self._codec_time * 1e6,
             *delays(statistics),
+            self.control.tank,
             self.endpoint.state.value,
             self._faults.active,
+            self.control.active,
             self.decoder.selected,
             self._sent,
             self._received,
@@ -194,6 +201,7 @@ class MasterLoop:
                 self._has_connected = True
                 self.encoder.reset()
                 self.decoder.reset()
+                self.control.reset()
                 self._gate.close()
                 self._faults.active = Fault.NONE
             case PeerSilent():
@@ -213,6 +221,9 @@ class MasterLoop:
         began = self._stopwatch()
         try:
             self.decoder.apply(update)
+            _, model, newest = self.decoder.state
+            assert newest is not None
+            self.control.learn(model if isinstance(model, Surface) else None, newest.value, newest.position)
             self._received += 1
         except ValueError:  # from a peer that agreed on this channel and does not keep to it
             self._faults.note(Fault.UPDATE)
@@ -245,6 +256,13 @@ class MasterLoop:
         self.failure = f"device fault: {self.device.spec.name} {complaint}"
         self.stop(now, self.failure)
 
+    def _observe(self, elapsed: float) -> None:
+        """Book the work of the tick that has passed, and say in every datagram what was handed over."""
+        endpoint = self.endpoint
+        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
+        self.control.observe(self._position, elapsed, endpoint.peer_credit, quality)
+        endpoint.credit = self.control.credit
+
     def _send(self, index: int, now: float) -> None:
         began = self._stopwatch()
         update = self.encoder.encode(index, self._position)
@@ -256,12 +274,13 @@ class MasterLoop:
     def _render(self, now: float, elapsed: float) -> None:
         """The force at the device's own position now, without waiting for the network."""
         heard_at = self.endpoint.heard_at
-        peer_time = self.endpoint.peer_time(min(now, heard_at + self._horizon))
+        heard_time = self.endpoint.heard_time(min(now, heard_at + self._horizon))
         began = self._stopwatch()
-        decoded = self.decoder.value((peer_time or 0.0) / self._tick_period, self._position)
+        decoded = self.decoder.value((heard_time or 0.0) / self._tick_period, self._position)
         self._codec_time += self._stopwatch() - began
         self._decoded = decoded if decoded is not None else ZERO
         engaged = self.endpoint.state is State.ENGAGED and self._stopping is None
-        limited = self._limiter.limit(self._decoded)
+        limited = self._limiter.limit(self.control.render(self._decoded))
         self._output = self._gate.pass_through(limited, engaged=engaged, silent_for=now - heard_at, elapsed=elapsed)
+        self.control.displayed(self._output)
         self.device.command(self._output, now)

@@ -62,6 +62,7 @@ class Endpoint:
         silence: float = 0.1,
         peer: Address | None = None,
         version: int = PROTOCOL_VERSION,
+        carries_credit: bool = False,
     ) -> None:
         """Compose one end.
 
@@ -76,6 +77,8 @@ class Endpoint:
             silence: age beyond which no update is delivered, and the silence beyond which a peer counts as gone [s].
             peer: whom an initiator calls.
             version: of the protocol; another one than this code's only to study a mismatch.
+            carries_credit: whether every update and heartbeat, of both ends, carries the sender's `credit`; follows
+                from something in the agreement.
 
         Raises:
             ValueError: naming the argument.
@@ -84,14 +87,16 @@ class Endpoint:
             raise ValueError("peer: an initiator must be told whom to call")
         if not (tick_period > 0.0 and silence > 0.0):
             raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
-        layouts = UpdateLayout(outgoing_values), UpdateLayout(incoming_values)
+        outgoing, incoming = (
+            UpdateLayout(values, carries_credit=carries_credit) for values in (outgoing_values, incoming_values)
+        )
         packed = pack_agreement(agreement)
         self._agreement: dict[str, object] = read_map(packed) or {}
         self._role = role
         self._address = peer
         self._state = State.IDLE
         self._statistics = Statistics()
-        self._parameters = Parameters(*layouts, epoch, tick_period, silence)
+        self._parameters = Parameters(outgoing, incoming, epoch, tick_period, silence)
         self._lengths = self._parameters.incoming.lengths(security.tag_size)
         self._dialer = Dialer(security, entropy, packed, version, epoch)
         self._listener = Listener(security, entropy, self._agreement, version, epoch, self._open_session)
@@ -130,6 +135,41 @@ class Endpoint:
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
         return None if self._session is None else self._session.clock.peer_time(now)
+
+    @property
+    def credit(self) -> int:
+        """Cumulative count handed to the peer, stamped into each datagram as it is made; 0 when a session begins.
+
+        Setting it raises ValueError where it would fall; without a session there is nobody to hand to, and it stays 0.
+        """
+        return 0 if self._session is None else self._session.credit.handed
+
+    @credit.setter
+    def credit(self, count: int) -> None:
+        if self._session is not None:
+            self._session.credit.handed = count
+
+    @property
+    def peer_credit(self) -> int:
+        """Cumulative count that the peer has handed over in this session, as far as known: never more than it was."""
+        return 0 if self._session is None else self._session.credit.known
+
+    @property
+    def rtt(self) -> float | None:
+        """Round trip of the latest datagrams [s]; None while it is not known."""
+        return None if self._session is None else self._session.clock.rtt
+
+    @property
+    def jitter(self) -> float:
+        """By how much few datagrams of either direction exceed their least delay [s]."""
+        return 0.0 if self._session is None else self._session.clock.jitter
+
+    def heard_time(self, now: float) -> float | None:
+        """The part of the peer's clock that can have been heard by now [s]: its time less the least delay to here.
+
+        What the peer did not send before then it had no need to send; what it does later is not known yet.
+        """
+        return None if self._session is None else self._session.clock.heard_time(now)
 
     def next_event(self) -> Event | None:
         """The oldest event not yet taken."""

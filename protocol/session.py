@@ -1,14 +1,16 @@
 """One session, from the keys on: makes and reads its datagrams, and decides when the next one is due.
 
-Owns sequence numbers, replay window, clock mapping, loss and acknowledgement of one pair of session keys. Knows no
-address, no handshake and no state of the endpoint; what it carries are integers that it does not interpret.
+Owns sequence numbers, replay window, clock mapping, loss, acknowledgement and credit of one pair of session keys. Knows
+no address, no handshake and no state of the endpoint; what it carries are integers that it does not interpret.
 """
 
 from math import inf
 from typing import NamedTuple
 
+from protocol.credit import Credit
 from protocol.events import PeerClosed, UpdateReceived
-from protocol.loss import CLEAN_INTERVAL, LossMeter, heartbeat_interval
+from protocol.heartbeat import HeartbeatSchedule
+from protocol.loss import CLEAN_INTERVAL, LossMeter
 from protocol.reasons import DropReason
 from protocol.repetition import Repetition
 from protocol.replay import ReplayWindow
@@ -26,6 +28,7 @@ from protocol.wire import (
     read_head,
     sequence_of,
     unpack_bye,
+    unpack_credit,
     unpack_report,
 )
 
@@ -34,12 +37,6 @@ _TICK_MASK = (1 << TICK_BITS) - 1
 TICK_LEAD = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
 
-INTRODUCTIONS = 5
-INTRODUCTION_INTERVAL = 0.02
-"""Pace of heartbeats until the peer was heard and as many again were sent, updates or not [s]: it can date none of our
-updates before one of our reports."""
-REPORT_INTERVAL = 1.0
-"""A heartbeat goes out at least this often, however many updates do [s]."""
 ACKNOWLEDGE_WITHIN = 0.01
 LOSSY = 0.001
 """Measured loss above which an update is acknowledged within `ACKNOWLEDGE_WITHIN` instead of at the next occasion."""
@@ -89,16 +86,14 @@ class Session:
 
     Attributes:
         clock: mapping to the peer's clock.
+        credit: what each end has handed to the other, where the session carries that.
         heard_at: when the last fresh authentic datagram came [s].
     """
 
     __slots__ = (
-        "_acknowledge_by",
         "_delivered",
-        "_heartbeat_at",
+        "_heartbeats",
         "_incoming",
-        "_interval",
-        "_introductions",
         "_is_confirmed",
         "_last_ack",
         "_loss",
@@ -109,10 +104,10 @@ class Session:
         "_protection",
         "_repetition",
         "_replay",
-        "_sent_at",
         "_statistics",
         "_update",
         "clock",
+        "credit",
         "heard_at",
     )
 
@@ -139,7 +134,10 @@ class Session:
         self._outgoing, self._incoming = parameters.outgoing, parameters.incoming
         self._statistics = statistics
         self.clock = Clock(parameters.epoch, peer_clock, now)
+        self.credit = Credit()
         self.heard_at = now
+        # Silence is faded from this share of the limit on, so a gap of that length must not come by chance.
+        self._heartbeats = HeartbeatSchedule(now, FADE_SHARE * parameters.silence, parameters.tick_period)
         self._replay = ReplayWindow()
         self._loss = LossMeter()
         self._repetition = Repetition()
@@ -149,11 +147,6 @@ class Session:
         self._newest_report = -1
         self._next_sequence = first_sequence
         self._is_confirmed = False
-        self._introductions = INTRODUCTIONS
-        self._interval = self._heartbeat_interval(0.0)
-        self._acknowledge_by: float | None = None
-        self._sent_at = now - REPORT_INTERVAL
-        self._heartbeat_at = now - REPORT_INTERVAL
 
     # --- sending
 
@@ -188,10 +181,10 @@ class Session:
             round(minimum * 1e6), round(latest * 1e6), round(late * 1e6), round(min(self._loss.fraction, 1.0) * 65_535)
         )
         sequence = self._number(now)
-        self._heartbeat_at = now
-        self._introductions -= self._is_confirmed and self._introductions > 0
+        self._heartbeats.reported(now, is_confirmed=self._is_confirmed)
         self._statistics.heartbeats += 1
-        clear = pack_heartbeat(sequence & SEQUENCE_MASK, self._ack(), self.clock.stamp(now), report)
+        credit = self.credit.handed if self._outgoing.carries_credit else None
+        clear = pack_heartbeat(sequence & SEQUENCE_MASK, self._ack(), self.clock.stamp(now), report, credit)
         return self._protection.seal(sequence, clear)
 
     def send_bye(self, now: float, reason: str) -> bytes:
@@ -212,14 +205,14 @@ class Session:
             update.newest,
             update.gap,
             update.previous,
+            self.credit.handed,
         )
         return sequence, self._protection.seal(sequence, clear)
 
     def _number(self, now: float) -> int:
         sequence = self._next_sequence
         self._next_sequence = sequence + 1
-        self._sent_at = now
-        self._acknowledge_by = None
+        self._heartbeats.sent(now)
         return sequence
 
     def _ack(self) -> int:
@@ -229,24 +222,14 @@ class Session:
 
     def next_timer(self, *, is_engaged: bool) -> float:
         """When something is due [s]."""
-        due = min(self._heartbeat_due(is_engaged), self._heartbeat_at + REPORT_INTERVAL)
+        due = self._heartbeats.due(is_engaged=is_engaged)
         return min(due, self._repeat_due()) if is_engaged else due
 
     def handle_timer(self, now: float, *, is_engaged: bool) -> bytes | None:
         """The next datagram that is due, if any; updates are not repeated to a peer that has fallen silent."""
         if is_engaged and now >= self._repeat_due():
             return self.send_repeat(now)
-        if now >= self._heartbeat_due(is_engaged) or now >= self._heartbeat_at + REPORT_INTERVAL:
-            return self.send_heartbeat(now)
-        return None
-
-    def _heartbeat_due(self, is_engaged: bool) -> float:
-        if not is_engaged:
-            return self._sent_at + CLEAN_INTERVAL
-        due = self._sent_at + self._interval
-        if self._introductions:
-            due = min(due, self._heartbeat_at + INTRODUCTION_INTERVAL)
-        return due if self._acknowledge_by is None else min(due, self._acknowledge_by)
+        return self.send_heartbeat(now) if now >= self._heartbeats.due(is_engaged=is_engaged) else None
 
     def _repeat_due(self) -> float:
         if not self._repetition.is_pending:
@@ -255,10 +238,6 @@ class Session:
         if rtt is None:
             return self._repetition.due_at(0.0, UNMEASURED_RTT)
         return self._repetition.due_at(rtt, rtt + self.clock.late + SLACK + 1.5 * CLEAN_INTERVAL)
-
-    def _heartbeat_interval(self, loss: float) -> float:
-        # Silence is faded from this share of the limit on, so a gap of that length must not come by chance.
-        return heartbeat_interval(loss, FADE_SHARE * self._parameters.silence, self._parameters.tick_period)
 
     # --- receiving
 
@@ -295,7 +274,11 @@ class Session:
             return PeerClosed(unpack_bye(body))
         if head.kind == _HEARTBEAT and not self._take_report(sequence, unpack_report(body)):
             return DropReason.IMPLAUSIBLE
-        return self._deliver(sequence, head, departure, body, now)
+        outcome = self._deliver(sequence, head, departure, body, now)
+        is_untrue = outcome is DropReason.IMPLAUSIBLE or outcome is DropReason.MALFORMED
+        if self._incoming.carries_credit and not is_untrue:  # what is late is still true of a growing count
+            self.credit.learn(sequence, *unpack_credit(head.kind, body))
+        return outcome
 
     def _deliver(
         self, sequence: int, head: Head, departure: float, body: bytes, now: float
@@ -323,8 +306,8 @@ class Session:
         if (tick - sent_tick) * self._parameters.tick_period > TICK_LEAD:
             return DropReason.IMPLAUSIBLE
         self._delivered = sequence
-        if self._loss.fraction > LOSSY and self._acknowledge_by is None:
-            self._acknowledge_by = self.heard_at + ACKNOWLEDGE_WITHIN
+        if self._loss.fraction > LOSSY:
+            self._heartbeats.acknowledge_by(self.heard_at + ACKNOWLEDGE_WITHIN)
         return UpdateReceived(tick, head.selector, newest, gap, previous, age)
 
     def _take_acknowledgement(self, ack: int, departure: float) -> None:
@@ -343,7 +326,7 @@ class Session:
         self._newest_report = sequence
         loss = report.loss_65535 / 65_535
         self._statistics.outgoing_loss = loss
-        self._interval = self._heartbeat_interval(loss)
+        self._heartbeats.adapt(loss)
         return True
 
     def measure(self) -> None:

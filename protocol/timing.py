@@ -176,6 +176,15 @@ class Clock:
         """The peer's clock now [s]."""
         return None if self._offset is None else now - self._epoch + self._offset
 
+    def heard_time(self, now: float) -> float | None:
+        """The peer's clock at the departure of a datagram that comes now by the fastest way [s]."""
+        return None if self._offset is None else now - self._epoch - self._inward.value
+
+    @property
+    def jitter(self) -> float:
+        """By how much few datagrams exceed their least delay, in the worse of the two directions [s]."""
+        return max(self.late, self.report()[2])
+
     def age(self, departure: float, now: float) -> float | None:
         """Time since then [s], not negative; None until both directions are measured."""
         return None if self._offset is None else max(0.0, now - self._epoch + self._offset - departure)

@@ -12,10 +12,12 @@ All fields are little endian; n is the number of values that the two ends agreed
 | update | newest | nh | 2n | levels of the newest sample |
 | previous | gap | H | 2 | ticks between the two samples, 1..65535 |
 | previous | difference | nH | 2n | newest minus previous, modulo 2^16, hence always exact |
+| update_credit | count | H | 2 | low 16 bits of the sender's credit; last of an update where the session carries it |
 | heartbeat | minimum | q | 8 | least raw delay of the other direction lately, in us |
 | heartbeat | latest | I | 4 | raw delay of the latest datagram above the least, in us |
 | heartbeat | late | I | 4 | raw delay above the least that few datagrams exceed, in us |
 | heartbeat | loss | H | 2 | share of datagrams of the other direction that never came, in 1/65535 |
+| heartbeat_credit | count | I | 4 | low 32 bits of the sender's credit; last of a heartbeat, likewise |
 | bye | reason | 0-64s | 0-64 | why, UTF-8 |
 
 After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
@@ -26,6 +28,7 @@ from enum import IntEnum
 from struct import Struct, error
 from typing import NamedTuple
 
+from protocol.credit import HEARTBEAT_BITS, UPDATE_BITS
 from protocol.reasons import DropReason
 
 CLEAR_BYTES = 4
@@ -44,6 +47,10 @@ _SHAPE_MASK = _KIND_MASK | _PREVIOUS_BIT
 _WORD = Struct("<Q")
 _HEARTBEAT = Struct("<IQqIIH")
 _HEARTBEAT_BODY = Struct("<qIIH")
+_UPDATE_CREDIT = Struct("<H")
+_HEARTBEAT_CREDIT = Struct("<I")
+_UPDATE_CREDIT_MASK = (1 << UPDATE_BITS) - 1
+_HEARTBEAT_CREDIT_MASK = (1 << HEARTBEAT_BITS) - 1
 _U32_MAX = 0xFFFF_FFFF
 
 
@@ -108,8 +115,9 @@ def read_head(first: int, body: bytes) -> Head:
     )
 
 
-def pack_heartbeat(sequence: int, ack: int, sent: int, report: Report) -> bytes:
-    return _HEARTBEAT.pack(
+def pack_heartbeat(sequence: int, ack: int, sent: int, report: Report, credit: int | None = None) -> bytes:
+    """Datagram of a heartbeat, without tag; `credit` where the session carries it."""
+    data = _HEARTBEAT.pack(
         Kind.HEARTBEAT | sequence << 8,
         ack | sent << 16,
         report.minimum_us,
@@ -117,10 +125,18 @@ def pack_heartbeat(sequence: int, ack: int, sent: int, report: Report) -> bytes:
         min(report.late_us, _U32_MAX),
         report.loss_65535,
     )
+    return data if credit is None else data + _HEARTBEAT_CREDIT.pack(credit & _HEARTBEAT_CREDIT_MASK)
 
 
 def unpack_report(body: bytes) -> Report:
     return Report._make(_HEARTBEAT_BODY.unpack_from(body, _WORD.size))
+
+
+def unpack_credit(kind: int, body: bytes) -> tuple[int, int]:
+    """Truncated credit of an update or heartbeat that carries it, and its number of bits."""
+    if kind == _UPDATE:
+        return _UPDATE_CREDIT.unpack_from(body, len(body) - _UPDATE_CREDIT.size)[0], UPDATE_BITS
+    return _HEARTBEAT_CREDIT.unpack_from(body, len(body) - _HEARTBEAT_CREDIT.size)[0], HEARTBEAT_BITS
 
 
 def pack_bye(sequence: int, ack: int, sent: int, reason: str) -> bytes:
@@ -135,10 +151,10 @@ def unpack_bye(body: bytes) -> str:
 class UpdateLayout:
     """Packs and unpacks the updates of one direction."""
 
-    __slots__ = ("_paired", "_paired_body", "_plain", "_plain_body", "values")
+    __slots__ = ("_paired", "_paired_body", "_plain", "_plain_body", "carries_credit", "values")
 
-    def __init__(self, values: int) -> None:
-        """Prepare for samples of `values` levels.
+    def __init__(self, values: int, *, carries_credit: bool = False) -> None:
+        """Prepare for samples of `values` levels, and for credit in each datagram where it is carried.
 
         Raises:
             ValueError: if an update of so many would not fit a datagram.
@@ -146,8 +162,10 @@ class UpdateLayout:
         if not 1 <= values <= 256:
             raise ValueError(f"an update carries 1 to 256 values, not {values}")
         self.values = values
-        self._plain = Struct(f"<IQ{values}h")
-        self._paired = Struct(f"<IQ{values}hH{values}H")
+        self.carries_credit = carries_credit
+        credit = "H" if carries_credit else ""
+        self._plain = Struct(f"<IQ{values}h{credit}")
+        self._paired = Struct(f"<IQ{values}hH{values}H{credit}")
         self._plain_body = Struct(f"<{values}h")
         self._paired_body = Struct(f"<{values}hH{values}H")
 
@@ -158,10 +176,11 @@ class UpdateLayout:
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
         """Shortest and longest datagram of each shape (kind and previous bit) that a peer of this layout sends."""
         bye = HEAD_BYTES + tag_size
+        heartbeat = _HEARTBEAT.size + (_HEARTBEAT_CREDIT.size if self.carries_credit else 0)
         return {
             Kind.UPDATE: (self._plain.size + tag_size,) * 2,
             Kind.UPDATE | _PREVIOUS_BIT: (self._paired.size + tag_size,) * 2,
-            Kind.HEARTBEAT: (_HEARTBEAT.size + tag_size,) * 2,
+            Kind.HEARTBEAT: (heartbeat + tag_size,) * 2,
             Kind.BYE: (bye, bye + LONGEST_REASON),
         }
 
@@ -175,14 +194,16 @@ class UpdateLayout:
         newest: tuple[int, ...],
         gap: int,
         previous: tuple[int, ...],
+        credit: int = 0,
     ) -> bytes:
         """Datagram of one update, without tag; `sequence`, `sent` and `tick` already truncated."""
         first = _UPDATE | selector << _SELECTOR_SHIFT | sequence << 8
         word = ack | sent << 16 | tick << 40
+        last = (credit & _UPDATE_CREDIT_MASK,) if self.carries_credit else ()
         if not previous:
-            return self._plain.pack(first, word, *newest)
+            return self._plain.pack(first, word, *newest, *last)
         difference = [(new - old) & 0xFFFF for new, old in zip(newest, previous, strict=True)]
-        return self._paired.pack(first | _PREVIOUS_BIT, word, *newest, gap, *difference)
+        return self._paired.pack(first | _PREVIOUS_BIT, word, *newest, gap, *difference, *last)
 
     def check(self, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]) -> None:
         """See that an update can be packed without loss.

@@ -10,6 +10,7 @@ from math import nan
 
 from codec import Decoder, Encoder, Update
 from codec.vector import ZERO, Vector, is_finite
+from control.contract import LinkQuality, SlaveControl
 from protocol.endpoint import Endpoint
 from protocol.events import (
     Connected,
@@ -40,6 +41,7 @@ class SlaveLoop:
         robot: the teleoperator, not yet open.
         encoder: of the backward (force) channel.
         decoder: of the forward (position) channel.
+        control: the teleoperator's side of the scheme that keeps a delayed loop stable.
         endpoint: the responder's end of the session.
         guard: bounds what the robot is commanded.
         tick_period: of both sides, as agreed [s].
@@ -54,6 +56,7 @@ class SlaveLoop:
         robot: Robot,
         encoder: Encoder,
         decoder: Decoder,
+        control: SlaveControl,
         endpoint: Endpoint,
         guard: CommandGuard,
         tick_period: float,
@@ -65,6 +68,7 @@ class SlaveLoop:
         self.robot = robot
         self.encoder = encoder
         self.decoder = decoder
+        self.control = control
         self._guard = guard
         self._tick_period = tick_period
         self._horizon = horizon
@@ -107,7 +111,8 @@ class SlaveLoop:
             RobotFault: if the robot cannot be opened.
         """
         self.robot.open(now)
-        self._guard.place(self.robot.latest(now).position)
+        self._applied = self.robot.latest(now).position
+        self._guard.place(self._applied)
         self.endpoint.connect(now)
 
     def close(self) -> None:
@@ -160,8 +165,10 @@ class SlaveLoop:
             work_us,
             self._codec_time * 1e6,
             *delays(statistics),
+            self.control.tank,
             self.endpoint.state.value,
             self._faults.active,
+            self.control.active,
             self.encoder.mirror.selected,
             self._sent,
             self._received,
@@ -184,6 +191,7 @@ class SlaveLoop:
             case Connected():
                 self.encoder.reset()
                 self.decoder.reset()
+                self.control.reset()
                 self._guard.release()
                 self._faults.active = Fault.NONE
             case PeerSilent():
@@ -211,16 +219,22 @@ class SlaveLoop:
         """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
         commanded = None
         if self.endpoint.state is State.ENGAGED and self._faults.active is not Fault.DEVICE:
-            peer_time = self.endpoint.peer_time(min(now, self.endpoint.heard_at + self._horizon))
+            heard_time = self.endpoint.heard_time(min(now, self.endpoint.heard_at + self._horizon))
             began = self._stopwatch()
-            commanded = self.decoder.value((peer_time or 0.0) / self._tick_period)
+            commanded = self.decoder.value((heard_time or 0.0) / self._tick_period)
             self._codec_time += self._stopwatch() - began
         if commanded is None:
             self._applied = self._guard.hold(elapsed)
         else:
             self._commanded = commanded
-            self._applied = self._guard.follow(commanded, elapsed)
+            self._applied = self._guard.follow(self._controlled(commanded, elapsed), elapsed)
         self.robot.command(self._applied, now)
+
+    def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
+        """Where the control lets the robot go."""
+        endpoint = self.endpoint
+        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
+        return self.control.follow(commanded, self._applied, elapsed, endpoint.peer_credit, quality)
 
     def _feel(self, now: float) -> None:
         """The robot's force; the last good one while it gives none, until that has lasted too long."""
@@ -248,6 +262,8 @@ class SlaveLoop:
 
     def _send(self, index: int, now: float) -> None:
         """Send the force that may be shown: a zero while the robot is on its way is an update like any other."""
+        self.control.observe(self._applied, self._force)
+        self.endpoint.credit = self.control.credit
         began = self._stopwatch()
         update = self.encoder.encode(index, self._guard.shown(self._force), self._applied)
         self._codec_time += self._stopwatch() - began

@@ -49,8 +49,10 @@ FIELDS = (
     Field("codec_us", "<f4", 1, "us", "part of the work spent encoding and decoding"),
     Field("rtt_us", "<f4", 1, "us", "round trip, newest estimate; NaN while unknown"),
     Field("one_way_us", "<f4", 1, "us", "from the peer to here, newest estimate; NaN while unknown"),
+    Field("tank", "<f4", 1, "J", "energy that this side may still spend; 0 without passivity control"),
     Field("state", "u1", 1, "", "of the side's state machine, as its own number"),
     Field("fault", "u1", 1, "", "the fault that is active, as its own number; 0 for none"),
+    Field("control", "u1", 1, "", "control scheme at work, as its place in the table of schemes"),
     Field("selected", "u1", 1, "", "predictor in use on the force channel, as its index in the bank"),
     Field("sent", "u1", 1, "", "1 if an update was sent in this tick"),
     Field("received", "u1", 1, "", "updates applied in this tick"),
@@ -103,8 +105,10 @@ class Record(NamedTuple):
     codec_us: float
     rtt_us: float
     one_way_us: float
+    tank: float
     state: int
     fault: int
+    control: int
     selected: int
     sent: int
     received: int

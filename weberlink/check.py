@@ -10,7 +10,9 @@ from time import perf_counter
 from typing import Protocol, runtime_checkable
 
 from codec import Channel, Decoder, Encoder
+from codec.predictors import HYBRID, PREDICTORS
 from codec.vector import ZERO, Vector
+from control.table import SCHEMES
 from master.devices.contract import Device
 from protocol.wire import UpdateLayout
 from slave.robots.contract import Robot
@@ -22,6 +24,13 @@ from weberlink.configuration import Configuration, System
 from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings
 
 UDP_IP_BYTES = 28
+CONTROLS = {
+    "none": "what is decoded is displayed and followed",
+    "tdpa": "energy tanks and passivity controllers at both ports",
+    "mmt": "the operator feels the fitted plane or sphere at once",
+    "auto": "none, tdpa or mmt, by the measured delay",
+}
+"""What a control scheme does, in a few words."""
 SAMPLES = 2000
 """Ticks of the cost measurement."""
 
@@ -53,10 +62,10 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
     )
-    yield f"          update of {_sizes(backward, security.tag_size)} bytes of UDP payload"
+    yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
     bound_mm = 1e3 * system.codec.position.bound_m
     yield f"position  {_coding(system.codec.position.predictor, forward)}; bound {bound_mm:g} mm"
-    yield f"          update of {_sizes(forward, security.tag_size)} bytes of UDP payload"
+    yield f"          update of {_sizes(forward, security.tag_size, system)} bytes of UDP payload"
     yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
     if scene is not None:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
@@ -85,15 +94,15 @@ def _link(system: System) -> Iterator[str]:
     if link.emulate is not None:
         changed = link.emulate.model_dump(exclude_defaults=True)
         yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
-    yield f"control   {system.control.scheme}"
+    yield f"control   {system.control.scheme}: {CONTROLS[system.control.scheme]}"
 
 
 def _coding(predictor: str, channel: Channel) -> str:
     return predictor if len(channel.bank) == 1 else f"{predictor} of {', '.join(channel.bank)}"
 
 
-def _sizes(channel: Channel, tag: int) -> str:
-    layout = UpdateLayout(channel.level_count)
+def _sizes(channel: Channel, tag: int, system: System) -> str:
+    layout = UpdateLayout(channel.level_count, carries_credit=SCHEMES[system.control.scheme].carries_credit)
     with_previous, without = (layout.size(with_previous=each) + tag for each in (True, False))
     return str(without) if channel.bank == ("zoh",) else f"{without} or, with history, {with_previous}"
 
@@ -160,4 +169,14 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     if system.codec.force.floor_n == 0.0:
         yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
     if emulate.delay_ms > 0.0 and system.control.scheme == "none":
-        yield f"control.scheme none: a delay of {emulate.delay_ms:g} ms each way can make stiff contact unstable"
+        yield (
+            f"control.scheme none: a delay of {emulate.delay_ms:g} ms each way can make contact unstable; "
+            "use tdpa, mmt or auto"
+        )
+    if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no model to feel"
+
+
+def _knows_geometry(system: System) -> bool:
+    force = system.codec.force
+    return any(PREDICTORS[name].geometric for name in (force.bank if force.predictor == HYBRID else (force.predictor,)))

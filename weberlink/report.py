@@ -86,13 +86,7 @@ def _ticks(summary: dict[str, Any]) -> Table:
 
 def _lines(summary: dict[str, Any]) -> Iterator[str]:
     force, link, energy = summary["force"], summary["link"], summary["energy"]
-    if force["error_rms"] is not None:
-        yield (
-            f"felt outside the deadband {_percent(force['violation_fraction'])}, "
-            f"of which sends x latency make {_percent(force['violation_floor'])}"
-        )
-    else:
-        yield "felt error: needs the records of both sides, as loopback and simulate have them"
+    yield from _felt(force)
     if force["coding"]["error_rms"] is not None:
         yield (
             f"coding error {_number(force['coding']['error_rms'], 1.0, 'N')} RMS, "
@@ -113,8 +107,9 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         yield f"dropped: {_by_side(summary['drops'])}"
     if energy["generated_j"] is not None:
         yield (
-            f"energy of the link: {energy['generated_j'] * 1e3:.2f} mJ generated, "
-            f"{energy['dissipated_j'] * 1e3:.2f} mJ dissipated"
+            f"energy at the hand: {_millijoules(energy['generated_j'])} generated, "
+            f"{_millijoules(energy['dissipated_j'])} dissipated"
+            + (f"; link made {_millijoules(made)}" if (made := energy["link_generated_j"]) is not None else "")
         )
     yield f"faults: {_by_side(summary['faults']) or 'none'}"
     for side, grants in summary.get("realtime", {}).items():
@@ -122,6 +117,20 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
             yield f"{side}: {_rights(grants)}"
     if "run_time_s" in summary:
         yield f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
+
+
+def _felt(force: dict[str, Any]) -> Iterator[str]:
+    if force["error_rms"] is not None:
+        yield (
+            f"felt outside the deadband {_percent(force['violation_fraction'])}, "
+            f"of which sends x latency make {_percent(force['violation_floor'])}"
+        )
+        yield (
+            f"outside: {force['violation_s']:.2f} s in all, {force['violation_longest_s'] * 1e3:.0f} ms at most; "
+            f"{_jnd(force['violation_p99_jnd'])} JND p99, {_jnd(force['violation_max_jnd'])} max"
+        )
+    else:
+        yield "felt error: needs the records of both sides, as loopback and simulate have them"
 
 
 def _by_side(counts: dict[str, dict[str, int]]) -> str:
@@ -143,6 +152,14 @@ def _percent(share: float | None, digits: int = 1) -> str:
 
 def _number(value: float | None, factor: float, unit: str) -> str:
     return "-" if value is None else f"{value * factor:.3f} {unit}"
+
+
+def _jnd(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _millijoules(energy: float) -> str:
+    return f"{energy * 1e3:.2f} mJ"
 
 
 def _pair(summary: dict[str, float | None]) -> str:

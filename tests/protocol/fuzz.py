@@ -120,10 +120,11 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
     while True:
         secure: Security = PresharedKey(KEY) if random.random() < 0.5 else Checksum()
         rate = random.choice([0.0, 0.02, 0.3])
+        changes = {**THREE, "security": Meddler(secure, random, rate), "carries_credit": random.random() < 0.5}
         pair = Pair(
             seed=random.getrandbits(32),
-            master={**THREE, "security": Meddler(secure, random, rate), "silence": random.choice([0.1, 10.0])},
-            slave={**THREE, "security": Meddler(secure, random, rate)},
+            master={**changes, "silence": random.choice([0.1, 10.0])},
+            slave=changes,
         ).connect()
         for _ in range(150):
             pair.run(0.004)

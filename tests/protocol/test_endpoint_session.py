@@ -8,9 +8,9 @@ import pytest
 from protocol import Connected, DropReason, PeerReturned, PeerSilent, Role, State, UpdateReceived
 from protocol.checksum import Checksum
 from protocol.emulation import Emulation
+from protocol.heartbeat import REPORT_INTERVAL
 from protocol.loss import CLEAN_INTERVAL
 from protocol.security import Security
-from protocol.session import REPORT_INTERVAL
 from protocol.wire import Kind, kind_of
 from tests.protocol.harness import MASTER, Pair, Side, make_endpoint, suites, update_fields
 

@@ -6,9 +6,10 @@ import pytest
 
 from protocol.checksum import Checksum
 from protocol.events import PeerClosed, UpdateReceived
+from protocol.heartbeat import INTRODUCTIONS
 from protocol.reasons import DropReason
 from protocol.security import Security
-from protocol.session import INTRODUCTIONS, Parameters, Session
+from protocol.session import Parameters, Session
 from protocol.statistics import Statistics
 from protocol.wire import UpdateLayout
 from tests.protocol.harness import suites, update_fields

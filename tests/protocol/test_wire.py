@@ -30,25 +30,31 @@ def documented(values: int) -> dict[str, int]:
     return sizes
 
 
+@pytest.mark.parametrize("carries_credit", [False, True])
 @pytest.mark.parametrize("values", [1, 2, 3, 6])
-def test_the_table_is_the_code(values: int) -> None:
+def test_the_table_is_the_code(values: int, carries_credit: bool) -> None:
     sizes = documented(values)
-    layout = UpdateLayout(values)
+    layout = UpdateLayout(values, carries_credit=carries_credit)
     levels = tuple(range(values))
-    assert set(sizes) == {"head", "update", "previous", "heartbeat"}
+    assert set(sizes) == {"head", "update", "previous", "heartbeat", "update_credit", "heartbeat_credit"}
+    if not carries_credit:
+        sizes["update_credit"] = sizes["heartbeat_credit"] = 0
     assert sizes["head"] == wire.HEAD_BYTES
     plain = layout.pack(1, 2, 3, 4, 5, levels, 0, ())
-    assert len(plain) == sizes["head"] + sizes["update"]
+    assert len(plain) == sizes["head"] + sizes["update"] + sizes["update_credit"]
     paired = layout.pack(1, 2, 3, 4, 5, levels, 6, levels)
-    assert len(paired) == sizes["head"] + sizes["update"] + sizes["previous"]
-    assert len(wire.pack_heartbeat(1, 2, 3, Report(0, 0, 0, 0))) == sizes["head"] + sizes["heartbeat"]
+    assert len(paired) == len(plain) + sizes["previous"]
+    heartbeat = wire.pack_heartbeat(1, 2, 3, Report(0, 0, 0, 0), 9 if carries_credit else None)
+    assert len(heartbeat) == sizes["head"] + sizes["heartbeat"] + sizes["heartbeat_credit"]
+    assert {len(data) for data in (plain, paired, heartbeat)} <= {low for low, _ in layout.lengths(0).values()}
     assert len(wire.pack_bye(1, 2, 3, "x" * 100)) == sizes["head"] + wire.LONGEST_REASON
 
 
-def test_a_three_axis_force_update_with_tag_fits_the_budget() -> None:
-    layout = UpdateLayout(6)
-    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 0, ())) + PSK_TAG <= 32
-    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 6, (1,) * 6)) + PSK_TAG <= 48
+@pytest.mark.parametrize(("carries_credit", "plain", "paired"), [(False, 32, 46), (True, 34, 48)])
+def test_a_three_axis_force_update_with_tag_fits_the_budget(carries_credit: bool, plain: int, paired: int) -> None:
+    layout = UpdateLayout(6, carries_credit=carries_credit)
+    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 0, ())) + PSK_TAG == plain
+    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 6, (1,) * 6)) + PSK_TAG == paired
 
 
 def test_one_axis_is_shorter_and_no_security_shorter_still() -> None:
@@ -65,28 +71,45 @@ def test_one_axis_is_shorter_and_no_security_shorter_still() -> None:
     st.lists(LEVEL, min_size=6, max_size=6),
     st.integers(1, 65_535),
     st.one_of(st.just([]), st.lists(LEVEL, min_size=6, max_size=6)),
+    st.one_of(st.none(), st.integers(0, 2**40)),
 )
 def test_an_update_survives_the_wire(
-    sequence: int, ack: int, sent: int, tick: int, selector: int, newest: list[int], gap: int, previous: list[int]
+    sequence: int,
+    ack: int,
+    sent: int,
+    tick: int,
+    selector: int,
+    newest: list[int],
+    gap: int,
+    previous: list[int],
+    credit: int | None,
 ) -> None:
-    layout = UpdateLayout(6)
+    layout = UpdateLayout(6, carries_credit=credit is not None)
     gap = gap if previous else 0
     layout.check(selector, tuple(newest), gap, tuple(previous))
-    data = layout.pack(sequence, ack, sent, tick, selector, tuple(newest), gap, tuple(previous))
+    data = layout.pack(sequence, ack, sent, tick, selector, tuple(newest), gap, tuple(previous), credit or 0)
     assert wire.kind_of(data) == Kind.UPDATE
     assert wire.sequence_of(data) == sequence
     head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
     assert head == wire.Head(Kind.UPDATE, bool(previous), selector, ack, sent, tick)
     assert layout.unpack(data[wire.CLEAR_BYTES :], head.has_previous) == (tuple(newest), gap, tuple(previous))
     assert wire.length_fault(data, layout.lengths(0)) is None
+    if credit is not None:
+        assert wire.unpack_credit(Kind.UPDATE, data[wire.CLEAR_BYTES :]) == (credit % 2**16, 16)
 
 
 @given(
-    st.integers(-(2**63), 2**63 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(0, 2**16 - 1)
+    st.integers(-(2**63), 2**63 - 1),
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**32 - 1),
+    st.integers(0, 2**16 - 1),
+    st.one_of(st.none(), st.integers(0, 2**40)),
 )
-def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: int) -> None:
+def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: int, credit: int | None) -> None:
     report = Report(minimum, latest, late, loss)
-    data = wire.pack_heartbeat(5, 6, 7, report)
+    data = wire.pack_heartbeat(5, 6, 7, report, credit)
+    if credit is not None:
+        assert wire.unpack_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
     assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
     assert wire.read_head(data[0], data[wire.CLEAR_BYTES :]) == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0)
 

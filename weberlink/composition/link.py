@@ -6,6 +6,8 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from codec import Channel, force_channel, position_channel
 from codec.predictors import Trust
+from control.contract import Settings as ControlSettings
+from control.table import SCHEMES
 from protocol.endpoint import Endpoint
 from protocol.events import Address
 from protocol.roles import Role
@@ -62,7 +64,7 @@ def agreement(system: System) -> dict[str, object]:
     return {
         "rate_hz": system.rate_hz,
         "axes": system.axes,
-        "control.scheme": system.control.scheme,
+        **_flat(system.control.model_dump(mode="json"), "control."),
         **_flat(system.codec.model_dump(mode="json"), "codec."),
     }
 
@@ -110,6 +112,22 @@ def build_endpoint(
         tick_period=system.tick_period,
         silence=system.link.silence_ms * 1e-3,
         peer=peer,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit,
+    )
+
+
+def control_settings(system: System, force_range: float) -> ControlSettings:
+    """What both sides of the control scheme are built from.
+
+    Args:
+        system: both sides.
+        force_range: largest force that the wire and the robot can say [N].
+    """
+    return ControlSettings(
+        tick_period=system.tick_period,
+        force_range=force_range,
+        level=system.control.level_j,
+        damping=system.control.damping_n_s_m,
     )
 
 

@@ -3,6 +3,7 @@
 from codec import Channel, Decoder, Encoder
 from codec.quantizer import INT16_MAX
 from codec.vector import Vector
+from control.table import build_master_control
 from master.devices.contract import Device
 from master.loop import MasterLoop
 from master.safety import ForceGate, ForceLimiter
@@ -10,7 +11,16 @@ from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE
-from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, check_axes, construct, located
+from weberlink.composition.link import (
+    Entropy,
+    Stopwatch,
+    build_endpoint,
+    channels,
+    check_axes,
+    construct,
+    control_settings,
+    located,
+)
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 
@@ -34,6 +44,7 @@ def build_master(
         device=device,
         encoder=Encoder(forward),
         decoder=Decoder(backward),
+        control=build_master_control(system.control.scheme, control_settings(system, device.spec.force_n)),
         endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer),
         gate=ForceGate(
             ramp=system.master.limits.ramp_ms * 1e-3,

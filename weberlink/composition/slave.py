@@ -2,6 +2,7 @@
 
 from codec import Decoder, Encoder
 from codec.quantizer import INT16_MAX
+from control.table import build_slave_control
 from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE
@@ -10,7 +11,16 @@ from slave.robots.contract import Robot
 from slave.safety import CommandGuard, Workspace
 from slave.scenes.scene import Scene
 from slave.scenes.settings import build
-from weberlink.composition.link import Entropy, Stopwatch, build_endpoint, channels, check_axes, construct, located
+from weberlink.composition.link import (
+    Entropy,
+    Stopwatch,
+    build_endpoint,
+    channels,
+    check_axes,
+    construct,
+    control_settings,
+    located,
+)
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 
@@ -34,6 +44,7 @@ def build_slave(
         robot=robot,
         encoder=Encoder(backward),
         decoder=Decoder(forward),
+        control=build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n)),
         endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None),
         guard=CommandGuard(
             workspace=workspace_of(configuration, robot),

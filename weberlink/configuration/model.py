@@ -147,7 +147,12 @@ class CodecSettings(Settings):
 class ControlSettings(Settings):
     """What keeps a delayed loop stable."""
 
-    scheme: Literal["none"] = "none"
+    scheme: Literal["none", "tdpa", "mmt", "auto"] = "none"
+    """`tdpa`: time-domain passivity. `mmt`: the operator feels a local model. `auto`: by the measured delay."""
+    level_j: float = Field(default=0.05, gt=0, le=10)
+    """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""
+    damping_n_s_m: float = Field(default=5.0, gt=0, le=100)
+    """Strongest drag that fills an empty tank [N s/m]."""
 
 
 class RealtimeSettings(Settings):

@@ -1,0 +1,119 @@
+"""The scheme that the measured delay asks for, changed without a jump.
+
+Without delay nothing is controlled, with some the time-domain passivity approach is at work, and with a long one the
+local model: passivity control degrades with delay and needs no assumption on the scene, a model does not degrade and
+needs a scene at rest (Xu, Liu, Steinbach, "Toward QoE-driven dynamic control scheme switching for time-delayed
+teleoperation systems: a dedicated case study", arXiv:1705.05613, 2017). Where the change happens is in
+`control.choice`.
+
+All schemes observe the port all the time, so that the one that takes over knows what was done; the force goes over
+from one to the other within `HANDOVER`, which is the lag of a change. The scheme that is left owes nothing.
+"""
+
+from control.choice import NONE, TDPA, SchemeChoice
+from control.contract import LinkQuality, MasterControl, Settings, Surface, Vector
+from control.direct import DirectMaster
+from control.mmt import MmtMaster
+from control.tdpa import TdpaMaster, TdpaSlave
+
+HANDOVER = 0.2
+"""Time in which the displayed force goes over from one scheme to the next [s]."""
+
+
+class AutoMaster:
+    """The operator's side of all schemes, of which one is displayed."""
+
+    __slots__ = ("_choice", "_elapsed", "_leaving", "_schemes", "_share", "_tdpa")
+
+    def __init__(self, settings: Settings) -> None:
+        self._tdpa = TdpaMaster(settings)
+        self._schemes: tuple[MasterControl, ...] = (DirectMaster(settings), self._tdpa, MmtMaster(settings))
+        self._choice = SchemeChoice()
+        self._leaving = self._choice.active
+        self._share = 1.0
+        self._elapsed = 0.0
+
+    @property
+    def active(self) -> int:
+        return self._choice.active
+
+    @property
+    def tank(self) -> float:
+        return self._schemes[self.active].tank
+
+    @property
+    def credit(self) -> int:
+        return self._tdpa.credit
+
+    def reset(self) -> None:
+        for scheme in self._schemes:
+            scheme.reset()
+        self._choice.reset()
+        self._leaving = self._choice.active
+        self._share = 1.0
+
+    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+        for scheme in self._schemes:
+            scheme.learn(surface, force, position)
+
+    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:
+        for scheme in self._schemes:
+            scheme.observe(position, elapsed, peer_credit, quality)
+        before = self._choice.active
+        if self._choice.follow(quality, elapsed) != before:
+            self._leaving = before
+            self._share = 0.0
+        if self.active == NONE:
+            self._tdpa.forgive()
+        self._share = min(1.0, self._share + elapsed / HANDOVER)
+        self._elapsed = elapsed
+
+    def render(self, force: Vector) -> Vector:
+        wanted = self._schemes[self.active].render(force)
+        share = self._share
+        if share == 1.0:
+            return wanted
+        left = self._schemes[self._leaving].render(force)
+        return (
+            left[0] + share * (wanted[0] - left[0]),
+            left[1] + share * (wanted[1] - left[1]),
+            left[2] + share * (wanted[2] - left[2]),
+        )
+
+    def displayed(self, force: Vector) -> None:
+        for scheme in self._schemes:
+            scheme.displayed(force)
+
+
+class AutoSlave:
+    """The teleoperator's side: the robot's port is controlled while the operator's is."""
+
+    __slots__ = ("_choice", "_tdpa")
+
+    def __init__(self, settings: Settings) -> None:
+        self._tdpa = TdpaSlave(settings)
+        self._choice = SchemeChoice()
+
+    @property
+    def active(self) -> int:
+        return self._choice.active
+
+    @property
+    def tank(self) -> float:
+        return self._tdpa.tank
+
+    @property
+    def credit(self) -> int:
+        return self._tdpa.credit
+
+    def reset(self) -> None:
+        self._tdpa.reset()
+        self._choice.reset()
+
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
+        if self._choice.follow(quality, elapsed) == TDPA:
+            return self._tdpa.follow(target, here, elapsed, peer_credit, quality)
+        return self._tdpa.follow_freely(target, here, elapsed, peer_credit)
+
+    def observe(self, position: Vector, force: Vector) -> None:
+        self._tdpa.observe(position, force)

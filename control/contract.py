@@ -1,0 +1,151 @@
+"""What every control scheme offers to the two loops. Knows no codec: a surface is whatever says a force at a point."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+Vector = tuple[float, float, float]
+"""Force [N] or position [m]; unused axes are exactly 0."""
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+CREDIT_STEP = 1e-4
+"""Energy of one unit of credit [J]. What is handed over is rounded down to it, so rounding never makes energy."""
+
+
+class LinkQuality(NamedTuple):
+    """The link as it is measured now.
+
+    Args:
+        rtt: round trip [s]; None while unknown.
+        jitter: by how much few datagrams exceed the least delay [s].
+    """
+
+    rtt: float | None
+    jitter: float
+
+
+@runtime_checkable
+class Surface(Protocol):
+    """A received model of a contact: an elastic wall that rests where it is."""
+
+    @property
+    def stiffness(self) -> float:
+        """Of the wall [N/m]: half the square of its force by this is the energy that it stores."""
+        ...
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        """The force of the wall at a position [m]; a wall that rests does not read the tick."""
+        ...
+
+
+class MasterControl(Protocol):
+    """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
+
+    @property
+    def active(self) -> int:
+        """The scheme at work, as its place in `control.table.SCHEMES`."""
+        ...
+
+    @property
+    def tank(self) -> float:
+        """Energy that may still be given to the operator [J]."""
+        ...
+
+    @property
+    def credit(self) -> int:
+        """Energy handed to the other side since the session began, in units of `CREDIT_STEP`; never decreases."""
+        ...
+
+    def reset(self) -> None:
+        """A new session: nothing of the old one counts."""
+        ...
+
+    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+        """Take what an update says.
+
+        Args:
+            surface: the model that it carries, where it is one of a contact.
+            force: of the newest sample [N].
+            position: that the force belongs to [m].
+        """
+        ...
+
+    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:
+        """Book the work of the tick that has passed.
+
+        Args:
+            position: of the device [m].
+            elapsed: since the last call [s].
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
+            quality: of the link.
+        """
+        ...
+
+    def render(self, force: Vector) -> Vector:
+        """The force to display [N], from the one that the decoder says."""
+        ...
+
+    def displayed(self, force: Vector) -> None:
+        """What the device was told in the end [N]; it is held until the next tick."""
+        ...
+
+
+class SlaveControl(Protocol):
+    """The teleoperator's side of a scheme. In a tick: `follow`, then `observe` once the robot has been read."""
+
+    @property
+    def active(self) -> int:
+        """As on the master's side."""
+        ...
+
+    @property
+    def tank(self) -> float:
+        """Energy that the robot may still spend [J]."""
+        ...
+
+    @property
+    def credit(self) -> int:
+        """As on the master's side."""
+        ...
+
+    def reset(self) -> None:
+        """A new session: nothing of the old one counts."""
+        ...
+
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
+        """Where the robot may be told to go.
+
+        Args:
+            target: where the operator is, as decoded [m].
+            here: where the robot was told to be last [m].
+            elapsed: since the last call [s].
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
+            quality: of the link.
+        """
+        ...
+
+    def observe(self, position: Vector, force: Vector) -> None:
+        """Book the work of this tick.
+
+        Args:
+            position: where the robot was told to be [m].
+            force: of the environment on the robot, as the operator is shown it [N].
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the two sides of a scheme are built from.
+
+    Args:
+        tick_period: of both sides [s].
+        force_range: largest force that the robot reports [N].
+        level: energy that each tank is kept at [J].
+        damping: most of the drag that fills an empty tank [N s/m].
+    """
+
+    tick_period: float
+    force_range: float
+    level: float
+    damping: float

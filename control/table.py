@@ -1,0 +1,38 @@
+"""The table of control schemes. A new one is a file beside these and a line here."""
+
+from importlib import import_module
+from typing import NamedTuple, cast
+
+from control.contract import MasterControl, Settings, SlaveControl
+
+
+class Scheme(NamedTuple):
+    """Where a scheme's two sides are ("module:Class", imported only on use), and whether energy travels."""
+
+    master: str
+    slave: str
+    carries_credit: bool
+
+
+SCHEMES = {
+    "none": Scheme("control.direct:DirectMaster", "control.direct:DirectSlave", carries_credit=False),
+    "tdpa": Scheme("control.tdpa:TdpaMaster", "control.tdpa:TdpaSlave", carries_credit=True),
+    "mmt": Scheme("control.mmt:MmtMaster", "control.direct:DirectSlave", carries_credit=False),
+    "auto": Scheme("control.auto:AutoMaster", "control.auto:AutoSlave", carries_credit=True),
+}
+"""By name; `active` of a side is the place in this order."""
+
+
+def build_master_control(name: str, settings: Settings) -> MasterControl:
+    """The operator's side of a scheme; only that one is imported."""
+    return cast(MasterControl, _load(SCHEMES[name].master)(settings))
+
+
+def build_slave_control(name: str, settings: Settings) -> SlaveControl:
+    """The teleoperator's side of a scheme; only that one is imported."""
+    return cast(SlaveControl, _load(SCHEMES[name].slave)(settings))
+
+
+def _load(place: str) -> type:
+    module, _, attribute = place.partition(":")
+    return cast(type, getattr(import_module(module), attribute))

@@ -1,0 +1,88 @@
+"""Energy at the two ports of a session, from telemetry. Knows no link and no codec.
+
+The operator's port is the hand on the device: a force that is *held* from tick k to the next while the device moves
+from x_k to x_k+1, so that the operator's work on the device in that tick is exactly -output_k . (x_k+1 - x_k). The
+robot's port is its contact: force and position change together, hence the trapezoid -(f_k + f_k+1) / 2 . (p_k+1 - p_k)
+of the measured force over the commanded position. Both count what flows from the operator to the robot as positive.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Records = NDArray[Any]
+"""Structured array of telemetry records."""
+Series = NDArray[np.float64]
+
+
+class PortWork:
+    """Cumulative work at one port, tick by tick.
+
+    Every tick counts, in a session or out of it, faded or not: energy that the hand got out while a force faded was got
+    out all the same. A step over records that the reader lost counts nothing; one over a missed tick counts, since the
+    force was held.
+
+    Args:
+        force, position: columns of the record.
+        held: whether the force is held over the tick; else it is taken to change linearly.
+    """
+
+    def __init__(self, force: str, position: str, *, held: bool) -> None:
+        self._force, self._position, self._held = force, position, held
+        self._last: Records | None = None
+        self.total = 0.0
+        """Up to the newest record [J]."""
+        self.least = 0.0
+        """The lowest that the sum ever was, not above its beginning [J]."""
+
+    def add(self, records: Records) -> Series:
+        """Take the next records; returns the work done up to each of them [J], shape (n,)."""
+        if not len(records):
+            return np.empty(0)
+        first = self._last is None
+        joined = records if self._last is None else np.concatenate([self._last, records])
+        self._last = records[-1:].copy()
+        force = joined[self._force]
+        between = force[:-1] if self._held else 0.5 * (force[:-1] + force[1:])
+        steps = -(between * np.diff(joined[self._position], axis=0)).sum(axis=1)
+        missed = np.diff(joined["ticks_missed"].astype(np.int64))
+        steps[np.diff(joined["tick"].astype(np.int64)) != 1 + missed] = 0.0
+        sums: Series = self.total + np.cumsum(np.concatenate([[0.0], steps]) if first else steps)
+        self.total = float(sums[-1])
+        self.least = min(self.least, float(sums.min()))
+        return sums
+
+
+class LinkEnergy:
+    """What went in at the operator's port and did not come out at the robot's, while both sides were engaged.
+
+    Ramps count; a step counts if both of its ends are in a session of both sides. A negative sum is energy that the
+    link made; that the device holds its force over a tick is part of it.
+    """
+
+    def __init__(self) -> None:
+        self._last: tuple[float, bool] | None = None
+        self._total = 0.0
+        self.least = 0.0
+        """The lowest that the sum ever was, not above its beginning [J]."""
+
+    def add(self, given: Series, taken: Series, engaged: NDArray[np.bool_]) -> None:
+        """Take the next pairs, in order of time, without gaps.
+
+        Args:
+            given: work of the operator up to each [J], shape (n,).
+            taken: work that came out at the robot's port [J], shape (n,).
+            engaged: whether both sides were, shape (n,).
+        """
+        if not len(given):
+            return
+        held = given - taken
+        if self._last is not None:
+            held = np.concatenate([[self._last[0]], held])
+            engaged = np.concatenate([[self._last[1]], engaged])
+        self._last = (float(held[-1]), bool(engaged[-1]))
+        sums = self._total + np.cumsum(np.diff(held) * (engaged[1:] & engaged[:-1]))
+        if len(sums):
+            self._total = float(sums[-1])
+            self.least = min(self.least, float(sums.min()))

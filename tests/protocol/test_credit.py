@@ -1,0 +1,211 @@
+"""Credit: by itself, and over two real endpoints. Whoever spends it must never be told of more than was handed over."""
+
+from dataclasses import dataclass
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol import Connected, DropReason, Role
+from protocol.checksum import Checksum
+from protocol.credit import HEARTBEAT_BITS, UPDATE_BITS, Credit
+from protocol.emulation import Emulation
+from protocol.wire import Kind, kind_of
+from tests.protocol.harness import MASTER, Pair, make_endpoint, update_fields
+
+CARRIED = {"carries_credit": True, "incoming_values": 3, "outgoing_values": 3}
+STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2, duplicate=0.2, corrupt=0.05)
+
+
+@dataclass(frozen=True)
+class Sending:
+    """One datagram: what was handed over since the one before, its field, when it arrives after it left, how often."""
+
+    step: int
+    bits: int
+    transit: float
+    copies: int
+
+
+def sendings(largest: int) -> st.SearchStrategy[list[Sending]]:
+    return st.lists(
+        st.builds(
+            Sending,
+            st.integers(0, largest),
+            st.sampled_from([UPDATE_BITS, HEARTBEAT_BITS]),
+            st.floats(0.0, 50.0),
+            st.integers(0, 2),
+        ),
+        max_size=40,
+    )
+
+
+def arrivals(sent: list[Sending]) -> list[tuple[int, int, int]]:
+    """Sequence, full count and bits, in the order of arrival; the last of those sent arrives last."""
+    total, flights = 0, []
+    for sequence, sending in enumerate(sent):
+        total += sending.step
+        flights += [(sequence + sending.transit, sequence, total, sending.bits)] * sending.copies
+    return [(sequence, count, bits) for _, sequence, count, bits in sorted(flights)]
+
+
+@given(sendings(2**18))
+def test_never_more_is_known_than_was_handed_over(sent: list[Sending]) -> None:
+    """Whatever is lost, doubled or overtaken, and however large the steps; nor does it ever fall."""
+    credit = Credit()
+    largest, known, newest = 0, 0, -1
+    for sequence, count, bits in arrivals(sent):
+        credit.learn(sequence, count % 2**bits, bits)
+        largest = max(largest, count)
+        assert known <= credit.known <= largest
+        known = credit.known
+        if bits == HEARTBEAT_BITS and sequence > newest:
+            assert known == count, "the long field makes up for what the short one could not tell"
+        newest = max(newest, sequence)
+
+
+@given(sendings(2**UPDATE_BITS // 40 - 1), st.integers(0, 2**36))
+def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int) -> None:
+    """If less than the range of its field was handed over unheard; near any wrap of either field."""
+    credit = Credit()
+    counts = [*range(0, start, 2**31), start]
+    for sequence, count in enumerate(counts):
+        credit.learn(sequence, count % 2**HEARTBEAT_BITS, HEARTBEAT_BITS)
+    newest = 0
+    for sequence, count, bits in arrivals(sent):
+        credit.learn(len(counts) + sequence, (start + count) % 2**bits, bits)
+        newest = max(newest, count)
+        assert credit.known == start + newest
+
+
+def test_what_was_handed_over_cannot_be_taken_back() -> None:
+    credit = Credit()
+    credit.handed = 5
+    with pytest.raises(ValueError, match="fall from 5 to 4"):
+        credit.handed = 4
+    assert credit.handed == 5
+    with pytest.raises(ValueError, match="-1"):
+        Credit().handed = -1
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("step", [7, 1000])
+def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, step: int) -> None:
+    """30 % loss in bursts, reordering, duplicates and bit errors; then peace, in which all is known."""
+    handed = {Role.INITIATOR: 0, Role.RESPONDER: 0}
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        for side, other in (pair.sides, pair.sides[::-1]):
+            assert side.endpoint.peer_credit <= handed[other.endpoint.role]
+        if now > 10.0:
+            return
+        for side in pair.sides:
+            side.endpoint.credit += step
+            handed[side.endpoint.role] = max(handed[side.endpoint.role], side.endpoint.credit)
+            if tick % 10 == 0:
+                side.endpoint.send_update(now, *update_fields(tick))
+
+    pair = Pair(forward=STORM, backward=STORM, seed=seed, master=CARRIED, slave=CARRIED, on_tick=on_tick)
+    pair.connect().run(10.0)
+    pair.forward, pair.backward = pair.link(None), pair.link(None)
+    pair.run(1.0)
+    for side, other in (pair.sides, pair.sides[::-1]):
+        assert side.endpoint.peer_credit == other.endpoint.credit > 1000 * step, f"seed {seed}"
+
+
+def test_updates_repeats_and_heartbeats_carry_the_credit_of_the_moment() -> None:
+    pair = Pair(master=CARRIED, slave=CARRIED).engage()
+    pair.master.endpoint.credit = 70_000
+    pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks))
+    pair.swallow = lambda side, data: kind_of(data) == Kind.UPDATE
+    pair.run(0.003)
+    assert pair.slave.endpoint.peer_credit == 0
+    pair.master.endpoint.credit = 70_001
+    while not pair.master.endpoint.statistics.repeats:
+        pair.run(0.001)
+    repeat = pair.tap[-1][2]
+    pair.slave.endpoint.receive_datagram(repeat, MASTER, pair.now)
+    assert pair.slave.endpoint.peer_credit == 70_001 % 2**16, "more than 16 bits were unheard: too low, not too high"
+    pair.run(0.1)
+    assert pair.slave.endpoint.peer_credit == 70_001, "a heartbeat has told"
+    pair.master.endpoint.credit = 70_002
+    pair.run(0.1)
+    assert pair.slave.endpoint.peer_credit == 70_002
+
+
+@pytest.mark.parametrize("reason", [DropReason.STALE, DropReason.SUPERSEDED])
+def test_late_news_are_still_true(reason: DropReason) -> None:
+    """A stale update is the newest news; one that was superseded by a repeat of what is newer tells nothing more."""
+    pair = Pair(master=CARRIED, slave=CARRIED).engage()
+    pair.master.endpoint.credit = 5
+    pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks))
+    (held, _) = pair.master.endpoint.datagrams_to_send()[0]
+    if reason is DropReason.SUPERSEDED:
+        pair.master.endpoint.credit = 6
+        pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks + 1))
+        pair.run(0.01)
+    else:
+        pair.swallow = lambda side, data: side is pair.master
+        pair.run(0.15)
+    pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
+    pair.slave.collect(pair.now)
+    assert reason in pair.slave.faults()
+    assert pair.slave.endpoint.peer_credit == (6 if reason is DropReason.SUPERSEDED else 5)
+
+
+def test_what_cannot_be_true_is_not_believed() -> None:
+    pair = Pair(master=CARRIED, slave=CARRIED).engage()
+    pair.master.endpoint.credit = 5
+    for at, tick in ((pair.now + 60.0, 0), (pair.now, 10**6)):
+        pair.master.endpoint.send_update(at, *update_fields(tick))
+        (data, _) = pair.master.endpoint.datagrams_to_send()[0]
+        pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
+    pair.slave.collect(pair.now)
+    assert pair.slave.faults() == [DropReason.IMPLAUSIBLE] * 2
+    assert pair.slave.endpoint.peer_credit == 0
+
+
+def test_a_new_session_starts_at_nothing_on_both_ends() -> None:
+    pair = Pair(master=CARRIED, slave=CARRIED)
+    pair.master.endpoint.credit = 3
+    assert pair.master.endpoint.credit == 0, "there is nobody to hand it to"
+    pair.engage()
+    for side in pair.sides:
+        side.endpoint.credit = 1000
+    pair.run(0.1)
+    assert [side.endpoint.peer_credit for side in pair.sides] == [1000, 1000]
+    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=51, epoch=pair.now, **CARRIED)
+    pair.master.endpoint.connect(pair.now)
+    pair.run(0.05)
+    assert len(pair.slave.of(Connected)) == 2
+    assert [side.endpoint.credit for side in pair.sides] == [0, 0]
+    assert [side.endpoint.peer_credit for side in pair.sides] == [0, 0]
+    pair.slave.endpoint.credit = 2
+    pair.run(0.1)
+    assert pair.master.endpoint.peer_credit == 2
+
+
+def test_a_session_without_credit_is_byte_for_byte_the_same_whatever_is_handed_over() -> None:
+    runs = []
+    for step in (0, 9):
+
+        def on_tick(pair: Pair, now: float, tick: int, step: int = step) -> None:
+            for side in pair.sides:
+                side.endpoint.credit += step
+                if tick % 5 == 0 and tick > 200:
+                    side.endpoint.send_update(now, *update_fields(tick))
+
+        changes = {"security": Checksum(), "incoming_values": 3, "outgoing_values": 3}
+        pair = Pair(master=changes, slave=changes, on_tick=on_tick).connect().run(1.0)
+        assert [side.endpoint.peer_credit for side in pair.sides] == [0, 0]
+        runs.append([data for _, _, data in pair.tap])
+    assert runs[0] == runs[1]
+
+
+def test_a_peer_that_carries_none_is_a_fault_of_length() -> None:
+    """The agreement keeps the two from meeting; where it does not, nothing is misread."""
+    pair = Pair(master=CARRIED, slave={**CARRIED, "carries_credit": False}).connect().run(0.3)
+    dropped = {reason for side in pair.sides for reason in side.faults()}
+    assert dropped <= {DropReason.WRONG_LENGTH, DropReason.TRUNCATED}
+    assert dropped
+    assert not [side for side in pair.sides if side.updates()]
