@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import inf, isfinite
+from math import inf
 
 from codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
 from codec.predictors import HYBRID, PREDICTORS, Predictor, Trust
 from codec.quantizer import Quantizer
 from codec.sample import Sample
-from codec.vector import ZERO, Vector, norm, scale
+from codec.vector import ZERO, Vector, is_finite
 
 
 @dataclass(frozen=True)
@@ -67,15 +67,16 @@ class Channel:
         return Sample(tick, value, self.position_quantizer.value(levels[self.value_quantizer.size :]))
 
     def confine(self, predicted: Vector, newest: Sample) -> Vector:
-        """A prediction made safe to display: finite, and no longer than the wire could say.
+        """A prediction made safe to display: finite, and saturated as a measured value is.
 
-        An extrapolation that overflowed says nothing; the newest sample stands for it.
+        One box for both: else a sample in a corner of the range would be predicted elsewhere in the tick after it. An
+        extrapolation that overflowed says nothing; the newest sample stands for it.
         """
-        length = norm(predicted)
-        limit = self.value_quantizer.limit
-        if length <= limit and length < inf:
-            return predicted
-        return scale(predicted, limit / length) if isfinite(length) else newest.value
+        return self.value_quantizer.confine(predicted) if is_finite(predicted) else newest.value
+
+    def place(self, position: Vector) -> Vector:
+        """Where a model is evaluated: the position on the axes that travel, saturated as those of its samples are."""
+        return position if self.position_quantizer is None else self.position_quantizer.confine(position)
 
 
 def force_channel(

@@ -78,4 +78,5 @@ class Decoder:
             return self._channel.rest
         if tick == newest.tick:
             return newest.value
-        return self._channel.confine(self._model.at(tick, position), newest)
+        channel = self._channel
+        return channel.confine(self._model.at(tick, channel.place(position)), newest)

@@ -1,5 +1,7 @@
 """The sending end: predicts what the decoder holds, and makes an update when that leaves the deadband."""
 
+from math import inf
+
 from codec.channel import Channel
 from codec.decoder import Decoder
 from codec.sample import Sample
@@ -12,7 +14,8 @@ class Encoder:
 
     The encoder owns a mirror of the decoder and feeds it the very updates it returns: what it compares with is what
     the other end holds on a lossless link, quantized values and all. The law: at every tick the mirror's value is
-    within the deadband of the actual one, or an update is returned, and then within half a wire step per axis.
+    within the deadband of the actual one, or as near to it as the wire can say: half a step per axis. Where the
+    bound is finer than the grid, an update that would say nothing nearer is not sent.
 
     A bank of several is the paper's hybrid. It chooses when it sends: the predictor whose value *before* the update
     comes closest (after it, all would pass through the sample), and holds that choice until the next send.
@@ -82,9 +85,14 @@ class Encoder:
         compared = displayed if displayed is not None else actual
         sent = self._newest.value if self._newest is not None else compared
         self._bound = self._channel.deadband.bound(actual, compared, sent, last)
-        if displayed is not None and distance(displayed, actual) <= self._bound:
+        error = distance(displayed, actual) if displayed is not None else inf
+        if error <= self._bound:
             return None
-        return self._send(tick, actual, position, self._choose(tick, actual, position))
+        levels = self._channel.levels(actual, position)
+        sample = self._channel.sample(tick, levels)
+        if error <= distance(sample.value, actual):
+            return None
+        return self._send(sample, levels, self._choose(tick, actual, position))
 
     def _choose(self, tick: int, actual: Vector, position: Vector) -> int:
         """The paper's smallest w_i = |f_pred,i - f| / |f|; |f| is common to all and left out."""
@@ -92,18 +100,17 @@ class Encoder:
         if newest is None or len(self._predictors) == 1:
             return 0
         channel = self._channel
+        place = channel.place(position)
         errors = [
             distance(
-                channel.confine(predictor.fit(newest, self._previous, channel.trust).at(tick, position), newest), actual
+                channel.confine(predictor.fit(newest, self._previous, channel.trust).at(tick, place), newest), actual
             )
             for predictor in self._predictors
         ]
         return errors.index(min(errors))
 
-    def _send(self, tick: int, actual: Vector, position: Vector, selector: int) -> Update:
-        levels = self._channel.levels(actual, position)
-        sample = self._channel.sample(tick, levels)
-        earlier = self._newest
+    def _send(self, sample: Sample, levels: tuple[int, ...], selector: int) -> Update:
+        tick, earlier = sample.tick, self._newest
         gap = tick - earlier.tick if earlier is not None else 0
         usable = earlier if 0 < gap <= MAX_GAP else None
         if usable is not None and self._predictors[selector].needs_previous(sample, usable):

@@ -1,10 +1,12 @@
 """The wire's number grid: SI values to integer levels and back."""
 
-from math import inf, isfinite
+from math import isfinite
 
 from codec.vector import Vector
 
 INT16_MAX = 32_767
+LARGEST = 1e150
+"""No value and no level is larger, off the wire either: the product of two is still finite."""
 _AXIS_INDEX = {"x": 0, "y": 1, "z": 2}
 
 
@@ -15,7 +17,7 @@ class Quantizer:
     code path exists for it.
     """
 
-    __slots__ = ("_indices", "_limit", "_step")
+    __slots__ = ("_highest", "_indices", "_limit", "_lowest", "_step")
 
     def __init__(self, step: float, axes: str = "xyz", *, largest_level: float = INT16_MAX) -> None:
         """Make the grid.
@@ -23,7 +25,7 @@ class Quantizer:
         Args:
             step: distance between two levels, > 0 [N or m].
             axes: the axes that travel, a subset of "xyz" in that order; the others are held at exactly 0.
-            largest_level: saturation, symmetric; infinity for none.
+            largest_level: saturation, symmetric; infinity for none but `LARGEST`.
 
         Raises:
             ValueError: for a step that is not positive and finite, or for axes that are not a subset of "xyz".
@@ -34,7 +36,9 @@ class Quantizer:
             raise ValueError(f"axes must be a non-empty part of 'xyz' in that order, not {axes!r}")
         self._step = step
         self._indices = tuple(_AXIS_INDEX[axis] for axis in axes)
-        self._limit = step * largest_level if largest_level < inf else inf
+        self._limit = min(step * min(largest_level, LARGEST), LARGEST)
+        self._highest = _corner(self._limit, axes)
+        self._lowest = _corner(-self._limit, axes)
 
     @property
     def step(self) -> float:
@@ -51,13 +55,14 @@ class Quantizer:
         return len(self._indices)
 
     def confine(self, value: Vector) -> Vector:
-        """The nearest value that the wire can say but for its step: unused axes at 0, the others within the limit."""
-        limit = self._limit
-        components = [0.0, 0.0, 0.0]
-        for index in self._indices:
-            component = value[index]
-            components[index] = limit if component > limit else -limit if component < -limit else component
-        return (components[0], components[1], components[2])
+        """The nearest value that the wire can say but for its step: unused axes at 0, the others within the limit.
+
+        What is not a number on a used axis stays so.
+        """
+        low, high = self._lowest, self._highest
+        if low[0] <= value[0] <= high[0] and low[1] <= value[1] <= high[1] and low[2] <= value[2] <= high[2]:
+            return value
+        return (_clip(value[0], low[0], high[0]), _clip(value[1], low[1], high[1]), _clip(value[2], low[2], high[2]))
 
     def levels(self, value: Vector) -> tuple[int, ...]:
         """Wire levels of a finite value, saturated at the limit; error at most half a step per axis within it."""
@@ -65,8 +70,17 @@ class Quantizer:
         return tuple(round(confined[index] / self._step) for index in self._indices)
 
     def value(self, levels: tuple[int, ...]) -> Vector:
-        """SI value of `size` levels."""
+        """SI value of `size` levels; one beyond the limit, -32768 on the wire, which no encoder sends, counts as it."""
         components = [0.0, 0.0, 0.0]
         for index, level in zip(self._indices, levels, strict=True):
             components[index] = level * self._step
-        return (components[0], components[1], components[2])
+        return self.confine((components[0], components[1], components[2]))
+
+
+def _corner(limit: float, axes: str) -> Vector:
+    x, y, z = (limit if axis in axes else 0.0 for axis in "xyz")
+    return (x, y, z)
+
+
+def _clip(component: float, low: float, high: float) -> float:
+    return high if component > high else low if component < low else component

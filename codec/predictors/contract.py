@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from codec.sample import Sample
-from codec.vector import Vector
+from codec.vector import Vector, distance, norm
 
 
 class Model(Protocol):
@@ -36,18 +36,28 @@ class Trust:
     Args:
         stiffness: contact stiffness [N/m], lowest and highest, > 0.
         radius: radius of a sphere [m], lowest and highest, > 0.
-        least_angle_sine: sine of the angle between the columns of the sphere's system of equations below which the
-            system counts as rank-deficient.
+        least_angle_sine: sine of the angle below which two directions count as one, 0 to 1: those of the two forces
+            (1 mN across 1 N is the noise of the wire), and the columns of the sphere's system of equations.
+        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. A least-squares fit of
+            two samples that are no sphere misses them: it may put the sample beyond its centre, and push the wrong way.
+
+    Raises:
+        ValueError: for a range that is none.
     """
 
     stiffness: tuple[float, float] = (1.0, 1e6)
     radius: tuple[float, float] = (1e-3, 10.0)
     least_angle_sine: float = 1e-3
+    misfit: float = 0.25
 
     def __post_init__(self) -> None:
         for name, (low, high) in (("stiffness", self.stiffness), ("radius", self.radius)):
             if not 0.0 < low < high:
                 raise ValueError(f"{name} must be a rising pair of positive numbers, not [{low!r}, {high!r}]")
+        if not 0.0 <= self.least_angle_sine <= 1.0:
+            raise ValueError(f"least_angle_sine must be 0 to 1, not {self.least_angle_sine!r}")
+        if not self.misfit > 0.0:
+            raise ValueError(f"misfit must be positive, not {self.misfit!r}")
 
     def believes_compliance(self, compliance: float) -> bool:
         """Whether c = 1/s is positive with s in range; False for what is not a number."""
@@ -55,6 +65,10 @@ class Trust:
 
     def believes_radius(self, radius: float) -> bool:
         return self.radius[0] <= abs(radius) <= self.radius[1]
+
+    def believes_fit(self, model: Model, newest: Sample) -> bool:
+        """Whether a model says at its own newest sample about what that says."""
+        return distance(model.at(newest.tick, newest.position), newest.value) <= self.misfit * norm(newest.value)
 
 
 @dataclass(frozen=True, slots=True)

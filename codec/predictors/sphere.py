@@ -63,13 +63,17 @@ def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
         ),
         0.5,
     )
-    return Sphere(centre, radius, 1.0 / compliance, newest.value)
+    sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
+    return sphere if trust.believes_fit(sphere, newest) else hold
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
-    """Least-squares r, c of a r + b c = y, or None where the columns are (nearly) parallel or one is 0."""
+    """Least-squares r, c of a r + b c = y, or None where the columns are (nearly) parallel or one is (nearly) 0.
+
+    The length of a is the angle between the two forces: on a flat wall it is rounding, and so would be the radius.
+    """
     a_norm, b_norm = norm(a), norm(b)
-    if not (a_norm > 0.0 and b_norm > 0.0):
+    if not (a_norm > least_sine and b_norm > 0.0):
         return None
     first = unit(a)
     along = dot(first, b)

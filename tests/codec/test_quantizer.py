@@ -1,4 +1,4 @@
-from math import inf, nan
+from math import inf, isnan, nan
 
 import pytest
 from hypothesis import given
@@ -39,6 +39,17 @@ def test_only_the_named_axes_travel() -> None:
 def test_without_a_range_any_finite_value_has_a_level() -> None:
     quantizer = Quantizer(1e-12, largest_level=inf)
     assert quantizer.value(quantizer.levels((1e6, 0.0, -3.5)))[0] == pytest.approx(1e6)
+    assert quantizer.value(quantizer.levels((1e300, 0.0, -1e308))) == (quantizer.limit, 0.0, -quantizer.limit)
+
+
+def test_a_level_that_no_encoder_sends_counts_as_the_limit() -> None:
+    assert Quantizer(0.5).value((-32_768, 0, 99_999)) == (-16_383.5, 0.0, 16_383.5)
+
+
+def test_what_is_no_number_stays_so_on_the_axes_that_travel() -> None:
+    x, y, z = Quantizer(0.5, "xz").confine((nan, 3.0, inf))
+    assert isnan(x)
+    assert (y, z) == (0.0, 16_383.5)
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, nan, inf])

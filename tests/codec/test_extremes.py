@@ -1,0 +1,339 @@
+"""The codec at its edges: a table of signals, what is stated of each, and laws that hold for all of them.
+
+Every update goes over the wire's own layout, its tick truncated, before the decoder sees it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import cos, inf, nan, sin, sqrt
+from sys import float_info
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
+from codec.predictors import PREDICTORS
+from codec.predictors.zoh import Hold
+from codec.quantizer import INT16_MAX
+from codec.vector import ZERO, Vector, distance, is_finite, norm, scale
+from master.safety import ForceLimiter
+from protocol.sequence import expand_counter
+from protocol.session import TICK_BITS
+from protocol.wire import CLEAR_BYTES, UpdateLayout, read_head
+
+Samples = Sequence[tuple[int, Vector, Vector]]
+"""Tick, force [N] (position [m] on a position channel), commanded position [m]."""
+
+BANK = tuple(PREDICTORS)
+FORCE_PREDICTORS = (*BANK, "hybrid")
+POSITION_PREDICTORS = ("zoh", "linear", "hybrid")
+WEBER = 0.10
+FULL = 1e-3 * INT16_MAX
+"""Range of a force on one axis [N]."""
+LATENCY = 7
+"""Of the wire [ticks]."""
+FORCE_LIMIT = 10.0
+
+NO_FLOOR = partial(force_channel, floor=0.0)
+EXACT = partial(force_channel, force_step=1e-9, position_step=1e-12, saturates=False)
+NO_BOUND = partial(position_channel, bound=0.0)
+FINE = partial(position_channel, position_step=2e-6)
+TWO_AXES = partial(force_channel, axes="xz", position_step=2e-6)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A signal, and what becomes of it at k = 0.10.
+
+    Args:
+        name: of the signal.
+        samples: of the signal.
+        sent: number of updates of each predictor, or of all.
+        decoded: what the other end holds at the last sample; None where each predictor holds its own.
+        believed: predictors that believe a fitted model then; all others hold a sample, or nothing.
+        channel: of the predictor, the Weber factor and the reference.
+        rejected: samples that are not finite.
+    """
+
+    name: str
+    samples: Samples
+    sent: int | dict[str, int]
+    decoded: Vector | None
+    believed: frozenset[str] = frozenset()
+    channel: Callable[..., Channel] = force_channel
+    rejected: int = 0
+
+    @property
+    def predictors(self) -> tuple[str, ...]:
+        return FORCE_PREDICTORS if self.channel(predictor="zoh").position_quantizer else POSITION_PREDICTORS
+
+
+def up(force: float) -> Vector:
+    return (0.0, 0.0, force)
+
+
+def steady(value: Vector, position: Vector = ZERO, *, ticks: int = 50) -> Samples:
+    return [(tick, value, position) for tick in range(ticks)]
+
+
+def at_rest(*forces: Vector) -> Samples:
+    """A hand that does not move, one force a tick."""
+    return [(tick, force, ZERO) for tick, force in enumerate(forces)]
+
+
+def press(*, start: int = 0, ticks: int = 200, force: float = 1.0) -> Samples:
+    """Evenly into a flat wall of 500 N/m, from 2 mm deep to 12 mm; `force` is the unit [N]."""
+    depths = [2e-3 + 5e-5 * tick for tick in range(ticks)]
+    return [(start + tick, up(force * 500.0 * depth), up(-depth)) for tick, depth in enumerate(depths)]
+
+
+def roll(radius: float, *, aside: float = 0.0) -> Samples:
+    """Over the top of a ball of 500 N/m, 2 mm deep and deeper; `aside` [m] in y, which the ball does not know."""
+    samples = []
+    for tick in range(200):
+        angle = (0.02 - 2e-4 * tick) / radius
+        depth = 2e-3 + 1e-5 * tick
+        direction = (sin(angle), 0.0, cos(angle))
+        x, _, z = scale(direction, radius - depth)
+        samples.append((tick, scale(direction, 500.0 * depth), (x, aside, z - radius)))
+    return samples
+
+
+def wire(update: Update, layout: UpdateLayout) -> Update:
+    """What the receiver makes of an update that was `LATENCY` ticks under way."""
+    layout.check(update.selector, update.newest, update.gap, update.previous)
+    data = layout.pack(0, 0, 0, update.tick & (1 << TICK_BITS) - 1, *update[1:])
+    head = read_head(data[0], data[CLEAR_BYTES:])
+    newest, gap, previous = layout.unpack(data[CLEAR_BYTES:], head.has_previous)
+    return Update(expand_counter(head.tick, TICK_BITS, update.tick + LATENCY), head.selector, newest, gap, previous)
+
+
+def oblique() -> Samples:
+    """`press` from 10 N on, on a wall whose normal is (0.6, 0, 0.8)."""
+    normal = (0.6, 0.0, 0.8)
+    return [(tick, scale(normal, force[2]), scale(normal, position[2])) for tick, force, position in press(force=10.0)]
+
+
+ON_A_WALL = {"zoh": 16, "linear": 2, "plane": 2, "sphere": 16, "hybrid": 3}
+ON_A_BALL = {"zoh": 11, "linear": 4, "plane": 15, "sphere": 2, "hybrid": 3}
+BALL = frozenset({"linear", "plane", "sphere", "hybrid"})
+WALL = frozenset({"linear", "plane", "hybrid"})
+LINEAR = frozenset({"linear"})
+WRAP = 1 << TICK_BITS
+
+CASES = [
+    # Nothing, almost nothing, far too much.
+    Case("no force", steady(ZERO), 0, ZERO),
+    Case("1e-300 N", steady(up(1e-300)), 0, ZERO),
+    Case("the least number there is, without a floor", steady(up(5e-324)), 0, ZERO, channel=NO_FLOOR),
+    Case(
+        "from 2 N to a denormal",
+        at_rest(up(2.0), *[up(1e-310)] * 20),
+        {"zoh": 2, "linear": 3, "plane": 2, "sphere": 2, "hybrid": 2},
+        ZERO,
+        LINEAR,
+    ),
+    Case("1e300 N", steady(up(1e300)), 1, up(FULL)),
+    Case("the largest number on every axis", steady((float_info.max,) * 3), 1, (FULL,) * 3),
+    Case("1e300 N, off the wire", steady(up(1e300)), 1, up(1e141), channel=EXACT),
+    Case("from one end of the range to the other", at_rest(*[up(1e300), up(-1e300)] * 25), 50, up(-FULL), LINEAR),
+    Case("pressed 1e300 m aside", steady(up(1.0), (1e300, -1e300, 0.0)), 1, up(1.0)),
+    # Not a number.
+    Case("never a number", steady((nan, 0.0, 0.0)), 0, ZERO, rejected=50),
+    Case("infinite after 1 N", at_rest(up(1.0), *[up(inf), up(-inf)] * 10), 1, up(1.0), rejected=20),
+    Case("at an infinite place", [(0, up(1.0), ZERO), (1, up(5.0), up(-inf))], 1, up(1.0), rejected=1),
+    Case(
+        "a ramp with holes",
+        [s if s[0] % 7 else (s[0], up(nan), s[2]) for s in press()],
+        ON_A_WALL,
+        None,
+        WALL,
+        rejected=29,
+    ),
+    Case(
+        "position not known at first",
+        [(0, up(nan), ZERO), (1, up(0.02), ZERO)],
+        1,
+        up(0.02),
+        channel=position_channel,
+        rejected=1,
+    ),
+    # The same again.
+    Case("identical samples", steady(up(1.0), up(-0.002)), 1, up(1.0)),
+    Case("identical samples between two levels, without a floor", steady(up(0.0034)), 1, up(0.003), channel=NO_FLOOR),
+    Case("at rest between two levels, without a bound", steady(up(0.0123456)), 1, up(0.01235), channel=NO_BOUND),
+    Case("off by the floor exactly", steady(up(0.5)), 0, ZERO, channel=partial(force_channel, floor=0.5)),
+    # Time.
+    Case("each sample twice", [(i // 2, up(1.0), ZERO) for i in range(40)], 1, up(1.0)),
+    Case("two forces at one time", [(i // 2, up(1.0 + i % 2), ZERO) for i in range(40)], 40, up(2.0)),
+    Case("a ramp from tick 0 on", press(), ON_A_WALL, None, WALL),
+    Case("the same ramp while 24 bits of tick wrap", press(start=WRAP - 100), ON_A_WALL, None, WALL),
+    Case("the same ramp after 285,000 years", press(start=2**53 - 100), ON_A_WALL, None, WALL),
+    Case("the same ramp past all 64 bits", press(start=2**64 + 1), ON_A_WALL, None, WALL),
+    Case(
+        "a sender that counts modulo 2^24",
+        [(WRAP - 2, up(1.0), ZERO), (WRAP - 1, up(2.0), ZERO), (0, up(5.0), ZERO)],
+        3,
+        up(5.0),
+    ),
+    Case("65,535 ticks apart", [(0, up(1.0), ZERO), (65_535, up(2.0), ZERO)], 2, up(2.0), LINEAR),
+    Case("65,536 ticks apart", [(0, up(1.0), ZERO), (65_536, up(2.0), ZERO)], 2, up(2.0)),
+    # Geometry that is none.
+    Case(
+        "opposite forces", [(i, up(2.0 * (-1) ** i), up(-0.001 * (-1) ** i)) for i in range(50)], 50, up(-2.0), LINEAR
+    ),
+    Case("a ball of 50 mm", roll(0.05), ON_A_BALL, None, BALL),
+    Case("a plane, seen as a ball of a kilometre", roll(1000.0), {**ON_A_WALL, "zoh": 7, "sphere": 7}, None, WALL),
+    Case("a nanometre apart", [(0, up(1.0), ZERO), (1, (0.2, 0.0, 1.2), up(-1e-9))], 2, (0.2, 0.0, 1.2), LINEAR, EXACT),
+    Case(
+        "a nanometre apart, on the wire",
+        [(0, up(1.0), ZERO), (1, (0.2, 0.0, 1.2), up(-1e-9))],
+        2,
+        (0.2, 0.0, 1.2),
+        LINEAR,
+    ),
+    Case(
+        "weaker the deeper",
+        [(i, up(force), up(-1e-3 * i)) for i, force in enumerate((1.0, 2.0, 3.0, 2.0, 1.0))],
+        {"zoh": 5, "linear": 4, "plane": 4, "sphere": 5, "hybrid": 5},
+        up(1.0),
+        LINEAR | {"hybrid"},
+    ),
+    Case(
+        "contact made and broken every tick",
+        [(i, up(2.0 * (i % 2)), up(1e-3 - 2e-3 * (i % 2))) for i in range(50)],
+        49,
+        up(2.0),
+        LINEAR,
+    ),
+    Case("beside the axes that travel", roll(0.05, aside=0.03), ON_A_BALL, None, BALL, TWO_AXES),
+    # The range of the wire.
+    Case("in a corner of the range", steady((30.0, 30.0, 30.0)), 1, (30.0, 30.0, 30.0)),
+    Case("in a corner of the workspace", steady((0.06, 0.06, 0.06)), 1, (0.06, 0.06, 0.06), channel=FINE),
+    Case(
+        "out of the workspace",
+        steady((1e300, -1.0, 0.06)),
+        1,
+        (2e-6 * INT16_MAX, -2e-6 * INT16_MAX, 0.06),
+        channel=FINE,
+    ),
+    Case("a wall beyond the range", press(force=50.0), 1, up(FULL)),
+    Case(
+        "a wall through the limit of the range", press(force=10.0), {**ON_A_WALL, "zoh": 11, "sphere": 11}, None, WALL
+    ),
+    Case(  # the axis that saturates first turns the force, as a ball would
+        "an oblique wall through a corner of the range",
+        oblique(),
+        {**ON_A_WALL, "zoh": 15, "sphere": 16},
+        None,
+        WALL | {"sphere"},
+    ),
+    Case(
+        "across the workspace every tick",
+        [(i, up(0.06 * (-1) ** i), ZERO) for i in range(50)],
+        50,
+        up(-0.06),
+        LINEAR,
+        FINE,
+    ),
+]
+
+
+def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
+    """Run a case, with the laws that hold for all; updates sent, samples rejected, the decoder."""
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    quantizer = channel.value_quantizer
+    layout = UpdateLayout(channel.level_count) if quantizer.limit < 1e6 else None
+    as_near_as_the_wire = 0.5 * quantizer.step * sqrt(quantizer.size)
+    sent = 0
+    for tick, value, position in case.samples:
+        update = encoder.encode(tick, value, position)
+        if update is not None:
+            sent += 1
+            decoder.apply(wire(update, layout) if layout is not None else update)
+        assert decoder.state == encoder.mirror.state
+        decoded = decoder.value(tick, position)
+        assert decoded == encoder.mirror.value(tick, position)
+        for later in (tick, tick + 0.5, tick + 1, tick + 100):
+            check_displayable(decoder.value(later, position), channel)
+        if is_finite(value) and is_finite(position):
+            assert decoded is not None
+            error = distance(decoded, quantizer.confine(value))
+            assert error <= max(encoder.bound, as_near_as_the_wire * (1.0 + 1e-9))
+    return sent, encoder.rejected, decoder
+
+
+def check_displayable(decoded: Vector | None, channel: Channel) -> None:
+    """What a device may be given: finite, on the axes that travel, within their range, and then limited."""
+    if decoded is None:
+        assert channel.rest is None
+        return
+    assert is_finite(decoded)
+    assert channel.value_quantizer.confine(decoded) == decoded
+    assert norm(ForceLimiter(FORCE_LIMIT).limit(decoded)) <= FORCE_LIMIT * (1.0 + 1e-15)
+
+
+COMBINATIONS = [
+    pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.predictors
+]
+
+
+@pytest.mark.parametrize(("case", "predictor"), COMBINATIONS)
+def test_what_is_sent_decoded_and_believed(case: Case, predictor: str) -> None:
+    sent, rejected, decoder = code(case, case.channel(predictor=predictor, weber=WEBER))
+    _, model, newest = decoder.state
+    tick, _, position = case.samples[-1]
+    assert sent == (case.sent if isinstance(case.sent, int) else case.sent[predictor])
+    assert rejected == case.rejected
+    assert (model is not None and not isinstance(model, Hold)) == (predictor in case.believed)
+    assert (newest is None) == (sent == 0)
+    if case.decoded is not None:
+        assert decoder.value(tick, position) == pytest.approx(case.decoded, rel=1e-12)
+
+
+@pytest.mark.parametrize("axes", ["xyz", "z"])
+@pytest.mark.parametrize("weber", [0.0, 0.025, 0.30])
+@pytest.mark.parametrize(("case", "predictor"), COMBINATIONS)
+def test_the_laws_hold_at_any_weber_factor_and_number_of_axes(
+    case: Case, predictor: str, weber: float, axes: str
+) -> None:
+    sent, _, decoder = code(case, case.channel(predictor=predictor, weber=weber, axes=axes))
+    assert (decoder.newest is None) == (sent == 0)
+
+
+int16 = st.integers(-INT16_MAX - 1, INT16_MAX)
+levels = st.sampled_from([-INT16_MAX - 1, -INT16_MAX, -1, 0, 1, INT16_MAX]) | int16
+samples = st.tuples(*[levels] * 6)
+ticks = st.integers(0, 2**25) | st.integers(2**53 - 9, 2**53 + 9)
+numbers = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@given(
+    updates=st.lists(
+        st.tuples(ticks, st.integers(0, 15), samples, st.integers(0, 65_535), st.just(()) | samples), max_size=5
+    ),
+    probes=st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers)), min_size=1, max_size=5),
+    axes=st.sampled_from(["xyz", "xz", "z"]),
+)
+@settings(max_examples=400, deadline=None)
+def test_no_peer_can_make_a_decoder_say_what_may_not_be_displayed(
+    updates: list[tuple[int, int, tuple[int, ...], int, tuple[int, ...]]],
+    probes: list[tuple[float, Vector]],
+    axes: str,
+) -> None:
+    """Any levels, gap, selector and time; refused where they do not fit, and then as if they had not come."""
+    for channel in (force_channel(bank=BANK, axes=axes), position_channel(predictor="hybrid", axes=axes)):
+        decoder, count = Decoder(channel), channel.level_count
+        for tick, selector, newest, gap, previous in updates:
+            before = decoder.state
+            try:
+                decoder.apply(Update(tick, selector, newest[:count], gap, previous[:count]))
+            except ValueError:
+                assert selector >= len(channel.bank)
+                assert decoder.state == before
+            else:
+                assert selector < len(channel.bank)
+        for at, position in probes:
+            check_displayable(decoder.value(at, position), channel)
