@@ -20,13 +20,14 @@ DWELL = 1.0
 class SchemeChoice:
     """The scheme that the link asks for. Starts with `TDPA`, which is passive whatever the delay turns out to be."""
 
-    __slots__ = ("_beyond_for", "active")
+    __slots__ = ("_asked", "_beyond_for", "active")
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         self.active = TDPA
+        self._asked = 0
         self._beyond_for = 0.0
 
     def follow(self, quality: LinkQuality, elapsed: float) -> int:
@@ -39,7 +40,10 @@ class SchemeChoice:
             step = 1
         elif self.active > NONE and delay < FALLING[self.active - 1]:
             step = -1
-        self._beyond_for = self._beyond_for + elapsed if step else 0.0
+        if step != self._asked:  # time beyond one threshold is none beyond the other
+            self._asked, self._beyond_for = step, 0.0
+        if step:
+            self._beyond_for += elapsed
         if self._beyond_for >= DWELL:
             self.active += step
             self._beyond_for = 0.0

@@ -8,9 +8,9 @@ from math import hypot
 
 from control.contract import ZERO, Vector
 
-SHARE_OF_TANK = 0.25
+SHARE_OF_TANK = 0.1
 """At most this part of the tank may be foreseen to leave in one tick."""
-STEEPEST = 1000.0
+STEEPEST = 300.0
 """A received force may rise this fast [N/s]: a new model comes as a steep ramp and not as a blow, a millisecond
 late for each N."""
 RECOVERY = 0.2
@@ -27,12 +27,12 @@ class ForcePort:
     """Observer and controller of the port.
 
     Before a tick it is not known how far the device will move. It is foreseen to go on as it did, and to give way to a
-    change of force as much as it has lately done (`_mobility`, m/N in a tick). Where the force would give more than
-    `SHARE_OF_TANK` of the tank, all of it is scaled down; it is given back over `RECOVERY`, so that the control is
-    felt as a softer wall and not as a chatter between force and none.
+    change of force as much as it has lately done (`mobility`). Where the force would give more than `SHARE_OF_TANK` of
+    the tank, so much of it is withheld; that is given back over `RECOVERY`. A constant is taken off, not a share, so
+    the wall keeps its stiffness and lies deeper instead, and the control does not chatter between force and none.
     """
 
-    __slots__ = ("_held", "_least_mobility", "_mobility", "_position", "_share", "_step", "_way")
+    __slots__ = ("_held", "_least_mobility", "_mobility", "_position", "_step", "_way", "_withheld")
 
     def __init__(self, tick_period: float) -> None:
         self._least_mobility = tick_period * tick_period / (2.0 * LEAST_MASS)
@@ -44,7 +44,7 @@ class ForcePort:
         self._held: Vector = ZERO
         self._step: Vector = ZERO
         self._mobility = self._least_mobility
-        self._share = 1.0
+        self._withheld = 0.0
 
     @property
     def way(self) -> Vector:
@@ -83,19 +83,26 @@ class ForcePort:
 
     def passive(self, force: Vector, tank: float, elapsed: float) -> Vector:
         """The part of a force [N] that may be displayed with this much in the tank [J]."""
+        length = hypot(force[0], force[1], force[2])
+        if length == 0.0:
+            self._withheld = 0.0
+            return ZERO
+        self._withheld = max(
+            self._withheld * max(0.0, 1.0 - elapsed / RECOVERY),
+            length * (1.0 - self._affordable_share(force, tank)),
+        )
+        held = self._held
+        steepest = hypot(held[0], held[1], held[2]) + STEEPEST * elapsed
+        share = max(0.0, min(length - self._withheld, steepest)) / length
+        return (force[0] * share, force[1] * share, force[2] * share)
+
+    def _affordable_share(self, force: Vector, tank: float) -> float:
+        """The share of a force [N] that takes no more out of the tank [J] in the next tick than it may."""
         way, held = self._way, self._held
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
         rise = force[0] * (force[0] - held[0]) + force[1] * (force[1] - held[1]) + force[2] * (force[2] - held[2])
         leaves = along + self._mobility * max(0.0, rise)
-        share = min(1.0, self._share + elapsed / RECOVERY)
-        length = hypot(force[0], force[1], force[2])
-        highest = hypot(held[0], held[1], held[2]) + STEEPEST * elapsed
-        if length * share > highest:
-            share = highest / length
-        if leaves > 0.0:
-            share = min(share, max(0.0, SHARE_OF_TANK * tank / leaves))
-        self._share = share
-        return (force[0] * share, force[1] * share, force[2] * share)
+        return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, SHARE_OF_TANK * tank / leaves))
 
     def hold(self, force: Vector) -> None:
         """This force is displayed until the next call of `move` [N]."""

@@ -62,13 +62,13 @@ class MmtMaster:
 
     def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
         if surface is not None:
-            self._mixture.want(surface)
+            self._mixture.want(surface, self._port.position)
             self._fallback = ZERO
             return
         wanted = self._mixture.wanted
         if wanted is not None and agree(wanted.at(0.0, position), force):
             return  # no model of its own, and none needed: free space in front of a wall, or a point on it
-        self._mixture.want(None)
+        self._mixture.want(None, self._port.position)
         self._fallback = force
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
@@ -76,7 +76,7 @@ class MmtMaster:
         tank.level += self._port.move(position)
         _, stored = mixture.at(position)
         share = min(1.0, elapsed / TURN)
-        mixture.turn(share, position, tank.level - stored)
+        mixture.turn(share, position, elapsed, tank.level - stored)
         self._held = toward(self._held, self._fallback, share)
         tank.spill(stored + CAP * self._level)
         self._elapsed = elapsed

@@ -43,6 +43,7 @@ class CreditPrediction:
             self._rate = (credit - self._credit) * CREDIT_STEP / self._age if self._age > 0.0 else 0.0
             self._credit = credit
             self._age = 0.0
-        elif self._age > LONGEST:
+            return 0.0
+        if self._age > LONGEST:
             return 0.0
         return min(self._rate * self._age, self._most)

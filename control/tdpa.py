@@ -14,7 +14,7 @@ back, since the energy to push it out is still in the wall at the other end.
 
 from math import dist
 
-from control.contract import LinkQuality, Settings, Surface, Vector
+from control.contract import ZERO, LinkQuality, Settings, Surface, Vector
 from control.drag import LevelDrag
 from control.force_port import ForcePort
 from control.motion_port import MotionPort
@@ -27,6 +27,8 @@ CAP = 10.0
 """Most that the master's tank holds, in levels of its own: what came back from the wall, for the next push."""
 LEAK = 0.2
 """Time constant with which the master's tank feeds the slave's [s]; what is not needed there comes back."""
+KEPT = 0.5
+"""Share of its level that the master's tank keeps in contact: a resting hand trembles, and gives and takes energy."""
 PREDICTED = 0.004
 """Most that is predicted of unheard credit, as a share of the level."""
 
@@ -39,7 +41,7 @@ SLIDING_DEBT = 0.004
 class TdpaMaster:
     """Observer and controller of the operator's port."""
 
-    __slots__ = ("_drag", "_elapsed", "_level", "_port", "_tank")
+    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_port", "_tank")
 
     active = 1
 
@@ -49,6 +51,7 @@ class TdpaMaster:
         self._port = ForcePort(settings.tick_period)
         self._tank = EnergyTank()
         self._elapsed = 0.0
+        self._in_contact = False
 
     @property
     def tank(self) -> float:
@@ -71,12 +74,14 @@ class TdpaMaster:
         if work > 0.0:  # what the hand puts in goes to the robot, but for what the own tank lacks
             tank.hand_over(min(work, tank.level - self._level))
         tank.receive(peer_credit)
-        tank.hand_over(min(tank.level, self._level) * min(1.0, elapsed / LEAK))
+        kept = KEPT * self._level if self._in_contact else 0.0
+        tank.hand_over((min(tank.level, self._level) - kept) * min(1.0, elapsed / LEAK))
         tank.spill(CAP * self._level)
         self._elapsed = elapsed
 
     def render(self, force: Vector) -> Vector:
         port = self._port
+        self._in_contact = force != ZERO
         passive = port.passive(force, self._tank.level, self._elapsed)
         return self._drag.added(passive, port.way, self._elapsed, self._tank.level, port.mobility)
 
