@@ -7,10 +7,11 @@ teleoperation systems: a dedicated case study", arXiv:1705.05613, 2017). Where t
 `control.choice`.
 
 All schemes observe the port all the time, so that the one that takes over knows what was done; the force goes over
-from one to the other within `HANDOVER`, which is the lag of a change. The scheme that is left owes nothing.
+from one to the other within `HANDOVER`, which is the lag of a change. What is owed without passivity control is
+forgotten slowly, so that a loop which is active all the same shows, and is taken under control.
 """
 
-from control.choice import NONE, TDPA, SchemeChoice
+from control.choice import TDPA, SchemeChoice
 from control.contract import LinkQuality, MasterControl, Settings, Surface, Vector
 from control.direct import DirectMaster
 from control.mmt import MmtMaster
@@ -28,7 +29,7 @@ class AutoMaster:
     def __init__(self, settings: Settings) -> None:
         self._tdpa = TdpaMaster(settings)
         self._schemes: tuple[MasterControl, ...] = (DirectMaster(settings), self._tdpa, MmtMaster(settings))
-        self._choice = SchemeChoice()
+        self._choice = SchemeChoice(settings.level)
         self._leaving = self._choice.active
         self._share = 1.0
         self._elapsed = 0.0
@@ -60,11 +61,11 @@ class AutoMaster:
         for scheme in self._schemes:
             scheme.observe(position, elapsed, peer_credit, quality)
         before = self._choice.active
-        if self._choice.follow(quality, elapsed) != before:
+        if self._choice.follow(quality, self._tdpa.tank, elapsed) != before:
             self._leaving = before
             self._share = 0.0
-        if self.active == NONE:
-            self._tdpa.forgive()
+        if self.active != TDPA:
+            self._tdpa.forgive(elapsed)
         self._share = min(1.0, self._share + elapsed / HANDOVER)
         self._elapsed = elapsed
 
@@ -92,7 +93,7 @@ class AutoSlave:
 
     def __init__(self, settings: Settings) -> None:
         self._tdpa = TdpaSlave(settings)
-        self._choice = SchemeChoice()
+        self._choice = SchemeChoice(settings.level)
 
     @property
     def active(self) -> int:
@@ -111,7 +112,7 @@ class AutoSlave:
         self._choice.reset()
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
-        if self._choice.follow(quality, elapsed) == TDPA:
+        if self._choice.follow(quality, self._tdpa.tank, elapsed) == TDPA:
             return self._tdpa.follow(target, here, elapsed, peer_credit, quality)
         return self._tdpa.follow_freely(target, here, elapsed, peer_credit)
 

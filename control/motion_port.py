@@ -4,7 +4,7 @@ An admittance-type port: forces come in, positions go out. The work of a step is
 which is exact for a spring.
 """
 
-from math import inf
+from math import inf, sqrt
 
 from control.contract import ZERO, Vector
 
@@ -66,7 +66,9 @@ class MotionPort:
             return target
         force = self._force
         against = -(force[0] * x + force[1] * y + force[2] * z)
-        jump = 0.5 * self._force_range * squared**0.5
+        jump = max(
+            0.0, 0.5 * (self._force_range * squared**0.5 - against)
+        )  # the mean of the force of now and the range
         share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
         if share == 1.0:
             return target
@@ -89,9 +91,23 @@ def affordable_share(against: float, rise: float, jump: float, tank: float) -> f
     if against + min(rise, jump) <= tank:
         return 1.0
     if tank <= 0.0:
-        if against + jump <= 0.0:
-            return 1.0
-        return min(1.0, -against / (2.0 * rise)) if against < 0.0 < rise < inf else 0.0
+        return _most_gainful_share(against, rise, jump)
     with_jump = tank / (against + jump) if against + jump > 0.0 else 1.0
-    with_rise = 2.0 * tank / (against + (against * against + 4.0 * rise * tank) ** 0.5) if rise < inf else 0.0
-    return min(1.0, max(with_jump, with_rise))
+    return min(1.0, max(with_jump, _share_with_rise(against, rise, tank)))
+
+
+def _most_gainful_share(against: float, rise: float, jump: float) -> float:
+    """Where  s against + min(s^2 rise, s jump)  is least: at the vertex of the parabola, or at the whole step."""
+    if against >= 0.0:
+        return 0.0
+    if 2.0 * rise <= -against or against + jump <= -0.25 * against * against / rise:
+        return 1.0
+    return -0.5 * against / rise
+
+
+def _share_with_rise(against: float, rise: float, tank: float) -> float:
+    """The positive root of  s^2 rise + s against = tank > 0, by the formula that does not cancel."""
+    if rise == inf:
+        return 0.0
+    root = sqrt(against * against + 4.0 * rise * tank)
+    return 2.0 * tank / (against + root) if against > 0.0 else 0.5 * (root - against) / rise

@@ -49,8 +49,9 @@ class EnergyTank:
             self.spilled += self.level - cap
             self.level = cap
 
-    def forgive(self) -> None:
-        """Give up a debt: of a time in which nobody kept to the level."""
+    def forgive(self, share: float) -> None:
+        """Give up this share of a debt, 0..1: of a time in which nobody kept to the level."""
         if self.level < 0.0:
-            self.spilled += self.level
-            self.level = 0.0
+            given = self.level * min(1.0, share)
+            self.spilled += given
+            self.level -= given

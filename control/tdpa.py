@@ -34,6 +34,8 @@ PREDICTED = 0.004
 
 CATCH_UP_SPEED = 0.25
 """How fast the robot makes up for what it could not afford before, on top of the operator's own motion [m/s]."""
+FORGIVENESS = 10.0
+"""Time constant with which a debt is forgotten that was made without control [s]."""
 SLIDING_DEBT = 0.004
 """What the robot may overdraw by sliding along a surface, as a share of the level."""
 
@@ -88,9 +90,9 @@ class TdpaMaster:
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
 
-    def forgive(self) -> None:
-        """Give up a debt of a time in which another scheme was displayed."""
-        self._tank.forgive()
+    def forgive(self, elapsed: float) -> None:
+        """Forget a debt by and by while another scheme is displayed."""
+        self._tank.forgive(elapsed / FORGIVENESS)
 
 
 class TdpaSlave:
@@ -128,9 +130,9 @@ class TdpaSlave:
         return self._port.affordable(goal, here, self._tank.level + ahead)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
-        """As `follow`, without a limit of energy: what is overdrawn is given up."""
+        """As `follow`, without a limit of energy: what is overdrawn is forgotten by and by."""
         self._tank.receive(peer_credit)
-        self._tank.forgive()
+        self._tank.forgive(elapsed / FORGIVENESS)
         return self._caught_up(target, here, elapsed)
 
     def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
