@@ -23,7 +23,7 @@ DWELL = 1.0
 class SchemeChoice:
     """The scheme that the link asks for. Starts with `TDPA`, which is passive whatever the delay turns out to be."""
 
-    __slots__ = ("_beyond_for", "_calm_for", "_debt_limit", "active")
+    __slots__ = ("_asked", "_beyond_for", "_calm_for", "_debt_limit", "active")
 
     def __init__(self, debt_limit: float) -> None:
         """Make the choice.
@@ -36,6 +36,7 @@ class SchemeChoice:
 
     def reset(self) -> None:
         self.active = TDPA
+        self._asked = 0
         self._beyond_for = 0.0
         self._calm_for = CALM
 
@@ -48,7 +49,10 @@ class SchemeChoice:
         if quality.rtt is None:
             return self.active
         step = self._step(quality.rtt + quality.jitter)
-        self._beyond_for = self._beyond_for + elapsed if step else 0.0
+        if step != self._asked:  # time beyond one threshold is none beyond the other
+            self._asked, self._beyond_for = step, 0.0
+        if step:
+            self._beyond_for += elapsed
         if self._beyond_for >= DWELL:
             self.active += step
             self._beyond_for = 0.0

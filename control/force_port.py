@@ -32,7 +32,7 @@ class ForcePort:
     the wall keeps its stiffness and lies deeper instead, and the control does not chatter between force and none.
     """
 
-    __slots__ = ("_held", "_least_mobility", "_mobility", "_position", "_step", "_way", "_withheld")
+    __slots__ = ("_held", "_lately", "_least_mobility", "_mobility", "_position", "_step", "_way", "_withheld")
 
     def __init__(self, tick_period: float) -> None:
         self._least_mobility = tick_period * tick_period / (2.0 * LEAST_MASS)
@@ -43,7 +43,7 @@ class ForcePort:
         self._way: Vector = ZERO
         self._held: Vector = ZERO
         self._step: Vector = ZERO
-        self._mobility = self._least_mobility
+        self._mobility = self._lately = self._least_mobility
         self._withheld = 0.0
 
     @property
@@ -58,7 +58,12 @@ class ForcePort:
 
     @property
     def mobility(self) -> float:
-        """How far the device gives way in a tick to a change of force, as far as known [m/N]."""
+        """How far the device gives way in a tick to a change of force, as far as known [m/N].
+
+        Kept until a change of force shows it anew, for a damper must not forget how light the device is. What the
+        control foresees with is forgotten in any case: one wrong sample would hold the force back, so that no change
+        of force would ever put it right.
+        """
         return self._mobility
 
     def move(self, position: Vector) -> float:
@@ -76,10 +81,13 @@ class ForcePort:
         """From a change of way [m] after a change of force."""
         step = self._step
         squared = step[0] * step[0] + step[1] * step[1] + step[2] * step[2]
+        least = self._least_mobility
+        self._lately += FORGET * (least - self._lately)
         if squared < LEAST_STEP * LEAST_STEP:
             return
         seen = (step[0] * x + step[1] * y + step[2] * z) / squared
-        self._mobility = max(seen, self._mobility + FORGET * (self._least_mobility - self._mobility))
+        self._lately = max(seen, self._lately)
+        self._mobility = max(seen, self._mobility + FORGET * (least - self._mobility))
 
     def passive(self, force: Vector, tank: float, elapsed: float) -> Vector:
         """The part of a force [N] that may be displayed with this much in the tank [J]."""
@@ -101,7 +109,7 @@ class ForcePort:
         way, held = self._way, self._held
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
         rise = force[0] * (force[0] - held[0]) + force[1] * (force[1] - held[1]) + force[2] * (force[2] - held[2])
-        leaves = along + self._mobility * max(0.0, rise)
+        leaves = along + self._lately * max(0.0, rise)
         return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, SHARE_OF_TANK * tank / leaves))
 
     def hold(self, force: Vector) -> None:

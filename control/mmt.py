@@ -26,9 +26,7 @@ MISFIT = 0.2
 """A sample that differs from the model by less than this share of the larger force does not change it."""
 MISFIT_FLOOR = 0.05
 """The same in absolute terms [N]."""
-SHARE_OF_LEVEL = 0.3
-"""Level of the tank beside what the model stores, as a share of the level in the settings."""
-CAP = 10.0
+CAP = 3.0
 """Most that the tank holds beside what the model stores, in levels."""
 
 
@@ -41,7 +39,7 @@ class MmtMaster:
     credit = 0
 
     def __init__(self, settings: Settings) -> None:
-        self._level = SHARE_OF_LEVEL * settings.level
+        self._level = settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period)
         self._tank = EnergyTank()

@@ -119,7 +119,7 @@ class SurfaceMixture:
         _, price = wanted.at(position)
         if moved <= of_others:  # what they lose pays for what it gains
             price -= sum(part.weight * part.at(position)[1] for part in others) / of_others
-        if price * moved > spare:
+        if price * moved > max(0.0, spare):
             moved = max(0.0, spare) / price
         self._fade(others, max(0.0, 1.0 - moved / of_others) if of_others > 0.0 else 0.0)
         wanted.weight += moved

@@ -1,7 +1,8 @@
 """The robot's port: the work that its motion does on the environment, and a step that never spends more than there is.
 
 An admittance-type port: forces come in, positions go out. The work of a step is that of the mean of the two forces,
-which is exact for a spring.
+which is exact for a spring. Within a step a stiff contact may open, and gives back less, or the force may reach the
+range of the sensor, and takes more: both are booked so that a wall never seems to give more than it took.
 """
 
 from math import inf, sqrt
@@ -10,6 +11,8 @@ from control.contract import ZERO, Vector
 
 CAUTION = 4.0
 """A wall may be this much stiffer than it has shown yet."""
+SATURATED = 0.999
+"""Part of its range from which a sensor is at it."""
 SHORTEST_WAY = 1e-6
 """Shorter steps say nothing about stiffness [m]."""
 
@@ -27,7 +30,7 @@ class MotionPort:
         debt: what sliding along a surface may overdraw [J].
     """
 
-    __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness")
+    __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness", "_taken")
 
     def __init__(self, force_range: float, debt: float) -> None:
         self._force_range = force_range
@@ -38,6 +41,7 @@ class MotionPort:
         self._position: Vector | None = None
         self._force: Vector = ZERO
         self._stiffness = inf
+        self._taken = 0.0
 
     def book(self, position: Vector, force: Vector) -> float:
         """The robot was told to be here and feels this [N]; returns the work done on the environment [J]."""
@@ -46,8 +50,19 @@ class MotionPort:
         if before is None:
             return 0.0
         x, y, z = position[0] - before[0], position[1] - before[1], position[2] - before[2]
+        work = -0.5 * ((earlier[0] + force[0]) * x + (earlier[1] + force[1]) * y + (earlier[2] + force[2]) * z)
+        if force == ZERO:
+            work = max(work, -max(0.0, self._taken))
+        elif work > 0.0 and self._is_saturated(force):
+            work = max(work, -(force[0] * x + force[1] * y + force[2] * z))
+        self._taken = self._taken + work if force != ZERO else 0.0  # since this contact began
         self._learn_stiffness(x * x + y * y + z * z, earlier)
-        return -0.5 * ((earlier[0] + force[0]) * x + (earlier[1] + force[1]) * y + (earlier[2] + force[2]) * z)
+        return work
+
+    def _is_saturated(self, force: Vector) -> bool:
+        """Whether a force is at the range of the sensor: it grew to it before the end of the step."""
+        squared = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
+        return squared >= SATURATED * SATURATED * self._force_range * self._force_range
 
     def _learn_stiffness(self, squared_way: float, earlier: Vector) -> None:
         force = self._force
@@ -66,9 +81,7 @@ class MotionPort:
             return target
         force = self._force
         against = -(force[0] * x + force[1] * y + force[2] * z)
-        jump = max(
-            0.0, 0.5 * (self._force_range * squared**0.5 - against)
-        )  # the mean of the force of now and the range
+        jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # to the mean of now and the range
         share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
         if share == 1.0:
             return target

@@ -35,6 +35,9 @@ Json = Annotated[
     Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output, alone.")
 ]
 
+Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
+Full = Annotated[bool, typer.Option("--full", help="All of it, finer, in minutes.")]
+
 
 class OneLineErrors(TyperGroup):
     """Commands whose complaints about arguments are one line, as those about files are."""

@@ -9,16 +9,31 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import typer
 from rich.console import Console
 from rich.live import Live
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
 from rich.text import Text
 
-from weberlink.arguments import Duration, File, Json, OneLineErrors, OptionalFile, Set, finite
+from weberlink.arguments import Duration, File, Full, Json, OneLineErrors, OptionalFile, Plots, Set, finite
 from weberlink.configuration import MASTER, SIDES, SLAVE, ConfigurationError, load
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED
+
+
+class Study(Protocol):
+    """What a study command found, and how it is shown."""
+
+    @property
+    def document(self) -> dict[str, Any]: ...
+
+    @property
+    def table(self) -> Table: ...
+
+    def draw(self, folder: Path) -> None: ...
+
 
 app = typer.Typer(
     name="weberlink",
@@ -107,17 +122,41 @@ def evaluate(
     floor: Annotated[float, typer.Option(metavar="N", min=0.0, callback=finite, help="Absolute threshold [N].")] = 0.02,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     json_out: Json = None,
-    plots: Annotated[Path | None, typer.Option(metavar="DIR", help="Draw figures (extra: weberlink[plots]).")] = None,
+    plots: Plots = None,
 ) -> None:
     """Run recorded signals through the codec."""
     from weberlink.evaluate import run  # noqa: PLC0415
 
     with _errors():
         result = run(traces, predictor, weber, floor, wire=wire, plots=plots is not None)
-    problem = None if plots is None else _attempt(lambda: result.draw(plots), plots)
-    _write(result.document, json_out, lambda console: console.print(result.table))
-    if problem is not None:
-        _fail(problem, FAILED)
+    _publish(result, json_out, plots)
+
+
+@app.command()
+def precision(full: Full = False, json_out: Json = None, plots: Plots = None) -> None:
+    """Put error beside run time: integrators of stiff contact, and the codec."""
+    from weberlink.precision import run  # noqa: PLC0415
+
+    with _errors(), _progress() as progress:
+        result = run(full=full, plots=plots is not None, progress=progress)
+    _publish(result, json_out, plots)
+
+
+@app.command()
+def stability(
+    full: Full = False,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Processes; as many as processors if not given.")
+    ] = None,
+    json_out: Json = None,
+    plots: Plots = None,
+) -> None:
+    """Map which stiff and extreme cases stay bounded, and what energy they make."""
+    from weberlink.stability import run  # noqa: PLC0415
+
+    with _errors(), _progress() as progress:
+        result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
+    _publish(result, json_out, plots)
 
 
 def main() -> None:
@@ -158,6 +197,24 @@ def _finish(summary: dict[str, Any], title: str, json_out: Path | None, problem:
     if problem is not None:
         _fail(problem, status or FAILED)
     raise typer.Exit(status)
+
+
+def _publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
+    """Write and print what a study found, then draw it: what goes wrong with a figure takes no number with it."""
+    _write(study.document, json_out, lambda console: console.print(study.table))
+    problem = None if plots is None else _attempt(lambda: study.draw(plots), plots)
+    if problem is not None:
+        _fail(problem, FAILED)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[int, int], None]]:
+    """A bar on standard error where a person watches; told how many of how many pieces are done."""
+    columns = (TextColumn("{task.completed}/{task.total}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _attempt(write: Callable[[], object], where: Path) -> str | None:
