@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography")
+PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography", "scipy")
 
 
 def environment() -> dict[str, Any]:

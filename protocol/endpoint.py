@@ -215,7 +215,7 @@ class Endpoint:
         """
         if self._session is None:
             return False
-        self._post(self._session.send_update(now, tick, selector, newest, gap, previous))
+        self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous))
         return True
 
     def close(self, now: float, reason: str) -> None:
@@ -226,7 +226,7 @@ class Endpoint:
         """
         self._turn(Trigger.CLOSE)
         if self._session is not None:
-            self._post(self._session.send_bye(now, reason))
+            self._post(self._session.sender.send_bye(now, reason))
         self._end_session()
         self._listener.settle()
 
@@ -237,7 +237,7 @@ class Endpoint:
         due = self._dialer.due
         if self._session is not None:
             is_engaged = self._state is State.ENGAGED
-            due = min(due, self._session.next_timer(is_engaged=is_engaged))
+            due = min(due, self._session.sender.next_timer(is_engaged=is_engaged))
             if is_engaged:
                 due = min(due, self._heard_at + self._parameters.silence)
         return None if due == inf else due
@@ -249,7 +249,7 @@ class Endpoint:
             if self._state is State.ENGAGED and now >= self._heard_at + self._parameters.silence:
                 self._fall_silent(now)
             is_engaged = self._state is State.ENGAGED
-            while (datagram := session.handle_timer(now, is_engaged=is_engaged)) is not None:
+            while (datagram := session.sender.handle_timer(now, is_engaged=is_engaged)) is not None:
                 self._post(datagram)
         if now >= self._dialer.due:
             self._post(self._dialer.hello(now))
@@ -316,7 +316,7 @@ class Endpoint:
         session = self._open_session(answer.protection, answer.peer_clock, now)
         session.clock.learn(answer.outward_delay, 0.0, 0.0)
         self._establish(session, address, now)
-        self._post(session.send_heartbeat(now))
+        self._post(session.sender.send_heartbeat(now))
 
     def _receive_sealed(self, data: bytes, address: Address, now: float) -> None:
         match = self._match(data)

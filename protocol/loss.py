@@ -1,6 +1,6 @@
-"""Loss measured from gaps in sequence numbers, and how dense heartbeats must be to stand it. Knows no clock."""
+"""Loss measured from gaps in sequence numbers, and how many datagrams it takes to stand it. Knows no clock."""
 
-from math import floor, log
+from math import ceil, log
 
 PATIENCE = 3
 """A number is missing once this many later ones were seen (the packet threshold of RFC 9002): swaps do not count."""
@@ -8,10 +8,12 @@ _MEMORY = 256
 _MASK = (1 << _MEMORY) - 1
 _RATES = (1 / 32, 1 / 1024)
 
-CLEAN_INTERVAL = 0.05
-"""Heartbeat interval where nothing is lost [s]."""
-SHORTEST_INTERVAL = 0.002
-_HOUR = 3600.0
+LOSSY = 0.001
+"""Measured loss above which a link counts as lossy."""
+MOST_NEEDED = 50
+MOST_COPIES = 3
+RESIDUAL = 0.02
+"""Share of updates that may stay lost although they were sent again early."""
 
 
 class LossMeter:
@@ -81,22 +83,33 @@ class LossMeter:
             self._slow = max(0.0, self._slow - _RATES[1] * (1.0 - _RATES[1]) ** since)
 
 
-def heartbeat_interval(loss: float, window: float, lateness: float) -> float:
-    """The longest interval that keeps false alarms rarer than one an hour.
+def datagrams_needed(loss: float, window: float, rate: float, otherwise: float = 1.0) -> int:
+    """The least number of datagrams in any window, so that the loss of all of them by chance stays rare.
 
-    A window with n datagrams passes in silence with probability loss^n if losses are independent, and an hour holds
-    3600 / window of them, so n is the least number with loss^n * 3600 / window < 1. Bursts longer than the window are
-    not covered: no density of heartbeats outlasts them.
+    n datagrams in a window leave at a rate of n / window; each is with probability loss^n the first of n that are lost,
+    if losses are independent. So n is the least number with otherwise * n * loss^n / window < rate. Bursts longer than
+    the window are not covered: nothing that is sent outlasts them.
 
     Args:
         loss: share of our datagrams that the peer misses, 0..1.
         window: silence that must not happen by chance [s].
-        lateness: how much later than due a heartbeat may be sent [s].
+        rate: at which it may all the same [1/s].
+        otherwise: probability that nothing else breaks that silence.
 
     Returns:
-        Interval [s], from `SHORTEST_INTERVAL` to `CLEAN_INTERVAL`.
+        1 to `MOST_NEEDED`.
     """
-    if loss >= 1.0:
-        return SHORTEST_INTERVAL
-    needed = 1 if loss <= 0.0 else max(1, floor(log(_HOUR / window) / -log(loss)) + 1)
-    return min(CLEAN_INTERVAL, max(SHORTEST_INTERVAL, window / needed - lateness))
+    count = 1
+    while count < MOST_NEEDED and otherwise * count * loss**count >= rate * window:
+        count += 1
+    return count
+
+
+def copies_needed(loss: float) -> int:
+    """How often to send an update again without being asked, so that at most `RESIDUAL` of them are lost for good.
+
+    0 to `MOST_COPIES`; 0 where the link does not count as lossy.
+    """
+    if loss <= LOSSY:
+        return 0
+    return MOST_COPIES if loss >= 1.0 else max(0, min(MOST_COPIES, ceil(log(RESIDUAL) / log(loss) - 1e-9) - 1))

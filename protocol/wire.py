@@ -4,7 +4,7 @@ All fields are little endian; n is the number of values that the two ends agreed
 
 | part | field | format | bytes | meaning |
 |---|---|---|---|---|
-| head | kind | B | 1 | bits 0-2 kind, bit 3 a previous sample follows, bits 4-7 selector |
+| head | kind | B | 1 | bits 0-2 kind, bit 3 mark, bits 4-7 selector |
 | head | sequence | 3s | 3 | low 24 bits of the datagram's number; every datagram of a direction has its own |
 | head | ack | H | 2 | low 16 bits of the number of the newest update received |
 | head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
@@ -20,6 +20,8 @@ All fields are little endian; n is the number of values that the two ends agreed
 | heartbeat_credit | count | I | 4 | low 32 bits of the sender's credit; last of a heartbeat, likewise |
 | bye | reason | 0-64s | 0-64 | why, UTF-8 |
 
+The mark of an update: a previous sample follows. Of a heartbeat: an answer is wanted at once.
+
 After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
 encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.
 """
@@ -34,6 +36,7 @@ from protocol.reasons import DropReason
 CLEAR_BYTES = 4
 """Kind and sequence number, which travel in clear."""
 HEAD_BYTES = 12
+TICK_BITS = 24
 LONGEST_REASON = 64
 LONGEST_DATAGRAM = 4096
 """Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
@@ -41,9 +44,9 @@ MAX_GAP = 0xFFFF
 MAX_SELECTOR = 0xF
 
 _KIND_MASK = 0b0111
-_PREVIOUS_BIT = 0b1000
+_MARK = 0b1000
 _SELECTOR_SHIFT = 4
-_SHAPE_MASK = _KIND_MASK | _PREVIOUS_BIT
+_SHAPE_MASK = _KIND_MASK | _MARK
 _WORD = Struct("<Q")
 _HEARTBEAT = Struct("<IQqIIH")
 _HEARTBEAT_BODY = Struct("<qIIH")
@@ -64,7 +67,7 @@ class Kind(IntEnum):
     BYE = 5
 
 
-_UPDATE, _BYE = int(Kind.UPDATE), int(Kind.BYE)
+_UPDATE, _HEARTBEAT_KIND, _BYE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.BYE)
 
 
 class Head(NamedTuple):
@@ -76,6 +79,11 @@ class Head(NamedTuple):
     ack: int
     sent: int
     tick: int
+
+    @property
+    def asks(self) -> bool:
+        """Whether the sender wants an answer at once."""
+        return self.has_previous and self.kind == _HEARTBEAT_KIND
 
 
 class Report(NamedTuple):
@@ -107,7 +115,7 @@ def read_head(first: int, body: bytes) -> Head:
     (word,) = _WORD.unpack_from(body)
     return Head(
         first & _KIND_MASK,
-        bool(first & _PREVIOUS_BIT),
+        bool(first & _MARK),
         first >> _SELECTOR_SHIFT,
         word & 0xFFFF,
         word >> 16 & 0xFFFFFF,
@@ -115,10 +123,12 @@ def read_head(first: int, body: bytes) -> Head:
     )
 
 
-def pack_heartbeat(sequence: int, ack: int, sent: int, report: Report, credit: int | None = None) -> bytes:
+def pack_heartbeat(
+    sequence: int, ack: int, sent: int, report: Report, credit: int | None = None, *, asks: bool = False
+) -> bytes:
     """Datagram of a heartbeat, without tag; `credit` where the session carries it."""
     data = _HEARTBEAT.pack(
-        Kind.HEARTBEAT | sequence << 8,
+        Kind.HEARTBEAT | asks * _MARK | sequence << 8,
         ack | sent << 16,
         report.minimum_us,
         min(report.latest_us, _U32_MAX),
@@ -174,13 +184,14 @@ class UpdateLayout:
         return (self._paired if with_previous else self._plain).size
 
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
-        """Shortest and longest datagram of each shape (kind and previous bit) that a peer of this layout sends."""
+        """Shortest and longest datagram of each shape (kind and mark) that a peer of this layout sends."""
         bye = HEAD_BYTES + tag_size
         heartbeat = _HEARTBEAT.size + (_HEARTBEAT_CREDIT.size if self.carries_credit else 0)
         return {
             Kind.UPDATE: (self._plain.size + tag_size,) * 2,
-            Kind.UPDATE | _PREVIOUS_BIT: (self._paired.size + tag_size,) * 2,
+            Kind.UPDATE | _MARK: (self._paired.size + tag_size,) * 2,
             Kind.HEARTBEAT: (heartbeat + tag_size,) * 2,
+            Kind.HEARTBEAT | _MARK: (heartbeat + tag_size,) * 2,
             Kind.BYE: (bye, bye + LONGEST_REASON),
         }
 
@@ -203,7 +214,7 @@ class UpdateLayout:
         if not previous:
             return self._plain.pack(first, word, *newest, *last)
         difference = [(new - old) & 0xFFFF for new, old in zip(newest, previous, strict=True)]
-        return self._paired.pack(first | _PREVIOUS_BIT, word, *newest, gap, *difference, *last)
+        return self._paired.pack(first | _MARK, word, *newest, gap, *difference, *last)
 
     def check(self, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]) -> None:
         """See that an update can be packed without loss.

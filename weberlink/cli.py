@@ -138,7 +138,7 @@ def precision(full: Full = False, json_out: Json = None, plots: Plots = None) ->
     from weberlink.precision import run  # noqa: PLC0415
 
     with _errors(), _progress() as progress:
-        result = run(full=full, plots=plots is not None, progress=progress)
+        result = run(full=full, plots=plots is not None, progress=lambda what, done, total: progress(done, total, what))
     _publish(result, json_out, plots)
 
 
@@ -208,13 +208,18 @@ def _publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error where a person watches; told how many of how many pieces are done."""
-    columns = (TextColumn("{task.completed}/{task.total}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+def _progress() -> Iterator[Callable[..., None]]:
+    """A bar on standard error where a person watches; told how many of how many pieces are done, and what is next."""
+    done_of = TextColumn("{task.completed}/{task.total} {task.description}")
     console = Console(stderr=True)
+    columns = (BarColumn(), done_of, TimeElapsedColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+        def report(done: int, total: int, what: str = "") -> None:
+            bar.update(task, completed=done, total=total, description=what)
+
+        yield report
 
 
 def _attempt(write: Callable[[], object], where: Path) -> str | None:

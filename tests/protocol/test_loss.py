@@ -1,11 +1,19 @@
-from math import floor
 from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.loss import CLEAN_INTERVAL, PATIENCE, SHORTEST_INTERVAL, LossMeter, heartbeat_interval
+from protocol.loss import (
+    LOSSY,
+    MOST_COPIES,
+    MOST_NEEDED,
+    PATIENCE,
+    RESIDUAL,
+    LossMeter,
+    copies_needed,
+    datagrams_needed,
+)
 
 
 def meter(numbers: list[int]) -> LossMeter:
@@ -75,16 +83,43 @@ def test_a_very_long_gap_costs_no_time_and_stays_in_range() -> None:
     assert 0.9 < made.fraction <= 1.0
 
 
-@given(st.floats(0.0, 0.6), st.floats(0.02, 1.0), st.floats(0.0, 0.002))
-def test_false_alarms_stay_rarer_than_one_an_hour(loss: float, window: float, lateness: float) -> None:
-    interval = heartbeat_interval(loss, window, lateness)
-    assert SHORTEST_INTERVAL <= interval <= CLEAN_INTERVAL
-    in_window = floor(window / (interval + lateness) + 1e-9)
-    if interval > SHORTEST_INTERVAL:
-        assert loss**in_window * 3600.0 / window < 1.0
-        assert in_window >= 1
+@given(st.floats(0.0, 1.0), st.floats(0.02, 1.0), st.floats(1e-4, 1.0), st.floats(0.0, 1.0))
+def test_the_least_number_keeps_a_chance_silence_rare(
+    loss: float, window: float, rate: float, otherwise: float
+) -> None:
+    def expected(count: int) -> float:
+        return otherwise * count * loss**count / window
+
+    count = datagrams_needed(loss, window, rate, otherwise)
+    assert 1 <= count <= MOST_NEEDED
+    assert count == MOST_NEEDED or expected(count) < rate * (1.0 + 1e-9)
+    assert count == 1 or expected(count - 1) >= rate * (1.0 - 1e-9)
 
 
-def test_the_densities_of_the_default_window() -> None:
-    rates = [round(1.0 / heartbeat_interval(loss, 0.06, 0.0)) for loss in (0.0, 1e-3, 0.01, 0.1, 0.3, 1.0)]
-    assert rates == [20, 33, 50, 83, 167, 500]
+def test_chance_silences_are_as_rare_as_asked_for() -> None:
+    """Datagrams lost by the dice, evenly sent: runs as long as the window come at most at the rate that was allowed."""
+    random = Random(5)
+    window, rate, loss = 0.1, 0.5, 0.3
+    count = datagrams_needed(loss, window, rate)
+    run, silences, total = 0, 0, 400_000
+    for _ in range(total):
+        run = run + 1 if random.random() < loss else 0
+        silences += run == count
+    assert 0 < silences / (total * window / count) < rate
+
+
+def test_the_numbers_of_the_default_limits() -> None:
+    alarm = [datagrams_needed(loss, 0.1, 1 / 3600) for loss in (0.0, 1e-3, 0.01, 0.1, 0.3, 1.0)]
+    assert alarm == [1, 2, 3, 6, 11, MOST_NEEDED]
+
+
+@given(st.floats(0.0, 1.0))
+def test_copies_leave_little_lost(loss: float) -> None:
+    copies = copies_needed(loss)
+    assert 0 <= copies <= MOST_COPIES
+    assert loss <= LOSSY or copies == MOST_COPIES or loss ** (1 + copies) <= RESIDUAL * (1.0 + 1e-6)
+    assert copies == 0 or loss**copies > RESIDUAL * (1.0 - 1e-6)
+
+
+def test_a_clean_link_needs_no_copies() -> None:
+    assert [copies_needed(loss) for loss in (0.0, LOSSY, 0.01, 0.1, 0.3, 1.0)] == [0, 0, 0, 1, 3, 3]

@@ -3,7 +3,8 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.repetition import LONGEST_PACE, SHORTEST_PACE, Repetition
+from protocol.loss import MOST_COPIES
+from protocol.repetition import EARLY_PER_S, LONGEST_PACE, SHORTEST_PACE, Repetition
 
 
 def test_nothing_is_due_without_an_update_or_once_it_is_acknowledged() -> None:
@@ -48,3 +49,57 @@ def test_the_stated_bound_on_repeats(rtt: float, duration: float) -> None:
         now, count = due, count + 1
         repetition.repeated(count, now)
     assert count <= 7 + duration / LONGEST_PACE
+
+
+STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "acknowledged", "missed", "nothing"])))
+
+
+@given(STEPS, st.integers(0, MOST_COPIES), st.floats(0.0, 0.2))
+def test_the_stated_bound_holds_over_any_pattern(steps: list[tuple[float, str]], copies: int, rtt: float) -> None:
+    """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock."""
+    repetition = Repetition()
+    now, number, begun_at, repeats = 0.0, 0, 0.0, 0
+    for wait, what in steps:
+        now += wait
+        if what == "update":
+            number, begun_at, repeats = number + 1, now, 0
+            repetition.begin(number, now, copies)
+        elif what == "acknowledged":
+            repetition.acknowledge(number)
+        elif what == "missed":
+            repetition.miss()
+        while repetition.due_at(rtt, 0.0) <= now:
+            assert now >= repetition.sent_at + SHORTEST_PACE
+            number, repeats = number + 1, repeats + 1
+            repetition.repeated(number, now)
+        assert repeats <= 10 + (now - begun_at) / LONGEST_PACE
+
+
+@given(STEPS, st.integers(0, MOST_COPIES))
+def test_early_repeats_are_bounded_by_their_allowance(steps: list[tuple[float, str]], copies: int) -> None:
+    repetition = Repetition()
+    now, number, repeats = 0.0, 0, 0
+    for wait, what in steps:
+        now += wait
+        if what == "update":
+            number += 1
+            repetition.begin(number, now, copies)
+        while repetition.due_at(0.0, inf) <= now:  # without evidence, and without end of patience
+            number, repeats = number + 1, repeats + 1
+            repetition.repeated(number, now)
+    assert repeats <= EARLY_PER_S * (1.0 + now) + 1e-9
+
+
+def test_an_early_repeat_needs_no_evidence_and_ends_with_the_acknowledgement_or_a_newer_update() -> None:
+    repetition = Repetition()
+    repetition.begin(7, 1.0, copies=2)
+    assert repetition.due_at(0.3, 9.0) == 1.0 + SHORTEST_PACE
+    repetition.repeated(8, 1.005)
+    assert repetition.due_at(0.3, 9.0) == 1.005 + SHORTEST_PACE
+    repetition.repeated(9, 1.01)
+    assert repetition.due_at(0.3, 9.0) > 9.0
+    repetition.begin(10, 2.0, copies=1)
+    assert repetition.acknowledge(10)
+    assert repetition.due_at(0.3, 9.0) == inf
+    repetition.begin(11, 2.1)
+    assert repetition.due_at(0.3, 9.0) > 9.0

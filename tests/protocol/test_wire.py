@@ -111,7 +111,12 @@ def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: 
     if credit is not None:
         assert wire.unpack_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
     assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
-    assert wire.read_head(data[0], data[wire.CLEAR_BYTES :]) == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0)
+    head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
+    assert head == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0)
+    assert not head.asks
+    asking = wire.pack_heartbeat(5, 6, 7, report, credit, asks=True)
+    assert wire.read_head(asking[0], asking[wire.CLEAR_BYTES :]).asks
+    assert asking[1:] == data[1:]
 
 
 def test_a_report_saturates() -> None:
@@ -140,7 +145,8 @@ def test_a_reason_is_cut_at_a_character(reason: str) -> None:
         (b"\x05" + bytes(19), None),
         (b"\x05" + bytes(83), None),
         (b"\x05" + bytes(84), DropReason.WRONG_LENGTH),
-        (b"\x0c" + bytes(37), DropReason.UNKNOWN_KIND),
+        (b"\x0c" + bytes(37), None),
+        (b"\x0d" + bytes(19), DropReason.UNKNOWN_KIND),
         (b"\x00" + bytes(37), DropReason.UNKNOWN_KIND),
     ],
 )

@@ -1,0 +1,192 @@
+"""The outgoing half of a session: makes its datagrams, and decides when the next one is due.
+
+Owns sequence numbers, the newest update and its repetition. Knows no address, and of what comes in only what the
+receiving half tells it: what was delivered, what was acknowledged, and what the link is like.
+"""
+
+from math import inf
+from typing import NamedTuple
+
+from protocol.credit import Credit
+from protocol.heartbeat import CLEAN_INTERVAL, HeartbeatSchedule
+from protocol.loss import LossMeter, copies_needed
+from protocol.repetition import Repetition
+from protocol.security import Protection
+from protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
+from protocol.statistics import Statistics
+from protocol.timing import Clock
+from protocol.wire import TICK_BITS, Report, UpdateLayout, pack_bye, pack_heartbeat
+
+SLACK = 0.001
+"""On top of the measured bound on delays: the ends work in ticks [s]."""
+UNMEASURED_RTT = 0.2
+_TICK_MASK = (1 << TICK_BITS) - 1
+
+
+class _Update(NamedTuple):
+    tick: int
+    selector: int
+    newest: tuple[int, ...]
+    gap: int
+    previous: tuple[int, ...]
+
+
+class Sender:
+    """What one end sends in one session.
+
+    Attributes:
+        heartbeats: when one is due.
+        delivered: number of the newest update that came from the peer, which every datagram acknowledges.
+        is_confirmed: whether the peer was heard under the keys of this session.
+    """
+
+    __slots__ = (
+        "_clock",
+        "_credit",
+        "_last_ack",
+        "_layout",
+        "_loss",
+        "_next_sequence",
+        "_protection",
+        "_repetition",
+        "_statistics",
+        "_update",
+        "delivered",
+        "heartbeats",
+        "is_confirmed",
+    )
+
+    def __init__(
+        self,
+        protection: Protection,
+        layout: UpdateLayout,
+        statistics: Statistics,
+        *,
+        clock: Clock,
+        credit: Credit,
+        loss: LossMeter,
+        heartbeats: HeartbeatSchedule,
+        first_sequence: int,
+    ) -> None:
+        """Begin.
+
+        Args:
+            protection: seals what is sent.
+            layout: of our updates.
+            statistics: counted into.
+            clock: stamps what is sent; written by the receiving half.
+            credit: what is handed to the peer.
+            loss: of the peer's datagrams, to be reported to it; written by the receiving half.
+            heartbeats: not yet begun.
+            first_sequence: number of the first datagram, 1 to 2^23.
+        """
+        self._protection = protection
+        self._layout = layout
+        self._statistics = statistics
+        self._clock = clock
+        self._credit = credit
+        self._loss = loss
+        self.heartbeats = heartbeats
+        self._repetition = Repetition()
+        self._update: _Update | None = None
+        self._last_ack = 0
+        self._next_sequence = first_sequence
+        self.delivered = 0
+        self.is_confirmed = False
+
+    def send_update(
+        self, now: float, tick: int, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]
+    ) -> bytes:
+        """The datagram of a new update, which replaces any older one as the state to be held by the peer.
+
+        Raises:
+            ValueError: naming the field that cannot be sent; nothing has changed then.
+        """
+        if tick < 0:
+            raise ValueError(f"tick must not be negative, not {tick}")
+        self._layout.check(selector, newest, gap, previous)
+        self._update = _Update(tick, selector, newest, gap, previous)
+        sequence, datagram = self._seal_update(self._update, now)
+        self._repetition.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
+        self._statistics.updates_sent += 1
+        return datagram
+
+    def send_repeat(self, now: float) -> bytes:
+        """The newest update again, with a new number and time stamp."""
+        assert self._update is not None
+        sequence, datagram = self._seal_update(self._update, now)
+        self._repetition.repeated(sequence, now)
+        self._statistics.repeats += 1
+        return datagram
+
+    def send_heartbeat(self, now: float) -> bytes:
+        minimum, latest, late = self._clock.report()
+        report = Report(
+            round(minimum * 1e6), round(latest * 1e6), round(late * 1e6), round(min(self._loss.fraction, 1.0) * 65_535)
+        )
+        sequence = self._number(now)
+        asks = self.heartbeats.asks(now)
+        self.heartbeats.reported(now, is_confirmed=self.is_confirmed)
+        self._statistics.heartbeats += 1
+        credit = self._credit.handed if self._layout.carries_credit else None
+        clear = pack_heartbeat(sequence & SEQUENCE_MASK, self._ack(), self._clock.stamp(now), report, credit, asks=asks)
+        return self._protection.seal(sequence, clear)
+
+    def send_bye(self, now: float, reason: str) -> bytes:
+        sequence = self._number(now)
+        clear = pack_bye(sequence & SEQUENCE_MASK, self._ack(), self._clock.stamp(now), reason)
+        return self._protection.seal(sequence, clear)
+
+    def _seal_update(self, update: _Update, now: float) -> tuple[int, bytes]:
+        if self._next_sequence & ACKNOWLEDGEMENT_MASK == self._last_ack:
+            self._next_sequence += 1  # else an acknowledgement 2^16 datagrams old would look like one of this update
+        sequence = self._number(now)
+        clear = self._layout.pack(
+            sequence & SEQUENCE_MASK,
+            self._ack(),
+            self._clock.stamp(now),
+            update.tick & _TICK_MASK,
+            update.selector,
+            update.newest,
+            update.gap,
+            update.previous,
+            self._credit.handed,
+        )
+        return sequence, self._protection.seal(sequence, clear)
+
+    def _number(self, now: float) -> int:
+        sequence = self._next_sequence
+        self._next_sequence = sequence + 1
+        self.heartbeats.sent(now)
+        return sequence
+
+    def _ack(self) -> int:
+        return self.delivered & ACKNOWLEDGEMENT_MASK
+
+    def next_timer(self, *, is_engaged: bool) -> float:
+        """When something is due [s]."""
+        due = self.heartbeats.due(is_engaged=is_engaged)
+        return min(due, self._repeat_due()) if is_engaged else due
+
+    def handle_timer(self, now: float, *, is_engaged: bool) -> bytes | None:
+        """The next datagram that is due, if any; updates are not repeated to a peer that has fallen silent."""
+        if is_engaged and now >= self._repeat_due():
+            return self.send_repeat(now)
+        return self.send_heartbeat(now) if now >= self.heartbeats.due(is_engaged=is_engaged) else None
+
+    def _repeat_due(self) -> float:
+        if not self._repetition.is_pending:
+            return inf
+        rtt = self._clock.rtt
+        if rtt is None:
+            return self._repetition.due_at(0.0, UNMEASURED_RTT)
+        return self._repetition.due_at(rtt, rtt + self._clock.late + SLACK + 1.5 * CLEAN_INTERVAL)
+
+    def acknowledge(self, ack: int, departure: float) -> None:
+        """Take the acknowledgement of a datagram that left the peer then [s, its clock]."""
+        self._last_ack = ack
+        if not self._repetition.is_pending or self._repetition.acknowledge(ack):
+            return
+        arrived = self._clock.arrival_bound(self._repetition.sent_at)
+        if arrived is not None and departure > arrived + SLACK:
+            self._repetition.miss()

@@ -1,0 +1,129 @@
+"""What loss costs, and how soon it is mended: bounds on repeats and asks, over any pattern of losses."""
+
+from itertools import pairwise
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol import PeerSilent, State
+from protocol.emulation import Emulation
+from protocol.heartbeat import ASK_PACE, CLEAN_INTERVAL
+from protocol.repetition import EARLY_PER_S, SHORTEST_PACE
+from protocol.wire import Kind, kind_of
+from tests.protocol.harness import Pair, Side, update_fields
+
+MENDED_WITHIN = 0.15
+"""After the last loss of a silence that was none, the newest update is there: one interval of the other end's
+heartbeats for the evidence, and the longest pace between two repeats [s]."""
+_MARK = 0b1000
+
+
+def send(pair: Pair, side: Side) -> int:
+    fields = update_fields(pair.ticks)
+    assert side.endpoint.send_update(side.local(pair.now), *fields)
+    return fields[0]
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    st.integers(0, 2**32),
+    st.lists(st.booleans(), max_size=40),
+    st.lists(st.booleans(), max_size=40),
+    st.integers(1, 30),
+    st.sampled_from([0.0, 0.001, 0.02, 0.045]),
+)
+def test_after_any_pattern_of_losses_the_newest_update_is_there_soon(
+    seed: int, forward: list[bool], backward: list[bool], gap: int, delay: float
+) -> None:
+    """Any of the datagrams of each direction are lost for 80 ms, in which updates go out at any pace."""
+    link = Emulation(delay_s=delay)
+    pair = Pair(seed=seed, forward=link, backward=link).engage()
+    ends_at = pair.now + 0.08
+    fates = {id(pair.master): iter(forward), id(pair.slave): iter(backward)}
+    pair.swallow = lambda side, data: pair.now < ends_at and next(fates[id(side)], True)
+    newest = send(pair, pair.master)
+    while pair.now < ends_at - 0.001 * gap:
+        pair.run(0.001 * gap)
+        newest = send(pair, pair.master)
+    pair.run(ends_at - pair.now)
+    pair.run(MENDED_WITHIN + 2.0 * delay)
+    if not (pair.master.of(PeerSilent) or pair.slave.of(PeerSilent)):  # else owners are told, and begin anew
+        assert pair.slave.updates()[-1].tick == newest
+
+
+@pytest.mark.parametrize("delay", [0.0005, 0.045])
+@pytest.mark.parametrize("seed", range(3))
+def test_rare_updates_are_mended_before_there_is_evidence(seed: int, delay: float) -> None:
+    """One update in 300 ms: nearly all are there within a few repeats 5 ms apart, although the round trip is longer."""
+    lossy = Emulation(delay_s=delay, loss=0.2)
+    sent: dict[int, float] = {}
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        if tick % 300 == 0 and now > 3.0:
+            sent[send(pair, pair.slave)] = now
+
+    changes = {"incoming_values": 3, "outgoing_values": 3}
+    pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, seed=seed)
+    pair.connect().run(63.0)
+    waits = sorted(at - sent[event.tick] - delay for at, event in pair.master.received_at if event.tick in sent)
+    prompt = [wait for wait in waits if wait <= 3.5 * SHORTEST_PACE]
+    assert len(prompt) > 0.96 * len(sent), f"seed {seed}"
+
+
+@pytest.mark.parametrize("burst", [1.0, 5.0, 20.0])
+def test_early_repeats_keep_to_their_allowance_however_many_updates_there_are(burst: float) -> None:
+    lossy = Emulation(delay_s=0.045, loss=0.2, burst=burst)
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        if tick % 20 == 0 and now > 0.2 and pair.master.endpoint.state is State.ENGAGED:
+            send(pair, pair.master)
+
+    pair = Pair(forward=lossy, backward=Emulation(delay_s=0.045), on_tick=on_tick, seed=2).connect().run(20.0)
+    # Newer updates come sooner than evidence can, so every repeat is an early one.
+    assert 0 < pair.master.endpoint.statistics.repeats <= EARLY_PER_S * 21.0
+
+
+@pytest.mark.parametrize("darkness", [0.03, 0.09, 0.5])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_storm_follows_a_blackout(seed: int, darkness: float) -> None:
+    """What is sent in the 200 ms after it is no more than two directions of heartbeats and one update can explain."""
+    lossy = Emulation(delay_s=0.001, loss=0.1)
+    pair = Pair(seed=seed, forward=lossy, backward=lossy).engage().run(5.0)
+    pair.swallow = lambda side, data: True
+    send(pair, pair.master)
+    start = len(pair.tap)
+    pair.run(darkness)
+    in_the_dark = len(pair.tap) - start
+    pair.swallow = lambda side, data: False
+    before = len(pair.tap)
+    pair.run(0.2)
+    assert in_the_dark <= 2 * (0.1 / ASK_PACE) + 12 + 2 * darkness / CLEAN_INTERVAL + 10 * darkness
+    assert len(pair.tap) - before <= 60, f"seed {seed}"
+    assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
+
+
+def test_a_peer_that_is_overdue_is_asked_and_answers_over_a_short_path() -> None:
+    """The one heartbeat that is lost would otherwise leave a gap of 100 ms, which is a fault."""
+    random = Random(3)
+    pair = Pair().engage().run(1.0)
+    gaps = []
+    for _ in range(50):
+        pair.run(0.1 * random.random())
+        lost = False
+
+        def swallow(side: Side, data: bytes) -> bool:
+            nonlocal lost
+            was_lost, lost = lost, lost or side is pair.slave
+            return side is pair.slave and not was_lost
+
+        pair.swallow = swallow
+        heard: list[float] = []
+        for _ in range(300):
+            pair.run(0.001)
+            heard.append(pair.master.endpoint.heard_at)
+        gaps.append(max(later - earlier for earlier, later in pairwise(heard)))
+    assert max(gaps) < CLEAN_INTERVAL + 0.01
+    asks = [data for _, _, data in pair.tap if kind_of(data) == Kind.HEARTBEAT and data[0] & _MARK]
+    assert len(asks) >= 50
