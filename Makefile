@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 
-.PHONY: demo test lint format fuzz bench lock schema clean
+.PHONY: demo test lint format fuzz bench figures lock schema clean
 
 demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
 	$(BIN)/weberlink loopback --duration $(DURATION)
@@ -29,6 +29,11 @@ fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 
 bench: $(DEV)  ## run time of a tick's codec work, beside its limit
 	$(BIN)/python -m benchmarks.codec_tick
+
+figures: $(DEV)  ## every figure of the README, with its numbers beside it
+	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
+	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
+	$(BIN)/weberlink evaluate configs/traces/operator.csv --weber 0.025,0.05,0.1,0.15,0.2,0.3 --plots docs/figures
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.configuration.schema configs/weberlink.schema.json

@@ -36,14 +36,14 @@ def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
 
 
 def test_files_that_the_readme_names_are_there() -> None:
-    for path in re.findall(r"`?((?:configs|master|slave)/[\w/.-]+\.\w+)", README):
+    for path in re.findall(r"`?((?:configs|docs|master|slave)/[\w/.-]+\.\w+)", README):
         assert (ROOT / path).is_file(), path
 
 
 def test_make_targets_that_the_documents_name_are_there() -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
     for document in ("README.md", "CONTRIBUTING.md"):
-        for target in re.findall(r"^make (\w+)", (ROOT / document).read_text(encoding="utf-8"), re.M):
+        for target in re.findall(r"(?:^|`)make (\w+)", (ROOT / document).read_text(encoding="utf-8"), re.M):
             assert target in targets, f"{document}: make {target}"
 
 
