@@ -114,16 +114,24 @@ class SurfaceMixture:
     def _move(
         self, wanted: RecessedSurface, others: list[RecessedSurface], moved: float, position: Vector, spare: float
     ) -> float:
-        """Shift so much weight, or as much as can be paid for; returns what it costs [J]."""
+        """Give it so much weight, or as much as can be paid for; returns what that costs [J].
+
+        The others lose what the sum of 1 has no room for, and more, up to as much, where that is needed to pay for it.
+        """
+        spare = max(0.0, spare)
         of_others = sum(part.weight for part in others)
-        _, price = wanted.at(position)
-        if moved <= of_others:  # what they lose pays for what it gains
-            price -= sum(part.weight * part.at(position)[1] for part in others) / of_others
-        if price * moved > max(0.0, spare):
-            moved = max(0.0, spare) / price
-        self._fade(others, max(0.0, 1.0 - moved / of_others) if of_others > 0.0 else 0.0)
+        price = moved * wanted.at(position)[1]
+        lost = max(0.0, wanted.weight + of_others + moved - 1.0)
+        freed = sum(part.weight * part.at(position)[1] for part in others) / of_others if of_others > 0.0 else 0.0
+        if price - lost * freed > spare and freed > 0.0:
+            lost = max(lost, min(moved, of_others, (price - spare) / freed))
+        price -= lost * freed
+        if price > spare:
+            moved, lost, price = (spare / price * amount for amount in (moved, lost, price))
+        if of_others > 0.0:
+            self._fade(others, max(0.0, 1.0 - lost / of_others))
         wanted.weight += moved
-        return price * moved
+        return price
 
     def _fade(self, parts: list[RecessedSurface], share: float) -> None:
         """Leave them this share of their weights; one whose weight no longer counts is gone."""

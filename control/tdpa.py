@@ -66,6 +66,7 @@ class TdpaMaster:
     def reset(self) -> None:
         self._port.reset()
         self._tank.reset()
+        self._in_contact = False
 
     def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
 

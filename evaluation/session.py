@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from control.table import SCHEMES
 from evaluation.distribution import Distribution
 from evaluation.energy import LinkEnergy, PortWork, Records, Series
 from protocol.states import State
@@ -73,6 +74,8 @@ class _Side:
     rtt: Distribution = field(default_factory=Distribution)
     one_way: Distribution = field(default_factory=Distribution)
     selected: dict[int, int] = field(default_factory=dict)
+    schemes: dict[int, int] = field(default_factory=dict)
+    tank: tuple[float, float] | None = None
 
     def add(self, records: Records) -> None:
         if not len(records):
@@ -82,12 +85,23 @@ class _Side:
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
-        chosen, counts = np.unique(records["selected"][records["sent"] > 0], return_counts=True)
-        for selector, count in zip(chosen.tolist(), counts.tolist(), strict=True):
-            self.selected[selector] = self.selected.get(selector, 0) + count
+        _count(self.selected, records["selected"][records["sent"] > 0])
+        _count(self.schemes, records["control"][records["state"] == State.ENGAGED.value])
+        least, most = float(records["tank"].min()), float(records["tank"].max())
+        self.tank = (least, most) if self.tank is None else (min(least, self.tank[0]), max(most, self.tank[1]))
 
     def counter(self, name: str) -> int:
         return 0 if self.last is None else int(self.last[name])
+
+    def control(self) -> dict[str, Any]:
+        """Ticks in session under each scheme, and how full the tank was [J]."""
+        names = list(SCHEMES)
+        least, most = self.tank if self.tank is not None else (None, None)
+        return {
+            "ticks": {names[scheme]: count for scheme, count in sorted(self.schemes.items())},
+            "tank_min_j": least,
+            "tank_max_j": most,
+        }
 
     def timing(self) -> dict[str, Any]:
         return {
@@ -177,6 +191,7 @@ class SessionScore:
                 "dropped": master.counter("datagrams_dropped") + slave.counter("datagrams_dropped"),
                 "repeats": master.counter("repeats") + slave.counter("repeats"),
             },
+            "control": {"master": master.control(), "slave": slave.control()},
             "energy": {
                 "generated_j": max(0.0, -self._ports[0].least) if master.ticks else None,
                 "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,
@@ -234,6 +249,11 @@ class SessionScore:
 def _engaged(records: Records) -> NDArray[np.bool_]:
     engaged: NDArray[np.bool_] = records["state"] == State.ENGAGED.value
     return engaged
+
+
+def _count(counts: dict[int, int], values: NDArray[Any]) -> None:
+    for value, count in zip(*(column.tolist() for column in np.unique(values, return_counts=True)), strict=True):
+        counts[value] = counts.get(value, 0) + count
 
 
 def _in_session(records: Records) -> NDArray[np.bool_]:

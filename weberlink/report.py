@@ -111,6 +111,7 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
             f"{_millijoules(energy['dissipated_j'])} dissipated"
             + (f"; link made {_millijoules(made)}" if (made := energy["link_generated_j"]) is not None else "")
         )
+    yield from _control(summary["control"])
     yield f"faults: {_by_side(summary['faults']) or 'none'}"
     for side, grants in summary.get("realtime", {}).items():
         if grants is not None:
@@ -131,6 +132,16 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
         )
     else:
         yield "felt error: needs the records of both sides, as loopback and simulate have them"
+
+
+def _control(control: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """What was at work, where anything was."""
+    for side, facts in control.items():
+        ticks = facts["ticks"]
+        if set(ticks) - {"none"}:
+            shares = ", ".join(f"{name} {_percent(count / sum(ticks.values()), 0)}" for name, count in ticks.items())
+            tank = f"tank {1e3 * facts['tank_min_j']:.1f} to {1e3 * facts['tank_max_j']:.1f} mJ"
+            yield f"{side} control: {shares}; {tank}"
 
 
 def _by_side(counts: dict[str, dict[str, int]]) -> str:

@@ -1,9 +1,9 @@
 """From a penetration to a force: one contact per object, built only with the parts that the object names."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
-from codec.vector import Vector
+from codec.vector import ZERO, Vector
 from slave.scenes.shape import Shape
 
 
@@ -35,8 +35,43 @@ class SceneObject:
             raise ValueError(f"damping_n_s_m: expected at least 0 N s/m, got {self.damping_n_s_m}")
 
 
+class Touch(NamedTuple):
+    """One object as it is felt where the probe is now, for whoever knows the velocity of the probe.
+
+    Args:
+        owner: Which object of the scene.
+        depth: How far the object pushes the probe out along `normal` [m], more than 0.
+        normal: Unit vector out of the object.
+        stiffness: k of the spring along the normal [N/m].
+        damping: b along the normal [N s/m]; 0 where the object has none.
+        drag: Friction force on the probe [N], along the surface.
+        grip: Stiffness of `drag` against motion along the surface [N/m]; 0 where it drags along or nothing rubs.
+    """
+
+    owner: int
+    depth: float
+    normal: Vector
+    stiffness: float
+    damping: float
+    drag: Vector
+    grip: float
+
+
 class Contact(Protocol):
     """How one object answers."""
+
+    @property
+    def state(self) -> object:
+        """What is remembered of the touch, immutable."""
+        ...
+
+    def restore(self, state: object) -> None:
+        """Goes back to a `state` of this contact."""
+        ...
+
+    def touch(self, index: int, depth: float, normal: Vector, proxy: Vector) -> Touch:
+        """The same contact without its dampers' force; friction moves on as in `force`."""
+        ...
 
     def force(self, depth: float, normal: Vector, proxy: Vector, dt: float) -> Vector:
         """Force [N] on the probe that is `depth` [m] inside, `dt` [s] after the last call; `normal` points out."""
@@ -54,6 +89,16 @@ class SpringContact:
 
     def __init__(self, stiffness: float) -> None:
         self._stiffness = stiffness
+
+    @property
+    def state(self) -> None:
+        return None
+
+    def restore(self, state: object) -> None:
+        pass
+
+    def touch(self, index: int, depth: float, normal: Vector, proxy: Vector) -> Touch:  # noqa: ARG002
+        return Touch(index, depth, normal, self._stiffness, 0.0, ZERO, 0.0)
 
     def force(self, depth: float, normal: Vector, proxy: Vector, dt: float) -> Vector:  # noqa: ARG002
         f = self._stiffness * depth

@@ -5,8 +5,12 @@ holds the probe is well defined at every tick. The cone on the proxy is that of 
 rendering for multi-finger manipulation using friction cone based god-objects", Eurohaptics 2002.
 """
 
-from codec.vector import Vector, add, dot, norm, scale, subtract
-from slave.scenes.contact import Contact, FrictionCone
+from typing import cast
+
+from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract
+from slave.scenes.contact import Contact, FrictionCone, Touch
+
+State = tuple[object, Vector | None, bool]
 
 RESTICK = 0.5  # share of the dynamic cone
 
@@ -29,11 +33,30 @@ class FrictionContact:
         self._anchor: Vector | None = None
         self._sliding = False
 
+    @property
+    def state(self) -> State:
+        return (self._normal_contact.state, self._anchor, self._sliding)
+
+    def restore(self, state: object) -> None:
+        pressed, self._anchor, self._sliding = cast(State, state)
+        self._normal_contact.restore(pressed)
+
+    def touch(self, index: int, depth: float, normal: Vector, proxy: Vector) -> Touch:
+        touch = self._normal_contact.touch(index, depth, normal, proxy)
+        before = self._anchor
+        drag = self._drag(depth, normal, proxy)
+        dragged = before is not None and self._anchor is not before
+        return touch._replace(drag=drag, grip=0.0 if dragged else self._stiffness)
+
     def force(self, depth: float, normal: Vector, proxy: Vector, dt: float) -> Vector:
         pressed = self._normal_contact.force(depth, normal, proxy, dt)
+        return add(pressed, self._drag(depth, normal, proxy))
+
+    def _drag(self, depth: float, normal: Vector, proxy: Vector) -> Vector:
+        """k (anchor - proxy) along the surface, after the anchor has been dragged along as far as it must."""
         if self._anchor is None:
             self._anchor = proxy
-            return pressed
+            return ZERO
         offset = subtract(self._anchor, proxy)
         tangential = subtract(offset, scale(normal, dot(offset, normal)))
         length = norm(tangential)
@@ -44,7 +67,7 @@ class FrictionContact:
             self._anchor = add(proxy, tangential)
         elif length < RESTICK * dynamic:
             self._sliding = False
-        return add(pressed, scale(tangential, self._stiffness))
+        return scale(tangential, self._stiffness)
 
     def release(self) -> None:
         self._normal_contact.release()

@@ -33,12 +33,14 @@ class Proxy:
     plane, two or three on smooth surfaces.
     """
 
-    __slots__ = ("_shapes", "at")
+    __slots__ = ("_shapes", "at", "parts")
 
     def __init__(self, shapes: Sequence[Shape]) -> None:
         self._shapes = tuple(shapes)
         self.at: Vector | None = None
         """Position of the proxy; None until the first target, which it adopts even inside a solid."""
+        self.parts: Sequence[Press] = ()
+        """The last presses plane by plane: what holds it in the concave corner of one shape is several planes."""
 
     def follow(self, target: Vector) -> tuple[Vector, Sequence[Press]]:
         """Moves toward the probe at `target` as far as the solids allow; nothing holds it back where it arrives."""
@@ -46,6 +48,7 @@ class Proxy:
         here = target if self.at is None else self.at
         touching = [index for index, shape in enumerate(shapes) if shape.clearance(here) < TOUCHING]
         presses: Sequence[Press] = ()
+        self.parts = ()
         last: Step | None = None
         iterations = 0
         while iterations < ITERATIONS:
@@ -74,6 +77,7 @@ class Proxy:
 
     def _closest(self, here: Vector, target: Vector, touching: Sequence[int]) -> tuple[Vector, Sequence[Press]]:
         """The point nearest to `target` in front of the tangent planes seen from `here`."""
+        self.parts = ()
         if not touching:
             return target, ()
         x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
@@ -90,11 +94,13 @@ class Proxy:
                 return target, ()
             depth, n = violations[0], normals[0]
             goal = (target[0] + depth * n[0], target[1] + depth * n[1], target[2] + depth * n[2])
-            return goal, ((owners[0], depth, n),)
+            self.parts = ((owners[0], depth, n),)
+            return goal, self.parts
         pushes = smallest_push(violations, normals)
         x, y, z = displacement(pushes, normals)
         goal = (target[0] + x, target[1] + y, target[2] + z)
-        return goal, merged([(owners[i], depth, normals[i]) for i, depth in pushes if depth > 0.0])
+        self.parts = parts = [(owners[i], depth, normals[i]) for i, depth in pushes if depth > 0.0]
+        return goal, merged(parts)
 
     def _first_hit(self, start: Vector, end: Vector, touching: Sequence[int]) -> tuple[int, Vector] | None:
         """The first shape not yet touched on the straight path, and the point where the path meets it."""

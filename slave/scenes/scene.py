@@ -1,12 +1,33 @@
 """Everything that the probe can touch, and the force that it feels. Pure: no clock, no I/O."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from codec.vector import ZERO, Vector, distance, is_finite
-from slave.scenes.contact import SceneObject, contact_of
-from slave.scenes.proxy import Proxy
+from slave.scenes.contact import SceneObject, Touch, contact_of
+from slave.scenes.proxy import Press, Proxy
 
+NOTHING: frozenset[int] = frozenset()
 FARTHEST = 1e12  # [m] beyond it squares of distances have no digits left for a contact
+
+
+class Facing(NamedTuple):
+    """A tangent plane of an object: `gap` [m] from the point it was asked for (negative inside), `normal` out of it."""
+
+    owner: int
+    gap: float
+    normal: Vector
+    stiffness: float
+    damping: float
+
+
+class SceneState(NamedTuple):
+    """What a scene remembers from one position to the next. Immutable; made and used by one scene only."""
+
+    proxy: Vector | None
+    touched: frozenset[int]
+    contacts: tuple[object, ...]
+    penetration_depth: float
 
 
 class Scene:
@@ -16,12 +37,30 @@ class Scene:
     leaves the contact as it was, gives zero force and is counted in `rejected`.
     """
 
-    __slots__ = ("_contacts", "_proxy", "_touched", "damping_n_s_m", "penetration_depth", "rejected", "stiffness_n_m")
+    __slots__ = (
+        "_contacts",
+        "_objects",
+        "_proxy",
+        "_remembering",
+        "_touched",
+        "damping_n_s_m",
+        "flat",
+        "penetration_depth",
+        "rejected",
+        "rubs",
+        "stiffness_n_m",
+    )
 
     def __init__(self, objects: Sequence[SceneObject]) -> None:
+        self._objects = tuple(objects)
         self._contacts = [contact_of(thing) for thing in objects]
+        self._remembering = [contact for contact in self._contacts if contact.state is not None]
         self._proxy = Proxy([thing.shape for thing in objects])
-        self._touched: set[int] = set()
+        self._touched: frozenset[int] = NOTHING
+        self.flat = all(thing.shape.flat for thing in objects)
+        """Whether every object is a half-space: then `facing` is the same scene from anywhere."""
+        self.rubs = any(thing.friction is not None for thing in objects)
+        """Whether any object has friction."""
         self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
         """The stiffest object, which decides the step of whoever integrates against this scene."""
         self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)
@@ -50,35 +89,96 @@ class Scene:
         Returns:
             Force on the probe [N], scene frame.
         """
-        if not (abs(position[0]) < FARTHEST and abs(position[1]) < FARTHEST and abs(position[2]) < FARTHEST):
-            self.rejected += 1
-            return ZERO
-        proxy, presses = self._proxy.follow(position)
-        if self._touched:
-            self._release_all_but({index for index, _, _ in presses})
-        if not presses:
-            self.penetration_depth = 0.0
-            return ZERO
-        self.penetration_depth = distance(proxy, position)
         x = y = z = 0.0
+        proxy, presses = self._follow(position)
         for index, depth, normal in presses:
-            self._touched.add(index)
             f = self._contacts[index].force(depth, normal, proxy, dt)
             x, y, z = x + f[0], y + f[1], z + f[2]
         force = (x, y, z)
         if not is_finite(force):
-            self._release_all_but(set())  # whatever overflowed must not be remembered
+            self._release_all_but(NOTHING)  # whatever overflowed must not be remembered
             self.rejected += 1
             return ZERO
         return force
 
+    def touch(self, position: Vector) -> tuple[Touch, ...]:
+        """What the probe touches at `position` [m], plane by plane, for a body with a velocity of its own.
+
+        Moves the proxy and friction on just as `force` does; `state` and `restore` take that back. Along each normal
+        such a body feels max(0, stiffness depth + damping d(depth)/dt).
+        """
+        proxy, presses = self._follow(position)
+        contacts = self._contacts
+        touches = [contacts[index].touch(index, depth, normal, proxy) for index, depth, normal in presses]
+        if presses and len(self._proxy.parts) > len(presses):
+            touches = apart(touches, self._proxy.parts)
+        return tuple(touches)
+
+    def facing(self, point: Vector) -> list[Facing]:
+        """Every object as the tangent planes seen from `point` [m]; nothing is remembered."""
+        return [
+            Facing(index, gap, normal, thing.stiffness_n_m, thing.damping_n_s_m or 0.0)
+            for index, thing in enumerate(self._objects)
+            for gap, normal in thing.shape.linearise(point)
+        ]
+
+    @property
+    def state(self) -> SceneState:
+        """For `restore`: cheap, since only contacts with a memory are asked."""
+        return SceneState(
+            self._proxy.at,
+            self._touched,
+            tuple([contact.state for contact in self._remembering]),
+            self.penetration_depth,
+        )
+
+    def restore(self, state: SceneState) -> None:
+        """Goes back to where `state` was read. The counter `rejected` stays."""
+        self._proxy.at, self._touched, contacts, self.penetration_depth = state
+        for contact, remembered in zip(self._remembering, contacts, strict=True):
+            contact.restore(remembered)
+
+    def forget_friction(self) -> None:
+        """Friction starts anew at the next position, wherever that is; the proxy stays."""
+        self._release_all_but(NOTHING)
+
     def reset(self) -> None:
         """Forgets the contact: the next position is taken as it comes, inside a solid or not. Counters stay."""
         self._proxy.at = None
-        self._release_all_but(set())
+        self._release_all_but(NOTHING)
         self.penetration_depth = 0.0
 
-    def _release_all_but(self, held: set[int]) -> None:
+    def _follow(self, position: Vector) -> tuple[Vector, Sequence[Press]]:
+        """The proxy and what presses on it; what is no longer touched is released."""
+        if not (abs(position[0]) < FARTHEST and abs(position[1]) < FARTHEST and abs(position[2]) < FARTHEST):
+            self.rejected += 1
+            return position, ()
+        proxy, presses = self._proxy.follow(position)
+        if presses:
+            self.penetration_depth = distance(proxy, position)
+            held = frozenset([index for index, _, _ in presses])
+            if self._touched != held:
+                self._release_all_but(held)
+                self._touched = held
+        else:
+            self.penetration_depth = 0.0
+            if self._touched:
+                self._release_all_but(NOTHING)
+        return proxy, presses
+
+    def _release_all_but(self, held: frozenset[int]) -> None:
         for index in self._touched - held:
             self._contacts[index].release()
         self._touched &= held
+
+
+def apart(touches: Sequence[Touch], parts: Sequence[Press]) -> list[Touch]:
+    """The same touches, those of a concave corner once for each of its planes; the first of them rubs for all."""
+    whole = {touch.owner: touch for touch in touches}
+    single: list[Touch] = []
+    for owner, depth, normal in parts:
+        touch = whole[owner]._replace(depth=depth, normal=normal)
+        if any(other.owner == owner for other in single):
+            touch = touch._replace(drag=ZERO, grip=0.0)
+        single.append(touch)
+    return single

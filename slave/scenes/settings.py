@@ -166,7 +166,7 @@ class HeightFieldShape(Settings):
 class Surface(Settings):
     """What the surface of an object does. What is not given is neither computed nor remembered."""
 
-    stiffness_n_m: float = Field(gt=0.0, le=1e6)
+    stiffness_n_m: float = Field(gt=0.0, le=1e7)
     friction: FrictionSettings | None = None
     damping_n_s_m: float | None = Field(default=None, ge=0.0, description="along the normal; never pulls")
     carve: tuple[Annotated["PlaneShape | SphereShape | BoxShape", Field(discriminator="shape")], ...] = Field(
