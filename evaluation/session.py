@@ -218,7 +218,7 @@ class SessionScore:
         if not self._slave.engaged:
             return None
         latency = self._master.one_way.percentile(50.0) * 1e-6 if self._master.one_way.count else 0.0
-        return self._slave.counter("updates_sent") / self._slave.engaged * max(1.0, latency / self._period)
+        return min(1.0, self._slave.counter("updates_sent") / self._slave.engaged * max(1.0, latency / self._period))
 
     def _join(self) -> None:
         master, slave = self._waiting

@@ -16,9 +16,11 @@ from codec import Channel, Decoder, Encoder
 from codec.predictors import PREDICTORS, Model, Predictor, Trust
 from codec.sample import Sample
 from protocol.wire import UpdateLayout
+from slave.integrators import INTEGRATORS
 from tests.weberlink.systems import CONFIGS, configuration, output, raw, steps, system
 from weberlink.cli import app
 from weberlink.composition.link import channels
+from weberlink.composition.slave import build_robot
 from weberlink.configuration import load
 
 FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
@@ -105,7 +107,9 @@ def modules(key: Path) -> Modules:
 def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, side: str, key: Path) -> None:
     there = modules[name, side]
     system = load(CONFIGS / name, [f"link.key_file={key}"]).system
-    scene = system.slave.scene
+    scene, scheme = system.slave.scene, system.control.scheme
+    simulated = side == "slave" and system.slave.robot.driver == "simulated"
+    picked = build_robot(load(CONFIGS / name, [f"link.key_file={key}"])).integrator if simulated else None  # type: ignore[attr-defined]
     named = {
         "cryptography": system.link.security == "psk",
         "protocol.psk": system.link.security == "psk",
@@ -115,7 +119,11 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
         "slave.scenes.damping": side == "slave" and any(thing.damping_n_s_m is not None for thing in scene),
         "master.devices.replay": side == "master" and system.master.device.driver == "replay",
         "master.devices.operator": side == "master" and system.master.device.driver == "operator",
-        "slave.robots.simulated": side == "slave" and system.slave.robot.driver == "simulated",
+        "slave.robots.simulated": simulated,
+        **{f"slave.integrators.{integrator}": integrator == picked for integrator in INTEGRATORS},
+        "control.tdpa": scheme in ("tdpa", "auto"),
+        "control.mmt": scheme == "auto" or (scheme == "mmt" and side == "master"),
+        "control.auto": scheme == "auto",
         "slave.robots.point": side == "slave" and system.slave.robot.driver == "point",
         "numpy": side == "master" and system.master.device.driver == "replay",  # reads the trace
     }
@@ -131,6 +139,10 @@ def test_the_shipped_files_between_them_name_what_is_optional(modules: Modules) 
         "slave.scenes.damping",
         "master.devices.replay",
         "slave.robots.simulated",
+        "slave.integrators.exact",
+        "control.auto",
+        "control.tdpa",
+        "control.mmt",
     }
     assert optional <= frozenset().union(*modules.values())
     assert not optional & frozenset.intersection(*modules.values())

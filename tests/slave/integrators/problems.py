@@ -1,0 +1,71 @@
+"""Bodies and scenes that the integrators are measured on, and how one is run through them."""
+
+from collections.abc import Callable
+
+from codec.vector import ZERO, Vector, dot, subtract
+from slave.integrators import INTEGRATORS, Body, Motion
+from slave.integrators.reaction import reaction
+from slave.scenes.contact import FrictionCone, SceneObject
+from slave.scenes.plane import Plane
+from slave.scenes.scene import Scene
+from slave.scenes.sphere import Sphere
+
+UP: Vector = (0.0, 0.0, 1.0)
+BODY = Body(0.2, 500.0, 5.0)
+OFF = Body(0.05, 0.0, 0.0)
+"""Its control is off: nothing but contact acts on it."""
+
+
+def wall(stiffness: float, damping: float | None = None, friction: FrictionCone | None = None) -> Scene:
+    return Scene([SceneObject(Plane(ZERO, UP), stiffness, friction, damping)])
+
+
+def ball(stiffness: float, damping: float | None = None, friction: FrictionCone | None = None) -> Scene:
+    """Of 30 mm radius, its top at the origin."""
+    return Scene([SceneObject(Sphere((0.0, 0.0, -0.03), 0.03), stiffness, friction, damping)])
+
+
+def corner(*planes: tuple[Vector, float, float | None]) -> Scene:
+    """Planes through the origin: normal, stiffness, damping."""
+    return Scene([SceneObject(Plane(ZERO, normal), stiffness, None, damping) for normal, stiffness, damping in planes])
+
+
+def moving(scene: Scene | None, position: Vector, velocity: Vector) -> Motion:
+    """A motion with the contact force that belongs to it."""
+    return Motion(position, velocity, ZERO if scene is None else reaction(scene.touch(position), velocity))
+
+
+def run(
+    name: str,
+    body: Body,
+    make: Callable[[], Scene | None],
+    position: Vector,
+    velocity: Vector,
+    goal: Vector,
+    duration: float,
+    steps: int,
+) -> Motion:
+    """Where a body arrives in equal steps of the integrator `name`, in a fresh scene."""
+    scene = make()
+    integrator = INTEGRATORS[name].build(body, scene)
+    motion = moving(scene, position, velocity)
+    for _ in range(steps):
+        motion = integrator.advance(motion, goal, duration / steps)
+    return motion
+
+
+def energy(body: Body, motion: Motion, goal: Vector, scene: Scene, stiffness: float) -> float:
+    """Of motion, of the control's spring, and of contact with a single stiffness [J]."""
+    away = subtract(motion.position, goal)
+    return 0.5 * (
+        body.mass * dot(motion.velocity, motion.velocity)
+        + body.stiffness * dot(away, away)
+        + stiffness * scene.penetration_depth**2
+    )
+
+
+def difference(one: Motion, other: Motion, seconds: float) -> float:
+    """Of position, and of velocity times `seconds` [m]."""
+    far = max(abs(a - b) for a, b in zip(one.position, other.position, strict=True))
+    fast = max(abs(a - b) for a, b in zip(one.velocity, other.velocity, strict=True))
+    return far + fast * seconds

@@ -1,0 +1,64 @@
+"""Orders of convergence, measured: the slope of log error over log steps."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from codec.vector import Vector
+from slave.integrators import INTEGRATORS, Motion
+from slave.scenes.scene import Scene
+from tests.slave.integrators.problems import BODY, ball, difference, run, wall
+
+STEPS = (40, 80, 160, 320)
+FINEST = 3000
+
+
+class Problem(NamedTuple):
+    make: Callable[[], Scene | None]
+    position: Vector
+    velocity: Vector
+    goal: Vector
+    duration: float
+
+    def arrived(self, name: str, steps: int) -> Motion:
+        return run(name, BODY, *self, steps)
+
+
+SMOOTH = {
+    "free": Problem(lambda: None, (0.0, 0.0, 0.03), (0.1, 0.2, 0.3), (0.01, 0.0, 0.02), 0.05),
+    "in a wall": Problem(lambda: wall(2000.0, 5.0), (0.0, 0.0, -0.004), (0.1, 0.0, -0.05), (0.01, 0.0, -0.02), 0.02),
+    "in a ball": Problem(lambda: ball(2000.0), (0.001, 0.0, -0.004), (0.2, 0.1, 0.0), (0.02, 0.01, -0.02), 0.02),
+    "in a damped ball": Problem(
+        lambda: ball(2000.0, 5.0), (0.001, 0.0, -0.004), (0.2, 0.1, 0.0), (0.02, 0.01, -0.02), 0.02
+    ),
+}
+BOUNCE = Problem(lambda: ball(2000.0), (0.001, 0.0, 0.004), (0.1, 0.0, -0.5), (0.01, 0.0, 0.005), 0.05)
+
+
+def slope(name: str, problem: Problem, truth: Motion) -> float:
+    errors = [difference(problem.arrived(name, steps), truth, 0.01) for steps in STEPS]
+    return -float(np.polyfit(np.log(STEPS), np.log(errors), 1)[0])
+
+
+@pytest.mark.parametrize("problem", SMOOTH)
+@pytest.mark.parametrize("name", sorted(INTEGRATORS))
+def test_on_a_smooth_motion_the_order_is_that_of_the_table(name: str, problem: str) -> None:
+    scheme, case = INTEGRATORS[name], SMOOTH[problem]
+    truth = case.arrived("exact", FINEST)
+    if scheme.exact_if_linear and "ball" not in problem:
+        assert difference(case.arrived(name, STEPS[0]), truth, 0.01) < 1e-13
+    else:
+        assert slope(name, case, truth) == pytest.approx(scheme.order, abs=0.2)
+
+
+@pytest.mark.parametrize(("name", "least"), [("semi_implicit", 0.8), ("implicit", 1.5), ("exact", 1.8)])
+def test_across_a_bounce_it_keeps_its_order_but_for_where_the_touch_falls_in_its_step(name: str, least: float) -> None:
+    assert slope(name, BOUNCE, BOUNCE.arrived("exact", FINEST)) > least
+
+
+def test_two_schemes_of_different_kind_agree_on_what_is_true() -> None:
+    """Or the orders above would be measured against an error of their own."""
+    for case in SMOOTH.values():
+        assert difference(case.arrived("implicit", FINEST), case.arrived("exact", FINEST), 0.01) < 3e-8

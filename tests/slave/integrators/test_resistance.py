@@ -1,0 +1,97 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from slave.integrators.reaction import depth_rates, pressing, reaction
+from slave.integrators.resistance import Resistance
+from slave.scenes.contact import FrictionCone, SceneObject, Touch
+from slave.scenes.plane import Plane
+from slave.scenes.scene import Scene
+from tests.slave.integrators.problems import UP, corner, wall
+
+STEP = 1e-3
+INERTIA = 0.2
+vectors = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+SIDE: Vector = unit((1.0, 0.2, 0.5))
+
+
+def implicit(scene: Scene, start: Vector, velocity: Vector) -> Vector:
+    """inertia v - h f(start + h v, v): its derivative is what a `Resistance` inverts."""
+    state = scene.state
+    touches = scene.touch(add(start, scale(velocity, STEP)))
+    scene.restore(state)
+    return subtract(scale(velocity, INERTIA), scale(reaction(touches, velocity), STEP))
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        wall(1e5, 30.0),
+        wall(1e5, 30.0, FrictionCone(2.0, 2.0)),
+        corner((UP, 1e5, None), (SIDE, 2e4, 5.0)),
+        corner((UP, 1e5, 3.0), (SIDE, 2e4, None), (unit((0.0, 1.0, 0.3)), 5e3, 1.0)),
+    ],
+    ids=["wall", "rough wall", "two oblique planes", "three"],
+)
+@given(push=vectors)
+def test_it_inverts_the_derivative_of_the_implicit_equation(scene: Scene, push: Vector) -> None:
+    scene.reset()
+    scene.touch((0.0, 0.0, 0.001))
+    start: Vector = (-0.004, -0.005, -0.003)
+    scene.touch(start)
+    velocity: Vector = (0.01, -0.01, -0.02)
+    state = scene.state
+    at = Resistance(scene.touch(add(start, scale(velocity, STEP))), velocity, INERTIA, STEP)
+    scene.restore(state)
+    tiny = 1e-4
+    change = at.solved(scale(push, tiny))
+    rise = subtract(implicit(scene, start, add(velocity, change)), implicit(scene, start, velocity))
+    assert rise == pytest.approx(scale(push, tiny), abs=1e-9)
+
+
+def test_a_contact_that_would_pull_neither_pushes_nor_resists() -> None:
+    scene = wall(1e5, 30.0)
+    scene.touch((0.0, 0.0, 0.001))
+    touches = scene.touch((0.0, 0.0, -1e-5))
+    leaving: Vector = (0.0, 0.0, 0.1)
+    assert reaction(touches, leaving) == ZERO
+    assert pressing(touches, leaving) == frozenset()
+    assert pressing(touches, ZERO) == {0}
+    assert Resistance(touches, leaving, INERTIA, STEP).solved((0.0, 0.0, INERTIA)) == pytest.approx((0.0, 0.0, 1.0))
+
+
+@given(st.lists(vectors.filter(lambda n: norm(n) > 0.3).map(unit), min_size=1, max_size=3), vectors)
+def test_the_depth_rates_are_how_the_depths_change(normals: list[Vector], velocity: Vector) -> None:
+    """A rate of depth along each normal alone: -v = sum rate_i n_i, as far as the normals reach."""
+    touches = [Touch(i, 0.001, n, 1000.0, 1.0, ZERO, 0.0) for i, n in enumerate(normals)]
+    rates = depth_rates(touches, velocity)
+    left = velocity
+    for n, rate in zip(normals, rates, strict=True):
+        left = add(left, scale(n, rate))
+    volume = abs(gram(normals))
+    if volume > 1e-3:
+        for n in normals:
+            assert dot(left, n) == pytest.approx(0.0, abs=1e-9)
+
+
+def gram(normals: list[Vector]) -> float:
+    """The determinant of the normals' scalar products."""
+    if len(normals) == 1:
+        return 1.0
+    a, b = dot(normals[0], normals[1]), 0.0
+    if len(normals) == 2:
+        return 1.0 - a * a
+    b, c = dot(normals[0], normals[2]), dot(normals[1], normals[2])
+    return 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
+
+
+def test_parallel_contacts_are_resisted_by_the_sum_of_them() -> None:
+    touches = [Touch(i, 0.001, UP, 1e5, 0.0, ZERO, 0.0) for i in range(2)]
+    change = Resistance(touches, ZERO, INERTIA, STEP).solved((0.0, 0.0, 1.0))
+    assert 0.0 < change[2] < 1.0 / (INERTIA + STEP * STEP * 1e5)
+
+
+def test_damping_takes_the_true_velocity_not_a_difference_of_depths() -> None:
+    scene = Scene([SceneObject(Plane(ZERO, UP), 1000.0, None, 20.0)])
+    assert reaction(scene.touch((0.0, 0.0, -0.001)), (0.5, 0.0, -0.1)) == pytest.approx((0.0, 0.0, 1.0 + 2.0))

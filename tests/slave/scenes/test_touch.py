@@ -1,0 +1,108 @@
+"""The scene as a body with a velocity feels it: `touch`, `state`, `restore`, `facing`."""
+
+import pytest
+
+from codec.vector import ZERO, add, norm, scale
+from slave.scenes.contact import FrictionCone, SceneObject
+from slave.scenes.scene import Scene
+from tests.slave.scenes.solids import GROUND, SHAPES, UP, elastic, scenes, wander
+
+TICK = 0.001
+CONE = FrictionCone(0.5, 0.4)
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+@pytest.mark.parametrize("cone", [None, CONE], ids=["smooth", "rough"])
+def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCone | None) -> None:
+    felt, touched = (Scene([SceneObject(SHAPES[name], 500.0, cone)]) for _ in range(2))
+    pressed = 0
+    for position in wander(1500):
+        total = ZERO
+        for touch in touched.touch(position):
+            total = add(total, add(scale(touch.normal, touch.stiffness * touch.depth), touch.drag))
+            assert norm(touch.normal) == pytest.approx(1.0)
+        force = felt.force(position, TICK)
+        assert total == pytest.approx(force, abs=1e-12)
+        assert touched.penetration_depth == felt.penetration_depth
+        assert touched.contacts == felt.contacts
+        pressed += force != ZERO
+    assert pressed > 100
+
+
+@pytest.mark.parametrize("name", sorted(scenes()))
+def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
+    straight, trying = scenes()[name], scenes()[name]
+    for i, position in enumerate(wander(1200)):
+        if i % 7 == 0:
+            state = trying.state
+            for side in (0.001, -0.002, 0.003):
+                trying.touch(add(position, (side, 0.5 * side, -side)))
+            trying.restore(state)
+        assert trying.touch(position) == straight.touch(position)
+        assert trying.state == straight.state
+        assert trying.force(position, TICK) == straight.force(position, TICK)
+
+
+def test_in_a_concave_corner_every_plane_is_a_touch_and_one_rubs_for_all() -> None:
+    room = Scene([SceneObject(SHAPES["box cavity"], 500.0, CONE, 2.0)])
+    room.touch((0.0, 0.0, 0.01))
+    room.touch((0.031, 0.021, 0.01))
+    touches = room.touch((0.032, 0.0215, 0.0105))
+    assert [(touch.depth, touch.normal) for touch in touches] == [
+        (pytest.approx(0.002), (-1.0, 0.0, 0.0)),
+        (pytest.approx(0.0015), (0.0, -1.0, 0.0)),
+    ]
+    assert all((touch.stiffness, touch.damping) == (500.0, 2.0) for touch in touches)
+    assert touches[0].drag[2] < 0.0
+    assert touches[0].grip == 500.0
+    assert (touches[1].drag, touches[1].grip) == (ZERO, 0.0)
+    assert room.contacts == 1
+
+
+def test_the_grip_ends_where_the_anchor_is_dragged_along() -> None:
+    scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
+    scene.touch((0.0, 0.0, 0.001))
+    scene.touch((0.0, 0.0, -0.004))
+    assert scene.touch((0.0015, 0.0, -0.004))[0].grip == 1000.0
+    (sliding,) = scene.touch((0.004, 0.0, -0.004))
+    assert sliding.grip == 0.0
+    assert sliding.drag == pytest.approx((-0.4 * 4.0, 0.0, 0.0))
+    assert scene.touch((0.0035, 0.0, -0.004))[0].grip == 1000.0, "drawn back it holds at once"
+
+
+def test_friction_that_is_forgotten_starts_where_the_probe_is() -> None:
+    scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
+    scene.touch((0.0, 0.0, 0.001))
+    scene.touch((0.0, 0.0, -0.004))
+    scene.forget_friction()
+    assert scene.touch((0.001, 0.0, -0.004))[0].drag == ZERO
+    assert scene.touch((0.002, 0.0, -0.004))[0].drag == pytest.approx((-1.0, 0.0, 0.0))
+
+
+def test_facing_is_the_tangent_planes_and_changes_nothing() -> None:
+    scene = Scene([SceneObject(GROUND, 500.0, None, 2.0), SceneObject(SHAPES["sphere"], 300.0)])
+    scene.touch((0.01, 0.0, 0.05))
+    before = scene.state
+    ground, ball = scene.facing((0.01, 0.0, 0.04))
+    assert ground == (0, pytest.approx(0.04), UP, 500.0, 2.0)
+    assert ball == (1, pytest.approx(0.02), (0.0, 0.0, 1.0), 300.0, 0.0)
+    assert scene.state == before
+    assert len(elastic(SHAPES["box cavity"]).facing(ZERO)) == 3
+
+
+def test_flat_and_rubbing_scenes_say_so() -> None:
+    assert Scene([]).flat
+    assert elastic(GROUND, SHAPES["plane"]).flat
+    assert not elastic(GROUND, SHAPES["sphere"]).flat
+    assert not elastic(GROUND).rubs
+    assert Scene([SceneObject(GROUND, 500.0), SceneObject(GROUND, 500.0, CONE)]).rubs
+
+
+@pytest.mark.parametrize("position", [(float("nan"), 0.0, 0.0), (0.0, 1e13, 0.0), (0.0, 0.0, float("-inf"))])
+def test_a_position_that_is_of_no_use_touches_nothing_and_is_counted(position: tuple[float, float, float]) -> None:
+    scene = elastic(GROUND)
+    scene.touch((0.0, 0.0, -0.001))
+    before = scene.state
+    assert scene.touch(position) == ()
+    assert scene.rejected == 1
+    assert scene.state == before
