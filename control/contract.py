@@ -38,8 +38,8 @@ class Surface(Protocol):
         ...
 
 
-class MasterControl(Protocol):
-    """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
+class Control(Protocol):
+    """What both sides of a scheme have in common."""
 
     @property
     def active(self) -> int:
@@ -48,7 +48,7 @@ class MasterControl(Protocol):
 
     @property
     def tank(self) -> float:
-        """Energy that may still be given to the operator [J]."""
+        """Energy that this side may still spend [J]."""
         ...
 
     @property
@@ -59,6 +59,10 @@ class MasterControl(Protocol):
     def reset(self) -> None:
         """A new session: nothing of the old one counts."""
         ...
+
+
+class MasterControl(Control, Protocol):
+    """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
 
     def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
         """Take what an update says.
@@ -90,27 +94,8 @@ class MasterControl(Protocol):
         ...
 
 
-class SlaveControl(Protocol):
+class SlaveControl(Control, Protocol):
     """The teleoperator's side of a scheme. In a tick: `follow`, then `observe` once the robot has been read."""
-
-    @property
-    def active(self) -> int:
-        """As on the master's side."""
-        ...
-
-    @property
-    def tank(self) -> float:
-        """Energy that the robot may still spend [J]."""
-        ...
-
-    @property
-    def credit(self) -> int:
-        """As on the master's side."""
-        ...
-
-    def reset(self) -> None:
-        """A new session: nothing of the old one counts."""
-        ...
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
         """Where the robot may be told to go.
@@ -143,9 +128,12 @@ class Settings:
         force_range: largest force that the robot reports [N].
         level: energy that each tank is kept at [J].
         damping: most of the drag that fills an empty tank [N s/m].
+        catch_up_speed: how fast the robot makes up for a distance to the operator, on top of the operator's own
+            motion [m/s].
     """
 
     tick_period: float
     force_range: float
     level: float
     damping: float
+    catch_up_speed: float

@@ -13,6 +13,8 @@ CAUTION = 4.0
 """A wall may be this much stiffer than it has shown yet."""
 SATURATED = 0.999
 """Part of its range from which a sensor is at it."""
+LONGEST_RETREAT = 1e-4
+"""Longest step back from a wall in a tick, to get back what was overdrawn [m]."""
 SHORTEST_WAY = 1e-6
 """Shorter steps say nothing about stiffness [m]."""
 
@@ -89,7 +91,14 @@ class MotionPort:
         if against > 0.0 and pressed > 0.0 and tank > -self._debt:  # only what goes against the force is shortened
             kept = (1.0 - share) * against / pressed
             return (target[0] + kept * force[0], target[1] + kept * force[1], target[2] + kept * force[2])
-        return (here[0] + share * x, here[1] + share * y, here[2] + share * z)
+        back = 0.0
+        if tank < 0.0 < against and pressed > 0.0:  # what was overdrawn is taken back from the wall, by yielding to it
+            back = min(-tank / pressed, LONGEST_RETREAT / pressed**0.5)
+        return (
+            here[0] + share * x + back * force[0],
+            here[1] + share * y + back * force[1],
+            here[2] + share * z + back * force[2],
+        )
 
 
 def affordable_share(against: float, rise: float, jump: float, tank: float) -> float:
@@ -103,7 +112,7 @@ def affordable_share(against: float, rise: float, jump: float, tank: float) -> f
     """
     if against + min(rise, jump) <= tank:
         return 1.0
-    if tank <= 0.0:
+    if tank < 0.0:
         return _most_gainful_share(against, rise, jump)
     with_jump = tank / (against + jump) if against + jump > 0.0 else 1.0
     return min(1.0, max(with_jump, _share_with_rise(against, rise, tank)))

@@ -32,8 +32,6 @@ KEPT = 0.5
 PREDICTED = 0.004
 """Most that is predicted of unheard credit, as a share of the level."""
 
-CATCH_UP_SPEED = 0.25
-"""How fast the robot makes up for what it could not afford before, on top of the operator's own motion [m/s]."""
 FORGIVENESS = 10.0
 """Time constant with which a debt is forgotten that was made without control [s]."""
 SLIDING_DEBT = 0.004
@@ -99,12 +97,13 @@ class TdpaMaster:
 class TdpaSlave:
     """Observer and controller of the robot's port."""
 
-    __slots__ = ("_level", "_port", "_prediction", "_tank", "_target")
+    __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_tank", "_target")
 
     active = 1
 
     def __init__(self, settings: Settings) -> None:
         self._level = settings.level
+        self._catch_up_speed = settings.catch_up_speed
         self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)
         self._tank = EnergyTank()
         self._prediction = CreditPrediction(PREDICTED * settings.level)
@@ -139,7 +138,7 @@ class TdpaSlave:
     def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
         """The target, or the point on the way to it that is as far as the target moved and the drift may shrink."""
         before, self._target = self._target, target
-        way = CATCH_UP_SPEED * elapsed + (dist(target, before) if before is not None else 0.0)
+        way = self._catch_up_speed * elapsed + (dist(target, before) if before is not None else 0.0)
         drift = dist(here, target)
         if drift <= way:
             return target

@@ -1,6 +1,6 @@
 """The `precision` command: error against run time, as a document, tables and figures. One section per study."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.util import find_spec
@@ -83,7 +83,8 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Pre
         require("matplotlib", "plots", "--plots: needs matplotlib")
     facts = environment()
     caption = footer(facts)
-    return Precision([integrators(full, caption, progress), codec(full, caption, progress)], facts)
+    signal = FULL_SIGNAL_S if full else SIGNAL_S
+    return Precision([integrators(full, caption, progress), codec(SCENES, signal, caption, progress)], facts)
 
 
 def require(package: str, extra: str, what: str) -> None:
@@ -114,13 +115,20 @@ def integrators(full: bool, caption: str, progress: Progress) -> Section:
     return Section("integrators", document, summary(results), draw)
 
 
-def codec(full: bool, caption: str, progress: Progress) -> Section:
-    """The predictors of the force channel on the shipped recording and on simulated signals, over Weber factors."""
+def codec(scenes: Sequence[str], duration: float, caption: str, progress: Progress) -> Section:
+    """The predictors of the force channel on the shipped recording and on simulated signals, over Weber factors.
+
+    Args:
+        scenes: names of shipped configurations.
+        duration: of each of their signals [s].
+        caption: of the figure.
+        progress: called before each signal.
+    """
     traces = {"operator": read_trace(Path(str(files("configs") / "traces" / "operator.csv")))}
-    for done, name in enumerate(SCENES):
-        progress(f"signal of {name}", done, len(SCENES))
-        traces[name] = _signal(name, FULL_SIGNAL_S if full else SIGNAL_S)
-    progress("coding", len(SCENES), len(SCENES))
+    for done, name in enumerate(scenes):
+        progress(f"signal of {name}", done, len(scenes))
+        traces[name] = _signal(name, duration)
+    progress("coding", len(scenes), len(scenes))
     coded = study(traces)
 
     def draw(folder: Path) -> None:

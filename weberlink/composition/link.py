@@ -128,6 +128,7 @@ def control_settings(system: System, force_range: float) -> ControlSettings:
         force_range=force_range,
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
+        catch_up_speed=system.slave.limits.approach_speed_m_s,
     )
 
 

@@ -1,0 +1,36 @@
+"""The composition of `weberlink precision`: which signals are coded, and what is said when a package is missing."""
+
+import json
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from weberlink.configuration import ConfigurationError
+from weberlink.precision import Precision, codec, require
+
+
+def test_the_codec_is_studied_on_the_shipped_recording_and_on_simulated_signals(tmp_path: Path) -> None:
+    told: list[tuple[str, int, int]] = []
+    section = codec(["scene-plane"], 2.5, "made here", lambda *what: told.append(what))
+    assert told == [("signal of scene-plane", 0, 1), ("coding", 1, 1)]
+    assert section.document["signal_s"]["scene-plane"] == pytest.approx(2.5, abs=0.1)
+    assert {row["trace"] for row in section.document["rows"]} == {"operator", "scene-plane"}
+    whole = Precision(
+        [section], {"machine": "m", "cores": 1, "system": "s", "python": "p", "packages": {}, "commit": None}
+    )
+    assert json.loads(json.dumps(whole.document, allow_nan=False))["codec"]["rows"] == section.document["rows"]
+    console = Console(width=80, file=StringIO())
+    with console.capture() as printed:
+        console.print(whole.table)
+    text = printed.get()
+    assert "hybrid is " in text
+    assert max(map(len, text.splitlines())) <= 80
+    whole.draw(tmp_path / "figures")
+    assert (tmp_path / "figures" / "coding.png").stat().st_size > 10_000
+
+
+def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
+    with pytest.raises(ConfigurationError, match=r'pip install "weberlink\[precision\]"'):
+        require("no_such_package", "precision", "the reference solutions need it")
