@@ -14,6 +14,10 @@ from evaluation.stability.wall import Wall, bisect, bracket, gain_limit, passivi
 HEIGHT = 0.01
 """Where the hand begins, above the wall [m]."""
 
+LONG_TRIPS = (0.0, 0.02, 0.1, 0.7)
+COARSE_TRIPS = {"none": (0.0, 0.02, 0.1), "mmt": (*LONG_TRIPS, 1.0)}
+"""Round trips [s] of the coarse map: as far as a scheme is meant to go."""
+
 STROKE = 0.04
 """How far it moves in free space before it presses [m]."""
 
@@ -151,7 +155,7 @@ def _all(arrangements: Sequence[tuple[str, str]], *, full: bool) -> Iterator[Cel
     yield from _hand(full=full)
     yield from _rate(full=full)
     for scheme, predictor in arrangements:
-        if scheme != "none":
+        if scheme != "none" and (full or scheme != "auto"):  # which is one of the others
             yield from _bad_link(scheme, predictor, full=full)
             yield from _other_hands(scheme, predictor, full=full)
     yield from _weber(*arrangements[-1], full=full)
@@ -159,8 +163,8 @@ def _all(arrangements: Sequence[tuple[str, str]], *, full: bool) -> Iterator[Cel
 
 def _stiffness_and_delay(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
     stiffnesses = _decades(10.0, 1e7, 2) if full else [10.0, 500.0, 1e4, 1e7]
-    trips = (0.0, 0.002, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0) if full else (0.0, 0.02, 0.1, 0.7)
-    for stiffness, trip in product(stiffnesses, (*trips, 1.0) if scheme == "mmt" and not full else trips):
+    trips = (0.0, 0.002, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0) if full else COARSE_TRIPS.get(scheme, LONG_TRIPS)
+    for stiffness, trip in product(stiffnesses, trips):
         yield Cell("stiffness x delay", scheme, predictor, stiffness_n_m=stiffness, round_trip_s=trip)
 
 
