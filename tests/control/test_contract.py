@@ -1,0 +1,159 @@
+"""One contract for both sides of every scheme of the table, whatever they are told."""
+
+from math import isfinite
+from typing import NamedTuple
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from control.contract import LinkQuality, MasterControl, Settings, SlaveControl, Surface, Vector
+from control.table import SCHEMES, build_master_control, build_slave_control
+from tests.control.vectors import forces, positions, vectors
+from tests.control.walls import Ball, Wall
+
+SETTINGS = Settings(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+every = pytest.mark.parametrize("name", SCHEMES)
+qualities = st.builds(LinkQuality, st.one_of(st.none(), st.floats(0.0, 2.0)), st.floats(0.0, 1.0))
+surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(Ball, st.floats(1.0, 1e6)))
+
+
+class MasterTick(NamedTuple):
+    """What the operator's side is told in a tick."""
+
+    news: tuple[Surface | None, Vector, Vector] | None
+    position: Vector
+    elapsed: float
+    peer_credit: int
+    quality: LinkQuality
+    force: Vector
+    share: float
+    """Of what is rendered, that is displayed."""
+
+
+class SlaveTick(NamedTuple):
+    """What the teleoperator's side is told in a tick."""
+
+    target: Vector
+    elapsed: float
+    peer_credit: int
+    quality: LinkQuality
+    moved: Vector
+    """Where the robot is put in the end, beside where it may go."""
+    force: Vector
+
+
+def master_ticks(
+    position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]
+) -> st.SearchStrategy[list[MasterTick]]:
+    return st.lists(
+        st.builds(
+            MasterTick,
+            st.one_of(st.none(), st.tuples(surfaces, force, position)),
+            position,
+            st.floats(0.0, 0.5),
+            st.integers(0, 10**6),
+            qualities,
+            force,
+            st.floats(0.0, 1.0),
+        ),
+        max_size=12,
+    )
+
+
+def slave_ticks(
+    position: st.SearchStrategy[Vector], force: st.SearchStrategy[Vector]
+) -> st.SearchStrategy[list[SlaveTick]]:
+    return st.lists(
+        st.builds(SlaveTick, position, st.floats(0.0, 0.5), st.integers(0, 10**6), qualities, position, force),
+        max_size=12,
+    )
+
+
+ordinary_master, ordinary_slave = master_ticks(positions, forces), slave_ticks(positions, forces)
+wild = st.one_of(vectors(1e30), vectors(1.0), vectors(1e-300))
+wild_master, wild_slave = master_ticks(wild, wild), slave_ticks(wild, wild)
+
+
+def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
+    """All that comes out of a side in these ticks, seen to be sound."""
+    out: list[object] = []
+    credit = control.credit
+    for tick in ticks:
+        if tick.news is not None:
+            control.learn(*tick.news)
+        control.observe(tick.position, tick.elapsed, tick.peer_credit, tick.quality)
+        force = control.render(tick.force)
+        assert all(map(isfinite, force))
+        control.displayed((force[0] * tick.share, force[1] * tick.share, force[2] * tick.share))
+        check(control, credit)
+        credit = control.credit
+        out.append((force, control.active, control.tank, credit))
+    return out
+
+
+def run_slave(control: SlaveControl, ticks: list[SlaveTick]) -> list[object]:
+    out: list[object] = []
+    credit, here = control.credit, (0.0, 0.0, 0.0)
+    for tick in ticks:
+        goal = control.follow(tick.target, here, tick.elapsed, tick.peer_credit, tick.quality)
+        assert all(map(isfinite, goal))
+        here = goal if tick.moved[0] > 0.0 else tick.moved
+        control.observe(here, tick.force)
+        check(control, credit)
+        credit = control.credit
+        out.append((goal, control.active, control.tank, credit))
+    return out
+
+
+def check(control: MasterControl | SlaveControl, credit: int) -> None:
+    assert isfinite(control.tank)
+    assert 0 <= control.active < len(SCHEMES)
+    assert control.credit >= credit >= 0
+
+
+@every
+@given(ticks=wild_master)
+@settings(max_examples=80)
+def test_nothing_finite_upsets_the_operators_side(name: str, ticks: list[MasterTick]) -> None:
+    run_master(build_master_control(name, SETTINGS), ticks)
+
+
+@every
+@given(ticks=wild_slave)
+@settings(max_examples=80)
+def test_nothing_finite_upsets_the_teleoperators_side(name: str, ticks: list[SlaveTick]) -> None:
+    run_slave(build_slave_control(name, SETTINGS), ticks)
+
+
+@every
+@given(before=ordinary_master, after=ordinary_master)
+@settings(max_examples=50)
+def test_a_reset_operators_side_is_as_a_new_one(name: str, before: list[MasterTick], after: list[MasterTick]) -> None:
+    control = build_master_control(name, SETTINGS)
+    run_master(control, before)
+    control.reset()
+    assert run_master(control, after) == run_master(build_master_control(name, SETTINGS), after)
+
+
+@every
+@given(before=ordinary_slave, after=ordinary_slave)
+@settings(max_examples=50)
+def test_a_reset_teleoperators_side_is_as_a_new_one(name: str, before: list[SlaveTick], after: list[SlaveTick]) -> None:
+    control = build_slave_control(name, SETTINGS)
+    run_slave(control, before)
+    control.reset()
+    assert run_slave(control, after) == run_slave(build_slave_control(name, SETTINGS), after)
+
+
+@every
+def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
+    master, slave = build_master_control(name, SETTINGS), build_slave_control(name, SETTINGS)
+    quality = LinkQuality(0.05, 0.0)
+    for tick in range(200):
+        depth = 1e-4 * tick
+        master.observe((0.0, 0.0, -depth), 1e-3, 0, quality)
+        master.displayed((0.0, 0.0, 500.0 * depth))
+        slave.follow((0.0, 0.0, 0.0), (0.0, 0.0, -depth), 1e-3, 2000, quality)
+        slave.observe((0.0, 0.0, -depth), (0.0, 0.0, 0.0))
+    assert (master.credit > 0) == (slave.credit > 0) == SCHEMES[name].carries_credit

@@ -1,0 +1,150 @@
+"""The operator's port: exact work, and a force that only ever gets smaller, by as much as the tank is short of."""
+
+from math import isfinite
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from control.contract import ZERO, Vector
+from control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
+from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
+
+TICK = 1e-3
+tanks = st.floats(-0.01, 0.03)
+histories = st.lists(st.tuples(steps, forces, tanks), max_size=20)
+
+
+def after(history: list[tuple[Vector, Vector, float]]) -> tuple[ForcePort, Vector]:
+    """A port that has gone these steps, with what it was allowed of these forces; and the force that it holds."""
+    port, at, held = ForcePort(TICK), ZERO, ZERO
+    for step, force, tank in history:
+        at = add(at, step)
+        port.move(at)
+        held = port.passive(force, tank, TICK)
+        port.hold(held)
+    return port, held
+
+
+@given(st.lists(st.tuples(positions, forces), max_size=40))
+def test_work_is_that_of_the_held_force_over_the_way(ticks: list[tuple[Vector, Vector]]) -> None:
+    port = ForcePort(TICK)
+    booked = expected = 0.0
+    before, held = None, ZERO
+    for position, force in ticks:
+        booked += port.move(position)
+        if before is not None:
+            expected -= dot(held, subtract(position, before))
+        port.hold(force)
+        before, held = position, force
+    assert booked == pytest.approx(expected, abs=1e-12)
+
+
+@given(history=histories, force=forces, tank=tanks, elapsed=st.floats(0.0, 0.1))
+def test_a_force_keeps_its_direction_and_never_grows(
+    history: list[tuple[Vector, Vector, float]], force: Vector, tank: float, elapsed: float
+) -> None:
+    port, _ = after(history)
+    passed = port.passive(force, tank, elapsed)
+    assert norm(passed) <= norm(force) * (1.0 + 1e-12)
+    assert dot(passed, force) == pytest.approx(norm(passed) * norm(force), rel=1e-9, abs=1e-12)
+
+
+@given(history=histories, force=forces, tank=tanks, elapsed=st.floats(0.0, 0.1))
+def test_no_more_than_its_share_of_the_tank_leaves_if_the_hand_goes_on_as_it_did(
+    history: list[tuple[Vector, Vector, float]], force: Vector, tank: float, elapsed: float
+) -> None:
+    """And gives way to a change of force as one does that is not light."""
+    port, held = after(history)
+    passed = port.passive(force, tank, elapsed)
+    heavy = 0.5 * TICK * TICK / LEAST_MASS
+    foreseen = dot(passed, port.way) + heavy * max(0.0, dot(passed, subtract(passed, held)))
+    assert foreseen <= max(0.0, SHARE_OF_TANK * tank) * (1.0 + 1e-9) + 1e-15
+
+
+@given(history=histories, force=forces, elapsed=st.floats(0.0, 0.01))
+def test_a_force_rises_no_steeper_than_a_ramp(
+    history: list[tuple[Vector, Vector, float]], force: Vector, elapsed: float
+) -> None:
+    port, held = after(history)
+    assert norm(port.passive(force, 1.0, elapsed)) <= norm(held) + STEEPEST * elapsed + 1e-9
+
+
+@given(histories, forces)
+def test_with_enough_in_the_tank_the_force_comes_back_whole(
+    history: list[tuple[Vector, Vector, float]], force: Vector
+) -> None:
+    port, _ = after(history)
+    port.move(port.position)
+    for _ in range(round(6.0 * RECOVERY / TICK)):
+        port.move(port.position)
+        passed = port.passive(force, 1e3, TICK)
+        port.hold(passed)
+    assert norm(subtract(passed, force)) <= 0.01 * 30.0 * 3.0**0.5
+
+
+@given(force=forces, tank=st.floats(-1.0, 0.0))
+def test_an_empty_tank_lets_no_force_push_a_hand_out(force: Vector, tank: float) -> None:
+    port = ForcePort(TICK)
+    port.move(ZERO)
+    port.move(scale(force, 1e-6))
+    passed = port.passive(force, tank, TICK)
+    assert dot(passed, force) <= 1e-12
+
+
+@given(
+    st.lists(st.tuples(vectors(1e30), vectors(1e30), st.floats(-1e30, 1e30), st.floats(0.0, 1e3)), max_size=10),
+)
+def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vector, float, float]]) -> None:
+    port = ForcePort(TICK)
+    for position, force, tank, elapsed in ticks:
+        assert isfinite(port.move(position))
+        passed = port.passive(force, tank, elapsed)
+        assert all(map(isfinite, passed))
+        port.hold(passed)
+    assert isfinite(port.mobility)
+
+
+@given(st.lists(st.tuples(vectors(1e-300), vectors(1e-300), st.floats(0.0, 1e-300)), max_size=10))
+def test_nor_does_anything_tiny(ticks: list[tuple[Vector, Vector, float]]) -> None:
+    port = ForcePort(TICK)
+    for position, force, tank in ticks:
+        port.move(position)
+        assert all(map(isfinite, port.passive(force, tank, TICK)))
+        port.hold(force)
+
+
+@given(mass=st.floats(0.001, 0.04))
+@settings(max_examples=20)
+def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: float) -> None:
+    """A free mass goes T^2 / 2m for each N more in the tick in which it acts."""
+    port, at, speed = ForcePort(TICK), 0.0, 0.0
+    for tick in range(10):
+        port.move((at, 0.0, 0.0))
+        force = float(tick % 2)
+        port.hold((force, 0.0, 0.0))
+        at += speed * TICK + 0.5 * force / mass * TICK * TICK
+        speed += force / mass * TICK
+    assert port.mobility == pytest.approx(0.5 * TICK * TICK / mass, rel=0.03)
+
+
+@pytest.mark.parametrize("jump", [0.001, 0.01, 0.1])
+def test_one_wrong_sample_does_not_take_the_force_away_for_good(jump: float) -> None:
+    """A hand that is still and pressed with 5 N; then a reading that is off, at a change of force."""
+    port, wanted = ForcePort(TICK), (0.0, 0.0, 5.0)
+    for tick in range(2000):
+        port.move((0.0, 0.0, jump if tick == 10 else 0.0))
+        passed = port.passive(wanted, 0.015, TICK)
+        port.hold(passed)
+    assert norm(passed) >= 4.9
+
+
+def test_reset_forgets() -> None:
+    port, _ = after([((0.001, 0.0, 0.0), (float(i), 0.0, 0.0), 1.0) for i in range(10)])
+    port.reset()
+    fresh = ForcePort(TICK)
+    for one in (port, fresh):
+        assert one.move((5.0, 0.0, 0.0)) == 0.0
+    assert port.way == fresh.way == ZERO
+    assert port.mobility == fresh.mobility
+    assert port.passive((1.0, 2.0, 3.0), 0.01, TICK) == fresh.passive((1.0, 2.0, 3.0), 0.01, TICK)

@@ -1,0 +1,128 @@
+"""Which model the operator feels: kept where a sample agrees with it, dropped where one contradicts it."""
+
+import pytest
+
+from control.contract import ZERO, LinkQuality, Settings, Vector
+from control.mmt import MmtMaster, agree
+from tests.control.vectors import largest_step, norm
+from tests.control.walls import Wall
+
+TICK = 1e-3
+WALL = Wall(500.0)
+DEPTH = 0.005
+INSIDE = (0.0, 0.0, -DEPTH)
+PRESSED = (0.0, 0.0, 500.0 * DEPTH)
+QUALITY = LinkQuality(0.7, 0.0)
+
+
+class Operator:
+    """A hand that goes where it likes, and what it was given on the way."""
+
+    def __init__(self) -> None:
+        self.control = MmtMaster(Settings(TICK, 30.0, 0.05, 5.0, 0.25))
+        self.at = 0.002
+        self.forces: list[Vector] = []
+
+    def go(self, height: float, ticks: int) -> Vector:
+        """To a height [m], evenly; returns the last force."""
+        start = self.at
+        for tick in range(1, ticks + 1):
+            self.at = start + (height - start) * tick / ticks
+            self.control.observe((0.0, 0.0, self.at), TICK, 0, QUALITY)
+            force = self.control.render((9.0, 9.0, 9.0))
+            self.control.displayed(force)
+            self.forces.append(force)
+        return self.forces[-1]
+
+    @classmethod
+    def pressing(cls) -> "Operator":
+        """Who was told of the wall in front of it, and presses on it now."""
+        operator = cls()
+        operator.control.learn(WALL, PRESSED, INSIDE)
+        operator.go(0.002, 300)
+        operator.go(-DEPTH, 100)
+        operator.go(-DEPTH, 500)
+        return operator
+
+
+def test_a_model_that_came_in_free_space_is_felt_at_once_and_whole() -> None:
+    operator = Operator()
+    operator.control.learn(WALL, PRESSED, INSIDE)
+    operator.go(0.002, 300)
+    for depth in (0.001, 0.002, DEPTH):
+        operator.go(-depth, 50)
+        felt = operator.go(-depth, 2)  # at rest, without drag
+        assert felt[2] == pytest.approx(500.0 * depth, rel=0.1)
+        assert felt[:2] == (0.0, 0.0)
+
+
+def test_it_is_the_model_that_is_felt_and_not_what_was_decoded() -> None:
+    assert Operator().go(-DEPTH, 100) == pytest.approx(ZERO, abs=1.0)  # drag, of a hand that moves
+
+
+@pytest.mark.parametrize(
+    ("force", "position"),
+    [
+        (ZERO, (0.0, 0.0, 0.01)),
+        ((0.0, 0.0, 2.3), INSIDE),
+        ((0.0, 0.2, 2.6), INSIDE),
+        ((0.0, 0.0, 0.04), (0.0, 0.0, 0.0001)),
+    ],
+    ids=["free space in front of it", "less, but nearly", "aslant, but nearly", "noise"],
+)
+def test_a_sample_that_agrees_keeps_the_model(force: Vector, position: Vector) -> None:
+    operator = Operator.pressing()
+    operator.control.learn(None, force, position)
+    assert operator.go(-DEPTH, 500) == pytest.approx(PRESSED, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("force", "position"),
+    [
+        (ZERO, INSIDE),
+        ((0.0, 0.0, 1.0), INSIDE),
+        ((0.0, 0.0, 1.0), (0.0, 0.0, 0.01)),
+        ((2.5, 0.0, 0.0), INSIDE),
+    ],
+    ids=["the wall is gone", "softer", "another wall in front", "another direction"],
+)
+def test_a_sample_that_contradicts_drops_the_model_and_is_held(force: Vector, position: Vector) -> None:
+    operator = Operator.pressing()
+    operator.control.learn(None, force, position)
+    assert operator.go(-DEPTH, 3000) == pytest.approx(force, abs=0.02)
+    assert operator.go(-0.5 * DEPTH, 1) != PRESSED
+
+
+def test_a_new_model_takes_the_place_of_what_is_held() -> None:
+    operator = Operator.pressing()
+    operator.control.learn(None, (1.0, 0.0, 0.0), INSIDE)
+    operator.go(-DEPTH, 1000)
+    operator.control.learn(WALL, PRESSED, INSIDE)
+    felt = operator.go(-DEPTH, 3000)
+    assert felt[0] == pytest.approx(0.0, abs=0.02)
+    assert felt[2] > 0.5
+
+
+def test_no_change_of_the_model_jumps() -> None:
+    """A tick of the turn from one to the other, or the ramp of what rises."""
+    operator = Operator.pressing()
+    for force in (ZERO, (0.0, 0.0, 5.0), (3.0, 0.0, 0.0), PRESSED):
+        before = len(operator.forces) - 1
+        operator.control.learn(WALL if force is PRESSED else None, force, INSIDE)
+        operator.go(-DEPTH, 1000)
+        assert largest_step(operator.forces[before:]) <= 10.0 * TICK / 0.05
+
+
+def test_reset_forgets_the_model() -> None:
+    operator = Operator.pressing()
+    operator.control.reset()
+    assert operator.go(-DEPTH, 100) == ZERO
+    assert operator.control.tank == 0.0
+
+
+def test_forces_agree_by_share_and_by_floor() -> None:
+    assert agree((0.0, 0.0, 1.0), (0.0, 0.0, 0.81))
+    assert not agree((0.0, 0.0, 1.0), (0.0, 0.0, 0.79))
+    assert agree(ZERO, (0.0, 0.0, 0.05))
+    assert not agree(ZERO, (0.0, 0.0, 0.06))
+    assert norm(ZERO) == 0.0

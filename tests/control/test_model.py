@@ -1,0 +1,189 @@
+"""The mixture of surfaces: conservative while it rests, and never dearer to change than it may be."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from itertools import islice, pairwise
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from control.contract import Surface, Vector
+from control.model import MOST_SURFACES, SurfaceMixture
+from tests.control.vectors import norm, subtract, vectors
+from tests.control.walls import Ball, Wall
+
+TICK = 1e-3
+TURN = 0.02
+"""Share of the weight that moves in a tick."""
+stiffnesses = st.floats(10.0, 3000.0)
+surfaces = st.one_of(
+    st.builds(Wall, stiffnesses, st.floats(-0.02, 0.02)),
+    st.builds(Ball, stiffnesses, st.tuples(st.floats(-0.01, 0.01), st.floats(-0.01, 0.01), st.floats(-0.06, -0.03))),
+)
+hands = vectors(0.03)
+changes = st.lists(
+    st.tuples(st.one_of(st.none(), surfaces), hands, st.integers(0, 30), st.floats(-0.1, 0.5)), max_size=8
+)
+Change = tuple[Surface | None, Vector, int, float]
+
+
+def changed(course: list[Change]) -> SurfaceMixture:
+    """A mixture that wanted these, for so many ticks each, with so much energy to spare."""
+    mixture = SurfaceMixture()
+    for surface, hand, ticks, spare in course:
+        mixture.want(surface, hand)
+        for _ in range(ticks):
+            mixture.turn(TURN, hand, TICK, spare)
+    return mixture
+
+
+@given(changes, hands)
+def test_at_rest_the_force_is_the_slope_of_what_is_stored(course: list[Change], hand: Vector) -> None:
+    """So the work around any closed path is zero."""
+    mixture, nudge = changed(course), 1e-7
+    force, _ = mixture.at(hand)
+    for axis in range(3):
+        aside = [list(hand), list(hand)]
+        aside[0][axis] -= nudge
+        aside[1][axis] += nudge
+        before, after = (mixture.at((x, y, z))[1] for x, y, z in aside)
+        assert -(after - before) / (2.0 * nudge) == pytest.approx(force[axis], abs=2.0 * 3000.0 * nudge + 1e-6)
+
+
+@given(changes, st.lists(hands, min_size=2, max_size=6))
+def test_work_around_a_closed_path_is_zero(course: list[Change], corners: list[Vector]) -> None:
+    mixture, work, pieces = changed(course), 0.0, 400
+    for start, end in pairwise([*corners, corners[0]]):
+        way = subtract(end, start)
+        force, _ = mixture.at(start)
+        for piece in range(1, pieces + 1):
+            share = piece / pieces
+            then, _ = mixture.at((start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2]))
+            work += sum(0.5 * (f + g) * d / pieces for f, g, d in zip(force, then, way, strict=True))
+            force = then
+    step = 0.11 / pieces
+    assert abs(work) <= len(corners) * 4.0 * 3000.0 * step * step * MOST_SURFACES
+
+
+@given(changes, st.one_of(st.none(), surfaces), hands, hands, st.floats(0.0, 1.0), st.floats(-0.1, 0.5))
+def test_a_change_stores_no_more_than_there_is_to_spare(
+    course: list[Change], surface: Surface | None, wanted_at: Vector, hand: Vector, share: float, spare: float
+) -> None:
+    mixture = changed(course)
+    mixture.want(surface, wanted_at)
+    for _ in range(3):
+        _, before = mixture.at(hand)
+        mixture.turn(share, hand, TICK, spare)
+        _, after = mixture.at(hand)
+        assert after - before <= max(0.0, spare) + 1e-12
+
+
+@given(changes, hands)
+def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course: list[Change], hand: Vector) -> None:
+    """Weights are shares that add up to one at most."""
+    force, stored = changed(course).at(hand)
+    alone = [(norm(surface.at(0.0, hand)), surface.stiffness) for surface, *_ in course if surface is not None]
+    assert norm(force) <= max((pressed for pressed, _ in alone), default=0.0) * (1.0 + 1e-9)
+    most = max((0.5 * pressed * pressed / stiffness for pressed, stiffness in alone), default=0.0)
+    assert 0.0 <= stored <= most * (1.0 + 1e-9)
+
+
+@given(changes, surfaces, hands)
+def test_wanting_changes_no_force_by_itself(course: list[Change], surface: Surface, hand: Vector) -> None:
+    assume(len(course) < MOST_SURFACES)
+    mixture = changed(course)
+    before, _ = mixture.at(hand)
+    mixture.want(surface, hand)
+    assert mixture.at(hand)[0] == pytest.approx(before)
+
+
+@given(changes, surfaces, hands)
+def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], surface: Surface, hand: Vector) -> None:
+    mixture = changed(course)
+    mixture.want(surface, hand)
+    for _ in range(2000):
+        mixture.turn(TURN, hand, TICK, 1.0)
+    assert mixture.wanted == surface
+    force, stored = mixture.at(hand)
+    wanted = surface.at(0.0, hand)
+    assert norm(subtract(force, wanted)) <= 1e-6
+    assert stored == pytest.approx(0.5 * norm(wanted) ** 2 / surface.stiffness, abs=1e-8)
+
+
+@given(changes, hands)
+def test_free_space_is_reached_whatever_is_owed(course: list[Change], hand: Vector) -> None:
+    mixture = changed(course)
+    mixture.want(None, hand)
+    for _ in range(300):
+        mixture.turn(TURN, hand, TICK, -1.0)
+    assert mixture.wanted is None
+    assert mixture.at(hand) == ((0.0, 0.0, 0.0), 0.0)
+
+
+@given(surfaces, surfaces, hands)
+def test_what_takes_energy_is_turned_into_even_in_debt(first: Surface, second: Surface, hand: Vector) -> None:
+    mixture = changed([(first, hand, 2000, 1.0)])
+    _, stored = mixture.at(hand)
+    mixture.want(second, hand)
+    for _ in range(100):
+        mixture.turn(TURN, hand, TICK, -1.0)
+    force, after = mixture.at(hand)
+    assert after <= stored + 1e-12
+    felt, wanted = norm(first.at(0.0, hand)), norm(second.at(0.0, hand))
+    if wanted <= felt and wanted**2 / second.stiffness < 0.9 * felt**2 / first.stiffness:
+        assert norm(subtract(force, second.at(0.0, hand))) <= 0.01 * felt + 1e-6
+
+
+@dataclass(frozen=True)
+class Counted(Wall):
+    """A wall that counts how often it is asked."""
+
+    asked: Counter[str] = field(default_factory=Counter, compare=False)
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        self.asked["at"] += 1
+        return super().at(tick, position)
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.floats(-0.1, 0.5)), max_size=60))
+def test_it_never_holds_more_than_a_few_surfaces(course: list[tuple[int, float]]) -> None:
+    asked: Counter[str] = Counter()
+    hand = (0.0, 0.0, -0.01)
+    mixture = SurfaceMixture()
+    for number, (ticks, spare) in enumerate(course):
+        mixture.want(Counted(500.0, 1e-4 * number, asked), hand)
+        for _ in range(ticks):
+            mixture.turn(TURN, hand, TICK, spare)
+        before = asked["at"]
+        mixture.at(hand)
+        assert asked["at"] - before <= MOST_SURFACES
+
+
+@pytest.mark.parametrize("ticks", [3, 10, 30, 100])
+def test_updates_in_quick_succession_do_not_wear_the_wall_away(ticks: int) -> None:
+    """More surfaces than it may hold, each of which gets but little weight: the force is that of all of them."""
+    hand = (0.0, 0.0, -0.01)
+    mixture = changed([(Wall(500.0), hand, 1000, 1.0)])
+    for number in range(1, 60):
+        mixture.want(Wall(500.0, 1e-6 * number), hand)
+        for _ in range(ticks):
+            mixture.turn(TURN, hand, TICK, 1.0)
+            assert norm(mixture.at(hand)[0]) >= 0.85 * 5.0
+
+
+def test_reset_forgets() -> None:
+    mixture = changed([(Wall(), (0.0, 0.0, -0.01), 100, 1.0)])
+    mixture.reset()
+    assert mixture.wanted is None
+    assert mixture.at((0.0, 0.0, -0.01)) == ((0.0, 0.0, 0.0), 0.0)
+
+
+def test_the_strategy_does_make_mixtures() -> None:
+    """Or the laws above would hold of free space only."""
+    walls = [Wall(500.0, 0.001 * number) for number in range(4)]
+    mixture = changed([(wall, (0.0, 0.0, -0.01), 15, 0.5) for wall in walls])
+    force, stored = mixture.at((0.0, 0.0, -0.01))
+    heaviest = [wall.at(0.0, (0.0, 0.0, -0.01)) for wall in islice(walls, 3, None)]
+    assert 0.1 < norm(force) < norm(heaviest[0])
+    assert stored > 0.0
