@@ -11,7 +11,7 @@ from one to the other within `HANDOVER`, which is the lag of a change. What is o
 forgotten slowly, so that a loop which is active all the same shows, and is taken under control.
 """
 
-from control.choice import TDPA, SchemeChoice
+from control.choice import MMT, TDPA, SchemeChoice
 from control.contract import LinkQuality, MasterControl, Settings, Surface, Vector
 from control.direct import DirectMaster
 from control.mmt import MmtMaster
@@ -24,15 +24,14 @@ HANDOVER = 0.2
 class AutoMaster:
     """The operator's side of all schemes, of which one is displayed."""
 
-    __slots__ = ("_choice", "_elapsed", "_leaving", "_schemes", "_share", "_tdpa")
+    __slots__ = ("_choice", "_leaving", "_mmt", "_schemes", "_share", "_tdpa")
 
     def __init__(self, settings: Settings) -> None:
-        self._tdpa = TdpaMaster(settings)
-        self._schemes: tuple[MasterControl, ...] = (DirectMaster(settings), self._tdpa, MmtMaster(settings))
+        self._tdpa, self._mmt = TdpaMaster(settings), MmtMaster(settings)
+        self._schemes: tuple[MasterControl, ...] = (DirectMaster(settings), self._tdpa, self._mmt)
         self._choice = SchemeChoice(settings.level)
         self._leaving = self._choice.active
         self._share = 1.0
-        self._elapsed = 0.0
 
     @property
     def active(self) -> int:
@@ -66,8 +65,9 @@ class AutoMaster:
             self._share = 0.0
         if self.active != TDPA:
             self._tdpa.forgive(elapsed)
+        if self.active != MMT:
+            self._mmt.forgive(elapsed)
         self._share = min(1.0, self._share + elapsed / HANDOVER)
-        self._elapsed = elapsed
 
     def render(self, force: Vector) -> Vector:
         wanted = self._schemes[self.active].render(force)

@@ -18,7 +18,7 @@ from control.contract import ZERO, LinkQuality, Settings, Surface, Vector
 from control.drag import LevelDrag
 from control.force_port import ForcePort
 from control.model import SurfaceMixture
-from control.tank import EnergyTank
+from control.tank import FORGIVENESS, EnergyTank
 
 TURN = 0.05
 """Time in which a new model replaces the old one, where energy allows it [s]."""
@@ -89,6 +89,10 @@ class MmtMaster:
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
+
+    def forgive(self, elapsed: float) -> None:
+        """Forget a debt by and by while another scheme is displayed."""
+        self._tank.forgive(elapsed / FORGIVENESS)
 
 
 def toward(start: Vector, goal: Vector, share: float) -> Vector:

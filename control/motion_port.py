@@ -5,16 +5,18 @@ which is exact for a spring. Within a step a stiff contact may open, and gives b
 range of the sensor, and takes more: both are booked so that a wall never seems to give more than it took.
 """
 
-from math import inf, sqrt
+from math import hypot, inf, sqrt
 
 from control.contract import ZERO, Vector
 
 CAUTION = 4.0
 """A wall may be this much stiffer than it has shown yet."""
+LEAST_CONTACT = 0.05
+"""Force from which on the robot counts as touching something [N]: less is the noise of a sensor."""
 SATURATED = 0.999
 """Part of its range from which a sensor is at it."""
-LONGEST_RETREAT = 1e-4
-"""Longest step back from a wall in a tick, to get back what was overdrawn [m]."""
+LONGEST_RETREAT = 5e-5
+"""Longest step back from a wall in a tick that an empty tank allows, whatever may be behind [m]."""
 SHORTEST_WAY = 1e-6
 """Shorter steps say nothing about stiffness [m]."""
 
@@ -32,7 +34,7 @@ class MotionPort:
         debt: what sliding along a surface may overdraw [J].
     """
 
-    __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness", "_taken")
+    __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness", "_taken", "_touches")
 
     def __init__(self, force_range: float, debt: float) -> None:
         self._force_range = force_range
@@ -44,21 +46,23 @@ class MotionPort:
         self._force: Vector = ZERO
         self._stiffness = inf
         self._taken = 0.0
+        self._touches = False
 
     def book(self, position: Vector, force: Vector) -> float:
         """The robot was told to be here and feels this [N]; returns the work done on the environment [J]."""
-        before, earlier = self._position, self._force
+        before, earlier, touched = self._position, self._force, self._touches
         self._position, self._force = position, force
+        self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         if before is None:
             return 0.0
         x, y, z = position[0] - before[0], position[1] - before[1], position[2] - before[2]
         work = -0.5 * ((earlier[0] + force[0]) * x + (earlier[1] + force[1]) * y + (earlier[2] + force[2]) * z)
-        if force == ZERO:
+        if not self._touches:
             work = max(work, -max(0.0, self._taken))
         elif work > 0.0 and self._is_saturated(force):
             work = max(work, -(force[0] * x + force[1] * y + force[2] * z))
-        self._taken = self._taken + work if force != ZERO else 0.0  # since this contact began
-        self._learn_stiffness(x * x + y * y + z * z, earlier)
+        self._taken = self._taken + work if self._touches else 0.0  # since this contact began
+        self._learn_stiffness(x * x + y * y + z * z, earlier, touched=touched)
         return work
 
     def _is_saturated(self, force: Vector) -> bool:
@@ -66,11 +70,11 @@ class MotionPort:
         squared = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
         return squared >= SATURATED * SATURATED * self._force_range * self._force_range
 
-    def _learn_stiffness(self, squared_way: float, earlier: Vector) -> None:
+    def _learn_stiffness(self, squared_way: float, earlier: Vector, *, touched: bool) -> None:
         force = self._force
-        if force == ZERO:
+        if not self._touches:
             self._stiffness = inf
-        elif earlier != ZERO and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # a first touch shows a part of it only
+        elif touched and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # a first touch shows a part of it only
             x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
             seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
             self._stiffness = seen if self._stiffness == inf else max(seen, self._stiffness)
@@ -85,6 +89,8 @@ class MotionPort:
         against = -(force[0] * x + force[1] * y + force[2] * z)
         jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # to the mean of now and the range
         share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
+        if against < 0.0 and self._touches:  # out of the wall that it touches
+            share = max(share, min(1.0, LONGEST_RETREAT / squared**0.5))
         if share == 1.0:
             return target
         pressed = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]

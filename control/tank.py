@@ -10,6 +10,9 @@ energy and never makes or destroys it.
 
 from control.contract import CREDIT_STEP
 
+FORGIVENESS = 10.0
+"""Time constant with which a debt is forgotten that was made while nothing was controlled [s]."""
+
 
 class EnergyTank:
     """Energy [J] of one side. Its level may fall below 0 by what a tick took that was foreseen to take less."""

@@ -19,7 +19,7 @@ from control.drag import LevelDrag
 from control.force_port import ForcePort
 from control.motion_port import MotionPort
 from control.prediction import CreditPrediction
-from control.tank import EnergyTank
+from control.tank import FORGIVENESS, EnergyTank
 
 SHARE_AT_MASTER = 0.3
 """Level of the master's tank as a share of the slave's."""
@@ -31,9 +31,6 @@ KEPT = 0.5
 """Share of its level that the master's tank keeps in contact: a resting hand trembles, and gives and takes energy."""
 PREDICTED = 0.004
 """Most that is predicted of unheard credit, as a share of the level."""
-
-FORGIVENESS = 10.0
-"""Time constant with which a debt is forgotten that was made without control [s]."""
 SLIDING_DEBT = 0.004
 """What the robot may overdraw by sliding along a surface, as a share of the level."""
 

@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from control.contract import ZERO, Vector
-from control.motion_port import CAUTION, MotionPort, affordable_share
+from control.motion_port import CAUTION, LEAST_CONTACT, MotionPort, affordable_share
 from tests.control.vectors import add, dot, norm, positions, scale, steps, subtract, vectors
 
 RANGE = 30.0
@@ -69,11 +69,12 @@ def test_work_on_a_spring_is_the_energy_that_it_stores(normal: Vector, stiffness
     """As long as the contact does not open: the force changes linearly within each step."""
     normal = scale(normal, 1.0 / norm(normal))
     port, at, done = MotionPort(inf, DEBT), ZERO, 0.0
+    pressed = 2.0 * LEAST_CONTACT / stiffness + sum(map(norm, way))  # so deep that no way leads out
     for step in [ZERO, *way]:
         at = add(at, step)
-        done += port.book(at, scale(normal, -stiffness * dot(at, normal)))
-    stored = 0.5 * stiffness * dot(at, normal) ** 2
-    assert done == pytest.approx(stored, rel=1e-9, abs=1e-9 * stiffness)
+        done += port.book(at, scale(normal, stiffness * (pressed - dot(at, normal))))
+    stored = 0.5 * stiffness * ((pressed - dot(at, normal)) ** 2 - pressed**2)
+    assert done == pytest.approx(stored, rel=1e-9, abs=1e-9 * stiffness * (1.0 + pressed) ** 2)
 
 
 @given(at=positions, way=st.lists(steps, max_size=20), tank=costs)
@@ -203,3 +204,26 @@ def test_reset_forgets() -> None:
     fresh.book((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     step = (1.0, 0.0, -0.001)
     assert port.affordable(step, (1.0, 0.0, 0.0), 1e-4) == fresh.affordable(step, (1.0, 0.0, 0.0), 1e-4)
+
+
+def test_an_overdrawn_robot_yields_to_the_wall_until_it_is_even() -> None:
+    stiffness, debt = 1e4, 2e-3
+    port = pressed(stiffness, 1e-3)
+    here, target = (0.0, 0.0, -1e-3), (0.0, 0.0, -1e-2)
+    tank = -debt
+    for _ in range(200):
+        here = port.affordable(target, here, tank)
+        tank -= port.book(here, (0.0, 0.0, max(0.0, -stiffness * here[2])))
+    assert here[2] > -1e-3
+    assert tank == pytest.approx(0.0, abs=0.1 * debt)
+
+
+def test_the_noise_of_a_sensor_is_no_contact() -> None:
+    """Else what a wall was like would never be forgotten, nor what it took."""
+    port = pressed(1e5, 1e-4)
+    for height in (0.001, 0.002):
+        port.book((0.0, 0.0, height), (0.0, 0.0, 0.9 * LEAST_CONTACT))
+    # A new wall may be anywhere: the step is as short as its reaching the range at once would ask for.
+    here = (0.0, 0.0, 0.002)
+    there = port.affordable((0.0, 0.0, 0.0), here, 1e-3)
+    assert 0.5 * RANGE * (here[2] - there[2]) == pytest.approx(1e-3, rel=0.05)
