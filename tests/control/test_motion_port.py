@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from control.contract import ZERO, Vector
-from control.motion_port import CAUTION, LEAST_CONTACT, MotionPort, affordable_share
+from control.motion_port import CAUTION, LEAST_CONTACT, LONGEST_RETREAT, MotionPort, affordable_share
 from tests.control.vectors import add, dot, norm, positions, scale, steps, subtract, vectors
 
 RANGE = 30.0
@@ -130,11 +130,15 @@ def test_no_step_costs_more_than_the_tank_at_a_wall_that_is_not_much_stiffer_tha
 def test_no_step_costs_more_than_the_tank_where_a_wall_may_be_anywhere(
     force: float, step: Vector, tank: float, then: Vector
 ) -> None:
-    """Nothing is known of its stiffness: the force, along the step or against it, jumps to its range anyhow."""
+    """Nothing is known of its stiffness: the force, along the step or against it, jumps to its range anyhow.
+
+    But for the short step that is always allowed out of a wall.
+    """
     port, now = MotionPort(RANGE, DEBT), scale(step, force / norm(step))
     port.book(ZERO, now)
     there = port.affordable(step, ZERO, tank)
-    assert mean_work(there, now, scale(then, RANGE / norm(then))) <= tank + 1e-9
+    spared = 0.5 * RANGE * LONGEST_RETREAT if force > LEAST_CONTACT else 0.0
+    assert mean_work(there, now, scale(then, RANGE / norm(then))) <= max(tank, spared) + 1e-9
 
 
 @given(
