@@ -31,6 +31,7 @@ bench: $(DEV)  ## run time of a tick's codec work, beside its limit
 	$(BIN)/python -m benchmarks.codec_tick
 
 figures: $(DEV)  ## every figure of the README, with its numbers beside it
+	mkdir -p docs/figures
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink evaluate configs/traces/operator.csv --weber 0.025,0.05,0.1,0.15,0.2,0.3 --plots docs/figures
