@@ -14,7 +14,8 @@ STEEPEST = 300.0
 """A received force may rise this fast [N/s]: a new model comes as a steep ramp and not as a blow, a millisecond
 late for each N."""
 RECOVERY = 0.2
-"""Time in which a force that was held back comes back whole [s]."""
+"""Time constant with which a force that was held back comes back while the tank is full [s]; the slower the emptier it
+is, or what comes back would be taken again and be felt as a saw."""
 LEAST_MASS = 0.05
 """Hand and handle are taken to be at least as light as this, until they show that they are lighter [kg]."""
 LEAST_STEP = 0.1
@@ -32,9 +33,26 @@ class ForcePort:
     the wall keeps its stiffness and lies deeper instead, and the control does not chatter between force and none.
     """
 
-    __slots__ = ("_held", "_lately", "_least_mobility", "_mobility", "_position", "_step", "_way", "_withheld")
+    __slots__ = (
+        "_held",
+        "_lately",
+        "_least_mobility",
+        "_level",
+        "_mobility",
+        "_position",
+        "_step",
+        "_way",
+        "_withheld",
+    )
 
-    def __init__(self, tick_period: float) -> None:
+    def __init__(self, tick_period: float, level: float) -> None:
+        """Make the port.
+
+        Args:
+            tick_period: [s].
+            level: energy at which the tank counts as full [J].
+        """
+        self._level = level
         self._least_mobility = tick_period * tick_period / (2.0 * LEAST_MASS)
         self.reset()
 
@@ -96,7 +114,7 @@ class ForcePort:
             self._withheld = 0.0
             return ZERO
         self._withheld = max(
-            self._withheld * max(0.0, 1.0 - elapsed / RECOVERY),
+            self._withheld * max(0.0, 1.0 - elapsed / RECOVERY * min(1.0, max(0.0, tank) / self._level)),
             length * (1.0 - self._affordable_share(force, tank)),
         )
         held = self._held

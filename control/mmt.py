@@ -41,7 +41,7 @@ class MmtMaster:
     def __init__(self, settings: Settings) -> None:
         self._level = settings.level
         self._drag = LevelDrag(settings.damping, self._level)
-        self._port = ForcePort(settings.tick_period)
+        self._port = ForcePort(settings.tick_period, self._level)
         self._tank = EnergyTank()
         self._mixture = SurfaceMixture()
         self._fallback: Vector = ZERO

@@ -45,7 +45,7 @@ class TdpaMaster:
     def __init__(self, settings: Settings) -> None:
         self._level = SHARE_AT_MASTER * settings.level
         self._drag = LevelDrag(settings.damping, self._level)
-        self._port = ForcePort(settings.tick_period)
+        self._port = ForcePort(settings.tick_period, self._level)
         self._tank = EnergyTank()
         self._elapsed = 0.0
         self._in_contact = False

@@ -196,7 +196,7 @@ def _bad_link(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
 
 def _other_hands(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
     """A delayed and lossy link under control, with hands and rates other than the default ones."""
-    hands = tuple(product((0.001, 0.03, 1.0, 10.0), (0.5, 8.0, 50.0))) if full else ((0.01, 2.0), (10.0, 20.0))
+    hands = tuple(product((0.001, 0.03, 1.0, 10.0), (0.5, 8.0, 50.0))) if full else ((0.01, 20.0), (10.0, 20.0))
     rates = (100.0, 1000.0, 4000.0) if full else (1000.0,)
     for (mass, damping), rate, stiffness in product(hands, rates, (500.0, 1e7)):
         cell = Cell("hand, delayed", scheme, predictor, round_trip_s=0.1, jitter_s=0.01, loss=0.1)

@@ -54,7 +54,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(
 @settings(max_examples=40)
 def test_a_free_mass_comes_to_rest_and_gains_no_speed(mass: float, speed: float, damping: float) -> None:
     """From 1 g on, or slow: a drag of less than `LEAST_STEP` does not show how light a hand is. The first tick does."""
-    drag, port = LevelDrag(damping, LEVEL), ForcePort(TICK)
+    drag, port = LevelDrag(damping, LEVEL), ForcePort(TICK, LEVEL)
     at, start, swing = 0.0, speed, STRONGEST * TICK / mass
     for _ in range(600):
         port.move((at, 0.0, 0.0))

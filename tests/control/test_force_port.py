@@ -11,13 +11,14 @@ from control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, Fo
 from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
 
 TICK = 1e-3
+LEVEL = 0.015
 tanks = st.floats(-0.01, 0.03)
 histories = st.lists(st.tuples(steps, forces, tanks), max_size=20)
 
 
 def after(history: list[tuple[Vector, Vector, float]]) -> tuple[ForcePort, Vector]:
     """A port that has gone these steps, with what it was allowed of these forces; and the force that it holds."""
-    port, at, held = ForcePort(TICK), ZERO, ZERO
+    port, at, held = ForcePort(TICK, LEVEL), ZERO, ZERO
     for step, force, tank in history:
         at = add(at, step)
         port.move(at)
@@ -28,7 +29,7 @@ def after(history: list[tuple[Vector, Vector, float]]) -> tuple[ForcePort, Vecto
 
 @given(st.lists(st.tuples(positions, forces), max_size=40))
 def test_work_is_that_of_the_held_force_over_the_way(ticks: list[tuple[Vector, Vector]]) -> None:
-    port = ForcePort(TICK)
+    port = ForcePort(TICK, LEVEL)
     booked = expected = 0.0
     before, held = None, ZERO
     for position, force in ticks:
@@ -85,7 +86,7 @@ def test_with_enough_in_the_tank_the_force_comes_back_whole(
 
 @given(force=forces, tank=st.floats(-1.0, 0.0))
 def test_an_empty_tank_lets_no_force_push_a_hand_out(force: Vector, tank: float) -> None:
-    port = ForcePort(TICK)
+    port = ForcePort(TICK, LEVEL)
     port.move(ZERO)
     port.move(scale(force, 1e-6))
     passed = port.passive(force, tank, TICK)
@@ -96,7 +97,7 @@ def test_an_empty_tank_lets_no_force_push_a_hand_out(force: Vector, tank: float)
     st.lists(st.tuples(vectors(1e30), vectors(1e30), st.floats(-1e30, 1e30), st.floats(0.0, 1e3)), max_size=10),
 )
 def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vector, float, float]]) -> None:
-    port = ForcePort(TICK)
+    port = ForcePort(TICK, LEVEL)
     for position, force, tank, elapsed in ticks:
         assert isfinite(port.move(position))
         passed = port.passive(force, tank, elapsed)
@@ -107,7 +108,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vec
 
 @given(st.lists(st.tuples(vectors(1e-300), vectors(1e-300), st.floats(0.0, 1e-300)), max_size=10))
 def test_nor_does_anything_tiny(ticks: list[tuple[Vector, Vector, float]]) -> None:
-    port = ForcePort(TICK)
+    port = ForcePort(TICK, LEVEL)
     for position, force, tank in ticks:
         port.move(position)
         assert all(map(isfinite, port.passive(force, tank, TICK)))
@@ -118,7 +119,7 @@ def test_nor_does_anything_tiny(ticks: list[tuple[Vector, Vector, float]]) -> No
 @settings(max_examples=20)
 def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: float) -> None:
     """A free mass goes T^2 / 2m for each N more in the tick in which it acts."""
-    port, at, speed = ForcePort(TICK), 0.0, 0.0
+    port, at, speed = ForcePort(TICK, LEVEL), 0.0, 0.0
     for tick in range(10):
         port.move((at, 0.0, 0.0))
         force = float(tick % 2)
@@ -131,7 +132,7 @@ def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: 
 @pytest.mark.parametrize("jump", [0.001, 0.01, 0.1])
 def test_one_wrong_sample_does_not_take_the_force_away_for_good(jump: float) -> None:
     """A hand that is still and pressed with 5 N; then a reading that is off, at a change of force."""
-    port, wanted = ForcePort(TICK), (0.0, 0.0, 5.0)
+    port, wanted = ForcePort(TICK, LEVEL), (0.0, 0.0, 5.0)
     for tick in range(2000):
         port.move((0.0, 0.0, jump if tick == 10 else 0.0))
         passed = port.passive(wanted, 0.015, TICK)
@@ -142,7 +143,7 @@ def test_one_wrong_sample_does_not_take_the_force_away_for_good(jump: float) -> 
 def test_reset_forgets() -> None:
     port, _ = after([((0.001, 0.0, 0.0), (float(i), 0.0, 0.0), 1.0) for i in range(10)])
     port.reset()
-    fresh = ForcePort(TICK)
+    fresh = ForcePort(TICK, LEVEL)
     for one in (port, fresh):
         assert one.move((5.0, 0.0, 0.0)) == 0.0
     assert port.way == fresh.way == ZERO
