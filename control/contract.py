@@ -11,6 +11,9 @@ ZERO: Vector = (0.0, 0.0, 0.0)
 CREDIT_STEP = 1e-4
 """Energy of one unit of credit [J]. What is handed over is rounded down to it, so rounding never makes energy."""
 
+LEAST_CONTACT = 0.05
+"""Force from which on something counts as touched [N]: less is the noise of a sensor, or left over by a deadband."""
+
 
 class LinkQuality(NamedTuple):
     """The link as it is measured now.

@@ -7,12 +7,10 @@ range of the sensor, and takes more: both are booked so that a wall never seems 
 
 from math import hypot, inf, sqrt
 
-from control.contract import ZERO, Vector
+from control.contract import LEAST_CONTACT, ZERO, Vector
 
 CAUTION = 4.0
 """A wall may be this much stiffer than it has shown yet."""
-LEAST_CONTACT = 0.05
-"""Force from which on the robot counts as touching something [N]: less is the noise of a sensor."""
 SATURATED = 0.999
 """Part of its range from which a sensor is at it."""
 LONGEST_RETREAT = 5e-5

@@ -12,9 +12,9 @@ for the first time, a wall that is soft until the first work has crossed the lin
 back, since the energy to push it out is still in the wall at the other end.
 """
 
-from math import dist
+from math import dist, hypot
 
-from control.contract import ZERO, LinkQuality, Settings, Surface, Vector
+from control.contract import LEAST_CONTACT, LinkQuality, Settings, Surface, Vector
 from control.drag import LevelDrag
 from control.force_port import ForcePort
 from control.motion_port import MotionPort
@@ -79,7 +79,7 @@ class TdpaMaster:
 
     def render(self, force: Vector) -> Vector:
         port = self._port
-        self._in_contact = force != ZERO
+        self._in_contact = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         passive = port.passive(force, self._tank.level, self._elapsed)
         return self._drag.added(passive, port.way, self._elapsed, self._tank.level, port.mobility)
 

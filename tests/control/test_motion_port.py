@@ -6,8 +6,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from control.contract import ZERO, Vector
-from control.motion_port import CAUTION, LEAST_CONTACT, LONGEST_RETREAT, MotionPort, affordable_share
+from control.contract import LEAST_CONTACT, ZERO, Vector
+from control.motion_port import CAUTION, LONGEST_RETREAT, MotionPort, affordable_share
 from tests.control.vectors import add, dot, norm, positions, scale, steps, subtract, vectors
 
 RANGE = 30.0
