@@ -7,18 +7,39 @@ from control.contract import MasterControl, Settings, SlaveControl
 
 
 class Scheme(NamedTuple):
-    """Where a scheme's two sides are ("module:Class", imported only on use), and whether energy travels."""
+    """Where a scheme's two sides are ("module:Class", imported only on use), whether energy travels, what it does."""
 
     master: str
     slave: str
     carries_credit: bool
+    does: str
 
 
 SCHEMES = {
-    "none": Scheme("control.direct:DirectMaster", "control.direct:DirectSlave", carries_credit=False),
-    "tdpa": Scheme("control.tdpa:TdpaMaster", "control.tdpa:TdpaSlave", carries_credit=True),
-    "mmt": Scheme("control.mmt:MmtMaster", "control.direct:DirectSlave", carries_credit=False),
-    "auto": Scheme("control.auto:AutoMaster", "control.auto:AutoSlave", carries_credit=True),
+    "none": Scheme(
+        "control.direct:DirectMaster",
+        "control.direct:DirectSlave",
+        carries_credit=False,
+        does="what is decoded is displayed and followed",
+    ),
+    "tdpa": Scheme(
+        "control.tdpa:TdpaMaster",
+        "control.tdpa:TdpaSlave",
+        carries_credit=True,
+        does="energy tanks and passivity controllers at both ports",
+    ),
+    "mmt": Scheme(
+        "control.mmt:MmtMaster",
+        "control.direct:DirectSlave",
+        carries_credit=False,
+        does="the operator feels the fitted plane or sphere at once",
+    ),
+    "auto": Scheme(
+        "control.auto:AutoMaster",
+        "control.auto:AutoSlave",
+        carries_credit=True,
+        does="none, tdpa or mmt, by the measured delay",
+    ),
 }
 """By name; `active` of a side is the place in this order."""
 

@@ -24,13 +24,6 @@ from weberlink.configuration import Configuration, System
 from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings
 
 UDP_IP_BYTES = 28
-CONTROLS = {
-    "none": "what is decoded is displayed and followed",
-    "tdpa": "energy tanks and passivity controllers at both ports",
-    "mmt": "the operator feels the fitted plane or sphere at once",
-    "auto": "none, tdpa or mmt, by the measured delay",
-}
-"""What a control scheme does, in a few words."""
 SAMPLES = 2000
 """Ticks of the cost measurement."""
 
@@ -94,7 +87,7 @@ def _link(system: System) -> Iterator[str]:
     if link.emulate is not None:
         changed = link.emulate.model_dump(exclude_defaults=True)
         yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
-    yield f"control   {system.control.scheme}: {CONTROLS[system.control.scheme]}"
+    yield f"control   {system.control.scheme}: {SCHEMES[system.control.scheme].does}"
 
 
 def _coding(predictor: str, channel: Channel) -> str:
