@@ -28,6 +28,7 @@ class Encoder:
         "_levels",
         "_mirror",
         "_newest",
+        "_predicted",
         "_predictors",
         "_previous",
         "_rejected",
@@ -48,6 +49,7 @@ class Encoder:
         self._levels: tuple[int, ...] = ()
         self._last: Vector | None = None
         self._bound = 0.0
+        self._predicted: Vector | None = None
 
     @property
     def mirror(self) -> Decoder:
@@ -58,6 +60,11 @@ class Encoder:
     def bound(self) -> float:
         """The deadband of the sample coded last, in the unit of the values."""
         return self._bound
+
+    @property
+    def predicted(self) -> Vector | None:
+        """What the other end held of the sample coded last before any update of it; None while it held nothing."""
+        return self._predicted
 
     @property
     def rejected(self) -> int:
@@ -81,7 +88,7 @@ class Encoder:
             return None
         actual = self._channel.value_quantizer.confine(value)
         last, self._last = self._last if self._last is not None else actual, actual
-        displayed = self._mirror.value(tick, position)
+        displayed = self._predicted = self._mirror.value(tick, position)
         compared = displayed if displayed is not None else actual
         sent = self._newest.value if self._newest is not None else compared
         self._bound = self._channel.deadband.bound(actual, compared, sent, last)

@@ -28,7 +28,7 @@ from protocol.states import State
 from realtime.watchdog import Watchdog
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
-from telemetry.record import Record
+from telemetry.record import UNKNOWN, Record
 
 LONGEST_STEP = 0.1
 """A tick that comes later than this after the last one counts as this late [s]: ramps must not jump over a stall."""
@@ -165,6 +165,7 @@ class MasterLoop:
             *self._position,
             *self._position,
             *self._decoded,
+            *(self.encoder.predicted or UNKNOWN),
             *self._output,
             self.encoder.bound,
             self._tick,

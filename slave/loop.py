@@ -28,7 +28,7 @@ from slave.robots.contract import Robot, RobotFault
 from slave.safety import CommandGuard
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
-from telemetry.record import Record
+from telemetry.record import UNKNOWN, Record
 
 LONGEST_STEP = 0.1
 """A tick that comes later than this after the last one counts as this late [s]: motion must not jump over a stall."""
@@ -156,6 +156,7 @@ class SlaveLoop:
             *self._commanded,
             *self._force,
             *(mirrored if mirrored is not None else ZERO),
+            *(self.encoder.predicted or UNKNOWN),
             *self._applied,
             self.encoder.bound,
             self._tick,

@@ -5,10 +5,13 @@ Owns names, types, units and meanings. Knows nothing of how records travel. `REC
 order of `FIELDS`.
 """
 
+from math import nan
 from struct import Struct
 from typing import NamedTuple
 
 AXES = ("x", "y", "z")
+UNKNOWN = (nan, nan, nan)
+"""A vector that is not known."""
 
 # numpy's names of the types (little endian) beside those of struct.
 CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
@@ -27,10 +30,17 @@ class Field(NamedTuple):
 # Wide types come first, which keeps every value of a packed record on its own boundary within the record.
 FIELDS = (
     Field("at", "<f8", 1, "s", "deadline of the tick, monotonic clock of this host"),
-    Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer; NaN while unknown"),
+    Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer, since its tick 0; NaN while unknown"),
     Field("position", "<f8", 3, "m", "position of the device (master) or commanded position as decoded (slave)"),
     Field("raw", "<f8", 3, "m | N", "as measured: device position (master), contact force (slave)"),
     Field("decoded", "<f8", 3, "N", "force before the limiter (master), what the peer's decoder should hold (slave)"),
+    Field(
+        "predicted",
+        "<f8",
+        3,
+        "m | N",
+        "what this side encodes, as the peer held it before an update of this tick; NaN if it held nothing",
+    ),
     Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
     Field("bound", "<f8", 1, "m | N", "deadband of this tick, in the unit of what this side encodes"),
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
@@ -85,6 +95,9 @@ class Record(NamedTuple):
     decoded_x: float
     decoded_y: float
     decoded_z: float
+    predicted_x: float
+    predicted_y: float
+    predicted_z: float
     output_x: float
     output_y: float
     output_z: float
