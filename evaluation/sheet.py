@@ -1,0 +1,118 @@
+"""What all figures for print have in common: the page, how a predictor looks, mark and footer, the files.
+
+It knows nothing of what is drawn. Needs matplotlib (extra: plots), which nothing else imports.
+"""
+
+from collections.abc import Iterable, Sequence
+from itertools import cycle
+from pathlib import Path
+from textwrap import fill
+from typing import Any, NamedTuple
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+WIDTH_IN = 16.0 / 2.54
+"""Printed as wide as it is drawn, so that sizes of type are those of the page."""
+SMALLEST_PT = 8.0
+LINE = 104
+"""Characters of the smallest type across the page."""
+SENT = "#0072B2"
+"""Whatever was transmitted."""
+MARK_COLOUR = "#B00020"
+
+
+class Look(NamedTuple):
+    """How a predictor is drawn: told apart by the colour-blind, and in grey by line and marker."""
+
+    colour: str
+    line: Any
+    marker: str
+    size: float
+    """Of the marker [pt]. They shrink in the order of drawing, so that curves which coincide are all seen."""
+
+
+LOOKS = {
+    "zoh": Look("#0072B2", "--", "s", 7.5),
+    "linear": Look("#D55E00", "-.", "^", 6.5),
+    "plane": Look("#009E73", ":", "D", 5.5),
+    "sphere": Look("#CC79A7", (0, (5, 1.2, 1, 1.2, 1, 1.2)), "v", 5.0),
+    "hybrid": Look("#000000", "-", "o", 4.0),
+}
+"""Colours of Okabe and Ito."""
+FURTHER = (
+    Look("#56B4E9", (0, (7, 2)), "P", 6.0),
+    Look("#E69F00", (0, (1, 2)), "X", 5.0),
+    Look("#7F7F7F", "-", "*", 5.0),
+)
+
+
+def looks(predictors: Iterable[str]) -> dict[str, Look]:
+    """A look for each predictor, the same in every figure for those of the paper."""
+    further = cycle(FURTHER)
+    return {name: LOOKS[name] if name in LOOKS else next(further) for name in predictors}
+
+
+def dot(label: str, marker: str, colour: str, size: float = 4.5) -> Line2D:
+    """An entry of a legend: a marker without a line."""
+    return Line2D([], [], label=label, marker=marker, color=colour, linestyle="", markersize=size)
+
+
+def key(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1.0) -> None:
+    """The legend, between the title and `axes`, at `above` of their height."""
+    axes.legend(
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, above), ncols=columns, fontsize=9,
+        handlelength=3.2, columnspacing=1.6, frameon=False,
+    )  # fmt: skip
+
+
+def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> Figure:
+    """An empty figure with title, footer and, where there is one, the mark in the title.
+
+    Args:
+        body_cm: height of the figure without its footer, so that a long caption takes nothing away.
+        title: wrapped where it is too long.
+        caption: the environment in which the numbers were made; wrapped, printed below.
+        mark: what nobody may overlook, such as "SIMULATED RATINGS".
+    """
+    figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm(caption)) / 2.54), layout="constrained")
+    heading = fill(title if mark is None else f"{mark}: {title}", 78)
+    colour = "black" if mark is None else MARK_COLOUR
+    figure.suptitle(heading, fontsize=10.5, color=colour, parse_math=False)
+    figure.supxlabel(footer(caption), x=0.015, ha="left", fontsize=SMALLEST_PT, color="0.3", parse_math=False)
+    return figure
+
+
+def footer(caption: str) -> str:
+    """The caption in lines that fit the page."""
+    return "\n".join(fill(line, LINE) for line in caption.splitlines())
+
+
+def footer_cm(caption: str) -> float:
+    """Height of the footer [cm]."""
+    return 0.35 * (2 + footer(caption).count("\n"))
+
+
+def watermark(axes: Any, mark: str | None) -> None:
+    """The mark, large and faint, behind what is drawn in `axes` (flat, or a 3-D view)."""
+    if mark is None:
+        return
+    place = axes.text2D if hasattr(axes, "text2D") else axes.text
+    text = place(
+        0.5, 0.5, mark, transform=axes.transAxes, fontsize=min(40.0, 640.0 / len(mark)), fontweight="bold",
+        color=MARK_COLOUR, alpha=0.20, rotation=24, ha="center", va="center", zorder=0.5, parse_math=False,
+    )  # fmt: skip
+    text.set_in_layout(False)
+
+
+def save(figure: Figure, stem: Path) -> None:
+    """Write `stem`.png and `stem`.svg; the SVG keeps its text as text, and equal figures give equal files."""
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink"}):
+        figure.savefig(beside(stem, ".png"), dpi=300, metadata={"Software": None})
+        figure.savefig(beside(stem, ".svg"), metadata={"Date": None, "Creator": None})
+
+
+def beside(stem: Path, ending: str) -> Path:
+    """`stem` with an ending; dots in the stem, as in "k=0.10", stay."""
+    return stem.with_name(stem.name + ending)
