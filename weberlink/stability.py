@@ -1,18 +1,14 @@
 """The `stability` command: stiff and extreme cases, as sampled walls and as whole systems, into a map.
 
-Owns how a cell of the map becomes a configuration and a run, and how the work is shared among processes. What a cell
-is, and what is said of it, is in `evaluation.stability`.
+Owns how a cell of the map becomes a configuration and a run. What a cell is, and what is said of it, is in
+`evaluation.stability`.
 """
 
 import json
-import os
-import signal
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.util import find_spec
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -26,6 +22,7 @@ from evaluation.stability.cells import HEIGHT, Cell, Timing, cells, timing
 from evaluation.stability.survey import WallRow, survey, walls
 from evaluation.stability.verdict import CellObserver, Verdict
 from evaluation.stability.wall import Wall
+from evaluation.workers import spread
 from weberlink.composition.link import channels
 from weberlink.configuration import Configuration, ConfigurationError, load
 from weberlink.configuration.model import ControlSettings
@@ -110,7 +107,7 @@ def compute(
     """Do all of it, in any number of processes, and put it in order."""
     tasks: list[Task] = [*surveyed, *mapped]
     results: dict[int, Result] = {}
-    for index, result in _results(tasks, workers):
+    for index, result in spread(_work, tasks, workers, _length):
         results[index] = result
         progress(len(results), len(tasks))
     ordered = [results[index] for index in range(len(tasks))]
@@ -174,23 +171,6 @@ def _simulate(cell: Cell, when: Timing) -> Verdict:
     return observer.verdict(cell, when, score.summary()["energy"], "; ".join(failures) or None)
 
 
-def _results(tasks: Sequence[Task], workers: int | None) -> Iterator[tuple[int, Result]]:
-    """Each task's place and result, as they come."""
-    count = workers or len(os.sched_getaffinity(0))
-    if count == 1:
-        yield from ((index, _work(task)) for index, task in enumerate(tasks))
-        return
-    # Spawned, since the program that asks may run threads; the longest runs first, so that none is left alone at last.
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_ignore_interrupts)
-    try:
-        order = sorted(range(len(tasks)), key=lambda index: -_length(tasks[index]))
-        futures = {pool.submit(_work, tasks[index]): index for index in order}
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
 def _work(task: Task) -> Result:
     return survey(task) if isinstance(task, Wall) else judge(task)
 
@@ -198,11 +178,6 @@ def _work(task: Task) -> Result:
 def _length(task: Task) -> float:
     """Of a run, in ticks, as a measure of its cost."""
     return timing(task).end * task.rate_hz if isinstance(task, Cell) else 5e3
-
-
-def _ignore_interrupts() -> None:
-    """Ctrl-C is for the process that asked; it stops the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _table(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], run_time: float, caption: str) -> Table:
