@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from evaluation.session import Records
-from master.trace import COLUMNS
+from master.trace import COLUMNS, Trace, as_trace
 from protocol.states import State
 from telemetry.reader import DTYPE
 
@@ -22,6 +22,12 @@ class TraceRecorder:
     def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - the same call as a score's
         """Take the next records of both sides."""
         self._pieces.append(slave[slave["state"] == State.ENGAGED.value])
+
+    @property
+    def trace(self) -> Trace:
+        """What was collected, exact; at least one engaged tick."""
+        records = np.concatenate(self._pieces)
+        return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
 
     def save(self, path: Path) -> int:
         """Write the trace, to the micrometre and the millinewton; returns the number of rows.

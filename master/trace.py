@@ -1,15 +1,18 @@
-"""Recorded teleoperation signals: positions and forces over time, read from CSV."""
+"""Recorded teleoperation signals: positions and forces over time, read from CSV or from a recording of a session."""
 
 import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from math import isfinite
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 FEWEST_ROWS = 2
 GAP_FACTOR = 5.0
 
@@ -47,17 +50,51 @@ class Trace:
 
 
 def read_trace(path: Path | str) -> Trace:
-    """Reads a CSV file whose header names t, px, py, pz, fx, fy, fz, in any order; other columns are ignored.
+    """What the teleoperator was commanded and felt.
+
+    Reads a CSV file whose header names t, px, py, pz, fx, fy, fz, in any order (other columns are ignored), or an MCAP
+    recording that has the slave's side (extra: recording).
 
     Raises:
         TraceError: With file, row (the header is row 1), column, and what was expected.
     """
-    path = Path(path)
+    return _read(Path(path), ("slave",))
+
+
+def read_motion(path: Path | str) -> Trace:
+    """What the operator did: the motion of the device, or of the robot where a recording has the slave's side alone.
+
+    A CSV file is taken as it is.
+
+    Raises:
+        TraceError: As of `read_trace`.
+    """
+    return _read(Path(path), ("master", "slave"))
+
+
+def _read(path: Path, sides: tuple[Literal["master", "slave"], ...]) -> Trace:
+    if is_recording(path):
+        if find_spec("mcap") is None:
+            raise TraceError(f'{path}: reading it needs mcap; install it with: pip install "weberlink[recording]"')
+        from master.recorded import table_of  # noqa: PLC0415 - an optional library
+
+        return as_trace(table_of(path, sides))
     columns = positions_in_header(path)
     table = numbers(path, columns)
     if table is None:
         raise TraceError(first_fault(path, columns))
     return checked(path, table)
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a file says that it is MCAP, by its name or its first bytes."""
+    if path.suffix.lower() == ".mcap":
+        return True
+    try:
+        with path.open("rb") as file:
+            return file.read(len(MCAP_MAGIC)) == MCAP_MAGIC
+    except OSError:
+        return False
 
 
 def numbers(path: Path, columns: list[int]) -> Array | None:
@@ -82,6 +119,13 @@ def checked(path: Path, table: Array) -> Trace:
         raise TraceError(
             f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g} s, found {time[index]:.9g} s"
         )
+    return as_trace(table)
+
+
+def as_trace(table: Array) -> Trace:
+    """Rows of time, position and force, shape (n, 7), the time strictly rising."""
+    time = table[:, 0]
+    steps = np.diff(time)
     paused = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
     gaps = np.column_stack((time[paused], steps[paused]))
     return Trace(time.copy(), table[:, 1:4].copy(), table[:, 4:7].copy(), gaps)

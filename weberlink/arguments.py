@@ -35,7 +35,14 @@ Json = Annotated[
     Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output, alone.")
 ]
 
+Record = Annotated[
+    Path | None,
+    typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (extra: weberlink[recording])."),
+]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
+Workers = Annotated[
+    int | None, typer.Option("--workers", metavar="N", min=1, help="Processes; as many as processors if not given.")
+]
 Full = Annotated[bool, typer.Option("--full", help="All of it, finer, in minutes.")]
 
 

@@ -36,6 +36,7 @@ from telemetry.ring import default_path
 from weberlink.composition.link import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
+from weberlink.recorder import Recorder
 
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
@@ -118,6 +119,7 @@ class Session:
         sides: which daemons to start.
         duration_s: length of the run; None until it is stopped.
         watch: called about ten times a second with the newest records and the figures so far.
+        record: where to record the session, as MCAP; None to record nothing.
     """
 
     configuration: Configuration
@@ -125,9 +127,11 @@ class Session:
     sides: Sequence[str] = SIDES
     duration_s: float | None = None
     watch: Callable[[dict[str, Any], dict[str, Any]], None] | None = None
+    record: Path | None = None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
+    _recorder: Recorder | None = None
 
     def __enter__(self) -> Self:
         system = self.configuration.system
@@ -136,6 +140,11 @@ class Session:
             if getsignal(number) is SIG_IGN:  # by nohup, say
                 continue
             self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
+        if self.record is not None:  # before the daemons: it is to see the rings that they make
+            rings = {side: _ring(side) for side in self.sides}
+            for ring in rings.values():  # of an earlier process that had our number
+                Path(ring).unlink(missing_ok=True)
+            self._recorder = Recorder(self.configuration, rings, self.record)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
             daemon = Daemon(self._order(side))
             self.daemons[side] = daemon
@@ -148,6 +157,8 @@ class Session:
                 daemon.stop(SIGTERM)
                 daemon.finish()
         self._stack.close()
+        if self._recorder is not None:
+            self._recorder.finish()
 
     def run(self) -> dict[str, Any]:
         """Watch until every side has ended; returns the figures of the session."""
@@ -160,7 +171,8 @@ class Session:
             sleep(LOOK_S)
         summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
         self._look()
-        return self._report(summaries)
+        recording = {} if self._recorder is None else {"recording": self._recorder.finish()}
+        return self._report(summaries) | recording
 
     @property
     def _first(self) -> Daemon:
@@ -175,7 +187,7 @@ class Session:
             side=side,
             file=str(self.configuration.path),
             overrides=tuple(self.overrides),
-            ring=str(default_path(f"{os.getpid()}-{side}")),
+            ring=_ring(side),
             parent=os.getpid(),
             # Of two sides the slave ends when the master has left.
             duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
@@ -205,6 +217,10 @@ class Session:
 
     def _signal(self, number: int, _frame: FrameType | None) -> None:
         self._signals.append(Signals(number))
+
+
+def _ring(side: str) -> str:
+    return str(default_path(f"{os.getpid()}-{side}"))
 
 
 def _exit_status(of_daemons: list[int]) -> int:

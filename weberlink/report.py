@@ -116,6 +116,8 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
     for side, grants in summary.get("realtime", {}).items():
         if grants is not None:
             yield f"{side}: {_rights(grants)}"
+    if "recording" in summary:
+        yield _recording(summary["recording"])
     if "run_time_s" in summary:
         yield f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
 
@@ -131,7 +133,18 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
             f"{_jnd(force['violation_p99_jnd'])} JND p99, {_jnd(force['violation_max_jnd'])} max"
         )
     else:
-        yield "felt error: needs the records of both sides, as loopback and simulate have them"
+        yield "felt error: needs the records of both sides: loopback, simulate, or info on two recordings"
+
+
+def _recording(facts: dict[str, Any]) -> str:
+    """What was written, whether all of it, and what that cost."""
+    line = f"recording: {facts['path']}, {facts['bytes'] / 1e6:.1f} MB"
+    if "records" in facts:
+        lost = sum(facts["lost"].values())
+        line += f", {sum(facts['records'].values())} records, {lost} lost"
+        if facts.get("elapsed_s"):
+            line += f", {_percent(facts['cpu_s'] / facts['elapsed_s'])} of a core"
+    return line if facts["outcome"] == "complete" else f"{line}; {facts['outcome']}"
 
 
 def _control(control: dict[str, dict[str, Any]]) -> Iterator[str]:

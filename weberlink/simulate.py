@@ -1,18 +1,20 @@
 """A configuration in virtual time: composed as the daemons are, driven by a simulation instead of a clock."""
 
+from pathlib import Path
 from random import Random
 from time import perf_counter
 from typing import Any
 
 from evaluation.recording import TraceRecorder
-from evaluation.session import SessionScore
-from evaluation.simulation import SLAVE_ADDRESS, Simulation
+from evaluation.session import Records, SessionScore
+from evaluation.simulation import SLAVE_ADDRESS, Observer, Simulation
 from weberlink.composition.emulation import build_link
 from weberlink.composition.link import build_security, channels
 from weberlink.composition.master import build_master
 from weberlink.composition.slave import build_slave
-from weberlink.configuration import Configuration
+from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
 from weberlink.configuration.model import EmulationSettings
+from weberlink.recorder import check_target, facts
 
 DEFAULT_DURATION = 60.0
 """Of a device that never ends by itself [s]."""
@@ -51,12 +53,15 @@ def build_simulation(configuration: Configuration) -> Simulation:
     )
 
 
-def simulate(configuration: Configuration, duration: float | None) -> tuple[dict[str, Any], TraceRecorder]:
+def simulate(
+    configuration: Configuration, duration: float | None, record: Path | None = None
+) -> tuple[dict[str, Any], TraceRecorder]:
     """Run to the end of the duration [s] or of the device's motion.
 
     Args:
         configuration: both sides.
         duration: [s]; None for `DEFAULT_DURATION`.
+        record: where to record the session, as MCAP; None to record nothing.
 
     Returns:
         The figures of the session, and what the robot was commanded and felt.
@@ -65,11 +70,15 @@ def simulate(configuration: Configuration, duration: float | None) -> tuple[dict
         ConfigurationError: if a part cannot be made as the file asks.
     """
     system = configuration.system
+    if record is not None:
+        check_target(record)
     simulation = build_simulation(configuration)
     score = SessionScore(system.rate_hz, channels(system)[1].bank)
-    began = perf_counter()
     recorder = TraceRecorder()
-    simulation.run(DEFAULT_DURATION if duration is None else duration, [score, recorder])
+    recording = None if record is None else Recording(configuration, record)
+    observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
+    began = perf_counter()
+    simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
     run_time = perf_counter() - began
     master, slave = simulation.master, simulation.slave
     failures = [side.failure for side in (master, slave) if side.failure is not None]
@@ -84,7 +93,51 @@ def simulate(configuration: Configuration, duration: float | None) -> tuple[dict
         "run_time_s": run_time,
         "seed": (system.link.emulate or EmulationSettings()).seed,
     }
-    return summary, recorder
+    return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
+
+
+class Recording:
+    """What a live session's recorder would write, its clock beginning at 0. A full disk costs the recording alone.
+
+    Raises:
+        ConfigurationError: from the constructor, if the file cannot be made.
+    """
+
+    def __init__(self, configuration: Configuration, path: Path) -> None:
+        from telemetry.recording.writer import Origin, RecordingWriter  # noqa: PLC0415 - an optional library
+
+        self._outcome = "complete"
+        try:
+            self._writer = RecordingWriter.create(path, facts(configuration, virtual=True))
+            for side in SIDES:
+                self._writer.add_side(Origin(side, configuration.system.rate_hz, 0.0, 0.0))
+        except OSError as error:
+            raise ConfigurationError(f"--record: {path}: {error.strerror or error}") from None
+
+    def add(self, master: Records, slave: Records) -> None:
+        """Take the next records of both sides."""
+        if self._outcome == "complete":
+            try:
+                self._writer.write(MASTER, master)
+                self._writer.write(SLAVE, slave)
+                self._writer.flush()
+            except OSError as error:
+                self._outcome = error.strerror or str(error)
+
+    def finish(self) -> dict[str, Any]:
+        """End the file; returns what is in it, as a live session's report says it."""
+        try:
+            self._writer.close()
+        except OSError as error:
+            self._outcome = error.strerror or str(error)
+        writer = self._writer
+        return {
+            "path": str(writer.path),
+            "bytes": writer.size,
+            "records": writer.records,
+            "lost": writer.lost,
+            "outcome": self._outcome,
+        }
 
 
 def _no_time() -> float:

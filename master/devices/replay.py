@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field
 from codec.vector import Vector
 from master.devices.hand_device import HandDevice, HandDeviceOptions
 from master.devices.motion import Line
-from master.trace import Trace, read_trace
+from master.trace import Trace, read_motion
 
 
 def signed_axes(text: str) -> str:
@@ -22,7 +22,7 @@ def signed_axes(text: str) -> str:
 class ReplayOptions(HandDeviceOptions):
     """Options of `replay`."""
 
-    trace: Path = Field(description="CSV file with the header t,px,py,pz,fx,fy,fz")
+    trace: Path = Field(description="CSV file with the header t,px,py,pz,fx,fy,fz, or a recording (MCAP)")
     axes: Annotated[str, AfterValidator(signed_axes)] = Field(
         default="+x+y+z", description="which signed axis of the trace becomes x, y and z here"
     )
@@ -42,7 +42,7 @@ class ReplayDevice(HandDevice):
 
     def __init__(self, options: ReplayOptions, tick_period: float) -> None:
         """Raises TraceError (a ValueError) where the file is not a trace."""
-        samples = placed(read_trace(options.trace), options)
+        samples = placed(read_motion(options.trace), options)
         super().__init__("replay", options, Replay(samples, options).at, tick_period)
 
 

@@ -151,6 +151,18 @@ class Program:
                     found.append(int(path.parent.name))
         return found
 
+    def recorder(self) -> int:
+        """The process that writes the recording."""
+
+        def find() -> int:
+            for pid in self.daemons():
+                with suppress(FileNotFoundError, ProcessLookupError):
+                    if b"telemetry.recording.recorder" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                        return pid
+            return 0
+
+        return until(find, "the recorder to start")
+
     def rings(self) -> list[Path]:
         path = default_path(f"{self.pid}-side")
         return list(path.parent.glob(path.name.replace("side", "*") + "*"))

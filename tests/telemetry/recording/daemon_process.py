@@ -1,0 +1,28 @@
+"""A process that writes a ring as a daemon does: `daemon_process.py PATH SIDE COUNT [CAPACITY]`.
+
+At 1 kHz; COUNT records and then an end in order, or 0 for no end. Record i holds i in every number and i modulo 251 in
+every byte, and its deadline.
+"""
+
+import sys
+import time
+
+from telemetry.record import FIELDS
+from telemetry.ring import RingWriter
+
+path, side, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
+capacity = int(sys.argv[4]) if len(sys.argv) > 4 else 10_000
+bytes_ = sum(field.axes for field in FIELDS if field.kind == "u1")
+numbers = sum(field.axes for field in FIELDS) - bytes_ - 1
+
+with RingWriter.create(path, side=side, rate_hz=1000.0, capacity=capacity) as writer:
+    sys.stdout.write("ready\n")
+    sys.stdout.flush()
+    began = time.monotonic()
+    i = 0
+    while not count or i < count:
+        at = began + i / 1000.0
+        if (wait := at - time.monotonic()) > 0.0:
+            time.sleep(wait)
+        writer.write((at, *(i,) * numbers, *(i % 251,) * bytes_))
+        i += 1

@@ -1,0 +1,385 @@
+"""The recorder as a process, beside real processes that write rings, and the deaths of each of them."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from telemetry.reader import RingReader
+from telemetry.record import COLUMNS, FIELDS
+from telemetry.recording.reader import read_recording
+from telemetry.recording.recorder import Order, Source
+from telemetry.recording.writer import RecordingWriter
+from telemetry.ring import RingWriter
+from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
+
+ROOT = Path(__file__).parents[3]
+PATIENCE = 60.0
+pytestmark = pytest.mark.realtime
+
+
+class Session:
+    """Rings, their writers and a recorder, all in processes of their own."""
+
+    def __init__(self, folder, stack):
+        self.folder = folder
+        self.out = folder / "session.mcap"
+        self._stack = stack
+
+    def ring(self, side):
+        return self.folder / f"{side}.ring"
+
+    def daemon(self, side, count, *more):
+        process = self._start(Path(__file__).with_name("daemon_process.py"), self.ring(side), side, count, *more)
+        assert process.stdout.readline() == b"ready\n"
+        return process
+
+    def recorder(self, sides=SIDES, **changes):
+        rings = {side: str(self.ring(side)) for side in sides}
+        order = Order(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
+        return self._start("-m", "telemetry.recording.recorder", order.to_json())
+
+    def _start(self, *arguments):
+        process = subprocess.Popen(
+            [sys.executable, *map(str, arguments)],
+            stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )  # fmt: skip
+        self._stack.enter_context(process)
+        self._stack.callback(process.kill)
+        return process
+
+
+@pytest.fixture
+def session(tmp_path):
+    with ExitStack() as stack:
+        yield Session(tmp_path, stack)
+
+
+def finish(process):
+    """Exit status of a recorder and what it said."""
+    output, _ = process.communicate(timeout=PATIENCE)
+    return process.returncode, json.loads(output)
+
+
+def until(holds, what):
+    give_up_at = time.monotonic() + PATIENCE
+    while not (found := holds()):
+        assert time.monotonic() < give_up_at, f"waited in vain for {what}"
+        time.sleep(0.005)
+    return found
+
+
+def has_written(path, size=20_000):
+    return path.exists() and path.stat().st_size > size
+
+
+def assert_whole(records, count=None):
+    """Every record from the first on, each value that of its own tick."""
+    tick = records["tick"]
+    assert tick.tolist() == list(range(len(tick) if count is None else count))
+    for field in FIELDS[1:]:
+        expected = tick % 251 if field.kind == "u1" else tick.astype(field.kind)
+        assert np.array_equal(records[field.name], expected if field.axes == 1 else np.repeat(expected[:, None], 3, 1))
+
+
+def test_an_order_survives_its_way():
+    order = Order({"master": "/a"}, "/b", FACTS)
+    assert Order.from_json(order.to_json()) == order
+
+
+def test_every_record_of_both_sides_is_there(session):
+    recorder = session.recorder()
+    for side in SIDES:
+        session.daemon(side, 2000)
+    status, told = finish(recorder)
+    assert (status, told["outcome"]) == (0, "complete")
+    assert told["records"] == dict.fromkeys(SIDES, 2000)
+    assert told["lost"] == dict.fromkeys(SIDES, 0)
+    assert told["path"] == str(session.out)
+    assert told["bytes"] == session.out.stat().st_size
+    assert 0.0 < told["cpu_s"] < told["elapsed_s"]
+    recording = read_recording(session.out)
+    assert (recording.complete, recording.facts) == (True, FACTS)
+    for side in SIDES:
+        assert_whole(recording.records[side], 2000)
+        assert recording.origins[side].rate_hz == 1000.0
+    with session.out.open("rb") as file:
+        times = [message.log_time for *_, message in make_reader(file, validate_crcs=True).iter_messages()]
+    now = time.time()
+    assert now - 60.0 < min(times) / 1e9 < max(times) / 1e9 < now
+
+
+def test_both_sides_of_a_host_are_on_one_axis(session):
+    recorder = session.recorder()
+    for side in SIDES:
+        session.daemon(side, 1500)
+    assert finish(recorder)[0] == 0
+    master, slave = read_recording(session.out).origins.values()
+    assert (master.wall_s, master.monotonic_s) == (slave.wall_s, slave.monotonic_s)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_killed_recorder_leaves_all_but_the_last_moment(session, seed):
+    daemons = [session.daemon(side, 0) for side in SIDES]
+    recorder = session.recorder()
+    until(lambda: has_written(session.out), "the recording to grow")
+    time.sleep(random.Random(seed).uniform(0.3, 1.2))
+    written = {}
+    for side in SIDES:
+        with RingReader(session.ring(side)) as ring:
+            written[side] = ring.written
+    recorder.kill()
+    recorder.wait()
+    assert all(daemon.poll() is None for daemon in daemons)
+    recording = read_recording(session.out)
+    assert (recording.complete, recording.outcome) == (False, "cut off")
+    for side in SIDES:
+        assert_whole(recording.records[side])
+        # A second of the daemon's ticks, not of this test's clock.
+        assert len(recording.records[side]) > written[side] - 1000
+
+
+def test_a_killed_daemon_costs_none_of_its_records(session):
+    daemons = [session.daemon(side, 0) for side in SIDES]
+    recorder = session.recorder()
+    rings = {side: RingReader(session.ring(side)) for side in SIDES}
+    try:
+        until(lambda: has_written(session.out), "the recording to grow")
+        for daemon in daemons:
+            daemon.kill()
+            daemon.wait()
+        status, told = finish(recorder)
+        assert (status, told["outcome"]) == (0, "complete")
+        recording = read_recording(session.out)
+        assert recording.complete
+        for side, ring in rings.items():
+            assert_whole(recording.records[side], ring.written)
+    finally:
+        for ring in rings.values():
+            ring.close()
+
+
+def test_when_all_are_killed_what_was_flushed_is_there(session):
+    daemons = [session.daemon(side, 0) for side in SIDES]
+    recorder = session.recorder()
+    until(lambda: has_written(session.out, 60_000), "the recording to grow")
+    for process in (daemons[0], recorder, daemons[1]):
+        process.kill()
+    recorder.wait()
+    recording = read_recording(session.out)
+    assert not recording.complete
+    for side in SIDES:
+        assert len(recording.records[side]) > 100
+        assert_whole(recording.records[side])
+
+
+def test_it_outlives_whoever_started_it(session):
+    session.daemon("slave", 1500)
+    order = Order({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
+    parent = subprocess.Popen(
+        [sys.executable, "-c", "import subprocess, sys, time\n"
+         "process = subprocess.Popen([sys.executable, '-m', 'telemetry.recording.recorder', sys.argv[1]],"
+         " stdout=subprocess.PIPE, start_new_session=True)\n"
+         "print(process.pid, flush=True)\n"
+         "time.sleep(100)", order.to_json()],
+        stdout=subprocess.PIPE, cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    with parent:
+        pid = int(parent.stdout.readline())
+        until(lambda: has_written(session.out), "the recording to grow")
+        parent.kill()
+    until(lambda: ended(pid), "the recorder to end")
+    recording = read_recording(session.out)
+    assert recording.complete
+    assert_whole(recording.records["slave"], 1500)
+
+
+def ended(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] in (b"Z", b"X")
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_told_to_stop_it_takes_what_is_there_and_finishes(session, number):
+    session.daemon("slave", 0)
+    recorder = session.recorder(["slave"])
+    until(lambda: has_written(session.out), "the recording to grow")
+    with RingReader(session.ring("slave")) as ring:
+        written = ring.written
+    recorder.send_signal(number)
+    status, told = finish(recorder)
+    assert (status, told["outcome"]) == (1, f"stopped by {number.name}")
+    recording = read_recording(session.out)
+    assert (recording.complete, recording.outcome) == (False, told["outcome"])
+    assert len(recording.records["slave"]) >= written
+    assert_whole(recording.records["slave"], told["records"]["slave"])
+
+
+def test_a_hangup_is_not_for_it(session):
+    session.daemon("slave", 1500)
+    recorder = session.recorder(["slave"])
+    until(lambda: has_written(session.out), "the recording to grow")
+    recorder.send_signal(signal.SIGHUP)
+    assert finish(recorder)[0] == 0
+
+
+def test_records_that_were_overwritten_are_counted(session):
+    # Some before the recorder comes, which the ring itself would not tell; the rest while it is held up.
+    daemon = session.daemon("master", 2500, 200)
+    with RingReader(session.ring("master")) as ring:
+        until(lambda: ring.written > 500, "the ring to be lapped")
+        recorder = session.recorder(["master"])
+        until(lambda: has_written(session.out), "the recording to grow")
+        recorder.send_signal(signal.SIGSTOP)
+        daemon.wait(PATIENCE)
+        recorder.send_signal(signal.SIGCONT)
+    status, told = finish(recorder)
+    assert (status, told["outcome"]) == (0, "complete")
+    assert told["lost"]["master"] > 300
+    assert told["lost"]["master"] + told["records"]["master"] == 2500
+    recording = read_recording(session.out)
+    assert recording.lost == told["lost"]
+    ticks = recording.records["master"]["tick"]
+    assert ticks[-1] == 2499
+    assert np.all(np.diff(ticks.astype(np.int64)) >= 1)
+
+
+def test_a_side_that_never_began_does_not_hold_it_up(session):
+    session.daemon("slave", 1500)
+    status, told = finish(session.recorder())
+    assert (status, told["outcome"]) == (1, "the master never began")
+    recording = read_recording(session.out)
+    assert (list(recording.records), recording.complete) == (["slave"], False)
+    assert_whole(recording.records["slave"], 1500)
+
+
+def test_a_side_may_begin_later(session):
+    recorder = session.recorder()
+    session.daemon("slave", 2000)
+    until(lambda: has_written(session.out), "the recording to grow")
+    session.daemon("master", 1000)
+    assert finish(recorder)[0] == 0
+    recording = read_recording(session.out)
+    assert_whole(recording.records["slave"], 2000)
+    assert_whole(recording.records["master"], 1000)
+
+
+def test_without_any_telemetry_it_gives_up_and_leaves_no_file(session):
+    recorder = session.recorder()
+    time.sleep(0.5)
+    recorder.send_signal(signal.SIGTERM)
+    status, told = finish(recorder)
+    assert (status, told["outcome"], told["records"]) == (1, "stopped by SIGTERM", {})
+    assert not session.out.exists()
+
+
+def test_what_is_no_ring_is_named(session):
+    session.ring("slave").write_text("notes")
+    status, told = finish(session.recorder())
+    assert status == 1
+    assert told["outcome"] == f"{session.ring('slave')}: not a telemetry ring"
+    assert not session.out.exists()
+
+
+def test_what_turns_out_to_be_no_ring_ends_a_recording_that_stays_readable(session):
+    session.daemon("slave", 0)
+    recorder = session.recorder()
+    until(lambda: has_written(session.out), "the recording to grow")
+    session.ring("master").write_text("notes")
+    status, told = finish(recorder)
+    assert (status, told["outcome"]) == (1, f"{session.ring('master')}: not a telemetry ring")
+    recording = read_recording(session.out)
+    assert (recording.complete, recording.outcome) == (False, told["outcome"])
+    assert_whole(recording.records["slave"], told["records"]["slave"])
+
+
+def test_a_file_that_is_there_is_left_alone(session):
+    session.out.write_text("mine")
+    session.daemon("slave", 0)
+    status, told = finish(session.recorder(["slave"]))
+    assert status == 1
+    assert "never overwritten" in told["outcome"]
+    assert session.out.read_text() == "mine"
+
+
+def test_nobody_has_to_listen(session):
+    session.daemon("slave", 1500)
+    recorder = session.recorder(["slave"])
+    recorder.stdout.close()
+    assert recorder.wait(PATIENCE) == 0
+    assert read_recording(session.out).complete
+
+
+def test_a_full_disk_ends_the_recording_and_no_daemon(session, small_disk):
+    daemon = session.daemon("slave", 0)
+    out = small_disk / "session.mcap"
+    # Noise that does not compress would be there sooner; this is what the disk leaves beside it.
+    (small_disk / "other").write_bytes(os.urandom(150_000))
+    status, told = finish(session.recorder(["slave"], out=str(out)))
+    assert (status, told["outcome"]) == (1, "No space left on device")
+    assert daemon.poll() is None
+    recording = read_recording(out)
+    assert (recording.complete, recording.outcome) == (False, "No space left on device")
+    assert len(recording.records["slave"]) == told["records"]["slave"] > 100
+    assert_whole(recording.records["slave"])
+
+
+class DyingRing:
+    """Stands for a ring whose writer publishes its last record, and dies, while it is being read."""
+
+    overrun = 0
+
+    def __init__(self):
+        self._records = [noise(3, 1), noise(1, 2, first=3)]
+        self.alive = True
+
+    @property
+    def written(self):
+        return 3 if self.alive else 4
+
+    def read(self):
+        records = self._records.pop(0) if self._records else noise(0, 0)
+        self.alive = False
+        return records
+
+
+def test_the_last_record_of_a_writer_that_dies_meanwhile_is_taken(session):
+    source = Source("slave", "")
+    source.ring = DyingRing()
+    with RecordingWriter.create(session.out, {}) as writer:
+        writer.add_side(origin("slave"))
+        source.move(writer)
+        assert not source.drained
+        source.move(writer)
+        assert source.drained
+        source.move(writer)
+    recording = read_recording(session.out)
+    assert recording.records["slave"]["tick"].tolist() == [0, 1, 2, 3]
+    assert recording.lost == {"slave": 0}
+
+
+def test_a_ring_that_was_full_before_is_read_to_its_end(session):
+    with RingWriter.create(session.ring("slave"), side="slave", rate_hz=1000.0, capacity=5000) as ring:
+        for i in range(4999):
+            ring.write((i % 251,) * len(COLUMNS))
+        recorder = session.recorder(["slave"])
+        until(lambda: has_written(session.out, 4000), "the recording to grow")
+    status, told = finish(recorder)
+    assert (status, told["records"]) == (0, {"slave": 4999})
+
+
+@pytest.mark.parametrize("module", ["telemetry", "telemetry.ring", "telemetry.record", "telemetry.reader"])
+def test_a_daemon_never_loads_the_library(module):
+    code = f"import {module}, sys; sys.exit('mcap' in sys.modules or 'telemetry.recording' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

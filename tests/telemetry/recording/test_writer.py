@@ -1,0 +1,341 @@
+"""What is in the file: round trips, an independent decoder, the library's own reader, and disks that are full."""
+
+import errno
+import json
+import resource
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import mcap_ros2.decoder
+import numpy as np
+import pytest
+import zstandard
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.opcode import Opcode
+from mcap.reader import NonSeekingReader, make_reader
+from mcap.records import Chunk, MessageIndex
+
+from telemetry.reader import DTYPE
+from telemetry.record import FIELDS
+from telemetry.recording.message import ENCAPSULATION, END, SCHEMA_NAME
+from telemetry.recording.message import FACTS as FACTS_NAME
+from telemetry.recording.reader import read_recording
+from telemetry.recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
+from tests.telemetry.recording.records import (
+    FACTS,
+    MONOTONIC_S,
+    SIDES,
+    WALL_S,
+    frames_of,
+    noise,
+    origin,
+    same,
+    small_file,
+)
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "session.mcap"
+
+
+@settings(max_examples=30)
+@given(
+    sizes=st.lists(st.tuples(st.sampled_from(SIDES), st.integers(0, 30), st.booleans()), max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_what_was_written_is_read_bit_for_bit(tmp_path_factory, sizes, seed):
+    path = tmp_path_factory.mktemp("round") / "trip.mcap"
+    written = {side: [noise(0, 0)] for side in SIDES}
+    with RecordingWriter.create(path, FACTS) as writer:
+        for side in SIDES:
+            writer.add_side(origin(side))
+        for index, (side, count, flush) in enumerate(sizes):
+            written[side].append(noise(count, seed + index, sum(map(len, written[side]))))
+            writer.write(side, written[side][-1])
+            if flush:
+                writer.flush()
+    recording = read_recording(path)
+    assert (recording.complete, recording.outcome, recording.facts) == (True, "complete", FACTS)
+    assert recording.lost == dict.fromkeys(SIDES, 0)
+    for side in SIDES:
+        assert recording.origins[side] == origin(side)
+        assert recording.records[side].dtype == DTYPE
+        assert same(recording.records[side], np.concatenate(written[side]))
+
+
+def test_times_that_are_none_or_out_of_range_cost_nothing(path):
+    records = noise(6, 1)
+    records["at"] = [np.nan, np.inf, -np.inf, 1e308, -1e308, 0.0]
+    with RecordingWriter.create(path, {}) as writer:
+        writer.add_side(origin("slave"))
+        writer.write("slave", records)
+    assert same(read_recording(path).records["slave"], records)
+
+
+def test_records_of_one_moment_stay_in_their_order(path):
+    records = noise(500, 1)
+    records["at"] = MONOTONIC_S + records["tick"] * 7 % 3
+    with RecordingWriter.create(path, {}) as writer:
+        writer.add_side(origin("slave"))
+        writer.write("slave", records)
+    with path.open("rb") as file:
+        messages = [message for *_, message in make_reader(file).iter_messages(log_time_order=False)]
+    assert [message.sequence for message in messages] == sorted(range(500), key=lambda number: number * 7 % 3)
+
+
+def test_a_part_of_an_array_and_a_strided_one_are_written_as_they_are_seen(path):
+    records = noise(100, 3)
+    with RecordingWriter.create(path, {}) as writer:
+        writer.add_side(origin("slave"))
+        writer.write("slave", records[10:20])
+        writer.write("slave", records[20::7])
+    assert same(read_recording(path).records["slave"], np.concatenate([records[10:20], records[20::7]]))
+
+
+def decoded(message, field):
+    value = getattr(message, field.name)
+    return [value.x, value.y, value.z] if field.axes == 3 else value
+
+
+def test_an_independent_decoder_yields_the_same_values_field_by_field(path):
+    written = small_file(path)
+    seen = dict.fromkeys(SIDES, 0)
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[mcap_ros2.decoder.DecoderFactory()])
+        for schema, channel, message, tick in reader.iter_decoded_messages():
+            side = channel.topic.removeprefix("/weberlink/")
+            record = written[side][seen[side]]
+            assert schema.name == SCHEMA_NAME
+            assert message.sequence == seen[side]
+            for field in FIELDS:
+                assert np.array_equal(decoded(tick, field), record[field.name], equal_nan=field.kind.startswith("<f"))
+            seen[side] += 1
+    assert seen == {side: len(records) for side, records in written.items()}
+
+
+def test_the_library_accepts_the_file_with_every_checksum_and_count(path):
+    written = small_file(path)
+    total = sum(map(len, written.values()))
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert [message.log_time for *_, message in reader.iter_messages(log_time_order=False)] == sorted(
+            message.log_time for *_, message in reader.iter_messages()
+        )
+        assert {record.name: record.metadata for record in reader.iter_metadata()} == {
+            FACTS_NAME: FACTS,
+            END: {"outcome": "complete"}
+            | {f"records_{side}": str(len(records)) for side, records in written.items()}
+            | {f"lost_{side}": "0" for side in SIDES},
+        }
+        file.seek(0)
+        assert len(list(NonSeekingReader(file, validate_crcs=True).iter_messages())) == total
+    statistics = summary.statistics
+    assert statistics.message_count == total
+    assert statistics.channel_message_counts == {1: len(written["master"]), 2: len(written["slave"])}
+    assert (statistics.chunk_count, statistics.channel_count, statistics.schema_count) == (4, 2, 1)
+    assert statistics.metadata_count == 2
+    assert statistics.message_start_time == min(index.message_start_time for index in summary.chunk_indexes)
+    assert statistics.message_end_time == max(index.message_end_time for index in summary.chunk_indexes)
+    for channel in summary.channels.values():
+        assert channel.metadata["offered_qos_profiles"] == ""
+
+
+def test_the_message_index_points_at_each_message(path):
+    written = small_file(path)
+    found = dict.fromkeys((1, 2), 0)
+    chunk = b""
+    for frame in frames_of(path.read_bytes()):
+        if isinstance(frame, Chunk):
+            chunk = zstandard.decompress(frame.data)
+        elif isinstance(frame, MessageIndex):
+            for log_time, at in frame.records:
+                opcode, channel, time = struct.unpack_from("<B8xH4xQ", chunk, at)
+                assert (opcode, channel, time) == (Opcode.MESSAGE, frame.channel_id, log_time)
+            found[frame.channel_id] += len(frame.records)
+    assert found == {1: len(written["master"]), 2: len(written["slave"])}
+    data = path.read_bytes()
+    with path.open("rb") as file:
+        for index in make_reader(file).get_summary().chunk_indexes:
+            for channel, place in index.message_index_offsets.items():
+                assert struct.unpack_from("<B8xH", data, place) == (Opcode.MESSAGE_INDEX, channel)
+
+
+def test_log_time_is_the_wall_clock_at_the_deadline_of_the_tick(path):
+    small_file(path)
+    with path.open("rb") as file:
+        for *_, message in make_reader(file).iter_messages():
+            at, tick = np.frombuffer(message.data[len(ENCAPSULATION) :], DTYPE)[["at", "tick"]][0]
+            expected = round(WALL_S * 1e9) + round((at - MONOTONIC_S) * 1e9)
+            assert message.log_time == message.publish_time == expected
+            assert expected == pytest.approx(WALL_S * 1e9 + tick * 1e6, abs=1000)
+
+
+def test_what_is_flushed_is_in_the_file_and_what_waits_is_bounded(path):
+    with RecordingWriter.create(path, FACTS) as writer:
+        writer.add_side(origin("master"))
+        writer.write("master", noise(10, 1))
+        assert len(read_recording(path).records["master"]) == 0
+        writer.flush()
+        assert len(read_recording(path).records["master"]) == 10
+        writer.write("master", noise(CHUNK_RECORDS, 2, first=10))
+        assert len(read_recording(path).records["master"]) == 10 + CHUNK_RECORDS
+        assert writer.records == {"master": 10 + CHUNK_RECORDS}
+        recording = read_recording(path)
+        assert (recording.complete, recording.outcome, recording.facts) == (False, "cut off", FACTS)
+        assert writer.size == path.stat().st_size
+    assert writer.size == path.stat().st_size
+
+
+def test_a_file_that_is_there_is_never_overwritten(path):
+    path.write_text("mine")
+    with pytest.raises(RecordingExistsError, match="never overwritten") as error:
+        RecordingWriter.create(path, {})
+    assert str(path) in str(error.value)
+    assert path.read_text() == "mine"
+
+
+def test_a_folder_that_is_not_there_is_an_error_of_the_system(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        RecordingWriter.create(tmp_path / "no" / "r.mcap", {})
+
+
+def test_lost_records_are_told(path):
+    with RecordingWriter.create(path, {}) as writer:
+        writer.add_side(origin("slave"))
+        writer.note_lost("slave", 3)
+        writer.note_lost("slave", 4)
+    assert read_recording(path).lost == {"slave": 7}
+
+
+def test_a_recording_that_failed_says_so(path):
+    def fail():
+        raise RuntimeError("the scene exploded")
+
+    with pytest.raises(RuntimeError), RecordingWriter.create(path, {}) as writer:
+        writer.add_side(origin("slave"))
+        writer.write("slave", noise(5, 1))
+        fail()
+    recording = read_recording(path)
+    assert (recording.complete, recording.outcome) == (False, "failed: the scene exploded")
+    assert len(recording.records["slave"]) == 5
+
+
+def test_wrong_use_is_named(path):
+    with RecordingWriter.create(path, {}) as writer:
+        writer.add_side(origin("master"))
+        with pytest.raises(ValueError, match="master is recorded already"):
+            writer.add_side(origin("master"))
+        with pytest.raises(ValueError, match="one of master, slave, got 'robot'"):
+            writer.add_side(Origin("robot", 1.0, 0.0, 0.0))
+        with pytest.raises(ValueError, match="'slave' was not added"):
+            writer.write("slave", noise(1, 1))
+        with pytest.raises(ValueError, match="other fields"):
+            writer.write("master", np.zeros(3, [("at", "<f8")]))
+    with pytest.raises(ValueError, match="is closed"):
+        writer.write("master", noise(1, 1))
+    writer.close()
+
+
+def fill(path, *, limit=0):
+    """Write noise in a process of its own until there is no room; what it says of that."""
+    script = Path(__file__).with_name("filling_process.py")
+    process = subprocess.run(
+        [sys.executable, script, path, str(limit)],
+        capture_output=True, cwd=ROOT, env={"PYTHONPATH": str(ROOT)}, timeout=60, check=True,
+    )  # fmt: skip
+    return json.loads(process.stdout)
+
+
+def check_filled(path, told):
+    recording = read_recording(path)
+    assert (recording.complete, recording.outcome) == (False, told["errors"][0])
+    assert told["errors"] == told["errors"][:1] * 3
+    assert told["size"] == path.stat().st_size
+    for seed, side in enumerate(SIDES):
+        count = told["records"][side]
+        assert 0 < count < told["offered"]
+        assert same(
+            recording.records[side], np.concatenate([noise(50, seed + 10 * k, 50 * k) for k in range(count // 50)])
+        )
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert len(list(reader.iter_messages())) == sum(told["records"].values())
+        return reader.get_summary()
+
+
+@pytest.mark.parametrize("limit", range(60_000, 120_000, 7919))
+def test_a_limit_of_size_leaves_a_file_that_is_whole_as_far_as_it_goes(path, limit):
+    told = fill(path, limit=limit)
+    check_filled(path, told)
+    assert told["errors"][0] == "File too large"
+    assert limit - 50_000 < path.stat().st_size <= limit
+
+
+def test_without_room_for_the_index_the_file_still_has_an_end(path):
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = RecordingWriter.create(path, FACTS)
+    writer.add_side(origin("master"))
+    writer.write("master", noise(5, 1))
+    writer.flush()
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (writer.size + 400, limit[1]))
+        writer.write("master", noise(500, 2, first=5))
+        with pytest.raises(OSError, match="too large") as error:
+            writer.flush()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert error.value.errno == errno.EFBIG
+    with pytest.raises(OSError, match="too large"):
+        writer.write("master", noise(1, 1))
+    writer.close()
+    recording = read_recording(path)
+    assert (len(recording.records["master"]), recording.outcome) == (5, "File too large")
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_summary() is None
+        assert len(list(reader.iter_messages())) == 5
+
+
+def test_without_room_for_an_end_the_file_is_a_row_of_whole_chunks(path):
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    writer = RecordingWriter.create(path, FACTS)
+    writer.add_side(origin("master"))
+    writer.write("master", noise(5, 1))
+    writer.flush()
+    size = writer.size
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 10, limit[1]))
+        with pytest.raises(OSError, match="too large"):
+            writer.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    writer.close()
+    assert path.stat().st_size == size
+    recording = read_recording(path)
+    assert (len(recording.records["master"]), recording.complete, recording.outcome) == (5, False, "cut off")
+
+
+def test_no_room_for_a_beginning_leaves_nothing(path):
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20, limit[1]))
+        with pytest.raises(OSError, match="too large"):
+            RecordingWriter.create(path, FACTS)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert not path.exists()
+
+
+def test_a_full_disk_leaves_a_file_that_is_whole_as_far_as_it_goes(small_disk):
+    path = small_disk / "session.mcap"
+    told = fill(path)
+    check_filled(path, told)
+    assert told["errors"][0] == "No space left on device"

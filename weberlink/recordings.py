@@ -1,0 +1,153 @@
+"""The `info` and `export` commands: what a recording holds, and its records as tables."""
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.text import Text
+
+from evaluation.session import Records
+from telemetry.record import AXES
+from weberlink.configuration import ConfigurationError
+from weberlink.report import session_report
+
+FORMATS = ("csv", "parquet")
+
+
+@dataclass(frozen=True)
+class Description:
+    """What was found in the files, and how it is shown."""
+
+    document: dict[str, Any]
+
+    def show(self, console: Console) -> None:
+        """A line for each file, then the report of the session."""
+        for file in self.document["files"]:
+            console.print(Text(_file_line(file)))
+        title = "weberlink info " + " ".join(file["path"] for file in self.document["files"])
+        session_report(self.document, title, console)
+
+
+def describe(paths: Sequence[Path]) -> Description:
+    """Read one recording, or those of both sides.
+
+    Raises:
+        ConfigurationError: a file is none, or they do not belong together.
+    """
+    recordings, session = _read(paths)
+    files = [
+        {
+            "path": str(recording.path),
+            "bytes": recording.path.stat().st_size,
+            "complete": recording.complete,
+            "outcome": recording.outcome,
+            "records": {side: len(records) for side, records in recording.records.items()},
+            "lost": recording.lost,
+            "clock": recording.facts.get("clock", "real"),
+            "began": _date(recording),
+            "configuration": recording.facts.get("configuration"),
+        }
+        for recording in recordings
+    ]
+    whole = all(file["complete"] for file in files)
+    document = {"files": files} | session.summary()
+    document["outcome"] = "completed" if whole else "cut off"
+    return Description(document)
+
+
+def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
+    """Write one table for each side beside the first recording, or in the folder; returns what to tell.
+
+    Raises:
+        ConfigurationError: for a format or a file that cannot be used, or a table that is there already.
+    """
+    if to not in FORMATS:
+        raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
+    if to == "parquet" and find_spec("pyarrow") is None:
+        raise ConfigurationError('--to parquet: needs pyarrow; install it with: pip install "weberlink[parquet]"')
+    _, session = _read(paths)
+    from evaluation.recorded import time_axis  # noqa: PLC0415 - reads with an optional library
+
+    times = time_axis(session)
+    target = folder if folder is not None else paths[0].parent
+    outs = {side: target / f"{paths[0].stem}-{side}.{to}" for side in session.sides}
+    for out in outs.values():
+        if out.exists():
+            raise ConfigurationError(f"--out: {out} exists; move it away or name another folder")
+    lines = []
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        for side, records in session.sides.items():
+            columns = {"t": times[side]} | _columns(records)
+            (_write_csv if to == "csv" else _write_parquet)(columns, outs[side])
+            lines.append(f"{outs[side]}: {len(records)} rows, {len(columns)} columns")
+    except OSError as error:
+        raise ConfigurationError(f"{target}: cannot be written: {error.strerror or error}") from None
+    return lines
+
+
+def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
+    if find_spec("mcap") is None:
+        raise ConfigurationError('recordings: need mcap; install it with: pip install "weberlink[recording]"')
+    from evaluation.recorded import put_together  # noqa: PLC0415 - reads with an optional library
+    from telemetry.recording.reader import RecordingError, read_recording  # noqa: PLC0415
+
+    try:
+        recordings = [read_recording(path) for path in paths]
+        return recordings, put_together(recordings)
+    except RecordingError as error:
+        raise ConfigurationError(str(error)) from None
+
+
+def _date(recording: Any) -> str | None:
+    """When it began on the wall clock; None for a clock that a simulation made."""
+    if recording.facts.get("clock") == "virtual" or not recording.origins:
+        return None
+    began = min(origin.wall_s for origin in recording.origins.values())
+    return datetime.fromtimestamp(began, UTC).isoformat(timespec="milliseconds")
+
+
+def _file_line(file: dict[str, Any]) -> str:
+    sides = ", ".join(f"{side} {count} records" for side, count in file["records"].items())
+    lost = sum(file["lost"].values())
+    parts = [
+        f"{file['path']}: {sides}",
+        f"{file['bytes'] / 1e6:.1f} MB",
+        f"began {file['began']}" if file["began"] else f"{file['clock']} time",
+        "whole" if file["complete"] else f"cut off ({file['outcome']}); what is there is intact",
+    ]
+    return ", ".join(parts + ([f"{lost} records lost"] if lost else []))
+
+
+def _columns(records: Records) -> dict[str, NDArray[Any]]:
+    """Flat columns: a vector becomes three, named by axis."""
+    columns: dict[str, NDArray[Any]] = {}
+    for name in records.dtype.names or ():
+        if records[name].ndim == 1:
+            columns[name] = records[name]
+        else:
+            columns |= {f"{name}_{axis}": records[name][:, index] for index, axis in enumerate(AXES)}
+    return columns
+
+
+def _write_csv(columns: dict[str, NDArray[Any]], path: Path) -> None:
+    """Numbers with as many digits as it takes to read the same ones back; an unknown one as `nan`."""
+    with path.open("x", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+
+
+def _write_parquet(columns: dict[str, NDArray[Any]], path: Path) -> None:
+    import pyarrow  # noqa: PLC0415
+    import pyarrow.parquet  # noqa: PLC0415
+
+    table = pyarrow.table({name: np.ascontiguousarray(column) for name, column in columns.items()})
+    pyarrow.parquet.write_table(table, path)
