@@ -1,7 +1,7 @@
 """What the codec costs and what it is worth: felt error against packets and against run time, a curve per predictor.
 
 Owns the study over predictors and Weber factors, the Pareto front, and its figure. Packets, coding error and run time
-are those of `evaluation.traces`; where the traces come from it does not know.
+are those of `evaluation.coding`; where the traces come from it does not know.
 
 The felt error is that of an operator whose position is known at once, but who feels an update only `latency_ticks`
 after it was sent: the force of the model that had arrived by then, against the force measured in the same tick. Without
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from codec import Channel, Decoder, Encoder, Update, force_channel
 from codec.predictors import HYBRID, Trust
 from codec.vector import ZERO, Vector, distance
-from evaluation.traces import Row, code
+from evaluation.coding.perception import in_units, longest_run, rms
+from evaluation.coding.replay import replay, signal_of
 from master.trace import Trace
 
 PREDICTORS = ("zoh", "linear", "plane", "sphere", HYBRID)
@@ -220,25 +221,25 @@ def _check_range(name: str, trace: Trace, channel: Channel) -> None:
 
 
 def _row(name: str, trace: Trace, predictor: str, weber: float, channel: Channel, latency_ticks: int) -> CodingRow:
-    coded: Row = code(name, trace, predictor, weber, channel)
+    coded = replay(signal_of(trace), channel)
+    samples, packets, duration = len(coded.error_n), len(coded.updates), len(coded.error_n) * trace.period_s
     errors, bounds = felt_errors(trace, channel, latency_ticks)
     outside = errors > bounds
-    in_jnd = errors[bounds > 0.0] / bounds[bounds > 0.0]
     return CodingRow(
         trace=name,
         predictor=predictor,
         weber=weber,
-        samples=coded.samples,
-        duration_s=coded.samples * trace.period_s,
-        packets=coded.packets,
-        packets_per_s=coded.packets_per_s,
-        reduction=coded.reduction,
-        coding_rms_n=coded.error_rms_n,
-        error_rms_n=_rms(errors),
+        samples=samples,
+        duration_s=duration,
+        packets=packets,
+        packets_per_s=packets / duration,
+        reduction=1.0 - packets / samples,
+        coding_rms_n=rms(coded.error_n),
+        error_rms_n=rms(errors),
         error_max_n=float(errors.max()),
-        error_rms_jnd=_rms(in_jnd) if len(in_jnd) else 0.0,
+        error_rms_jnd=rms(in_units(errors, bounds)),
         violation_fraction=float(outside.mean()),
-        violation_longest_ticks=_longest_run(outside.tolist()),
+        violation_longest_ticks=longest_run(outside),
         tick_us=coded.tick_us,
     )
 
@@ -300,15 +301,3 @@ def _judge(rows: Sequence[CodingRow], predictor: str, weber: float) -> Verdict |
 
 def _excess(point: tuple[float, float], dominating: tuple[float, float]) -> float:
     return min(1.0 - best / mine if mine > 0.0 else 0.0 for mine, best in zip(point, dominating, strict=True))
-
-
-def _rms(values: NDArray[np.float64]) -> float:
-    return float(np.sqrt(np.mean(values * values)))
-
-
-def _longest_run(outside: Sequence[bool]) -> int:
-    longest = run = 0
-    for is_outside in outside:
-        run = run + 1 if is_outside else 0
-        longest = max(longest, run)
-    return longest

@@ -4,6 +4,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -30,16 +31,26 @@ def spread(
         yield from ((index, work(task)) for index, task in enumerate(tasks))
         return
     # Spawned, since the program that asks may run threads.
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
     try:
         order = sorted(range(len(tasks)), key=lambda index: -length(tasks[index]))
-        futures = {pool.submit(work, tasks[index]): index for index in order}
+        with _uninterrupted():  # submitting starts the processes
+            futures = {pool.submit(work, tasks[index]): index for index in order}
         for future in as_completed(futures):
             yield futures[future], future.result()
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of the group; the one that was asked ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C reaches every process of the group; the one that was asked ends the others.
+
+    Processes that start meanwhile are deaf to it for good, from their first instruction on: they inherit the mask. Here
+    it is only late.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,104 +1,226 @@
-"""The `evaluate` command: traces, predictors and Weber factors into rows, a table and figures."""
+"""The `evaluate` command: traces, predictors and Weber factors into rows, a table and figures.
 
+Owns what its arguments mean, and where the work is done: here, in processes, or on a Dask cluster. What is computed is
+in `evaluation.coding`, and does not depend on where.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 from rich.table import Table
 
 from codec.predictors import HYBRID, PREDICTORS
+from evaluation.coding.naming import names
+from evaluation.coding.row import Row
+from evaluation.coding.sweep import Recording, Study, Task, length, rows_of
+from evaluation.coding.table import table_of
 from evaluation.environment import environment, footer
-from evaluation.traces import Row, Study
+from evaluation.workers import spread
 from master.trace import TraceError, read_trace
 from weberlink.configuration import ConfigurationError
 
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below any sensor's noise, without a range."""
+PAPER = "paper"
+PAPER_WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
+WORTH_PROCESSES = 100_000.0
+"""Coded samples from which other processes are done sooner than this one alone, which need not start."""
+
+Progress = Callable[[int, int], None]
+"""Told how many of how many pieces of work are done."""
+
+
+class EvaluationError(RuntimeError):
+    """What computed the rows went away before the end. One line says what and why."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the work is done.
+
+    Args:
+        workers: processes; 1 for none but this one, None for as many as there are processors if that pays.
+        dask: address of the scheduler of a cluster, instead; None for this machine.
+    """
+
+    workers: int | None = None
+    dask: str | None = None
 
 
 @dataclass(frozen=True)
 class Evaluation:
     """The rows of all combinations, and how they are shown."""
 
+    study: Study
+    recordings: list[Recording]
     rows: list[Row]
     document: dict[str, Any]
     table: Table
     caption: str
 
     def draw(self, folder: Path) -> None:
-        """Write the figures.
+        """Write the figures, and the rows as CSV.
 
         Raises:
             OSError: if the folder or a file in it cannot be made.
         """
-        from evaluation.figures import packet_rate  # noqa: PLC0415 - heavy, and only wanted with --plots
+        from evaluation.coding.figures import draw_study  # noqa: PLC0415 - heavy, and only wanted with --plots
 
         folder.mkdir(parents=True, exist_ok=True)
-        packet_rate(self.rows, folder / "packet_rate.png", self.caption)
+        draw_study(self.study, self.recordings, self.rows, folder, self.caption)
 
 
-def run(traces: list[Path], predictors: str, webers: str, floor: float, *, wire: bool, plots: bool) -> Evaluation:
-    """Evaluate every combination.
+def run(
+    traces: Sequence[Path],
+    predictors: str,
+    webers: str,
+    floor: float,
+    *,
+    jnd: float = 0.10,
+    wire: bool = True,
+    plots: bool = False,
+    place: Place = Place(),
+    progress: Progress = lambda *_: None,
+) -> Evaluation:
+    """Evaluate every combination. Where the work is done changes no row, but for the measured run time.
 
     Args:
-        traces: CSV files.
+        traces: recorded signals, each once.
         predictors: names with commas between them.
-        webers: Weber factors with commas between them.
+        webers: Weber factors with commas between them, or "paper" for those of the paper.
         floor: absolute threshold [N].
+        jnd: a person's just noticeable difference, as a share of the force.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be wanted.
+        place: where the work is done.
+        progress: told of it.
 
     Raises:
-        ConfigurationError: for an argument or a trace that cannot be used; nothing was computed then.
+        ConfigurationError: for an argument, a trace or a cluster that cannot be used; nothing was computed then.
+        EvaluationError: if a worker died.
     """
-    if plots and find_spec("matplotlib") is None:
-        raise ConfigurationError('--plots: needs matplotlib; install it with: pip install "weberlink[plots]"')
-    study = Study(_predictors(predictors), _webers(webers), floor, **({} if wire else UNQUANTIZED))  # type: ignore[arg-type]
+    began = perf_counter()
+    if plots:
+        _require("matplotlib", "plots")
+    _check_place(place)
+    if not 0.0 < jnd <= 1.0:
+        raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
+    exactness: dict[str, Any] = {} if wire else UNQUANTIZED
+    study = Study(_predictors(predictors), _webers(webers), floor, jnd=jnd, **exactness)
+    recordings = _recordings(traces)
+    rows = compute(study, recordings, place, progress)
+    return assemble(study, recordings, rows, wire=wire, run_time=perf_counter() - began)
+
+
+def compute(study: Study, recordings: Sequence[Recording], place: Place, progress: Progress) -> list[Row]:
+    """Do all of the work, wherever it is done, and put it in order.
+
+    Raises:
+        ConfigurationError: for a cluster that cannot be used; nothing was computed then.
+        EvaluationError: if a worker died.
+    """
+    tasks = study.tasks(recordings)
+    results: dict[int, list[Row]] = {}
+    for index, rows in _on_cluster(tasks, place.dask) if place.dask is not None else _here(tasks, place.workers):
+        results[index] = rows
+        progress(len(results), len(tasks))
+    return study.ordered(results)
+
+
+def assemble(study: Study, recordings: list[Recording], rows: list[Row], *, wire: bool, run_time: float) -> Evaluation:
+    """What is published of rows that took a run time [s]."""
+    facts = environment()
+    caption = footer(facts)
+    document = {
+        "floor_n": study.floor,
+        "jnd": study.jnd,
+        "wire": wire,
+        "rows": [row.as_json() for row in rows],
+        "run_time_s": run_time,
+        "environment": facts,
+    }
+    return Evaluation(study, recordings, rows, document, table_of(rows, study.jnd, run_time, caption), caption)
+
+
+def _here(tasks: Sequence[Task], workers: int | None) -> Iterator[tuple[int, list[Row]]]:
+    if workers is None and sum(map(length, tasks)) < WORTH_PROCESSES:
+        workers = 1
     try:
-        signals = [(path.stem, read_trace(path)) for path in traces]
+        yield from spread(rows_of, tasks, workers, length)
+    except BrokenProcessPool:
+        raise EvaluationError(
+            "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
+        ) from None
+
+
+def _on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[int, list[Row]]]:
+    from evaluation.cluster import LostClusterError, UnavailableClusterError, spread_on_cluster  # noqa: PLC0415 - heavy, an extra
+
+    try:
+        yield from spread_on_cluster(address, rows_of, tasks, length)
+    except UnavailableClusterError as error:
+        raise ConfigurationError(f"--dask: {error}") from None
+    except LostClusterError as error:
+        raise EvaluationError(f"--dask: {error}") from None
+
+
+def _check_place(place: Place) -> None:
+    if place.dask is None:
+        return
+    _require("distributed", "dask")
+    if place.workers is not None:
+        raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
+
+
+def _require(package: str, extra: str) -> None:
+    if find_spec(package) is None:
+        raise ConfigurationError(f'--{extra}: needs {package}; install it with: pip install "weberlink[{extra}]"')
+
+
+def _recordings(paths: Sequence[Path]) -> list[Recording]:
+    seen: dict[Path, Path] = {}
+    for path in paths:
+        if path.resolve() in seen:
+            raise ConfigurationError(f"{path}: listed twice, and would count twice in every mean")
+        seen[path.resolve()] = path
+    try:
+        return [Recording(name, read_trace(path)) for name, path in zip(names(paths), paths, strict=True)]
     except TraceError as error:
         raise ConfigurationError(str(error)) from None
-    rows = [row for name, trace in signals for row in study.rows(name, trace)]
-    facts = environment()
-    document = {"floor_n": floor, "wire": wire, "rows": [row.as_json() for row in rows], "environment": facts}
-    return Evaluation(rows, document, _table(rows, footer(facts)), footer(facts))
 
 
 def _predictors(text: str) -> list[str]:
-    names = [name.strip() for name in text.split(",")]
+    listed = [name.strip() for name in text.split(",")]
     known = [*PREDICTORS, HYBRID]
-    for name in names:
+    for name in listed:
         if name not in known:
             raise ConfigurationError(f"--predictor: {name!r} is none of {', '.join(known)}")
-    return names
+    _check_once("--predictor", listed)
+    return listed
 
 
 def _webers(text: str) -> list[float]:
+    if text.strip() == PAPER:
+        return list(PAPER_WEBERS)
     try:
         factors = [float(part) for part in text.split(",")]
     except ValueError:
-        raise ConfigurationError(f"--weber: must be numbers with commas between them, not {text!r}") from None
+        raise ConfigurationError(
+            f"--weber: must be numbers with commas between them, not {text!r}, or {PAPER!r}"
+        ) from None
     for factor in factors:
         if not 0.0 <= factor <= 1.0:
             raise ConfigurationError(f"--weber: must be 0 to 1, not {factor:g}")
+    _check_once("--weber", factors)
     return factors
 
 
-def _table(rows: list[Row], caption: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=caption, caption_justify="left")
-    for name in ("trace", "predictor", "k", "packets/s", "fewer", "RMS N", "max N", "max JND", "us/tick"):
-        table.add_column(name, justify="left" if name in ("trace", "predictor") else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(
-            row.trace,
-            row.predictor,
-            f"{row.weber:g}",
-            f"{row.packets_per_s:.1f}",
-            f"{100 * row.reduction:.1f} %",
-            f"{row.error_rms_n:.3f}",
-            f"{row.error_max_n:.3f}",
-            f"{row.jnd_max:.2f}",
-            f"{row.tick_us:.1f}",
-        )
-    return table
+def _check_once(option: str, values: Sequence[object]) -> None:
+    for place, value in enumerate(values):
+        if value in values[:place]:
+            raise ConfigurationError(f"{option}: {value} is listed twice")

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from evaluation.coding.replay import replay, signal_of
 from evaluation.coding_precision import (
     PREDICTORS,
     RECOMMENDED,
@@ -21,7 +22,6 @@ from evaluation.coding_precision import (
     shipped_channel,
     study,
 )
-from evaluation.traces import code
 from master.trace import Trace
 
 coordinates = st.integers(0, 6).map(float)
@@ -94,7 +94,7 @@ def test_without_latency_the_felt_error_is_the_coding_error() -> None:
 def test_packets_are_those_of_the_evaluation(predictor: str) -> None:
     signal = wall()
     (found,) = study({"wall": signal}, [predictor], [0.10]).rows
-    assert found.packets == code("wall", signal, predictor, 0.10, shipped_channel(predictor, 0.10)).packets > 0
+    assert found.packets == len(replay(signal_of(signal), shipped_channel(predictor, 0.10)).updates) > 0
 
 
 def test_every_combination_has_a_row_and_traces_are_pooled_by_their_samples() -> None:

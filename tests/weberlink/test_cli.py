@@ -78,6 +78,7 @@ def test_the_documented_commands_are_there() -> None:
         ["simulate"],
         ["evaluate", OPERATOR, "--floor", "inf"],
         ["evaluate", OPERATOR, "--floor", "-1"],
+        ["evaluate", OPERATOR, "--workers", "0"],
     ],
     ids=lambda arguments: " ".join(str(argument).rpartition("/")[2] for argument in arguments),
 )
@@ -247,6 +248,14 @@ def test_evaluate_gives_the_documented_figures() -> None:
         "error_max_n": float,
         "jnd_max": float,
         "tick_us": float,
+        "bytes_per_s": float,
+        "violation_fraction": float,
+        "violation_longest_s": float,
+        "error_rms_jnd": float,
+        "error_max_jnd": float,
+        "noticeable_fraction": float,
+        "noticeable_longest_s": float,
+        "clairvoyant_packets": int,
     }
     for row in rows:
         assert {name: type(row[name]) for name in keys} == keys
@@ -264,8 +273,8 @@ def test_evaluate_writes_json_and_plots_beside_the_table(tmp_path: Path) -> None
     assert (result.exit_code, result.stderr) == (0, "")
     assert result.stdout.startswith("trace")
     assert len(json.loads(out.read_text())["rows"]) == 1
-    (picture,) = plots.iterdir()
-    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert (plots / "packet_rate.png").read_bytes().startswith(b"\x89PNG")
+    assert (plots / "rows.csv").read_text().startswith("trace,predictor,weber,")
 
 
 def test_without_matplotlib_plots_are_refused_in_one_line_and_nothing_else_needs_it(tmp_path: Path) -> None:
@@ -323,6 +332,10 @@ def test_a_trace_that_is_not_there_is_one_line(tmp_path: Path) -> None:
         ("--weber", "-0.1", "must be 0 to 1, not -0.1"),
         ("--weber", "nan", "must be 0 to 1, not nan"),
         ("--weber", "ten", "must be numbers with commas between them, not 'ten'"),
+        ("--weber", "0.1,0.2,0.10", "0.1 is listed twice"),
+        ("--predictor", "zoh,plane, zoh", "zoh is listed twice"),
+        ("--jnd", "0", "must be above 0 and at most 1, not 0"),
+        ("--jnd", "nan", "must be above 0 and at most 1, not nan"),
     ],
 )
 def test_an_option_out_of_range_is_one_line(option: str, value: str, expected: str) -> None:

@@ -9,10 +9,11 @@ import pytest
 
 from codec import force_channel
 from codec.predictors import Trust
-from evaluation.traces import Study, code
-from master.trace import Trace, read_trace
+from evaluation.coding.replay import Signal, replay, signal_of
+from evaluation.coding.sweep import Recording, Study
+from master.trace import read_trace
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 RECORDED = ROOT.parent / "shared" / "traces"
 OWN = ROOT / "configs" / "traces" / "operator.csv"
 PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
@@ -31,8 +32,8 @@ def table() -> dict[tuple[str, str], float]:
 
 
 @cache
-def recording(name: str) -> Trace:
-    return read_trace(RECORDED / f"{name}.csv")
+def recording(name: str) -> Signal:
+    return signal_of(read_trace(RECORDED / f"{name}.csv"))
 
 
 NAMES = sorted({path.stem for path in RECORDED.glob("*.csv")}) if RECORDED.is_dir() else ["none"]
@@ -40,7 +41,8 @@ NAMES = sorted({path.stem for path in RECORDED.glob("*.csv")}) if RECORDED.is_di
 
 def packets_per_s(name: str, predictor: str, trust: Trust | None = None) -> float:
     channel = force_channel(predictor=predictor, weber=0.10, floor=0.05, trust=trust, **EXACT)  # type: ignore[arg-type]
-    return code(name, recording(name), predictor, 0.10, channel).packets_per_s
+    signal = recording(name)
+    return len(replay(signal, channel).updates) / signal.duration_s
 
 
 @needs_recordings
@@ -69,7 +71,7 @@ def test_the_sphere_differs_from_the_table_by_what_it_believes(name: str) -> Non
 
 def test_rows_on_the_wire_keep_within_one_jnd_and_half_a_step() -> None:
     trace = read_trace(OWN)
-    rows = list(Study(webers=(0.05, 0.20)).rows("own", trace))
+    rows = list(Study(webers=(0.05, 0.20)).rows(Recording("own", trace)))
     assert [(row.predictor, row.weber) for row in rows] == [(p, k) for p in PREDICTORS for k in (0.05, 0.20)]
     for row in rows:
         assert row.samples == len(trace.time_s)
@@ -83,5 +85,5 @@ def test_rows_on_the_wire_keep_within_one_jnd_and_half_a_step() -> None:
 def test_a_larger_weber_factor_sends_less_on_a_trace_of_contact() -> None:
     trace = read_trace(OWN)
     for predictor in PREDICTORS:
-        fine, coarse = Study((predictor,), (0.025, 0.30)).rows("own", trace)
+        fine, coarse = Study((predictor,), (0.025, 0.30)).rows(Recording("own", trace))
         assert coarse.packets < fine.packets

@@ -1,0 +1,61 @@
+"""How far a held force and a straight line in time can reach.
+
+The projection of the force on a direction w must keep within w.f +- the tolerance. For a hold that is an interval of the
+value for each tick; for a line every two ticks leave an interval of the slope, and all of these meet exactly when
+one line passes through all gates (two lines of gates, Helly's theorem in the plane of slope and value).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evaluation.coding.clairvoyant.demand import Demand
+from evaluation.coding.clairvoyant.stretch import Array, Index, Ticks, reaches
+
+PLANAR_DIRECTIONS = 8
+
+
+def hold_reaches(demand: Demand, resolution: int) -> Ticks:
+    """One value from the tick of the send on, shape (n,)."""
+    low, high = _gates(demand)
+
+    def pair(_earlier: Index, later: Index, _distance: int) -> tuple[Array, Array]:
+        return low[:, later], high[:, later]
+
+    return reaches(low, high, pair, jointly=True, resolution=resolution)[0]
+
+
+def line_reaches(demand: Demand, resolution: int) -> Ticks:
+    """One value and slope from the tick of the send on, shape (n,)."""
+    low, high = _gates(demand)
+    low[:, demand.at_edge], high[:, demand.at_edge] = -np.inf, np.inf
+
+    def pair(earlier: Index, later: Index, distance: int) -> tuple[Array, Array]:
+        per_tick = 1.0 / distance
+        return (low[:, later] - high[:, earlier]) * per_tick, (high[:, later] - low[:, earlier]) * per_tick
+
+    any_slope = np.full_like(low, np.inf)
+    return reaches(-any_slope, any_slope, pair, jointly=True, resolution=resolution)[0]
+
+
+def _gates(demand: Demand) -> tuple[Array, Array]:
+    """Lowest and highest projection that the law allows, each of shape (directions, n)."""
+    x, y, z = demand.force.T
+    directions = _directions((demand.force != 0.0).any(axis=0))
+    # Not a matrix product, whose last bits depend on the library that makes it.
+    along = np.array([a * x + b * y + c * z for a, b, c in directions])
+    return along - demand.tolerance, along + demand.tolerance
+
+
+def _directions(used: NDArray[np.bool_]) -> Array:
+    """Unit vectors, evenly spread over a half of the space that the forces use, shape (directions, 3)."""
+    axes = np.flatnonzero(used)
+    if len(axes) == 3:  # noqa: PLR2004 - of space
+        half = [(a, b, c) for a in (0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) > (0, 0, 0)]
+        chosen = np.array(half, dtype=np.float64)
+        return chosen / np.sqrt((chosen * chosen).sum(axis=1, keepdims=True))
+    if len(axes) == 2:  # noqa: PLR2004
+        angles = np.pi / PLANAR_DIRECTIONS * np.arange(PLANAR_DIRECTIONS)
+        planar = np.zeros((PLANAR_DIRECTIONS, 3))
+        planar[:, axes[0]], planar[:, axes[1]] = np.cos(angles), np.sin(angles)
+        return planar
+    return np.eye(3)[axes if len(axes) else [0]]

@@ -1,0 +1,93 @@
+"""How far each tick's stretch can reach, for any family whose one free number is confined by pairs of ticks.
+
+For a line that number is the slope, for a surface the stiffness: every two ticks leave it an interval, and a stretch can
+be explained when the intervals of all its pairs meet. That of the ticks a..a+d is the meeting of a..a+d-1, of
+a+1..a+d and of the pair (a, a+d): all stretches of a length come at once from those one tick shorter.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ticks = NDArray[np.int64]
+Index = Ticks | slice
+Pair = Callable[[Index, Index, int], tuple[Array, Array]]
+"""Earlier ticks, later ticks and their distance, to the intervals that they leave, each of shape (rows, ticks)."""
+
+DENSE = 0.8
+"""The list of stretches is cleared of those that have ended when fewer than this share goes on."""
+
+
+def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: int) -> Ticks:
+    """The first tick that a stretch from each tick can not include, or a later one.
+
+    Rows are separate numbers with their own intervals. From a distance of twice `resolution` on, ticks are compared on a
+    grid of time alone, whose step doubles with the distance: a stretch may then seem longer than it is, by up to
+    two parts in `resolution`, never shorter.
+
+    Args:
+        low: smallest number that each tick by itself allows, shape (rows, n).
+        high: the largest, likewise.
+        pair: the intervals of pairs.
+        jointly: whether a stretch ends with the first row that fails, or every row has its own.
+        resolution: at least 1; n or more compares all.
+
+    Returns:
+        Shape (rows, n), or (1, n) where jointly; each at least its own tick + 1, at most n, and never falling.
+    """
+    ticks = low.shape[1]
+    starts = np.arange(ticks)
+    reach = np.full((1 if jointly else len(low), ticks), ticks)
+    alive = np.ones(reach.shape, dtype=bool)
+    span = np.zeros_like(reach)
+    distance, step = 0, 1
+    while starts.size:
+        if distance // resolution >= 2 * step:
+            step *= 2
+            kept = np.flatnonzero(starts % step == 0)
+            _end(reach, starts, span, ~alive)
+            starts, low, high, span, alive = _take(kept, starts, low, high, span, alive)
+        distance += step
+        np.copyto(span, distance, where=alive)
+        _end(reach, starts[-1:], span[:, -1:], ~alive[:, -1:])
+        # What lies between two neighbours of the list that are further apart has ended; so has what includes it.
+        broken = starts[1:] != starts[:-1] + step
+        starts, span = starts[:-1], span[:, :-1]
+        if not starts.size:
+            break
+        low, high = np.maximum(low[:, :-1], low[:, 1:]), np.minimum(high[:, :-1], high[:, 1:])
+        pair_low, pair_high = pair(*_indices(starts, distance, step), distance)
+        np.maximum(low, pair_low, out=low)
+        np.minimum(high, pair_high, out=high)
+        if broken.any():
+            high[:, broken] = -np.inf
+        alive = low <= high
+        if jointly:
+            alive = alive.all(axis=0, keepdims=True)
+        living = alive.any(axis=0)
+        if np.count_nonzero(living) < DENSE * starts.size:
+            _end(reach, starts, span, ~alive)
+            starts, low, high, span, alive = _take(np.flatnonzero(living), starts, low, high, span, alive)
+    # A stretch reaches no further than a later one.
+    return np.minimum.accumulate(reach[:, ::-1], axis=1)[:, ::-1]
+
+
+def _end(reach: Ticks, starts: Ticks, span: Ticks, ended: NDArray[np.bool_]) -> None:
+    """Write down how far those that have ended went; what never ends reaches the end of the signal."""
+    for row, spans, over in zip(reach, span, ended, strict=True):
+        row[starts[over]] = starts[over] + spans[over]
+
+
+def _take(kept: Ticks, starts: Ticks, *arrays: Any) -> tuple[Any, ...]:
+    return (starts[kept], *(array.take(kept, axis=1) for array in arrays))
+
+
+def _indices(starts: Ticks, distance: int, step: int) -> tuple[Index, Index]:
+    """Slices where they will do: they copy nothing."""
+    first, last = int(starts[0]), int(starts[-1])
+    if last - first == (len(starts) - 1) * step:
+        return slice(first, last + 1, step), slice(first + distance, last + 1 + distance, step)
+    return starts, starts + distance

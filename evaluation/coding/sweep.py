@@ -1,0 +1,117 @@
+"""Traces, predictors and Weber factors: what is varied, what is held, and how the whole is cut into tasks.
+
+A task is one trace at one Weber factor with all predictors: short enough for any number of workers, and large enough
+that what the predictors share (the trace as plain numbers, a person's threshold, most of the clairvoyant's work) is
+made once. Where a task runs is not known here; its rows do not depend on it, but for the measured run time.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from codec import Channel, force_channel
+from codec.predictors import HYBRID
+from evaluation.coding.clairvoyant import clairvoyant_sends
+from evaluation.coding.perception import Threshold
+from evaluation.coding.replay import signal_of
+from evaluation.coding.row import Row, code
+from master.trace import Trace
+
+
+class Recording(NamedTuple):
+    """A trace and the name that its rows bear."""
+
+    name: str
+    trace: Trace
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is varied over every trace, and what is held.
+
+    Args:
+        predictors: names, "hybrid" among them; each once.
+        webers: Weber factors; each once.
+        floor: absolute threshold, of the deadband and of a person [N].
+        force_step: wire step [N].
+        position_step: wire step [m].
+        saturates: whether the int16 range applies.
+        jnd: a person's just noticeable difference, as a share of the force.
+    """
+
+    predictors: Sequence[str] = ("zoh", "linear", "plane", "sphere", "hybrid")
+    webers: Sequence[float] = (0.10,)
+    floor: float = 0.02
+    force_step: float = 1e-3
+    position_step: float = 1e-5
+    saturates: bool = True
+    jnd: float = 0.10
+
+    def channel(self, predictor: str, weber: float) -> Channel:
+        return force_channel(
+            predictor=predictor,
+            weber=weber,
+            floor=self.floor,
+            force_step=self.force_step,
+            position_step=self.position_step,
+            saturates=self.saturates,
+        )
+
+    def tasks(self, recordings: Iterable[Recording]) -> list["Task"]:
+        """All of the work; the recording, which several tasks share, comes first."""
+        return [(recording, Cut(self, weber)) for recording in recordings for weber in self.webers]
+
+    def rows(self, recording: Recording) -> Iterator[Row]:
+        """All rows of one trace, predictors outermost, made here and now."""
+        tasks = self.tasks([recording])
+        return iter(self.ordered(dict(enumerate(map(rows_of, tasks)))))
+
+    def ordered(self, results: Mapping[int, Sequence[Row]]) -> list[Row]:
+        """All rows, traces outermost, then predictors, then Weber factors.
+
+        Args:
+            results: the rows of each task by its place among `tasks`, in any order.
+        """
+        cuts = len(self.webers)
+        return [
+            results[first + cut][predictor]
+            for first in range(0, len(results), cuts)
+            for predictor in range(len(self.predictors))
+            for cut in range(cuts)
+        ]
+
+
+class Cut(NamedTuple):
+    """A study at one of its Weber factors."""
+
+    study: Study
+    weber: float
+
+
+Task = tuple[Recording, Cut]
+
+
+def rows_of(task: Task) -> list[Row]:
+    """One trace at one Weber factor: a row for each predictor."""
+    (name, trace), (study, weber) = task
+    signal = signal_of(trace)
+    threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
+    fewest = _clairvoyant(trace, study, weber)
+    return [
+        code(name, signal, predictor, weber, study.channel(predictor, weber), threshold_n, fewest.get(predictor))
+        for predictor in study.predictors
+    ]
+
+
+def length(task: Task) -> float:
+    """Of a task, in coded samples, as a measure of its cost."""
+    (_, trace), (study, _) = task
+    return float(len(trace.time_s) * len(study.predictors))
+
+
+def _clairvoyant(trace: Trace, study: Study, weber: float) -> dict[str, int]:
+    """The fewest sends of each predictor's family, worked out together since they share work."""
+    channel = study.channel(HYBRID, weber)
+    return clairvoyant_sends(
+        trace.force_n, trace.position_m, weber=weber, floor=study.floor, channel=channel, families=study.predictors
+    )
