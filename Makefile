@@ -1,6 +1,7 @@
 # Everything is set up in .venv from the pinned lock files; Python (3.11 or newer, with venv) and make are all it takes.
 PYTHON ?= python3
 DURATION ?= 20
+TRACES ?= $(wildcard ../shared/traces/*.csv)
 VENV := .venv
 BIN := $(VENV)/bin
 RUN := $(VENV)/.run
@@ -30,11 +31,11 @@ fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 bench: $(DEV)  ## run time of a tick's codec work, beside its limit
 	$(BIN)/python -m benchmarks.codec_tick
 
-figures: $(DEV)  ## every figure of the README, with its numbers beside it
-	mkdir -p docs/figures
+figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: recordings of people
+	mkdir -p docs/figures docs/paper
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
-	$(BIN)/weberlink evaluate configs/traces/operator.csv --weber 0.025,0.05,0.1,0.15,0.2,0.3 --plots docs/figures
+	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.configuration.schema configs/weberlink.schema.json

@@ -1,0 +1,63 @@
+"""The figures beside the page: curves of every condition, moments of one scene. Needs matplotlib (extra: plots)."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from codec import Channel
+from codec.predictors.plane import Plane
+from codec.predictors.sphere import Sphere
+from evaluation.curve_figures import QualityAxis, draw_curves
+from evaluation.curves import curves
+from evaluation.moment_figures import draw_force, draw_model
+from evaluation.moments import fits, follow, longest
+from evaluation.paper.document import Condition
+from master.trace import Trace
+from slave.scenes.scene import Scene
+
+QUALITY = QualityAxis("force error, RMS [JND]", better="lower", column="error_rms_jnd")
+
+
+def draw_conditions(conditions: Sequence[Condition], folder: Path, caption: str) -> None:
+    """Figs. 7 to 9 of every condition that has observations, each in a folder of its own.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    for condition in conditions:
+        if condition.observations:
+            place = folder / condition.key
+            place.mkdir(exist_ok=True)
+            found = curves(condition.observations)
+            draw_curves(found, place, quality=QUALITY, caption=caption, title=condition.title, units="signals")
+
+
+def draw_moments(
+    trace: Trace, scene: Scene | None, channel: Callable[[str], Channel], folder: Path, caption: str
+) -> list[str]:
+    """Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`): what hold, line and geometry make of one signal.
+
+    Args:
+        trace: of the scene.
+        scene: in which it was made.
+        channel: that of a predictor.
+        folder: where to; it is there.
+        caption: the environment.
+
+    Returns:
+        Names of what was drawn: a signal may have had no plane, or no sphere.
+
+    Raises:
+        OSError: if a file cannot be written.
+    """
+    runs = [follow(trace, channel(name)) for name in ("zoh", "linear")]
+    draw_force(runs, folder / "force", title="Force over time, hold and linear prediction", caption=caption)
+    drawn = ["force"]
+    candidates = fits(trace, channel("hybrid"))
+    for name, kind in (("plane", Plane), ("sphere", Sphere)):
+        fit = longest(candidates, kind)
+        if fit is not None:
+            middle = (fit.newest.tick + fit.until) // 2
+            title = f"The {name} that was in force longest, {fit.ticks} ticks"
+            draw_model(trace, channel("hybrid"), middle, folder / name, scene, title=title, caption=caption)
+            drawn.append(name)
+    return drawn

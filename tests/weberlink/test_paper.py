@@ -1,0 +1,91 @@
+"""The `paper` command: from recordings and scenes to a page whose numbers are those of the JSON."""
+
+import csv
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from evaluation.coding.sweep import Recording
+from evaluation.paper.claims import CLAIMS
+from evaluation.paper.document import PREDICTORS
+from master.trace import read_trace
+from tests.weberlink.systems import CONFIGS
+from weberlink.cli import app
+from weberlink.paper import PAGE, SCENE_STUDY, SCENES, STUDY, Scope, run
+
+OPERATOR = CONFIGS / "traces" / "operator.csv"
+SMALL = Scope(scenes=(SCENES[2],), webers=(0.10, 0.30), duration_s=3.0)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory):
+    told: list[tuple[int, int, str]] = []
+    found = run([OPERATOR], plots=True, workers=2, progress=lambda *state: told.append(state), scope=SMALL)
+    folder = tmp_path_factory.mktemp("paper")
+    found.draw(folder)
+    return found, folder, told
+
+
+def test_every_claim_is_measured_under_every_condition(study):
+    found, _, told = study
+    assert [condition["key"] for condition in found.document["conditions"]] == ["recordings", "scenes", "systems"]
+    for condition in found.document["conditions"]:
+        assert len(condition["claims"]) == len(CLAIMS)
+        at_weber = [claim for claim in condition["claims"] if claim["at"] == "weber"]
+        assert all(claim["units"] == len(condition["signals"]) for claim in at_weber)
+    assert {what for _, _, what in told} == {"simulated sessions", "explored scenes", "signals through the codec"}
+    assert told[-1][0] == told[-1][1]
+
+
+def test_the_recordings_numbers_are_those_of_the_codec(study):
+    found, _, _ = study
+    rows = {(row.predictor, row.weber): row for row in STUDY.rows(Recording("operator", read_trace(OPERATOR)))}
+    (claim,) = [
+        claim
+        for claim in found.document["conditions"][0]["claims"]
+        if (claim["predictor"], claim["reference"], claim["at"]) == ("hybrid", "zoh", "weber")
+    ]
+    expected = rows["hybrid", 0.10].packets / rows["zoh", 0.10].packets
+    assert claim["measured"] == pytest.approx(1.0 - expected)
+    assert claim["ratios"] == {"operator": pytest.approx(expected)}
+
+
+def test_geometry_saves_on_a_dome_with_the_whole_system(study):
+    found, _, _ = study
+    rates = {
+        (one.unit, one.predictor): one.packets_per_s for one in found.conditions[2].observations if one.weber == 0.10
+    }
+    assert rates["dome on a plane", "hybrid"] < 0.5 * rates["dome on a plane", "zoh"]
+    assert SCENE_STUDY.position_step < STUDY.position_step
+
+
+def test_the_same_seed_gives_the_same_numbers_whatever_the_number_of_workers(study):
+    found, _, _ = study
+    again = run([OPERATOR], plots=False, workers=1, progress=lambda *_: None, scope=SMALL)
+    assert again.document["conditions"] == found.document["conditions"]
+
+
+def test_the_page_has_the_numbers_and_the_figures_that_it_shows(study):
+    found, folder, _ = study
+    page = (folder / PAGE).read_text(encoding="utf-8")
+    pictures = re.findall(r"\]\(([\w/]+\.png)\)", page)
+    assert len(pictures) == 3 * 3 + 3
+    for picture in pictures:
+        assert (folder / picture).stat().st_size > 10_000
+        assert (folder / picture).with_suffix(".svg").is_file()
+    for condition in found.conditions:
+        with (folder / condition.key / "curves.csv").open(newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        assert {row["predictor"] for row in rows} == set(PREDICTORS)
+        assert len(rows) == len(PREDICTORS) * len(SMALL.webers)
+    assert found.caption in page
+
+
+def test_the_whole_command_says_what_is_wrong_with_a_trace_before_it_works(tmp_path: Path):
+    wrong = tmp_path / "wrong.csv"
+    wrong.write_text("a,b\n1,2\n", encoding="utf-8")
+    result = CliRunner().invoke(app, ["paper", str(wrong)])
+    assert result.exit_code == 2
+    assert "wrong.csv: row 1: missing column" in result.stderr
