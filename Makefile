@@ -28,8 +28,9 @@ format: $(DEV)
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
 
-bench: $(DEV)  ## run time of a tick's codec work, beside its limit
+bench: $(DEV)  ## run time of a tick's codec work, and what recording costs, beside their limits
 	$(BIN)/python -m benchmarks.codec_tick
+	$(BIN)/python -m benchmarks.recording --minutes 1
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: recordings of people
 	mkdir -p docs/figures docs/paper
