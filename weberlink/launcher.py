@@ -202,7 +202,8 @@ class Session:
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
         self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
         if self.watch is not None:
-            self.watch(self.score.state, self.score.summary())
+            recording = {} if self._recorder is None else {"recording": {"running": self._recorder.running}}
+            self.watch(self.score.state, self.score.summary() | recording)
 
     def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
         failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]

@@ -86,6 +86,11 @@ class Recorder:
     def pid(self) -> int:
         return self._process.pid
 
+    @property
+    def running(self) -> bool:
+        """False before its time if it was killed or could not write any more."""
+        return self._process.poll() is None
+
     def finish(self) -> dict[str, Any]:
         """Wait until the file is complete, for a limited time; returns what was written. May be repeated."""
         if self._summary is None:

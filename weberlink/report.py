@@ -34,6 +34,8 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     state = states[0] if states and all(name == states[0] for name in states) else "/".join(states) or "starting"
     force = summary["force"]
     parts = [f"{summary['duration_s']:6.1f} s", state]
+    if not summary.get("recording", {"running": True})["running"]:
+        parts.append("NOT RECORDING")
     if force["packets_per_s"] is not None and force["reduction"] is not None:
         parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
     if force["error_rms"] is not None:

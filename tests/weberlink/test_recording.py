@@ -22,6 +22,7 @@ from tests.weberlink.test_daemons import free_port
 from weberlink.cli import app
 from weberlink.composition.link import channels
 from weberlink.configuration import load
+from weberlink.report import status_line
 
 LOOPBACK = CONFIGS / "loopback.yaml"
 
@@ -330,6 +331,14 @@ def test_files_of_two_sessions_are_not_joined(simulated, tmp_path):
     deaf.records["slave"]["peer_at"] = np.nan
     with pytest.raises(RecordingError, match="never heard the master"):
         put_together([only("master", 0.0), deaf])
+
+
+def test_the_status_line_says_when_the_recorder_is_gone():
+    figures = dict.fromkeys(("packets_per_s", "reduction", "error_rms"))
+    summary = {"duration_s": 1.0, "force": figures, "link": {"rtt_us": {"p50": None}}}
+    assert "RECORDING" not in status_line({}, summary)
+    assert "RECORDING" not in status_line({}, summary | {"recording": {"running": True}})
+    assert "NOT RECORDING" in status_line({}, summary | {"recording": {"running": False}})
 
 
 @pytest.fixture
