@@ -4,20 +4,20 @@
 chose its moments and real-valued model parameters with knowledge of the future, is never less.
 
 Between two sends one model of the family must keep the law of the deadband at every tick. What a model can explain
-of a stretch of ticks it can explain of any part of that stretch, so sending as late as possible is best, and all that is
-needed is how far a send at each tick can reach (`stretch`). `demand` is what the law asks of a tick, `linear` and
-`surface` are what the families can do, `bound` puts them together.
+of a stretch of ticks it can explain of any part of that stretch, so sending as late as possible is best, and all
+that is needed is how far a send at each tick can reach (`stretch`). `demand` is what the law asks of a tick, `linear`
+and `surface` are what the families can do, `bound` puts them together.
 
 How tight it is:
 
-- One degree of freedom: exact for hold and line, and for the plane but for the least stiffness that is trusted, which is
-  not asked. There a model lies on the line of the signal: what is beside it no sample of the signal can say.
-- More: relaxed. Hold and line are asked direction by direction, so the deadband's ball counts as the polygon
-  around it (2 % wider with two axes of force, 13 % with three) and each direction has its own line. Surfaces are asked pair
-  by pair of ticks (`surface`). Ticks far apart are compared on a grid of time, which lets long stretches reach up to
-  a thirty-second further than they can.
-- A sphere is relaxed everywhere: only how force grows along its own direction is asked, not its centre or radius,
-  and nothing of ticks without contact if it is convex.
+- One degree of freedom: exact for hold and line, and for the plane but that its stiffness has no least value. There a
+  model lies on the line of the signal: what is beside it no sample of the signal can say. Of a sphere only the
+  stiffness and the side of its centre on which it pushes are asked, and of a convex one nothing without contact.
+- More: relaxed. Hold and line are asked direction by direction, so the deadband's ball counts as the polygon around
+  it (2 % wider with two axes of force, 13 % with three) and each direction has its own line. Surfaces are asked pair by
+  pair of ticks; `surface` says what that leaves out.
+- Stretches of more than 32 ticks, or 256 with one degree of freedom: ticks that far apart are compared on a grid of
+  time, the coarser the further, so that a stretch may seem longer than it is.
 - Ticks whose deadband reaches the edge of the wire's range ask nothing of a model that extrapolates, which the decoder
   saturates there. A surface is not asked at the tick of its own send, where the decoder says the sample itself.
 """

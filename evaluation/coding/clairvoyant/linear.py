@@ -1,8 +1,9 @@
 """How far a held force and a straight line in time can reach.
 
-The projection of the force on a direction w must keep within w.f +- the tolerance. For a hold that is an interval of the
-value for each tick; for a line every two ticks leave an interval of the slope, and all of these meet exactly when
-one line passes through all gates (two lines of gates, Helly's theorem in the plane of slope and value).
+The projection of the force on a direction w must keep within w.f +- the tolerance: a gate at every tick. For a hold
+that is an interval of the value. For a line every two ticks leave an interval of the slope, from low' - high to
+high' - low over their distance; a slope that is in all of these has a line through all gates, for the highest of
+low - slope t is then below the lowest of high - slope t.
 """
 
 import numpy as np
@@ -12,6 +13,7 @@ from evaluation.coding.clairvoyant.demand import Demand
 from evaluation.coding.clairvoyant.stretch import Array, Index, Ticks, reaches
 
 PLANAR_DIRECTIONS = 8
+"""Of forces on two axes; on three it is the 13 of the edges, faces and corners of a cube."""
 
 
 def hold_reaches(demand: Demand, resolution: int) -> Ticks:
@@ -21,7 +23,8 @@ def hold_reaches(demand: Demand, resolution: int) -> Ticks:
     def pair(_earlier: Index, later: Index, _distance: int) -> tuple[Array, Array]:
         return low[:, later], high[:, later]
 
-    return reaches(low, high, pair, jointly=True, resolution=resolution)[0]
+    found: Ticks = reaches(low, high, pair, jointly=True, resolution=resolution)[0]
+    return found
 
 
 def line_reaches(demand: Demand, resolution: int) -> Ticks:
@@ -34,7 +37,8 @@ def line_reaches(demand: Demand, resolution: int) -> Ticks:
         return (low[:, later] - high[:, earlier]) * per_tick, (high[:, later] - low[:, earlier]) * per_tick
 
     any_slope = np.full_like(low, np.inf)
-    return reaches(-any_slope, any_slope, pair, jointly=True, resolution=resolution)[0]
+    found: Ticks = reaches(-any_slope, any_slope, pair, jointly=True, resolution=resolution)[0]
+    return found
 
 
 def _gates(demand: Demand) -> tuple[Array, Array]:
@@ -49,13 +53,15 @@ def _gates(demand: Demand) -> tuple[Array, Array]:
 def _directions(used: NDArray[np.bool_]) -> Array:
     """Unit vectors, evenly spread over a half of the space that the forces use, shape (directions, 3)."""
     axes = np.flatnonzero(used)
-    if len(axes) == 3:  # noqa: PLR2004 - of space
+    if len(axes) == 3:
         half = [(a, b, c) for a in (0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) > (0, 0, 0)]
         chosen = np.array(half, dtype=np.float64)
-        return chosen / np.sqrt((chosen * chosen).sum(axis=1, keepdims=True))
-    if len(axes) == 2:  # noqa: PLR2004
+        spread: Array = chosen / np.sqrt((chosen * chosen).sum(axis=1, keepdims=True))
+        return spread
+    if len(axes) == 2:
         angles = np.pi / PLANAR_DIRECTIONS * np.arange(PLANAR_DIRECTIONS)
         planar = np.zeros((PLANAR_DIRECTIONS, 3))
         planar[:, axes[0]], planar[:, axes[1]] = np.cos(angles), np.sin(angles)
         return planar
-    return np.eye(3)[axes if len(axes) else [0]]
+    single: Array = np.eye(3)[axes if len(axes) else [0]]
+    return single

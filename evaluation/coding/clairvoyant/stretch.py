@@ -1,8 +1,8 @@
 """How far each tick's stretch can reach, for any family whose one free number is confined by pairs of ticks.
 
-For a line that number is the slope, for a surface the stiffness: every two ticks leave it an interval, and a stretch can
-be explained when the intervals of all its pairs meet. That of the ticks a..a+d is the meeting of a..a+d-1, of
-a+1..a+d and of the pair (a, a+d): all stretches of a length come at once from those one tick shorter.
+For a line that number is the slope, for a surface the stiffness: every two ticks leave it an interval, and a stretch
+can be explained while the intervals of all its pairs meet. Those of the ticks a to a+d meet where those of a to a+d-1,
+of a+1 to a+d and of the pair (a, a+d) meet: all stretches of a length come at once from those one tick shorter.
 """
 
 from collections.abc import Callable
@@ -24,16 +24,16 @@ DENSE = 0.8
 def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: int) -> Ticks:
     """The first tick that a stretch from each tick can not include, or a later one.
 
-    Rows are separate numbers with their own intervals. From a distance of twice `resolution` on, ticks are compared on a
-    grid of time alone, whose step doubles with the distance: a stretch may then seem longer than it is, by up to
-    two parts in `resolution`, never shorter.
+    Rows are separate numbers with their own intervals. From a distance of twice `resolution` on, stretches begin and
+    end on a grid of time alone, whose step doubles with the distance. What is said of a longer stretch is then not
+    all that its pairs say: it may seem longer than it is, never shorter.
 
     Args:
         low: smallest number that each tick by itself allows, shape (rows, n).
         high: the largest, likewise.
         pair: the intervals of pairs.
         jointly: whether a stretch ends with the first row that fails, or every row has its own.
-        resolution: at least 1; n or more compares all.
+        resolution: at least 1; half of n or more compares all.
 
     Returns:
         Shape (rows, n), or (1, n) where jointly; each at least its own tick + 1, at most n, and never falling.
@@ -53,8 +53,8 @@ def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: i
         distance += step
         np.copyto(span, distance, where=alive)
         _end(reach, starts[-1:], span[:, -1:], ~alive[:, -1:])
-        # What lies between two neighbours of the list that are further apart has ended; so has what includes it.
-        broken = starts[1:] != starts[:-1] + step
+        # Where neighbours of the list are further apart, what lies between has ended; so has what includes it, and it
+        # matters no more what is said of that.
         starts, span = starts[:-1], span[:, :-1]
         if not starts.size:
             break
@@ -62,11 +62,9 @@ def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: i
         pair_low, pair_high = pair(*_indices(starts, distance, step), distance)
         np.maximum(low, pair_low, out=low)
         np.minimum(high, pair_high, out=high)
-        if broken.any():
-            high[:, broken] = -np.inf
         alive = low <= high
         if jointly:
-            alive = alive.all(axis=0, keepdims=True)
+            alive = np.logical_and.reduce(alive, axis=0, keepdims=True)
         living = alive.any(axis=0)
         if np.count_nonzero(living) < DENSE * starts.size:
             _end(reach, starts, span, ~alive)

@@ -1,9 +1,9 @@
 """How far a plane and a sphere can reach, asked pair by pair of ticks.
 
-In contact the decoded force is v u with v = s (depth) > 0 and a unit vector u. The law leaves v the interval
-|f| - e .. |f| + e and u the cone of half-angle asin(e / |f|) about f. As a function of the position p the depth of a plane
-is linear and the gradient of v is -s u; that of a convex sphere is concave, that of a concave one is convex, both with the
-gradient -s u of their own place. So for two ticks, D = u.(p' - p):
+In contact the decoded force is v u with v = s (depth) > 0 and a unit vector u. The law leaves v the interval |f| - e to
+|f| + e and u the cone of half-angle asin(e / |f|) about f. The gradient of v over the position p is -s u; v is linear
+for a plane, a concave function for a convex sphere and a convex one for a concave sphere. So for two ticks, with
+D = u.(p' - p):
 
 - convex and plane: v' <= v - s D, whence s D <= high(v) - low(v'), in both orders of the two;
 - concave and plane: v' >= v - s D, whence -s D <= high(v') - low(v); here the later may be without contact, where v' is
@@ -11,8 +11,9 @@ gradient -s u of their own place. So for two ticks, D = u.(p' - p):
 - a convex depth turns its force along the motion, (u' - u).(p' - p) >= 0, a concave one against it, a plane not at all;
 - plane: the two cones share a direction.
 
-Each is asked with the D of the cone that is easiest to meet. What is left out of a family: its stiffness has no least
-value; a sphere has no centre and no radius; each pair may choose its own directions.
+Each is asked with that D of the cone which is easiest to meet. What is left out: the stiffness has no least value, a
+sphere no centre and no radius, and every pair of ticks may choose its own directions within the cones. At the very
+centre of a sphere, where it has no direction, the decoder says its newest force: that one point is not considered.
 """
 
 from dataclasses import dataclass

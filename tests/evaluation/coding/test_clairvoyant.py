@@ -1,6 +1,7 @@
 """The clairvoyant bound: never above what the real encoder sends, nor above a brute force on tiny signals."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scipy.optimize import linprog
 from codec import Channel, Encoder, force_channel
 from codec.predictors import Trust
 from evaluation.coding.clairvoyant import clairvoyant_sends
+from evaluation.coding.clairvoyant.stretch import reaches
 from evaluation.coding.replay import replay, signal_of
 from master.trace import read_trace
 
@@ -130,6 +132,48 @@ def test_no_encoder_sends_less(
     assert found["zoh"] >= max(found.values())
 
 
+# What a clairvoyant could do by choosing models: signals made of a few of them, to within the deadband.
+
+
+def made(family: str, chance: np.random.Generator, position: Array, used: Array) -> Array:
+    """Forces of a random model of the family, in the space of the axes in use."""
+    if family in ("zoh", "linear"):
+        slope = chance.normal(0.0, 0.02, 3) * (family == "linear")
+        return (chance.normal(0.0, 2.0, 3) + slope * np.arange(len(position))[:, None]) * used
+    normal, stiffness = chance.normal(size=3) * used, 10.0 ** chance.uniform(1.0, 4.0)
+    normal /= np.linalg.norm(normal)
+    if family == "plane":
+        return stiffness * np.maximum(0.0, chance.uniform(-2e-3, 8e-3) - position @ normal)[:, None] * normal
+    radius = chance.choice((-1.0, 1.0)) * 10.0 ** chance.uniform(-2.3, 0.0)
+    outward = position + (radius + chance.uniform(-5e-3, 5e-3)) * normal
+    length = np.linalg.norm(outward, axis=1)
+    depth = np.maximum(0.0, radius - length if radius > 0 else length + radius)
+    return stiffness * np.sign(radius) * (depth / length)[:, None] * outward
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    family=st.sampled_from(FAMILIES[:-1]),
+    seed=st.integers(0, 2**32 - 1),
+    lengths=st.lists(st.integers(1, 300), min_size=1, max_size=4),
+    weber=st.sampled_from((0.0, 0.025, 0.1, 0.3, 1.0)),
+    axes=st.sampled_from(((1, 1, 1), (0, 1, 1), (0, 0, 1))),
+)
+def test_no_choice_of_models_needs_less(
+    family: str, seed: int, lengths: list[int], weber: float, axes: tuple[int, int, int]
+) -> None:
+    chance, used = np.random.default_rng(seed), np.array(axes)
+    position = motion(chance, sum(lengths)) * used
+    parts = np.split(position, np.cumsum(lengths)[:-1])
+    exact = np.concatenate([made(family, chance, part, used) for part in parts])
+    # Of the force itself, as much as is sure to be within the deadband of the force that results.
+    error = chance.normal(size=exact.shape) * used
+    error *= chance.random((len(exact), 1)) / np.linalg.norm(error, axis=1, keepdims=True)
+    force = exact + error * np.linalg.norm(exact, axis=1, keepdims=True) * weber / (1.0 + weber)
+    found = bounds(force, position, weber, 1e-6, **EXACT)
+    assert found["hybrid"] <= found[family] <= len(lengths)
+
+
 # Brute force: the fewest stretches, each explained by one model as a linear program says.
 
 
@@ -215,14 +259,13 @@ def test_one_degree_of_freedom_is_that_of_brute_force(seed: int, ticks: int, web
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), ticks=st.integers(2, 12), weber=st.sampled_from((0.05, 0.2, 0.5)))
 def test_more_degrees_of_freedom_are_not_above_brute_force(seed: int, ticks: int, weber: float) -> None:
-    """A hold through balls and a sphere of any kind, each searched for by brute force on forces in a plane."""
+    """Of holds: those that pass through the balls of the deadband, among values that are tried."""
     chance = np.random.default_rng(seed)
     force = np.cumsum(chance.normal(0.0, 0.15, (ticks, 3)), axis=0) + 1.0
     error = np.maximum(weber * np.linalg.norm(force, axis=1), 0.02)
-    first = int((np.linalg.norm(force, axis=1) <= error).argmin())
+    first = first_broken(np.linalg.norm(force, axis=1), error)
 
     def held(start: int, end: int) -> bool:
-        """Only centres that are tried: the mean of the stretch, its middle, its samples."""
         part = force[start:end]
         tried = [part.mean(axis=0), (part.min(axis=0) + part.max(axis=0)) / 2.0, *part]
         return any((np.linalg.norm(part - centre, axis=1) <= error[start:end]).all() for centre in tried)
@@ -235,8 +278,8 @@ def test_more_degrees_of_freedom_are_not_above_brute_force(seed: int, ticks: int
 
 def test_a_constant_force_is_one_send_and_none_below_the_floor() -> None:
     still = np.zeros((50, 3))
-    assert set(bounds(still + (0.3, 1.0, 0.0), still, 0.1).values()) == {1}
-    assert set(bounds(still + (0.01, 0.01, 0.01), still, 0.1).values()) == {0}
+    assert set(bounds(still + np.array((0.3, 1.0, 0.0)), still, 0.1).values()) == {1}
+    assert set(bounds(still + np.array((0.01, 0.01, 0.01)), still, 0.1).values()) == {0}
     assert set(bounds(still, still, 0.0, 0.0).values()) == {0}
     assert bounds(still[:0], still[:0], 0.1) == dict.fromkeys(FAMILIES, 0)
 
@@ -300,6 +343,55 @@ def test_a_force_beyond_the_wire_is_one_hold_of_its_end() -> None:
     assert set(bounds(force, np.zeros_like(force), 0.0, 0.0).values()) == {1}
 
 
+def test_a_model_may_run_beyond_the_wire_where_the_decoder_saturates() -> None:
+    depth = np.concatenate((np.linspace(1e-3, 6e-3, 300), np.full(100, 6e-3)))
+    found = bounds(along(np.concatenate((np.linspace(20.0, 60.0, 300), np.full(100, 60.0)))), along(-depth), 0.0, 0.0)
+    assert found["linear"] == found["hybrid"] == 1 < found["zoh"]
+    found = bounds(along(1e4 * depth), along(-depth), 0.0, 0.0)
+    assert found["plane"] == found["sphere"] == 1 < found["zoh"]
+    # One axis saturates and turns the force.
+    found = bounds(np.outer(1e4 * depth, (0.6, 0.0, 0.8)), np.outer(depth, (-0.6, 0.0, -0.8)), 0.0, 0.0)
+    assert found["plane"] == found["sphere"] == 1 < found["zoh"]
+
+
+@pytest.mark.parametrize("jointly", [True, False])
+@pytest.mark.parametrize("resolution", [4, 16, 200])
+@pytest.mark.parametrize("seed", range(4))
+def test_stretches_reach_as_far_as_all_their_pairs_allow(jointly: bool, resolution: int, seed: int) -> None:
+    """Of two lines through gates, against every stretch by itself; on a grid of time, a little further."""
+    chance, ticks = np.random.default_rng(seed), 400
+    middle = np.cumsum(np.cumsum(chance.normal(0.0, 1e-3, (2, ticks)), axis=1), axis=1)
+    width = np.repeat(chance.uniform(0.01, 0.4, ticks // 50), 50)
+    low, high = middle - width, middle + width
+
+    def pair(earlier: Array, later: Array, distance: int) -> tuple[Array, Array]:
+        return (low[:, later] - high[:, earlier]) / distance, (high[:, later] - low[:, earlier]) / distance
+
+    exact = np.array(
+        [[line_reach(one, other, start) for start in range(ticks)] for one, other in zip(low, high, strict=True)]
+    )
+    exact = exact.min(axis=0, keepdims=True) if jointly else exact
+    any_slope = np.full((2, ticks), inf)
+    found = reaches(-any_slope, any_slope, pair, jointly=jointly, resolution=resolution)
+    assert (found >= exact).all()
+    assert (np.diff(found, axis=1) >= 0).all()
+    within = exact - np.arange(ticks) <= 2 * resolution
+    assert (found[within] == exact[within]).all()
+    assert within.all() == (resolution == 200)
+
+
+def line_reach(low: Array, high: Array, start: int) -> int:
+    """The first tick that no line from `start` on passes, by the slopes from each tick to all before."""
+    least, most = -inf, inf
+    for tick in range(start + 1, len(low)):
+        distance = tick - np.arange(start, tick)
+        least = max(least, ((low[tick] - high[start:tick]) / distance).max())
+        most = min(most, ((high[tick] - low[start:tick]) / distance).min())
+        if least > most:
+            return tick
+    return len(low)
+
+
 def test_a_step_costs_the_coarse_wire_nothing_that_it_cannot_say() -> None:
     """Half a step of the wire is within what is not sent, though the deadband is none."""
     force = along(0.5 + 0.0004 * np.sin(np.arange(100)))
@@ -311,7 +403,7 @@ def test_a_step_costs_the_coarse_wire_nothing_that_it_cannot_say() -> None:
 def test_a_wider_deadband_never_needs_more(kind: Callable[..., tuple[Array, Array]], used: tuple[int, ...]) -> None:
     force, position = kind(np.random.default_rng(11), 400)
     rows = [bounds(force * used, position * used, weber) for weber in (0.0, 0.05, 0.1, 0.2, 0.4)]
-    for narrow, wide in zip(rows, rows[1:], strict=False):
+    for narrow, wide in pairwise(rows):
         assert all(wide[family] <= narrow[family] for family in FAMILIES)
     assert rows[-1]["zoh"] < rows[0]["zoh"]
 
