@@ -109,7 +109,7 @@ def watermark(axes: Any, mark: str | None) -> None:
 def save(figure: Figure, stem: Path) -> None:
     """Write `stem`.png and `stem`.svg; the SVG keeps its text as text, and equal figures give equal files."""
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink"}):
-        figure.savefig(beside(stem, ".png"), dpi=300, metadata={"Software": None})
+        figure.savefig(beside(stem, ".png"), dpi=200, metadata={"Software": None})
         figure.savefig(beside(stem, ".svg"), metadata={"Date": None, "Creator": None})
 
 

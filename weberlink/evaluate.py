@@ -7,7 +7,6 @@ in `evaluation.coding`, and does not depend on where.
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -23,6 +22,7 @@ from evaluation.environment import environment, footer
 from evaluation.workers import spread
 from master.trace import TraceError, read_trace
 from weberlink.configuration import ConfigurationError
+from weberlink.extras import need
 
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below any sensor's noise, without a range."""
@@ -106,7 +106,7 @@ def run(
     """
     began = perf_counter()
     if plots:
-        _require("matplotlib", "plots")
+        need("matplotlib", "plots", "--plots")
     _check_place(place)
     if not 0.0 < jnd <= 1.0:
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
@@ -172,14 +172,9 @@ def _on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[int, list
 def _check_place(place: Place) -> None:
     if place.dask is None:
         return
-    _require("distributed", "dask")
+    need("distributed", "dask", "--dask")
     if place.workers is not None:
         raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
-
-
-def _require(package: str, extra: str) -> None:
-    if find_spec(package) is None:
-        raise ConfigurationError(f'--{extra}: needs {package}; install it with: pip install "weberlink[{extra}]"')
 
 
 def _recordings(paths: Sequence[Path]) -> list[Recording]:

@@ -7,7 +7,6 @@ Owns the scenes, how they become runs, and the files that come out. What a claim
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from importlib.resources import files
-from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from time import perf_counter
@@ -30,6 +29,7 @@ from master.trace import Trace, TraceError, read_trace
 from weberlink.composition.link import channels
 from weberlink.composition.slave import build_scene
 from weberlink.configuration import Configuration, ConfigurationError, load
+from weberlink.extras import need
 from weberlink.simulate import build_simulation
 
 WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
@@ -160,8 +160,8 @@ def run(
     Raises:
         ConfigurationError: for a trace that cannot be used, or a missing extra; nothing was computed then.
     """
-    if plots and find_spec("matplotlib") is None:
-        raise ConfigurationError('--plots: needs matplotlib; install it with: pip install "weberlink[plots]"')
+    if plots:
+        need("matplotlib", "plots", "--plots")
     try:
         signals = [Recording(path.stem, read_trace(path)) for path in traces]
     except TraceError as error:

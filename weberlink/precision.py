@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,7 +12,8 @@ from rich.table import Table
 from evaluation.coding_precision import RECOMMENDED, CodingStudy, study
 from evaluation.environment import environment, footer
 from master.trace import Trace, read_trace
-from weberlink.configuration import ConfigurationError, load
+from weberlink.configuration import load
+from weberlink.extras import need
 from weberlink.simulate import simulate
 
 SCENES = ("loopback", "scene-plane", "scene-sphere", "scene-cavity", "scene-height-field")
@@ -78,18 +78,13 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Pre
     Raises:
         ConfigurationError: where a package is missing; nothing was computed then.
     """
-    require("scipy", "precision", "the reference solutions need scipy")
+    need("scipy", "precision", "the reference solutions")
     if plots:
-        require("matplotlib", "plots", "--plots: needs matplotlib")
+        need("matplotlib", "plots", "--plots")
     facts = environment()
     caption = footer(facts)
     signal = FULL_SIGNAL_S if full else SIGNAL_S
     return Precision([integrators(full, caption, progress), codec(SCENES, signal, caption, progress)], facts)
-
-
-def require(package: str, extra: str, what: str) -> None:
-    if find_spec(package) is None:
-        raise ConfigurationError(f'{what}; install it with: pip install "weberlink[{extra}]"')
 
 
 def integrators(full: bool, caption: str, progress: Progress) -> Section:

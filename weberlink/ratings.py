@@ -1,7 +1,6 @@
 """The `ratings` command: the ledgers of an experiment into an analysis, its tables and its figures."""
 
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from evaluation.experiment.ledger import LedgerError
 from evaluation.experiment.scale import HIGHEST, LOWEST
 from evaluation.experiment.table import table_of
 from weberlink.configuration import ConfigurationError
+from weberlink.extras import need
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,9 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
     Raises:
         ConfigurationError: for an argument or a ledger that cannot be used, or a missing package.
     """
-    if find_spec("scipy") is None:
-        raise ConfigurationError('ratings: needs scipy; install it with: pip install "weberlink[statistics]"')
-    if plots and find_spec("matplotlib") is None:
-        raise ConfigurationError('--plots: needs matplotlib; install it with: pip install "weberlink[plots]"')
+    need("scipy", "statistics", "ratings")
+    if plots:
+        need("matplotlib", "plots", "--plots")
     if not folder.is_dir():
         raise ConfigurationError(f"{folder}: no such folder; expected the one that experiment --out named")
     try:

@@ -8,7 +8,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from protocol.states import State
 from telemetry.fault import Fault
 from weberlink.composition.link import channels
 from weberlink.configuration import Configuration, ConfigurationError
+from weberlink.extras import need
 
 FINISH_LIMIT_S = 3.0
 """For what is left in the rings and the index of the file, once the daemons have ended; then it is told to finish."""
@@ -51,8 +51,7 @@ def check_target(path: Path) -> None:
     Raises:
         ConfigurationError: it is taken, its folder is not there, or the library for it is missing.
     """
-    if find_spec("mcap") is None:
-        raise ConfigurationError('--record: needs mcap; install it with: pip install "weberlink[recording]"')
+    need("mcap", "recording", "--record")
     if path.exists():
         raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
     if not path.parent.is_dir():

@@ -4,7 +4,6 @@ import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from rich.text import Text
 from evaluation.session import Records
 from telemetry.record import AXES
 from weberlink.configuration import ConfigurationError
+from weberlink.extras import need
 from weberlink.report import session_report
 
 FORMATS = ("csv", "parquet")
@@ -70,8 +70,8 @@ def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
     """
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
-    if to == "parquet" and find_spec("pyarrow") is None:
-        raise ConfigurationError('--to parquet: needs pyarrow; install it with: pip install "weberlink[parquet]"')
+    if to == "parquet":
+        need("pyarrow", "parquet", "--to parquet")
     _, session = _read(paths)
     from evaluation.recorded import time_axis  # noqa: PLC0415 - reads with an optional library
 
@@ -94,8 +94,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
 
 
 def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
-    if find_spec("mcap") is None:
-        raise ConfigurationError('recordings: need mcap; install it with: pip install "weberlink[recording]"')
+    need("mcap", "recording", str(paths[0]))
     from evaluation.recorded import put_together  # noqa: PLC0415 - reads with an optional library
     from telemetry.recording.reader import RecordingError, read_recording  # noqa: PLC0415
 

@@ -8,7 +8,6 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from importlib.util import find_spec
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -24,8 +23,9 @@ from evaluation.stability.verdict import CellObserver, Verdict
 from evaluation.stability.wall import Wall
 from evaluation.workers import spread
 from weberlink.composition.link import channels
-from weberlink.configuration import Configuration, ConfigurationError, load
+from weberlink.configuration import Configuration, load
 from weberlink.configuration.model import ControlSettings
+from weberlink.extras import need
 from weberlink.simulate import build_simulation
 
 SEED = 0
@@ -70,8 +70,8 @@ def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> 
     Raises:
         ConfigurationError: if figures are wanted and cannot be drawn; nothing was computed then.
     """
-    if plots and find_spec("matplotlib") is None:
-        raise ConfigurationError('--plots: needs matplotlib; install it with: pip install "weberlink[plots]"')
+    if plots:
+        need("matplotlib", "plots", "--plots")
     began = perf_counter()
     rows, verdicts = compute(walls(full=full), cells(arrangements(), SEED, full=full), workers, progress)
     return assemble(rows, verdicts, full=full, run_time=perf_counter() - began)

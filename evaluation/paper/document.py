@@ -107,7 +107,7 @@ def _measured(found: Saving) -> str:
 
 
 def _claims(condition: Condition) -> Iterator[str]:
-    yield "\n| claim | paper | here (95 %) | signals | | not on |"
+    yield "\n| claim | paper | here (95 %) | signals | verdict | does not hold on |"
     yield "|---|---|---|---|---|---|"
     for found in condition.savings:
         claim, fewer = found.claim, found.fewer

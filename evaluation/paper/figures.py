@@ -1,7 +1,10 @@
 """The figures beside the page: curves of every condition, moments of one scene. Needs matplotlib (extra: plots)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from codec import Channel
 from codec.predictors.plane import Plane
@@ -9,7 +12,7 @@ from codec.predictors.sphere import Sphere
 from evaluation.curve_figures import QualityAxis, draw_curves
 from evaluation.curves import curves
 from evaluation.moment_figures import draw_force, draw_model
-from evaluation.moments import fits, follow, longest
+from evaluation.moments import Fit, fits, follow
 from evaluation.paper.document import Condition
 from master.trace import Trace
 from slave.scenes.scene import Scene
@@ -54,10 +57,17 @@ def draw_moments(
     drawn = ["force"]
     candidates = fits(trace, channel("hybrid"))
     for name, kind in (("plane", Plane), ("sphere", Sphere)):
-        fit = longest(candidates, kind)
-        if fit is not None:
-            middle = (fit.newest.tick + fit.until) // 2
-            title = f"The {name} that was in force longest, {fit.ticks} ticks"
+        touched = _longest_touch(trace, (fit for fit in candidates if isinstance(fit.model, kind)))
+        if len(touched):
+            title = f"The {name} that was felt longest, {len(touched)} ticks"
+            middle = int(touched[len(touched) // 2])
             draw_model(trace, channel("hybrid"), middle, folder / name, scene, title=title, caption=caption)
             drawn.append(name)
     return drawn
+
+
+def _longest_touch(trace: Trace, candidates: Iterable[Fit]) -> NDArray[np.int64]:
+    """The ticks with contact of the model that has most of them: it stays in force in free space, where it says 0."""
+    contact = np.flatnonzero(trace.force_n.any(axis=1))
+    touches = [contact[(contact >= fit.newest.tick) & (contact < fit.until)] for fit in candidates]
+    return max(touches, key=len, default=contact[:0])
