@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from weberlink.configuration import ConfigurationError
-from weberlink.precision import Precision, codec, require
+from weberlink.precision import Precision, codec
 
 
 def test_the_codec_is_studied_on_the_shipped_recording_and_on_simulated_signals(tmp_path: Path) -> None:
@@ -29,8 +28,3 @@ def test_the_codec_is_studied_on_the_shipped_recording_and_on_simulated_signals(
     assert max(map(len, text.splitlines())) <= 80
     whole.draw(tmp_path / "figures")
     assert (tmp_path / "figures" / "coding.png").stat().st_size > 10_000
-
-
-def test_a_missing_package_is_named_with_the_line_that_installs_it() -> None:
-    with pytest.raises(ConfigurationError, match=r'pip install "weberlink\[precision\]"'):
-        require("no_such_package", "precision", "the reference solutions need it")
