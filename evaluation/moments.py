@@ -111,8 +111,8 @@ def follow(trace: Trace, channel: Channel) -> Coded:
 def fits(trace: Trace, channel: Channel) -> list[Fit]:
     """Every model of a run, in order of time."""
     sent = [(tick.update, tick.model) for tick in _run(trace, channel) if tick.update is not None]
-    untils = [update.tick for update, _ in sent[1:]] + [len(trace.time_s)]
-    return [_fit(channel, update, model, until) for (update, model), until in zip(sent, untils, strict=True)]
+    begins = [update.tick for update, _ in sent] + [len(trace.time_s)]
+    return [_fit(channel, update, model, until) for (update, model), until in zip(sent, begins[1:], strict=True)]
 
 
 def model_at(trace: Trace, channel: Channel, tick: int) -> Fit:

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import TypeVar
 
+from realtime.process import die_with_parent
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -30,8 +32,14 @@ def spread(
     if count <= 1:
         yield from ((index, work(task)) for index, task in enumerate(tasks))
         return
-    # Spawned, since the program that asks may run threads.
-    pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    # Spawned, since the program that asks may run threads. However that ends, its processes end with it: by themselves
+    # they would wait for work for ever, each at a pipe that it holds open itself.
+    pool = ProcessPoolExecutor(
+        count,
+        mp_context=get_context("spawn"),
+        initializer=die_with_parent,
+        initargs=(signal.SIGTERM, os.getpid()),
+    )
     try:
         order = sorted(range(len(tasks)), key=lambda index: -length(tasks[index]))
         with _uninterrupted():  # submitting starts the processes

@@ -112,7 +112,7 @@ def run(
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     exactness: dict[str, Any] = {} if wire else UNQUANTIZED
     study = Study(_predictors(predictors), _webers(webers), floor, jnd=jnd, **exactness)
-    recordings = _recordings(traces)
+    recordings = read_recordings(traces)
     rows = compute(study, recordings, place, progress)
     return assemble(study, recordings, rows, wire=wire, run_time=perf_counter() - began)
 
@@ -177,7 +177,12 @@ def _check_place(place: Place) -> None:
         raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
 
 
-def _recordings(paths: Sequence[Path]) -> list[Recording]:
+def read_recordings(paths: Sequence[Path]) -> list[Recording]:
+    """Traces under names that are all different, however alike those of their files are.
+
+    Raises:
+        ConfigurationError: for one that cannot be used, or is listed twice.
+    """
     seen: dict[Path, Path] = {}
     for path in paths:
         if path.resolve() in seen:

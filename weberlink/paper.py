@@ -25,10 +25,11 @@ from evaluation.paper.document import PREDICTORS, Condition, document
 from evaluation.recording import TraceRecorder
 from evaluation.session import SessionScore
 from evaluation.workers import spread
-from master.trace import Trace, TraceError, read_trace
+from master.trace import Trace
 from weberlink.composition.link import channels
 from weberlink.composition.slave import build_scene
-from weberlink.configuration import Configuration, ConfigurationError, load
+from weberlink.configuration import Configuration, load
+from weberlink.evaluate import read_recordings
 from weberlink.extras import need
 from weberlink.simulate import build_simulation
 
@@ -162,10 +163,7 @@ def run(
     """
     if plots:
         need("matplotlib", "plots", "--plots")
-    try:
-        signals = [Recording(path.stem, read_trace(path)) for path in traces]
-    except TraceError as error:
-        raise ConfigurationError(str(error)) from None
+    signals = read_recordings(traces)
     began = perf_counter()
     length = scope.duration_s
     sessions = [Run(*parts, length) for parts in product(scope.scenes, PREDICTORS, scope.webers)]

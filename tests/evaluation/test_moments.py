@@ -87,6 +87,12 @@ def test_fits_are_in_force_from_send_to_send() -> None:
                 assert fit.model.at(tick, (x, y, z)) == pytest.approx(coded.displayed_n[tick], abs=1e-9)
 
 
+def test_a_signal_that_is_never_sent_has_no_fit() -> None:
+    still = np.zeros((20, 3))
+    trace = Trace(np.arange(20) * 1e-3, still, still, np.empty((0, 2)))
+    assert fits(trace, force_channel()) == []
+
+
 def test_the_model_at_a_tick_is_that_of_its_fit() -> None:
     channel = force_channel(position_step=2e-6)
     fit = fine_fits()[3]

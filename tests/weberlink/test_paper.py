@@ -89,3 +89,18 @@ def test_the_whole_command_says_what_is_wrong_with_a_trace_before_it_works(tmp_p
     result = CliRunner().invoke(app, ["paper", str(wrong)])
     assert result.exit_code == 2
     assert "wrong.csv: row 1: missing column" in result.stderr
+
+
+def test_recordings_of_the_same_name_are_different_signals_and_none_counts_twice(tmp_path: Path):
+    copies = [tmp_path / person / "touch.csv" for person in ("one", "other")]
+    for copy in copies:
+        copy.parent.mkdir()
+        copy.write_bytes(OPERATOR.read_bytes())
+    scope = Scope(scenes=(SCENES[0],), webers=(0.10,), duration_s=0.5)
+    found = run(copies, plots=False, workers=1, progress=lambda *_: None, scope=scope)
+    recordings = found.document["conditions"][0]
+    assert recordings["signals"] == ["one/touch", "other/touch"]
+    assert recordings["claims"][0]["units"] == 2
+    result = CliRunner().invoke(app, ["paper", str(copies[0]), str(copies[0])])
+    assert result.exit_code == 2
+    assert "listed twice" in result.stderr
