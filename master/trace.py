@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 FEWEST_ROWS = 2
+BEYOND = 1e12
+"""No time, position or force of a recording is this large in SI units; squares of what is below can be summed up."""
 GAP_FACTOR = 5.0
 
 Array = NDArray[np.float64]
@@ -72,7 +74,18 @@ def read_motion(path: Path | str) -> Trace:
     return _read(Path(path), ("master", "slave"))
 
 
+def _check_regular(path: Path) -> None:
+    """A pipe or a device may never end, and is read more than once here."""
+    try:
+        is_other = path.exists() and not path.is_file() and not path.is_dir()
+    except OSError as error:  # a name that no file can have
+        raise TraceError(f"{path}: cannot be read: {error.strerror}") from None
+    if is_other:
+        raise TraceError(f"{path}: is no regular file; expected a trace")
+
+
 def _read(path: Path, sides: tuple[Literal["master", "slave"], ...]) -> Trace:
+    _check_regular(path)
     if is_recording(path):
         if find_spec("mcap") is None:
             raise TraceError(f'{path}: reading it needs mcap; install it with: pip install "weberlink[recording]"')
@@ -105,7 +118,7 @@ def numbers(path: Path, columns: list[int]) -> Array | None:
         table = np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns, ndmin=2, comments=None, encoding="utf-8")
     except (ValueError, OSError, csv.Error):
         return None
-    return table if np.isfinite(table).all() else None
+    return table if (np.abs(table) < BEYOND).all() else None
 
 
 def checked(path: Path, table: Array) -> Trace:
@@ -163,8 +176,9 @@ def first_fault(path: Path, columns: list[int]) -> str:
                     value = float(text)
                 except ValueError:
                     return f"{path}: row {number}, column {name}: expected a number, found {text!r}"
-                if not isfinite(value):
-                    return f"{path}: row {number}, column {name}: expected a finite number, found {text!r}"
+                if not abs(value) < BEYOND:
+                    expected = f"less than {BEYOND:g} in SI units" if isfinite(value) else "a finite number"
+                    return f"{path}: row {number}, column {name}: expected {expected}, found {text!r}"
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         return f"{path}: expected a readable CSV file ({error})"
     if next(data_rows(path), None) is None:

@@ -159,10 +159,14 @@ def export(
     ] = None,
 ) -> None:
     """Write a recording as tables, one for each side, on one time axis."""
+    from weberlink.recordings import ExportError  # noqa: PLC0415
     from weberlink.recordings import export as run  # noqa: PLC0415
 
-    with _errors():
-        lines = run(recordings, to, out)
+    try:
+        with _errors():
+            lines = run(recordings, to, out)
+    except ExportError as error:
+        _fail(str(error), FAILED)
     typer.echo("\n".join(lines))
 
 
@@ -239,7 +243,7 @@ def experiment(
         float | None,
         typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; 10 if not given."),
     ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of the orders of trials.")] = 0,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Of the orders of trials.")] = None,
     simulate: Annotated[bool, typer.Option("--simulate", help="A program rates, in virtual time; no person.")] = False,
     record: Annotated[
         bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (extra: weberlink[recording]).")
@@ -361,11 +365,17 @@ def _finish(summary: dict[str, Any], title: str, json_out: Path | None, problem:
 
 
 def _publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
-    """Write and print what a study found, then draw it: what goes wrong with a figure takes no number with it."""
-    _write(study.document, json_out, lambda console: console.print(study.table))
+    """Write and print what a study found, and draw it: what goes wrong with the one takes nothing of the other."""
+    failed = None
+    try:
+        _write(study.document, json_out, lambda console: console.print(study.table))
+    except typer.Exit as exit_:
+        failed = exit_
     problem = None if plots is None else _attempt(lambda: study.draw(plots), plots)
     if problem is not None:
         _fail(problem, FAILED)
+    if failed is not None:
+        raise failed
 
 
 @contextmanager
@@ -405,7 +415,8 @@ def _write(document: dict[str, Any], out: Path | None, show: Callable[[Console],
             sys.stderr.write(text + "\n")  # nothing is lost
             _fail(f"{out}: cannot be written: {error.strerror}", FAILED)
     console = Console()
-    show(Console(width=80) if not console.is_terminal or console.width > 100 else console)
+    fits = console.is_terminal and 80 <= console.width <= 100  # narrower, a table would cut its numbers
+    show(console if fits else Console(width=80))
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from evaluation.coding.row import Row
 from evaluation.coding.sweep import Recording, Study, Task, length, rows_of
 from evaluation.coding.table import table_of
 from evaluation.environment import environment, footer
+from evaluation.paper.claims import WEBERS
 from evaluation.workers import spread
 from master.trace import TraceError, read_trace
 from weberlink.configuration import ConfigurationError
@@ -27,7 +28,6 @@ from weberlink.extras import need
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below any sensor's noise, without a range."""
 PAPER = "paper"
-PAPER_WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
 WORTH_PROCESSES = 100_000.0
 """Coded samples from which other processes are done sooner than this one alone, which need not start."""
 
@@ -206,7 +206,7 @@ def _predictors(text: str) -> list[str]:
 
 def _webers(text: str) -> list[float]:
     if text.strip() == PAPER:
-        return list(PAPER_WEBERS)
+        return list(WEBERS)
     try:
         factors = [float(part) for part in text.split(",")]
     except ValueError:

@@ -15,7 +15,11 @@ from evaluation.experiment.scale import WORDING
 from evaluation.experiment.simulated import SimulatedSubject
 from weberlink.apparatus import Live, Ports, Signals, Virtual, differences
 from weberlink.configuration import ConfigurationError
+from weberlink.extras import need
 from weberlink.recorder import check_target
+
+SEED = 0
+"""Of the orders of trials, if none is asked for."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Request:
         overrides: of its keys.
         folder: of the ledgers.
         subject: number; None for the next that is free.
-        seed: of order and chance.
+        seed: of order and chance; None for that of the plan, or `SEED`.
         duration_s: length of a trial [s]; None for that of the plan, or of the paper.
         simulate: whether a program rates.
         record: whether a person's trials are recorded.
@@ -37,7 +41,7 @@ class Request:
     overrides: Sequence[str]
     folder: Path
     subject: int | None
-    seed: int
+    seed: int | None
     duration_s: float | None
     simulate: bool
     record: bool
@@ -69,6 +73,8 @@ def run(request: Request, *, ports: Ports, source: TextIO, screen: TextIO, repor
     """
     signals = Signals(request.file, tuple(request.overrides))
     signals.try_out()
+    if request.record and not request.simulate:  # before a number is given away
+        need("mcap", "recording", "a recording of each trial (leave it out with --no-record)")
     try:
         with _open(request) as ledger:
             was_begun = ledger.progress is not None
@@ -136,15 +142,16 @@ def _open(request: Request) -> Ledger:
 
 def _plan(request: Request, signals: Signals, path: Path) -> Plan:
     subject = int(path.stem.rpartition("-")[2])
+    seed = SEED if request.seed is None else request.seed
     return Plan(
         subject=subject,
         simulated=request.simulate,
-        seed=request.seed,
+        seed=seed,
         duration_s=TRIAL_S if request.duration_s is None else request.duration_s,
         digest=signals.digest,
         configuration=signals.document,
         wording={str(level): text for level, text in WORDING.items()},
-        trials=order(request.seed, subject),
+        trials=order(seed, subject),
         environment=environment(),
     )
 
@@ -161,6 +168,8 @@ def _check(request: Request, plan: Plan, signals: Signals, path: Path) -> None:
         raise ConfigurationError(f"{path}: was begun with another configuration ({fields}); {advice}")
     if request.duration_s is not None and request.duration_s != plan.duration_s:
         raise ConfigurationError(f"{path}: was begun with trials of {plan.duration_s:g} s; {advice}")
+    if request.seed is not None and request.seed != plan.seed:
+        raise ConfigurationError(f"{path}: was begun with seed {plan.seed}; {advice}")
     if plan.simulated != request.simulate:
         raise ConfigurationError(f"{path}:1: a ledger of {'a program' if plan.simulated else 'a person'}; rename it")
 

@@ -20,7 +20,7 @@ from evaluation.coding.sweep import Recording, Study, rows_of
 from evaluation.curves import Observation
 from evaluation.environment import environment, footer
 from evaluation.felt import FeltError
-from evaluation.paper.claims import CLAIMS, WEBER
+from evaluation.paper.claims import CLAIMS, WEBER, WEBERS
 from evaluation.paper.document import PREDICTORS, Condition, document
 from evaluation.recording import TraceRecorder
 from evaluation.session import SessionScore
@@ -33,8 +33,6 @@ from weberlink.evaluate import read_recordings
 from weberlink.extras import need
 from weberlink.simulate import build_simulation
 
-WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
-"""Those of the paper."""
 JND, FLOOR_N = 0.10, 0.02
 DURATION_S = 10.0
 """Of a trial of the paper, and of a simulated run."""

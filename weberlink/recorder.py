@@ -52,7 +52,11 @@ def check_target(path: Path) -> None:
         ConfigurationError: it is taken, its folder is not there, or the library for it is missing.
     """
     need("mcap", "recording", "--record")
-    if path.exists():
+    try:
+        is_taken = path.exists()
+    except OSError as error:  # a name that no file can have
+        raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
+    if is_taken:
         raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
     if not path.parent.is_dir():
         raise ConfigurationError(f"--record: {path.parent} is no folder; make it first")

@@ -1,7 +1,8 @@
 """The `info` and `export` commands: what a recording holds, and its records as tables."""
 
 import csv
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,6 +20,12 @@ from weberlink.extras import need
 from weberlink.report import session_report
 
 FORMATS = ("csv", "parquet")
+BLOCK_ROWS = 50_000
+"""Turned into text at a time: a number takes far more memory as an object than in its array."""
+
+
+class ExportError(Exception):
+    """A table cannot be written."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +63,8 @@ def describe(paths: Sequence[Path]) -> Description:
         }
         for recording in recordings
     ]
-    whole = all(file["complete"] for file in files)
     document = {"files": files} | session.summary()
-    document["outcome"] = "completed" if whole else "cut off"
+    document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
     return Description(document)
 
 
@@ -67,6 +73,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
 
     Raises:
         ConfigurationError: for a format or a file that cannot be used, or a table that is there already.
+        ExportError: if a table cannot be written; no part of it is left.
     """
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
@@ -86,11 +93,24 @@ def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
         target.mkdir(parents=True, exist_ok=True)
         for side, records in session.sides.items():
             columns = {"t": times[side]} | _columns(records)
-            (_write_csv if to == "csv" else _write_parquet)(columns, outs[side])
+            _place(columns, outs[side], _write_csv if to == "csv" else _write_parquet)
             lines.append(f"{outs[side]}: {len(records)} rows, {len(columns)} columns")
     except OSError as error:
-        raise ConfigurationError(f"{target}: cannot be written: {error.strerror or error}") from None
+        raise ExportError(f"{target}: cannot be written: {error.strerror or error}") from None
     return lines
+
+
+def _place(
+    columns: dict[str, NDArray[Any]], path: Path, write: Callable[[dict[str, NDArray[Any]], Path], None]
+) -> None:
+    """Write a table that appears under its name only when it is whole."""
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write(columns, draft)
+        draft.rename(path)
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
 
 
 def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
@@ -120,9 +140,18 @@ def _file_line(file: dict[str, Any]) -> str:
         f"{file['path']}: {sides}",
         f"{file['bytes'] / 1e6:.1f} MB",
         f"began {file['began']}" if file["began"] else f"{file['clock']} time",
-        "whole" if file["complete"] else f"cut off ({file['outcome']}); what is there is intact",
+        _ended(file),
     ]
     return ", ".join(parts + ([f"{lost} records lost"] if lost else []))
+
+
+def _ended(file: dict[str, Any]) -> str:
+    if file["complete"]:
+        return "whole"
+    if file["outcome"] == "complete":
+        return "not whole"  # how much is lost is said beside it
+    outcome: str = file["outcome"]
+    return outcome
 
 
 def _columns(records: Records) -> dict[str, NDArray[Any]]:
@@ -141,7 +170,9 @@ def _write_csv(columns: dict[str, NDArray[Any]], path: Path) -> None:
     with path.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
-        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+        for first in range(0, len(next(iter(columns.values()))), BLOCK_ROWS):
+            block = [column[first : first + BLOCK_ROWS].tolist() for column in columns.values()]
+            writer.writerows(zip(*block, strict=True))
 
 
 def _write_parquet(columns: dict[str, NDArray[Any]], path: Path) -> None:

@@ -6,8 +6,9 @@ from itertools import product
 from random import Random
 from typing import Any, Self
 
+from evaluation.paper.claims import WEBERS
+
 PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
-WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
 """The paper's."""
 TRIALS = len(PREDICTORS) * len(WEBERS)
 TRIAL_S = 10.0

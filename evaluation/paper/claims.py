@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
+"""The Weber factors of the paper."""
 WEBER = 0.10
 """The Weber factor at which the paper compares packet rates, and of what counts as good quality here."""
 

@@ -32,7 +32,7 @@ class Recording:
         facts: what was said of the system when it began.
         origins: by side.
         records: by side, in order of `tick`; the fields are those of the release that wrote the file.
-        complete: whether the recording was closed in order, with everything there was.
+        complete: whether the recording was closed in order and nothing was lost.
         lost: records by side that the recorder missed, as far as it could say so.
         outcome: "complete", "cut off", or in words what ended the recording.
     """
@@ -55,6 +55,8 @@ def read_recording(path: str | Path) -> Recording:
     path = Path(path)
     content = Content()
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise RecordingError(f"{path}: is no regular file; expected a recording")  # a pipe may never end
         with path.open("rb") as file:
             _check_magic(path, file)
             fault = _take_all(file, content)
@@ -66,13 +68,14 @@ def read_recording(path: str | Path) -> Recording:
         raise RecordingError(f"{path}: {_without_a_side(content, fault)}; expected a recording of a session")
     end = content.metadata.get(END, {})
     outcome = fault or end.get("outcome", CUT_OFF)
+    lost = {side: int(end[f"lost_{side}"]) for side in TOPICS if end.get(f"lost_{side}", "").isdecimal()}
     return Recording(
         path=path,
         facts=content.metadata.get(FACTS, {}),
         origins=content.origins,
         records={side: content.records(side) for side in TOPICS if side in content.origins},
-        complete=outcome == COMPLETE,
-        lost={side: int(end[f"lost_{side}"]) for side in TOPICS if end.get(f"lost_{side}", "").isdecimal()},
+        complete=outcome == COMPLETE and not any(lost.values()),
+        lost=lost,
         outcome=outcome,
     )
 

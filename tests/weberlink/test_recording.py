@@ -13,9 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from codec import Encoder
-from evaluation.recorded import put_together
+from evaluation.recorded import COUNTERS, put_together
 from master.trace import read_motion, read_trace
 from telemetry.recording.reader import Recording, RecordingError, read_recording
+from telemetry.recording.writer import Origin, RecordingWriter
 from tests.weberlink.processes import ENGAGED, PATIENCE, Program, document, until
 from tests.weberlink.systems import CONFIGS
 from tests.weberlink.test_daemons import free_port
@@ -331,6 +332,83 @@ def test_files_of_two_sessions_are_not_joined(simulated, tmp_path):
     deaf.records["slave"]["peer_at"] = np.nan
     with pytest.raises(RecordingError, match="never heard the master"):
         put_together([only("master", 0.0), deaf])
+
+
+def test_of_a_slave_that_served_two_operators_each_gets_the_own_session(simulated):
+    recording = read_recording(simulated[0])
+    once = recording.records["slave"]
+    again = once.copy()
+    again["at"] += 100.0  # peer_at counts from the tick 0 of the operator who came later
+    for name in COUNTERS:
+        again[name] += once[name][-1]
+
+    def only(side: str, records: np.ndarray) -> Recording:
+        origins = {side: recording.origins[side]}
+        return Recording(recording.path, recording.facts, origins, {side: records}, True, {}, "complete")
+
+    first = recording.records["master"]
+    second = first.copy()
+    second["at"] += 100.0
+    whole_day = np.concatenate([once, again])
+    alone = put_together([only("master", first), only("slave", once)]).summary()
+    for master in (first, second):
+        found = put_together([only("master", master), only("slave", whole_day)]).summary()
+        for key in ("force", "position", "link", "energy"):
+            assert numbers(found[key]) == pytest.approx(numbers(alone[key]), rel=1e-6, abs=1e-9), key
+    never = first.copy()
+    never["at"] += 50.0
+    with pytest.raises(RecordingError, match="holds 2 sessions, none of them"):
+        put_together([only("master", never), only("slave", whole_day)])
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (lambda records: records["raw"].__setitem__((5, 0), np.nan), "position or force"),
+        (lambda records: records["at"].__setitem__(5, np.nan), "time"),
+        (lambda records: records["at"].__setitem__(-1, 1e15), "time"),
+        (lambda records: records["selected"].__setitem__(5, 99), "number of a predictor"),
+        (lambda records: records["control"].__setitem__(5, 99), "number of a control scheme"),
+        (lambda records: records["fault"].__setitem__(5, 99), "number of a fault"),
+    ],
+)
+def test_what_no_recorder_writes_is_said_in_one_line(simulated, tmp_path, change, complaint):
+    records = read_recording(simulated[0]).records["slave"].copy()
+    change(records)
+    path = tmp_path / "odd.mcap"
+    with RecordingWriter.create(path, read_recording(simulated[0]).facts) as writer:
+        writer.add_side(Origin("slave", 1000.0, 0.0, 0.0))
+        writer.write("slave", records)
+    status, output, errors = weberlink("info", path)
+    one_line(status, errors, "odd.mcap", complaint)
+    assert output == ""
+
+
+def test_a_recording_that_lost_records_is_not_whole(simulated, tmp_path):
+    path = tmp_path / "lossy.mcap"
+    whole = read_recording(simulated[0])
+    with RecordingWriter.create(path, whole.facts) as writer:
+        writer.add_side(whole.origins["slave"])
+        writer.write("slave", whole.records["slave"][500:])
+        writer.note_lost("slave", 500)
+    found = info(path)
+    assert (found["outcome"], found["files"][0]["complete"]) == ("not whole", False)
+    _, output, _ = weberlink("info", path)
+    assert "not whole, 500 records lost" in " ".join(output.split())
+
+
+@pytest.mark.parametrize("command", [("info",), ("export", "--to", "csv"), ("evaluate",)])
+def test_a_pipe_is_no_recording_and_is_not_waited_for(tmp_path, command):
+    pipe = tmp_path / "pipe.mcap"
+    os.mkfifo(pipe)
+    status, _, errors = weberlink(command[0], pipe, *command[1:])
+    one_line(status, errors, "no regular file")
+
+
+def test_an_export_that_fails_leaves_no_part_of_a_table(simulated, small_disk):
+    status, _, errors = weberlink("export", simulated[0], "--to", "csv", "--out", small_disk)
+    assert status == 1 and "No space left" in errors and errors.count("\n") == 1
+    assert list(small_disk.iterdir()) == []
 
 
 def test_the_status_line_says_when_the_recorder_is_gone():

@@ -4,6 +4,7 @@ import io
 import os
 import pty
 import re
+import select
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -138,13 +139,21 @@ def terminal() -> Iterator[tuple[int, io.TextIOWrapper]]:
     os.close(ours)
 
 
+def read_all(terminal: int) -> str:
+    """What has come; a terminal may hand it over in pieces."""
+    text = b""
+    while select.select([terminal], [], [], 0.3)[0]:
+        text += os.read(terminal, 4096)
+    return text.decode()
+
+
 def test_the_bar_tells_time_and_is_gone_when_the_question_comes(terminal: tuple[int, io.TextIOWrapper]) -> None:
     ours, stream = terminal
     person = Person(stream, stream, plan())
     for seconds in (0.0, 2.5, 12.0):
         person.elapsed(seconds)
     person.leave()
-    shown = os.read(ours, 4096).decode().split("\r")
+    shown = read_all(ours).split("\r")
     assert shown[1].strip() == f"[{'.' * 40}] starting"
     assert shown[2].strip() == f"[{'#' * 10}{'.' * 30}]    8 s left"
     assert shown[3].strip() == f"[{'#' * 40}]    0 s left"
