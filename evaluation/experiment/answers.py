@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
@@ -167,6 +168,10 @@ def _read(folder: Path, subject: int, whose: Whose) -> Progress | None:
     if plan.simulated != (whose == "simulated") or plan.subject != subject:
         is_of = f"{'simulated ' if plan.simulated else ''}subject {plan.subject}"
         raise LedgerError(f"{path}:1: is the ledger of {is_of}; expected what its name says")
+    for number, event in progress.rated.items():
+        rate = (event.get("figures") or {}).get("packets_per_s")
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 <= rate < inf:
+            raise LedgerError(f"{path}: trial {number}: expected figures with packets_per_s, not {rate!r}")
     return progress
 
 

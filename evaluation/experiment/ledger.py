@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from errno import ENOSPC
-from math import inf
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -94,9 +93,6 @@ class Progress:
         _whole(event, "rating", LOWEST, HIGHEST)
         if number in self.rated:
             raise ValueError(f"trial {number} is rated twice")
-        rate = (event.get("figures") or {}).get("packets_per_s")
-        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 <= rate < inf:
-            raise ValueError(f"trial {number}: expected figures with packets_per_s, not {rate!r}")
         planned = self.plan.trials[number - 1]
         if (event.get("predictor"), event.get("weber")) != (planned.predictor, planned.weber):
             raise ValueError(f"trial {number} is not the one that the plan has there")
