@@ -75,7 +75,7 @@ def curves(observations: Sequence[Observation], *, seed: int = 0) -> Curves:
 
     Raises:
         ValueError: for a number that is not finite, or a unit that lacks a combination: a mean over other units is not
-            comparable with its neighbours. `complete_units` leaves such units out.
+            comparable with its neighbours.
     """
     cells = _cells(observations)
     units = sorted({unit for unit, _ in cells})
@@ -87,16 +87,6 @@ def curves(observations: Sequence[Observation], *, seed: int = 0) -> Curves:
         predictor, weber = combination
         points.setdefault(predictor, []).append(Point(predictor, weber, len(units), rate, quality))
     return {predictor: sorted(mine, key=lambda point: point.weber) for predictor, mine in points.items()}
-
-
-def complete_units(observations: Sequence[Observation]) -> tuple[list[Observation], list[str]]:
-    """The observations of units that have every combination which occurs, and the names of the units left out."""
-    combinations = {(one.predictor, one.weber) for one in observations}
-    seen: dict[str, set[Combination]] = {}
-    for one in observations:
-        seen.setdefault(one.unit, set()).add((one.predictor, one.weber))
-    left_out = [unit for unit, mine in seen.items() if mine != combinations]
-    return [one for one in observations if one.unit not in left_out], left_out
 
 
 def write_csv(curves: Curves, path: Path, quality: str, mark: str | None = None) -> None:
@@ -140,8 +130,7 @@ def _check_complete(
     if lacking:
         more = f" (and {len(lacking) - 1} more)" if len(lacking) > 1 else ""
         raise ValueError(
-            f"{_name(*lacking[0])}: not observed{more}; "
-            "expected every unit with every predictor and Weber factor, or complete_units first"
+            f"{_name(*lacking[0])}: not observed{more}; expected every unit with every predictor and Weber factor"
         )
 
 

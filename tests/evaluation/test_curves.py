@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evaluation.curves import Observation, complete_units, curves, write_csv
+from evaluation.curves import Observation, curves, write_csv
 
 WEBERS = (0.30, 0.025, 0.10)
 
@@ -91,10 +91,6 @@ def test_a_missing_combination_is_named() -> None:
         curves(lacking)
     with pytest.raises(ValueError, match=r"\(and 1 more\)"):
         curves([one for one in lacking if (one.unit, one.predictor, one.weber) != ("s4", "zoh", 0.10)])
-    kept, left_out = complete_units(lacking)
-    assert left_out == ["s3"]
-    assert curves(kept) == curves([one for one in observations if one.unit != "s3"])
-    assert complete_units(observations) == (observations, [])
 
 
 @pytest.mark.parametrize("spoilt", [(nan, 1.0, 1.0), (0.1, nan, 1.0), (0.1, 1.0, float("inf"))])
