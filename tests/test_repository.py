@@ -16,7 +16,7 @@ from weberlink.configuration.schema import schema
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = ["codec", "control", "protocol", "telemetry", "realtime", "master", "slave", "evaluation", "weberlink"]
+PACKAGES = ["codec", "control", "protocol", "telemetry", "realtime", "hardware", "master", "slave", "evaluation", "weberlink"]
 
 
 def test_readme_lists_the_folders_that_are_there() -> None:

@@ -8,6 +8,9 @@ from pydantic import BaseModel
 
 from codec.vector import Vector
 
+Quaternion = tuple[float, float, float, float]
+"""(w, x, y, z)."""
+
 
 class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
     """The device cannot go on; says why. The loop leaves the session with force at zero."""
@@ -25,6 +28,9 @@ class DeviceSpec:
         workspace_m: Lower and upper corner of where the hand may be [m].
         rate_hz: Rate at which it gives positions and takes forces [Hz].
         force_feedback: Whether `command` does anything.
+        buttons: How many buttons it has.
+        orientation: Whether its readings have an orientation.
+        note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
     """
 
     name: str
@@ -34,19 +40,29 @@ class DeviceSpec:
     workspace_m: tuple[Vector, Vector]
     rate_hz: float
     force_feedback: bool
+    buttons: int = 0
+    orientation: bool = False
+    note: str = ""
 
 
 class DeviceReading(NamedTuple):
-    """Measured at `at` [s]: position of the handle [m]; `ended` once a script or a recording is over."""
+    """Measured at `at` [s]: position of the handle [m]; `ended` once a script or a recording is over.
+
+    `orientation` is the unit quaternion (w, x, y, z) that turns the frame of the handle into that of the device, None
+    where the device has no sensors for it. `buttons` has bit i set while button i is pressed.
+    """
 
     at: float
     position: Vector
-    ended: bool
+    ended: bool = False
+    orientation: Quaternion | None = None
+    buttons: int = 0
 
 
 class Device(Protocol):
-    """A haptic device. No method blocks; `spec` is readable before `open`.
+    """A haptic device. `latest` and `command` never block, `open` and `close` not without end.
 
+    `spec` is readable before `open`.
     `latest` raises `DeviceFault` outside of `open` and `close`, and where the device cannot go on. `command` has no
     effect outside of them, so that whoever makes the device safe need not ask; it raises ValueError for a force that
     is not finite, which is a fault of our own. `close` may be called at any time, any number of times, and leaves the

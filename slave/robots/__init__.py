@@ -8,6 +8,7 @@ from typing import cast
 from slave.robots.contract import RobotDriver
 
 BUILT_IN = {
+    "mujoco": "slave.robots.mjcf.driver:MujocoRobot",
     "point": "slave.robots.point:PointRobot",
     "simulated": "slave.robots.simulated:SimulatedRobot",
 }

@@ -26,6 +26,9 @@ class RobotSpec:
         workspace_m: Lower and upper corner of where it may be commanded to [m].
         rate_hz: Rate at which it takes commands [Hz].
         force_sensing: Whether `RobotReading.force` is measured; without it the reading holds zero.
+        lag_s: How much older than `now` a reading is meant to be, for a robot that runs at a rate of its own [s].
+        force_error: Uncertainty of the force, as a part in newtons and a share of the force; (0, 0) for an exact one.
+        note: What a person should know before a run; empty if nothing.
     """
 
     name: str
@@ -35,6 +38,9 @@ class RobotSpec:
     workspace_m: tuple[Vector, Vector]
     rate_hz: float
     force_sensing: bool
+    lag_s: float = 0.0
+    force_error: tuple[float, float] = (0.0, 0.0)
+    note: str = ""
 
 
 class RobotReading(NamedTuple):
@@ -46,7 +52,9 @@ class RobotReading(NamedTuple):
 
 
 class Robot(Protocol):
-    """A robot under position control. No method blocks; `spec` is readable before `open`.
+    """A robot under position control. `latest` and `command` never block, `open` and `close` not without end.
+
+    `spec` is readable before `open`.
 
     `latest` raises `RobotFault` outside of `open` and `close`, and where the robot cannot go on. `command` has no
     effect outside of them, so that whoever makes the robot safe need not ask; it raises ValueError for a position

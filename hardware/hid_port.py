@@ -1,0 +1,79 @@
+"""A HID device with reports that carry no number, through hidapi, with waits that have an end."""
+
+from importlib import import_module
+from time import monotonic
+from typing import Any
+
+from hardware.fault import HardwareFault
+from hardware.found import permission_advice
+
+
+def hidapi() -> Any:
+    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
+    try:
+        return import_module("hidraw")
+    except ImportError:
+        return import_module("hid")
+
+
+class HidPort:
+    """An open device.
+
+    Args:
+        path: as `hardware.found.hid_devices` gives it.
+
+    Raises:
+        HardwareFault: it is not there or not permitted.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._device = hidapi().device()
+        try:
+            self._device.open_path(path.encode())
+        except OSError as error:
+            # hidapi says "open failed" for whatever is the matter.
+            advice = permission_advice(path) if not _accessible(path) else str(error)
+            raise HardwareFault(f"{path}: {advice}") from None
+        self._device.set_nonblocking(1)  # a read without a time limit takes what is there
+
+    def write(self, report: bytes) -> None:
+        """Send one report.
+
+        Raises:
+            HardwareFault: it was unplugged.
+        """
+        try:
+            written = self._device.write(b"\x00" + report)
+        except (OSError, ValueError):
+            written = -1
+        if written < 0:  # hidapi's only word for it
+            raise HardwareFault(f"{self.path}: unplugged")
+
+    def read(self, size: int, until: float) -> bytes:
+        """The newest report of at most `size` bytes; older ones that wait are dropped.
+
+        Nothing where none comes by `until` [s, monotonic].
+
+        Raises:
+            HardwareFault: it was unplugged.
+        """
+        try:
+            # 0 would mean to wait without end.
+            newest = self._device.read(size, max(1, round((until - monotonic()) * 1e3)))
+            while newest and (later := self._device.read(size)):
+                newest = later
+        except (OSError, ValueError):
+            raise HardwareFault(f"{self.path}: unplugged") from None
+        return bytes(newest)
+
+    def close(self) -> None:
+        self._device.close()
+
+
+def _accessible(path: str) -> bool:
+    try:
+        with open(path, "r+b", buffering=0):  # noqa: PTH123 - a device, not a file to read
+            return True
+    except OSError as error:
+        return not isinstance(error, PermissionError)
