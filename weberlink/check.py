@@ -15,13 +15,13 @@ from codec.vector import ZERO, Vector
 from control.table import SCHEMES
 from master.devices.contract import Device
 from protocol.wire import UpdateLayout
-from slave.robots.contract import Robot
+from slave.robots.contract import Robot, RobotSpec
 from slave.scenes.scene import Scene
 from weberlink.composition.link import build_security, channels
 from weberlink.composition.master import build_device
 from weberlink.composition.slave import build_robot, build_scene
 from weberlink.configuration import Configuration, System
-from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings
+from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings, MappingSettings
 
 UDP_IP_BYTES = 28
 SAMPLES = 2000
@@ -64,21 +64,47 @@ def describe(configuration: Configuration) -> Iterator[str]:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
     uncoded = _uncoded_kbit(system, backward, forward, security.tag_size)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
-    for warning in (*_warnings(system, None if device is None else device.spec.stiffness_n_m), *_lacks(device, robot)):
+    for warning in (*_warnings(system, None if device is None else device.spec.stiffness_n_m), *lacks(device, robot)):
         yield f"warning   {warning}"
 
 
 def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
     if device is not None:
-        yield f"master    device {system.master.device.driver}, force at most {system.master.limits.force_n:g} N"
+        yield (
+            f"master    device {system.master.device.driver}{_detail(device)}, "
+            f"force at most {system.master.limits.force_n:g} N"
+        )
+        if system.master.mapping is not None:
+            yield f"          mapped: {_mapping(system.master.mapping)}"
     if robot is not None:
-        detail = f", {robot.description()}" if isinstance(robot, Described) else ""
-        yield f"slave     robot {system.slave.robot.driver}{detail}; on silence {system.slave.limits.on_silence}"
+        silence = system.slave.limits.on_silence
+        yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
+        yield from _measured(robot.spec)
     for thing in system.slave.scene:
         extras = [name for name in ("friction", "damping_n_s_m") if getattr(thing, name) is not None]
         with_extras = f" with {', '.join(extras)}" if extras else ""
         yield f"scene     {thing.shape}, {thing.stiffness_n_m:g} N/m{with_extras}"
+
+
+def _detail(part: Device | Robot) -> str:
+    return f", {part.description()}" if isinstance(part, Described) else ""
+
+
+def _mapping(mapping: MappingSettings) -> str:
+    parts = [f"{name} {value}" for name, value in mapping.model_dump(exclude_defaults=True, exclude={"walls"}).items()]
+    if mapping.walls is not None:
+        parts.append(f"walls of {mapping.walls.stiffness_n_m:g} N/m")
+    return ", ".join(parts) or "one to one"
+
+
+def _measured(spec: RobotSpec) -> Iterator[str]:
+    """How good the readings of a robot are, where they are not ideal."""
+    absolute, relative = spec.force_error
+    if spec.lag_s > 0.0:
+        yield f"          readings lag by {1e3 * spec.lag_s:.1f} ms, at {spec.rate_hz:g} Hz"
+    if absolute > 0.0 or relative > 0.0:
+        yield f"          force known to +-({absolute:.2g} N + {100 * relative:.0f} %)"
 
 
 def _link(system: System) -> Iterator[str]:
@@ -139,12 +165,18 @@ def _stroke(tick: int) -> tuple[Vector, Vector]:
     return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)
 
 
-def _lacks(device: Device | None, robot: Robot | None) -> Iterator[str]:
-    """Capabilities without which nothing is felt."""
-    if device is not None and not device.spec.force_feedback:
-        yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
-    if robot is not None and not robot.spec.force_sensing:
-        yield f"slave.robot: {robot.spec.name} senses no force; nothing is felt"
+def lacks(device: Device | None, robot: Robot | None) -> Iterator[str]:
+    """Capabilities without which nothing is felt, and what the drivers want a person to know before a run."""
+    if device is not None:
+        if not device.spec.force_feedback:
+            yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
+        if device.spec.note:
+            yield f"master.device: {device.spec.note}"
+    if robot is not None:
+        if not robot.spec.force_sensing:
+            yield f"slave.robot: {robot.spec.name} senses no force; nothing is felt"
+        if robot.spec.note:
+            yield f"slave.robot: {robot.spec.note}"
 
 
 def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:

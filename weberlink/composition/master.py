@@ -21,6 +21,7 @@ from weberlink.composition.link import (
     control_settings,
     located,
 )
+from weberlink.composition.mapping import build_mapping
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 
@@ -40,18 +41,19 @@ def build_master(
     """
     system, device = configuration.system, build_device(configuration)
     forward, backward = channels(system)
+    force_limit = _force_limit(system, device)
     return MasterLoop(
         device=device,
         encoder=Encoder(forward),
         decoder=Decoder(backward),
-        control=build_master_control(system.control.scheme, control_settings(system, device.spec.force_n)),
+        control=build_master_control(system.control.scheme, control_settings(system, force_limit)),
         endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer),
         gate=ForceGate(
             ramp=system.master.limits.ramp_ms * 1e-3,
             silence=system.link.silence_ms * 1e-3,
             fade_share=FADE_SHARE,
         ),
-        limiter=ForceLimiter(min(system.master.limits.force_n, device.spec.force_n)),
+        limiter=ForceLimiter(force_limit),
         tick_period=system.tick_period,
         horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
         device_limit=system.master.limits.device_ms * 1e-3,
@@ -61,7 +63,7 @@ def build_master(
 
 @located
 def build_device(configuration: Configuration) -> Device:
-    """The haptic device, not yet open.
+    """The haptic device in the robot's frame, not yet open.
 
     Raises:
         ConfigurationError: if it cannot be made of its options, or the wire cannot say its positions.
@@ -69,8 +71,17 @@ def build_device(configuration: Configuration) -> Device:
     system, part = configuration.system, configuration.device
     assert part is not None
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
+    if system.master.mapping is not None:
+        device = build_mapping(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, channels(system)[0])
     return device
+
+
+def _force_limit(system: System, device: Device) -> float:
+    """Largest force of the robot that may reach the hand, in the robot's frame [N]."""
+    mapping = system.master.mapping
+    allowed = system.master.limits.force_n / (1.0 if mapping is None else mapping.force_scale)
+    return min(allowed, device.spec.force_n) if device.spec.force_feedback else allowed
 
 
 def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:

@@ -189,10 +189,56 @@ class MasterLimits(Settings):
     """Longest time without a usable sample of the device."""
 
 
+class ClutchSettings(Settings):
+    """While a button is held, the hand moves and the robot stays."""
+
+    button: int = Field(default=0, ge=0, le=31)
+    """Which one, from 0."""
+
+
+class WallSettings(Settings):
+    """What keeps the hand within the robot's workspace."""
+
+    stiffness_n_m: float = Field(default=500.0, gt=0)
+    """Felt by the hand."""
+    box_m: tuple[Interval, Interval, Interval] | None = None
+    """Lowest and highest position of the robot on x, y, z; slave.limits.workspace_m if not given."""
+
+    @field_validator("box_m")
+    @classmethod
+    def _rising(cls, box: tuple[Interval, Interval, Interval] | None) -> tuple[Interval, Interval, Interval] | None:
+        return box if box is None else _rising_intervals(box)
+
+
+class MappingSettings(Settings):
+    """From the device's frame to the robot's; all that is sent, recorded and reported is in the robot's."""
+
+    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Turns about the robot's fixed x, y and z axes, in this order."""
+    scale: float = Field(default=1.0, gt=0, le=1000)
+    """Metres of the robot for a metre of the hand."""
+    force_scale: float = Field(default=1.0, gt=0, le=1000)
+    """Newtons on the hand for a newton on the robot."""
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the device's origin is in the robot's frame."""
+    clutch: ClutchSettings | None = None
+    """Indexing by a button; leave out for none. Needs walls."""
+    walls: WallSettings | None = None
+    """Virtual walls; `{}` for those of slave.limits.workspace_m, leave out for none."""
+
+    @model_validator(mode="after")
+    def _bounded(self) -> "MappingSettings":
+        if self.clutch is not None and self.walls is None:
+            raise ValueError("clutch needs walls, since indexing may lead anywhere; add walls: {}")
+        return self
+
+
 class MasterSettings(Settings):
     """The operator's side."""
 
     device: DriverSettings = DriverSettings(driver="operator")
+    mapping: MappingSettings | None = None
+    """Leave out where the two frames are one."""
     limits: MasterLimits = MasterLimits()
 
 
@@ -217,10 +263,7 @@ class SlaveLimits(Settings):
     @field_validator("workspace_m")
     @classmethod
     def _rising(cls, workspace: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
-        for axis, (low, high) in zip("xyz", workspace, strict=True):
-            if not low < high:
-                raise ValueError(f"{axis} must rise, not [{low}, {high}]")
-        return workspace
+        return _rising_intervals(workspace)
 
 
 class SlaveSettings(Settings):
@@ -262,6 +305,13 @@ def split_address(text: str) -> tuple[str, int]:
     if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
         raise ValueError(f"must be host:port, not {text!r}")
     return host.strip("[]"), int(port)
+
+
+def _rising_intervals(box: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
+    for axis, (low, high) in zip("xyz", box, strict=True):
+        if not low < high:
+            raise ValueError(f"{axis} must rise, not [{low}, {high}]")
+    return box
 
 
 def _is_loopback(address: str) -> bool:

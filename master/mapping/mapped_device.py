@@ -1,0 +1,107 @@
+"""A haptic device in the frame of the robot."""
+
+from dataclasses import dataclass, replace
+
+from codec.vector import ZERO, Vector, add, is_finite, norm, scale
+from master.devices.contract import Device, DeviceReading, DeviceSpec
+from master.mapping.clutch import Clutch
+from master.mapping.frame import FrameMap
+from master.mapping.walls import Walls
+
+LONGEST_STEP = 0.1  # [s]; a ramp must not jump over a stall
+
+
+@dataclass
+class _Session:
+    """What happened since the device was opened."""
+
+    read: DeviceReading | None = None
+    mapped: DeviceReading | None = None
+    beyond: Vector = ZERO
+    commanded_at: float | None = None
+    gain: float = 1.0
+    wall_gain: float = 0.0
+
+
+class MappedDevice:
+    """Maps what another device reads and what it is told.
+
+    While the clutch is held the force of the robot fades out, and after it in again. The walls fade in after `open`,
+    so that a hand that starts beyond one is not hit; they are the operator's own and stand without a peer too. All of
+    it together never exceeds `force_limit`.
+
+    Args:
+        device: in its own frame.
+        frame: between the two frames.
+        clutch: None for none.
+        walls: None for none.
+        force_limit: largest force on the hand [N].
+        ramp: time in which a force fades [s], > 0.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        frame: FrameMap,
+        *,
+        clutch: Clutch | None,
+        walls: Walls | None,
+        force_limit: float,
+        ramp: float,
+    ) -> None:
+        self._device = device
+        self._frame = frame
+        self._clutch = clutch
+        self._walls = walls
+        own = device.spec
+        self._limit = min(force_limit, own.force_n) if own.force_feedback else force_limit
+        self._ramp = ramp
+        self.spec: DeviceSpec = replace(
+            own,
+            axes=frame.axes(own.axes),
+            force_n=self._limit / frame.force_scale if own.force_feedback else 0.0,
+            stiffness_n_m=own.stiffness_n_m / (frame.force_scale * frame.motion_scale),
+            workspace_m=frame.box(own.workspace_m) if walls is None else walls.box,
+        )
+        self._session = _Session()
+
+    def open(self, now: float) -> None:
+        self._session = _Session()
+        if self._clutch is not None:
+            self._clutch.reset()
+        self._device.open(now)
+
+    def latest(self, now: float) -> DeviceReading:
+        session, reading = self._session, self._device.latest(now)
+        if session.mapped is not None and reading == session.read:
+            return session.mapped
+        position = self._frame.position(reading.position)
+        if self._clutch is not None:
+            keep = None if session.mapped is None else session.mapped.position
+            position = self._clutch.pass_through(position, reading.buttons, keep)
+        if self._walls is not None and is_finite(position):
+            session.beyond = self._frame.way(self._walls.beyond(position))
+            position = self._walls.inside(position)
+        orientation = None if reading.orientation is None else self._frame.orientation(reading.orientation)
+        session.read = reading
+        session.mapped = reading._replace(position=position, orientation=orientation)
+        return session.mapped
+
+    def command(self, force: Vector, now: float) -> None:
+        if not is_finite(force):
+            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
+        session = self._session
+        elapsed = 0.0 if session.commanded_at is None else min(LONGEST_STEP, now - session.commanded_at)
+        session.commanded_at = now
+        share = elapsed / self._ramp
+        engaged = self._clutch is None or self._clutch.engaged
+        session.gain = min(1.0, session.gain + share) if engaged else max(0.0, session.gain - share)
+        on_hand = scale(self._frame.force(force), session.gain)
+        if self._walls is not None:
+            session.wall_gain = min(1.0, session.wall_gain + share)
+            on_hand = add(on_hand, scale(self._walls.force(session.beyond), session.wall_gain))
+        length = norm(on_hand)
+        self._device.command(on_hand if length <= self._limit else scale(on_hand, self._limit / length), now)
+
+    def close(self) -> None:
+        self._device.close()

@@ -1,0 +1,187 @@
+"""A mapped device: what is sent, what is felt, indexing and walls."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.vector import ZERO, Vector, norm
+from master.devices.contract import DeviceReading, DeviceSpec
+from master.mapping import Clutch, FrameMap, MappedDevice, Walls
+
+TICK = 0.001
+EDGE = 0.06
+BOX = ((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
+SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)
+
+
+class Handle:
+    """A device that is where a test puts it."""
+
+    def __init__(self, spec: DeviceSpec | None = None) -> None:
+        corner = (EDGE, EDGE, EDGE)
+        self.spec = spec or DeviceSpec(
+            "handle", "xyz", 8.0, 2000.0, ((-EDGE, -EDGE, -EDGE), corner), 1000.0, True, buttons=2
+        )
+        self.position: Vector = ZERO
+        self.buttons = 0
+        self.felt: Vector = ZERO
+        self.is_open = False
+
+    def open(self, now: float) -> None:
+        self.is_open = True
+
+    def latest(self, now: float) -> DeviceReading:
+        return DeviceReading(now, self.position, orientation=(1.0, 0.0, 0.0, 0.0), buttons=self.buttons)
+
+    def command(self, force: Vector, now: float) -> None:
+        self.felt = force
+
+    def close(self) -> None:
+        self.is_open = False
+        self.felt = ZERO
+
+
+class Hands:
+    """A mapped handle, moved and told tick by tick."""
+
+    def __init__(
+        self, frame: FrameMap = SAME, *, clutch: bool = False, walls: float | None = None, limit: float = 10.0
+    ):
+        self.handle = Handle()
+        wall = None if walls is None else Walls(BOX, walls)
+        self.device = MappedDevice(
+            self.handle, frame, clutch=Clutch(1) if clutch else None, walls=wall, force_limit=limit, ramp=0.05
+        )
+        self.now = 0.0
+        self.device.open(0.0)
+
+    def tick(self, position: Vector, force: Vector = ZERO, *, pressed: bool = False, count: int = 1) -> Vector:
+        """What is sent, at the last of `count` ticks."""
+        self.handle.position = position
+        self.handle.buttons = 2 if pressed else 0
+        for _ in range(count):
+            self.now += TICK
+            reading = self.device.latest(self.now)
+            self.device.command(force, self.now)
+        return reading.position
+
+
+def test_motion_force_and_spec_are_in_the_frame_of_the_robot() -> None:
+    hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 0.5, (0.0, 0.0, 0.1)))
+    assert hands.tick((0.01, 0.0, 0.0), (0.0, 3.0, 0.0)) == pytest.approx((0.0, 0.02, 0.1))
+    assert hands.handle.felt == pytest.approx((1.5, 0.0, 0.0))
+    spec = hands.device.spec
+    assert spec.force_n == 16.0, "8 N in the hand"
+    assert spec.stiffness_n_m == 2000.0
+    assert spec.workspace_m[0] == pytest.approx((-0.12, -0.12, -0.02))
+    assert spec.workspace_m[1] == pytest.approx((0.12, 0.12, 0.22))
+
+
+def test_the_limit_is_that_of_the_hand() -> None:
+    hands = Hands(FrameMap((0.0, 0.0, 0.0), 1.0, 4.0, ZERO), limit=6.0)
+    hands.tick(ZERO, (0.0, 100.0, 0.0))
+    assert norm(hands.handle.felt) == pytest.approx(6.0)
+    assert hands.device.spec.force_n == 1.5
+
+
+def test_a_reading_asked_for_twice_is_the_same() -> None:
+    hands = Hands(clutch=True, walls=500.0)
+    hands.tick((0.01, 0.0, 0.0))
+    assert hands.device.latest(hands.now) == hands.device.latest(hands.now)
+
+
+def test_while_the_clutch_is_held_the_robot_stays_and_goes_on_from_there() -> None:
+    hands = Hands(clutch=True, walls=500.0)
+    assert hands.tick((0.02, 0.0, 0.0)) == (0.02, 0.0, 0.0)
+    assert hands.tick((0.01, 0.01, 0.0), pressed=True) == (0.02, 0.0, 0.0)
+    assert hands.tick((-0.02, 0.03, 0.0), pressed=True) == (0.02, 0.0, 0.0)
+    assert hands.tick((-0.02, 0.03, 0.0)) == pytest.approx((0.02, 0.0, 0.0))
+    assert hands.tick((-0.01, 0.03, 0.0)) == pytest.approx((0.03, 0.0, 0.0))
+
+
+def test_force_fades_while_the_clutch_is_held_and_comes_back_without_a_jump() -> None:
+    hands = Hands(clutch=True, walls=500.0)
+    force = (0.0, 0.0, 5.0)
+    hands.tick(ZERO, force, count=100)
+    felt = [hands.handle.felt[2]]
+    for pressed in [True] * 80 + [False] * 80:
+        hands.tick(ZERO, force, pressed=pressed)
+        felt.append(hands.handle.felt[2])
+    assert felt[0] == felt[-1] == 5.0
+    assert felt[60] == 0.0
+    assert max(abs(a - b) for a, b in pairwise(felt)) == pytest.approx(5.0 * TICK / 0.05)
+
+
+def test_a_clutch_that_is_held_at_the_start_holds_nothing_yet() -> None:
+    hands = Hands(clutch=True, walls=500.0)
+    assert hands.tick((0.02, 0.0, 0.0), pressed=True) == (0.02, 0.0, 0.0)
+
+
+def test_walls_hold_what_is_sent_and_push_the_hand_back() -> None:
+    hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 1.0, ZERO), walls=400.0)
+    sent = hands.tick((0.03, 0.0, 0.0), count=100)
+    assert sent == pytest.approx((0.0, 0.05, 0.0)), "the robot would be at 60 mm"
+    assert hands.handle.felt == pytest.approx((-400.0 * 0.005, 0.0, 0.0)), "5 mm too far for the hand"
+    hands.tick((0.02, 0.0, 0.0))
+    assert hands.handle.felt == ZERO
+    assert hands.device.spec.workspace_m == BOX
+
+
+def test_a_hand_that_starts_beyond_a_wall_is_not_hit() -> None:
+    hands = Hands(walls=1000.0)
+    felt = []
+    for _ in range(80):
+        hands.tick((0.056, 0.0, 0.0))
+        felt.append(-hands.handle.felt[0])
+    assert felt[0] == 0.0
+    assert felt[-1] == pytest.approx(6.0)
+    assert max(b - a for a, b in pairwise(felt)) <= 6.0 * TICK / 0.05 + 1e-9
+
+
+def test_wall_and_force_together_stay_within_the_limit() -> None:
+    hands = Hands(walls=1000.0, limit=7.0)
+    hands.tick((0.059, 0.0, 0.0), (-7.0, 0.0, 0.0), count=100)
+    assert norm(hands.handle.felt) == pytest.approx(7.0)
+
+
+@given(st.lists(st.tuples(st.booleans(), *[st.floats(-EDGE, EDGE)] * 3), min_size=1, max_size=60))
+def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, float, float, float]]) -> None:
+    """What is sent moves no further than the hand does, whatever is pressed."""
+    hands = Hands(clutch=True, walls=500.0)
+    before = hands.tick(ZERO)
+    hand = ZERO
+    for pressed, x, y, z in script:
+        sent = hands.tick((x, y, z), pressed=pressed)
+        way = norm((x - hand[0], y - hand[1], z - hand[2]))
+        assert norm(tuple(a - b for a, b in zip(sent, before, strict=True))) <= way + 1e-9
+        assert all(a <= p <= b for a, p, b in zip(BOX[0], sent, BOX[1], strict=True))
+        before, hand = sent, (x, y, z)
+
+
+def test_another_session_starts_without_the_indexing_of_the_last() -> None:
+    hands = Hands(clutch=True, walls=500.0)
+    hands.tick((0.02, 0.0, 0.0))
+    hands.tick(ZERO, pressed=True)
+    hands.tick(ZERO)
+    hands.device.close()
+    assert not hands.handle.is_open
+    hands.device.open(10.0)
+    hands.now = 10.0
+    assert hands.tick((0.01, 0.0, 0.0)) == (0.01, 0.0, 0.0)
+
+
+def test_without_force_feedback_the_spec_says_so() -> None:
+    spec = replace(Handle().spec, force_n=0.0, force_feedback=False)
+    mapped = MappedDevice(Handle(spec), SAME, clutch=None, walls=None, force_limit=10.0, ramp=0.05)
+    assert mapped.spec.force_n == 0.0
+    mapped.open(0.0)
+    mapped.command((1.0, 0.0, 0.0), 0.0)
+
+
+def test_a_force_that_is_no_number_is_our_own_error() -> None:
+    hands = Hands()
+    with pytest.raises(ValueError, match="not finite"):
+        hands.device.command((float("nan"), 0.0, 0.0), 0.0)
