@@ -20,6 +20,7 @@ from slave.scenes.scene import Scene
 from weberlink.composition.link import build_security, channels
 from weberlink.composition.master import build_device
 from weberlink.composition.slave import build_robot, build_scene
+from weberlink.composition.trial import lacks
 from weberlink.configuration import Configuration, System
 from weberlink.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings, MappingSettings
 
@@ -163,20 +164,6 @@ def _stroke(tick: int) -> tuple[Vector, Vector]:
     angle = 2.0 * pi * tick * 1e-3
     position = (0.03 * cos(angle), 0.03 * sin(angle), -0.002 + 0.002 * sin(3.0 * angle))
     return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)
-
-
-def lacks(device: Device | None, robot: Robot | None) -> Iterator[str]:
-    """Capabilities without which nothing is felt, and what the drivers want a person to know before a run."""
-    if device is not None:
-        if not device.spec.force_feedback:
-            yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
-        if device.spec.note:
-            yield f"master.device: {device.spec.note}"
-    if robot is not None:
-        if not robot.spec.force_sensing:
-            yield f"slave.robot: {robot.spec.name} senses no force; nothing is felt"
-        if robot.spec.note:
-            yield f"slave.robot: {robot.spec.note}"
 
 
 def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:

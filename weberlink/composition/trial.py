@@ -1,5 +1,9 @@
 """A trial of a configuration before a run: every error of the file shows before a process is started."""
 
+from collections.abc import Iterator
+
+from master.devices.contract import Device
+from slave.robots.contract import Robot
 from weberlink.composition.link import build_security
 from weberlink.composition.master import build_device
 from weberlink.composition.slave import build_robot, workspace_of
@@ -7,17 +11,22 @@ from weberlink.configuration import Configuration, ConfigurationError
 from weberlink.configuration.model import split_address
 
 
-def try_out(configuration: Configuration) -> None:
+def try_out(configuration: Configuration) -> list[str]:
     """Build what a run would build, and let go of it.
+
+    Returns:
+        What a person should know before the run.
 
     Raises:
         ConfigurationError: as the builders do; or for a port that nobody could find, where one side runs alone.
     """
     build_security(configuration)
+    device = robot = None
     if configuration.device is not None:
-        build_device(configuration)
+        device = build_device(configuration)
     if configuration.robot is not None:
-        workspace_of(configuration, build_robot(configuration))
+        robot = build_robot(configuration)
+        workspace_of(configuration, robot)
     alone = {"link.slave": configuration.robot is None, "link.listen": configuration.device is None}
     for field, is_alone in alone.items():
         address = getattr(configuration.system.link, field.partition(".")[2])
@@ -25,3 +34,18 @@ def try_out(configuration: Configuration) -> None:
             raise ConfigurationError(
                 f"{configuration.path}: {field}: port 0 is for loopback; expected the port that both sides know"
             )
+    return list(lacks(device, robot))
+
+
+def lacks(device: Device | None, robot: Robot | None) -> Iterator[str]:
+    """Capabilities without which nothing is felt, and what the drivers want a person to know before a run."""
+    if device is not None:
+        if not device.spec.force_feedback:
+            yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
+        if device.spec.note:
+            yield f"master.device: {device.spec.note}"
+    if robot is not None:
+        if not robot.spec.force_sensing:
+            yield f"slave.robot: {robot.spec.name} senses no force; nothing is felt"
+        if robot.spec.note:
+            yield f"slave.robot: {robot.spec.note}"

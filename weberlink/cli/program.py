@@ -1,0 +1,30 @@
+"""The program: its commands, put together."""
+
+import typer
+
+from weberlink.arguments import OneLineErrors
+from weberlink.cli import sessions, studies
+
+app = typer.Typer(
+    name="weberlink",
+    cls=OneLineErrors,
+    help="Bilateral haptic teleoperation over UDP with perceptual coding.",
+    invoke_without_command=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+for command in (*sessions.COMMANDS, *studies.COMMANDS):
+    app.command()(command)
+
+
+@app.callback()
+def program(context: typer.Context) -> None:
+    """Bilateral haptic teleoperation over UDP with perceptual coding."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def main() -> None:
+    """Entry point of the program."""
+    app(prog_name="weberlink")
