@@ -94,7 +94,7 @@ def run(
     Args:
         ticker_period: time between ticks [s].
         stop_signals: begin a stop; must be () outside the main thread.
-        duration_s: from the first deadline to the stop [s]; None for no end.
+        duration_s: from the first tick to the stop [s]; None for no end.
         start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
         stop_limit_s: hard bound on an orderly stop [s].
         after_tick: receives index, deadline, now [s] and the time from now to the end of `flush` [us]; for telemetry.
@@ -128,7 +128,8 @@ class _Shell:
         self._side = side
         self._transport = transport
         self._period = self._ticker.period_s
-        self._stop_at_index = inf if duration_s is None else round(duration_s / self._period)
+        self._duration = inf if duration_s is None else round(duration_s / self._period)
+        self._stop_at_index: float | None = None
         self._stop_limit = stop_limit_s
         self._stop_by = inf
         self._after_tick = after_tick
@@ -197,6 +198,8 @@ class _Shell:
                 thaw_garbage()
 
     def _tick(self, index: int, deadline: float, now: float) -> None:
+        if self._stop_at_index is None:
+            self._stop_at_index = index + self._duration
         if self._reason is None and index >= self._stop_at_index:
             self._stop(now, "completed")
         if now >= self._stop_by:

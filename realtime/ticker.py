@@ -22,7 +22,8 @@ class Ticker:
 
     Deadline `index` is `start_at + index * period_s`, multiplied in integer nanoseconds, so that no error
     accumulates. When several deadlines have passed since the last wake-up, the older ones are counted in `missed` and
-    never replayed: a burst of late ticks would command a device with moments that are over.
+    never replayed: a burst of late ticks would command a device with moments that are over. Deadlines that had passed
+    before the first wake-up belong to nobody: opening a device may take as long as a person needs to home it.
 
     Args:
         period_s: time between deadlines [s], rounded to 1 ns.
@@ -102,8 +103,9 @@ class Ticker:
         passed = timerfd.expirations(self._fd)
         if passed == 0:
             return
+        if self._index >= 0:
+            self.missed += passed - 1
         self._index += passed
-        self.missed += passed - 1
         try:
             self._on_tick(self._index, (self._start_ns + self._index * self._period_ns) / NANOSECONDS, monotonic())
         except BaseException as error:

@@ -155,12 +155,12 @@ def _drive(
     side: Side, transport: UdpShell, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
 ) -> Run:
     missed = 0
-    next_index = 0
+    last_index: int | None = None
 
     def write(index: int, deadline: float, now: float, work_us: float) -> None:
-        nonlocal missed, next_index
-        missed += index - next_index
-        next_index = index + 1
+        nonlocal missed, last_index
+        missed += 0 if last_index is None else index - last_index - 1
+        last_index = index
         ring.write(side.record(lateness_us=(now - deadline) * 1e6, work_us=work_us, missed=missed))
 
     system = configuration.system

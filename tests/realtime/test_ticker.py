@@ -61,7 +61,7 @@ def test_indices_rise_and_every_deadline_is_a_call_or_missed(loop_run):
     calls, ticker = collect(loop_run, 30)
     indices = [index for index, _, _ in calls]
     assert indices == sorted(set(indices))
-    assert indices[-1] + 1 == len(calls) + ticker.missed
+    assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
 def test_the_first_deadline_is_one_period_after_the_start(loop_run):
@@ -84,13 +84,13 @@ def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run):
     assert indices[3] - indices[2] >= 5
     assert calls[3][2] - calls[2][2] >= 5.5 * PERIOD
     assert ticker.missed >= 4
-    assert indices[-1] + 1 == len(calls) + ticker.missed
+    assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
 def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run):
     calls, ticker = collect(loop_run, 2, start_at=time.monotonic() - 100 * PERIOD)
     assert calls[0][0] >= 100
-    assert ticker.missed >= 100
+    assert ticker.missed < 100, "what had passed before the first tick is nobody's"
 
 
 def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run):
