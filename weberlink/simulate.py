@@ -26,6 +26,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
     """
+    _refuse_hardware(configuration)
     system = configuration.system
     emulation = system.link.emulate or EmulationSettings()
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
@@ -51,6 +52,20 @@ def build_simulation(configuration: Configuration) -> Simulation:
         ),
         tick_period=system.tick_period,
     )
+
+
+def _refuse_hardware(configuration: Configuration) -> None:
+    """What is plugged in has a time of its own."""
+    system = configuration.system
+    for where, part, name in (
+        ("master.device", configuration.device, system.master.device.driver),
+        ("slave.robot", configuration.robot, system.slave.robot.driver),
+    ):
+        if part is not None and hasattr(part.driver, "plugged"):
+            raise ConfigurationError(
+                f"{configuration.path}: {where}.driver: {name} is hardware, and virtual time is not its; "
+                f"run it live, against `weberlink emulate {name}` if need be"
+            )
 
 
 def simulate(

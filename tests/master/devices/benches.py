@@ -1,0 +1,135 @@
+"""Every device driver on a bench: how its time passes, what hangs on its wire, and what can go wrong with it.
+
+A driver of hardware is on a bench with an emulated device behind a real pseudo terminal, in real time; the others are
+in virtual time.
+"""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from codec.vector import Vector, norm
+from hardware.emulator import WireFaults
+from hardware.pty_device import PtyDevice
+from master.devices import load
+from master.devices.contract import Device
+from master.emulators import load as load_emulator
+from tests.master.devices.hid_bench import ADDRESS, outer_bench
+from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
+
+TICK = 0.001
+
+
+@dataclass
+class Bench:
+    """A device, and the world that it is in.
+
+    Args:
+        device: not open.
+        tick: the time of the next tick [s]; waits for it where time is real.
+        displayed: the force that its motors put on the hand now [N]; None where there are no motors.
+        faults: by name, each as a deed; empty for a device that only exists in the computer.
+    """
+
+    device: Device
+    tick: Callable[[], float]
+    displayed: Callable[[], float] | None = None
+    faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)
+
+    def hold(self, force: Vector, ticks: int) -> Iterator[float]:
+        """Command a force, tick by tick; gives each time after the command."""
+        for _ in range(ticks):
+            now = self.tick()
+            self.device.command(force, now)
+            yield now
+
+
+def virtual_time(start: float = 100.0) -> Callable[[], float]:
+    count = iter(range(1_000_000))
+    return lambda: start + next(count) * TICK
+
+
+def real_time() -> Callable[[], float]:
+    due = monotonic()
+
+    def tick() -> float:
+        nonlocal due
+        due = max(due + TICK, monotonic())
+        sleep(max(0.0, due - monotonic()))
+        return monotonic()
+
+    return tick
+
+
+@contextmanager
+def operator(folder: Path) -> Iterator[Bench]:
+    driver = load("operator")
+    yield Bench(driver(driver.Options(), TICK), virtual_time())
+
+
+@contextmanager
+def replay(folder: Path) -> Iterator[Bench]:
+    path = folder / "circle.csv"
+    rows = [f"{i * 0.01},{0.001 * (i % 7)},{0.0005 * i},{-0.0001 * i},0,0,0" for i in range(101)]
+    path.write_text("\n".join(["t,px,py,pz,fx,fy,fz", *rows]) + "\n")
+    driver = load("replay")
+    yield Bench(driver(driver.Options(trace=path), TICK), virtual_time())
+
+
+def armed(name: str, **options: Any) -> Device:
+    """A device that may have force: its signs count as checked."""
+    driver: Any = load(name)
+    checked = driver.fingerprint(driver.Options(**options))
+    device: Device = driver(driver.Options(**options, signs_checked=checked), TICK)
+    return device
+
+
+@contextmanager
+def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
+    emulator_class = load_emulator(name)
+    emulator = emulator_class(emulator_class.Options())
+    with PtyDevice(emulator, folder / name) as wire:
+        device = armed(name, port=str(wire.path), **options)
+        wrong: WireFaults = emulator.faults
+        faults: dict[str, Callable[[], None]] = {
+            "unplug": wire.unplug,
+            "silent": lambda: setattr(wrong, "silent", True),
+            "late": lambda: setattr(wrong, "late_s", 0.2),
+            "garbled": lambda: setattr(wrong, "garble", 1_000_000),
+            "restart": lambda: emulator.inject("restart", 1.0),
+        }
+        try:
+            yield Bench(device, real_time(), lambda: norm(emulator.force), faults)
+        finally:
+            device.close()
+
+
+@contextmanager
+def polhem_hid(folder: Path) -> Iterator[Bench]:
+    if ADDRESS not in os.environ:
+        pytest.skip("in the process that test_hid_contract starts")
+    with outer_bench() as (path, ask):
+        device = armed("polhem_hid", port=path)
+        faults: dict[str, Callable[[], None]] = {fault: partial(ask, fault) for fault in HID_FAULTS}
+        try:
+            yield Bench(device, real_time(), partial(ask, "displayed"), faults)
+        finally:
+            device.close()
+
+
+BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
+    "haply_2diy": lambda folder: on_a_pty("haply_2diy", folder),
+    "operator": operator,
+    "polhem_hid": polhem_hid,
+    "polhem_serial": lambda folder: on_a_pty("polhem_serial", folder, model="vintage_phantom"),
+    "replay": replay,
+}
+ON_A_WIRE = ("haply_2diy", "polhem_hid", "polhem_serial")
+FAULTS = [(name, fault) for name in ON_A_WIRE for fault in ("unplug", "silent", "late", "garbled", "restart")]

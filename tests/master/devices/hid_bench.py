@@ -1,0 +1,92 @@
+"""A bench for a HID device in two processes: only a process that is started into a testbed sees the device.
+
+`HidBenches` is the outer process, which keeps the testbed and the emulator; `hid_bench` is the inner one, with the
+driver on the real hidapi.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Client, Connection, Listener
+from pathlib import Path
+from threading import Thread
+from types import TracebackType
+from typing import Any, Self
+
+from codec.vector import norm
+from hardware.umockdev.node import HidNode
+from hardware.umockdev.testbed import Testbed
+from master.emulators import load as load_emulator
+
+ADDRESS = "WEBERLINK_TEST_HID_BENCH"
+"""Variable that says where the outer process listens; where it is missing there is none."""
+
+FAULTS = ("unplug", "silent", "late", "garbled", "restart")
+
+
+class HidBenches:
+    """The outer process: a device for whoever connects, for as long as the connection lasts.
+
+    Args:
+        testbed: that the inner process was started into.
+        name: of the emulator.
+        address: of the socket to make.
+        options: of the emulator.
+    """
+
+    def __init__(self, testbed: Testbed, name: str, address: Path, **options: Any) -> None:
+        self._testbed = testbed
+        self._emulator_class = load_emulator(name)
+        self._options = options
+        self._listener = Listener(str(address), "AF_UNIX")
+        self._thread = Thread(target=self._listen)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        with Client(self._listener.address, "AF_UNIX") as last:
+            last.send("end")
+        self._thread.join()
+        self._listener.close()
+
+    def _listen(self) -> None:
+        while True:
+            with self._listener.accept() as connection:
+                if connection.recv() == "end":
+                    return
+                self._serve(connection)
+
+    def _serve(self, connection: Connection) -> None:
+        emulator = self._emulator_class(self._emulator_class.Options(**self._options))
+        identity: Any = emulator
+        with HidNode(self._testbed, emulator, identity.identity) as node:
+            faults: dict[str, Callable[[], object]] = {
+                "unplug": node.unplug,
+                "silent": lambda: setattr(emulator.faults, "silent", True),
+                "late": lambda: setattr(emulator.faults, "late_s", 0.2),
+                "garbled": lambda: setattr(emulator.faults, "garble", 1_000_000),
+                "restart": lambda: emulator.inject("restart", 1.0),
+                "displayed": lambda: norm(emulator.force),
+            }
+            connection.send(node.node)
+            try:
+                while True:
+                    connection.send(faults[connection.recv()]())
+            except EOFError:
+                return
+
+
+@contextmanager
+def outer_bench() -> Iterator[tuple[str, Callable[[str], Any]]]:
+    """In the inner process: path of a fresh device, and how to ask the outer one for a fault or a figure."""
+    with Client(os.environ[ADDRESS], "AF_UNIX") as connection:
+        connection.send("begin")
+        path = connection.recv()
+
+        def ask(what: str) -> Any:
+            connection.send(what)
+            return connection.recv()
+
+        yield path, ask

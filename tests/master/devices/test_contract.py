@@ -1,0 +1,157 @@
+"""The contract that every device driver keeps, those of hardware against emulated hardware."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from math import hypot
+from pathlib import Path
+from time import monotonic
+
+import pytest
+
+from codec.vector import ZERO, Vector, is_finite
+from master.devices import BUILT_IN
+from master.devices.contract import DeviceFault
+from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, Bench
+
+PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
+FORCES: list[Vector] = [(0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3)]
+
+
+@pytest.fixture(params=sorted(BENCHES))
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def bench(name: str, tmp_path: Path) -> Iterator[Bench]:
+    with BENCHES[name](tmp_path) as bench:
+        yield bench
+
+
+def test_every_driver_of_the_table_is_on_a_bench() -> None:
+    assert set(BENCHES) == set(BUILT_IN)
+
+
+def test_the_spec_is_there_before_opening(name: str, bench: Bench) -> None:
+    spec = bench.device.spec
+    assert spec.name == name
+    assert spec.axes
+    assert set(spec.axes) <= set("xyz")
+    assert (spec.force_n > 0.0) == spec.force_feedback
+    assert spec.rate_hz > 0.0
+    lower, upper = spec.workspace_m
+    assert all(a < b for a, b in zip(lower, upper, strict=True))
+    assert "\n" not in spec.note
+
+
+def test_only_an_open_device_is_read_and_closing_is_idempotent(name: str, bench: Bench) -> None:
+    device = bench.device
+    device.close()
+    with pytest.raises(DeviceFault, match=name):
+        device.latest(bench.tick())
+    device.command(ZERO, bench.tick())
+    for _ in range(2):  # a second session is like the first
+        now = bench.tick()
+        device.open(now)
+        assert device.latest(bench.tick()).at >= now
+        device.close()
+        device.close()
+        device.command(ZERO, bench.tick())
+        with pytest.raises(DeviceFault, match=name):
+            device.latest(bench.tick())
+
+
+def test_readings_move_on_in_time_and_do_not_jump(bench: Bench) -> None:
+    device = bench.device
+    device.open(bench.tick())
+    lower, upper = device.spec.workspace_m
+    readings = []
+    for now in bench.hold(ZERO, 1000):
+        reading = device.latest(now)
+        assert device.latest(now) == reading
+        assert reading.at <= (now if bench.displayed is None else monotonic()), "not of the future"
+        assert is_finite(reading.position)
+        assert all(a <= p <= b for a, p, b in zip(lower, reading.position, upper, strict=True))
+        assert (reading.orientation is not None) == device.spec.orientation
+        assert 0 <= reading.buttons < 1 << device.spec.buttons
+        readings.append(reading)
+    # In real time an answer may have waited for a machine that stalls, and the hand has gone on.
+    slack = 1e-6 if bench.displayed is None else 0.03
+    for a, b in pairwise(readings):
+        assert a.at <= b.at
+        step = max(abs(p - q) for p, q in zip(a.position, b.position, strict=True))
+        assert step <= 0.6 * (b.at - a.at) + slack, "a hand's speed"
+    assert readings[0].position != readings[-1].position
+
+
+def test_a_force_that_is_no_number_is_our_own_error(bench: Bench) -> None:
+    bench.device.open(bench.tick())
+    with pytest.raises(ValueError, match="not finite"):
+        bench.device.command((0.0, float("inf"), 0.0), bench.tick())
+    assert is_finite(bench.device.latest(bench.tick()).position)
+
+
+@pytest.mark.parametrize("name", ON_A_WIRE)
+def test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(bench: Bench) -> None:
+    device, displayed = bench.device, bench.displayed
+    assert displayed is not None
+    device.open(bench.tick())
+    for force in FORCES:
+        along = hypot(*[part for axis, part in zip("xyz", force, strict=True) if axis in device.spec.axes])
+        wait(bench, force, lambda expected=along: displayed() == pytest.approx(expected, rel=0.1, abs=0.02))
+    strongest = 0.0
+    for now in bench.hold((100.0, -100.0, 100.0), 300):
+        device.latest(now)
+        strongest = max(strongest, displayed())
+    assert 0.5 * device.spec.force_n < strongest <= device.spec.force_n * 1.1 + 0.02
+    device.close()
+    assert displayed() == 0.0
+
+
+@pytest.mark.parametrize("name", ON_A_WIRE)
+def test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench: Bench) -> None:
+    device, displayed = bench.device, bench.displayed
+    assert displayed is not None
+    device.open(bench.tick())
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.5)
+    gives_up = monotonic() + PATIENCE
+    while displayed() > 0.0:
+        assert monotonic() < gives_up
+        bench.tick()
+
+
+@pytest.mark.parametrize(("name", "fault"), FAULTS)
+def test_a_fault_ends_it_with_a_reason_and_without_force(name: str, fault: str, bench: Bench) -> None:
+    device, displayed = bench.device, bench.displayed
+    assert displayed is not None
+    device.open(bench.tick())
+    wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.5)
+    bench.faults[fault]()
+    gives_up = monotonic() + PATIENCE
+    with pytest.raises(DeviceFault, match=name) as caught:
+        while monotonic() < gives_up:
+            for now in bench.hold((0.0, 1.0, 0.0), 1):
+                device.latest(now)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) > len(name) + 10, "says why"
+    gives_up = monotonic() + PATIENCE
+    while displayed() > 0.0 and not unheard(name, fault):
+        assert monotonic() < gives_up
+        device.command((0.0, 1.0, 0.0), bench.tick())
+    with pytest.raises(DeviceFault):
+        device.latest(bench.tick())
+
+
+def unheard(name: str, fault: str) -> bool:
+    """A board without a watchdog whose wire is cut: no host can help, and the driver's note says so."""
+    return (name, fault) == ("haply_2diy", "unplug")
+
+
+def wait(bench: Bench, force: Vector, condition: object) -> None:
+    """Command a force until a condition holds."""
+    assert callable(condition)
+    gives_up = monotonic() + PATIENCE
+    while not condition():
+        assert monotonic() < gives_up
+        for now in bench.hold(force, 1):
+            bench.device.latest(now)

@@ -1,0 +1,145 @@
+"""Every robot driver on a bench: what it stands before, how its time passes, and what can go wrong with it.
+
+A driver of hardware is on a bench with an emulated arm behind a real pseudo terminal, in real time; the others are in
+virtual time.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic, sleep
+
+from codec.vector import ZERO, Vector
+from hardware.pty_device import PtyDevice
+from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from slave.robots import load
+from slave.robots.contract import Robot
+from slave.scenes.contact import SceneObject
+from slave.scenes.plane import Plane
+from slave.scenes.scene import Scene
+
+TICK = 0.001
+GROUND = 500.0  # [N/m]
+
+
+@dataclass
+class Bench:
+    """A robot before a ground that pushes up.
+
+    Args:
+        robot: not open.
+        tick: the time of the next tick [s]; waits for it where time is real.
+        above: a free place over the ground.
+        below: a place in the ground that makes a few newtons.
+        tolerance_m: how near it comes to where it is told.
+        settle_ticks: in which it does.
+        driven: what drives the motors now, in any unit; 0 for none.
+        faults: by name, each as a deed; empty for a robot that only exists in the computer.
+    """
+
+    robot: Robot
+    tick: Callable[[], float]
+    above: Vector
+    below: Vector
+    tolerance_m: float = 1e-3
+    settle_ticks: int = 600
+    driven: Callable[[], float] = lambda: 0.0
+    faults: Mapping[str, Callable[[], None]] = field(default_factory=dict)
+
+    def hold(self, position: Vector, ticks: int | None = None) -> Iterator[float]:
+        """Command a position, tick by tick; gives each time after the command."""
+        for _ in range(self.settle_ticks if ticks is None else ticks):
+            now = self.tick()
+            self.robot.command(position, now)
+            yield now
+
+
+def virtual_time(start: float = 100.0) -> Callable[[], float]:
+    count = iter(range(1_000_000))
+    return lambda: start + next(count) * TICK
+
+
+def real_time() -> Callable[[], float]:
+    due = monotonic()
+
+    def tick() -> float:
+        nonlocal due
+        due = max(due + TICK, monotonic())
+        sleep(max(0.0, due - monotonic()))
+        return monotonic()
+
+    return tick
+
+
+def ground() -> Scene:
+    return Scene([SceneObject(Plane(ZERO, (0.0, 0.0, 1.0)), GROUND)])
+
+
+@contextmanager
+def computed(name: str, folder: Path) -> Iterator[Bench]:
+    driver = load(name)
+    yield Bench(driver(driver.Options(), ground(), TICK), virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))
+
+
+SLIDERS = """
+<mujoco><option timestep="0.001"/><worldbody>
+<geom name="ground" type="plane" size="1 1 0.1" solref="-500 -20" solimp="0.99 0.99 0.001"/>
+<body pos="0 0 0.03">
+<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint type="slide" axis="0 0 1"/>
+<geom type="sphere" size="0.001" mass="0.1"/><site name="tip"/></body>
+</worldbody></mujoco>
+"""
+
+
+@contextmanager
+def mujoco(folder: Path) -> Iterator[Bench]:
+    model = folder / "sliders.xml"
+    model.write_text(SLIDERS)
+    driver = load("mujoco")
+    robot = driver(driver.Options(model=model), None, TICK)
+    yield Bench(robot, virtual_time(), (0.01, -0.01, 0.02), (0.01, -0.01, -0.01))
+
+
+@contextmanager
+def dynamixel(folder: Path) -> Iterator[Bench]:
+    floor = 0.10
+    scene = [{"shape": "plane", "point_m": [0.0, 0.0, floor], "stiffness_n_m": GROUND}]
+    emulator = DynamixelEmulator(DynamixelOptions(scene=scene))
+    with PtyDevice(emulator, folder / "arm") as wire:
+        driver = load("dynamixel")
+        robot = driver(driver.Options(port=str(wire.path)), None, TICK)
+        faults = {
+            "unplug": wire.unplug,
+            "silent": lambda: setattr(emulator.faults, "silent", True),
+            "late": lambda: setattr(emulator.faults, "late_s", 0.2),
+            "garbled": lambda: setattr(emulator.faults, "garble", 1_000_000),
+        } | {
+            name: lambda name=name: emulator.inject(name, 1.0)
+            for name in ("overload", "trip_watchdog", "dead", "restart")
+        }  # fmt: skip
+        try:
+            yield Bench(
+                robot,
+                real_time(),
+                above=(0.20, 0.02, floor + 0.04),
+                below=(0.20, 0.02, floor - 0.02),
+                tolerance_m=0.012,
+                settle_ticks=800,
+                driven=lambda: max(map(abs, emulator.currents)),
+                faults=faults,
+            )
+        finally:
+            robot.close()
+
+
+BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
+    "dynamixel": dynamixel,
+    "mujoco": mujoco,
+    "point": lambda folder: computed("point", folder),
+    "simulated": lambda folder: computed("simulated", folder),
+}
+FAULTS = [
+    ("dynamixel", fault)
+    for fault in ("unplug", "silent", "late", "garbled", "overload", "trip_watchdog", "dead", "restart")
+]

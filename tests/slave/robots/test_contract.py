@@ -1,0 +1,147 @@
+"""The contract that every robot driver keeps, those of hardware against emulated hardware."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from time import monotonic
+
+import pytest
+
+from codec.vector import Vector, distance, dot, is_finite, norm
+from slave.robots import BUILT_IN
+from slave.robots.contract import RobotFault
+from tests.slave.robots.benches import BENCHES, FAULTS, Bench
+
+PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
+
+
+@pytest.fixture(params=sorted(BENCHES))
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def bench(name: str, tmp_path: Path) -> Iterator[Bench]:
+    with BENCHES[name](tmp_path) as bench:
+        yield bench
+
+
+def test_every_driver_of_the_table_is_on_a_bench() -> None:
+    assert set(BENCHES) == set(BUILT_IN)
+
+
+def test_the_spec_is_there_before_opening(name: str, bench: Bench) -> None:
+    spec = bench.robot.spec
+    assert spec.name == name
+    assert set(spec.axes) <= set("xyz")
+    assert spec.axes
+    assert spec.force_n > 0.0
+    assert spec.stiffness_n_m > 0.0
+    assert spec.rate_hz > 0.0
+    assert spec.lag_s >= 0.0
+    assert min(spec.force_error) >= 0.0
+    lower, upper = spec.workspace_m
+    assert all(a < b for a, b in zip(lower, upper, strict=True))
+    assert "\n" not in spec.note
+
+
+def test_only_an_open_robot_is_read_and_closing_is_idempotent(name: str, bench: Bench) -> None:
+    robot = bench.robot
+    robot.close()
+    with pytest.raises(RobotFault, match=name):
+        robot.latest(bench.tick())
+    robot.command(bench.above, bench.tick())
+    for _ in range(2):  # a second session is like the first
+        now = bench.tick()
+        robot.open(now)
+        assert robot.latest(bench.tick()).at >= now
+        robot.close()
+        robot.close()
+        robot.command(bench.above, bench.tick())
+        with pytest.raises(RobotFault, match=name):
+            robot.latest(bench.tick())
+
+
+def test_readings_move_on_in_time_and_are_the_same_for_the_same_now(bench: Bench) -> None:
+    robot = bench.robot
+    robot.open(bench.tick())
+    lower, upper = robot.spec.workspace_m
+    readings = []
+    for now in bench.hold(bench.above, 300):
+        reading = robot.latest(now)
+        assert robot.latest(now) == reading
+        assert reading.at <= now
+        assert is_finite(reading.position)
+        assert is_finite(reading.force)
+        assert norm(reading.force) <= robot.spec.force_n + 1e-9
+        assert all(a - 0.1 <= p <= b + 0.1 for a, p, b in zip(lower, reading.position, upper, strict=True))
+        readings.append(reading)
+    assert all(a.at <= b.at for a, b in pairwise(readings))
+    assert readings[-1].at > readings[0].at
+    assert now - readings[-1].at <= robot.spec.lag_s + 0.2
+
+
+def test_it_goes_where_it_is_told(bench: Bench) -> None:
+    robot = bench.robot
+    robot.open(bench.tick())
+    approach(bench, bench.above)
+    x, y, z = bench.above
+    for goal in ((x + 0.015, y, z), (x, y - 0.015, z + 0.015)):
+        assert distance(approach(bench, goal), goal) <= bench.tolerance_m
+
+
+def test_the_ground_pushes_back_up(bench: Bench) -> None:
+    robot = bench.robot
+    robot.open(bench.tick())
+    approach(bench, bench.above)
+    absolute, _ = robot.spec.force_error
+    free = robot.latest(bench.tick()).force
+    assert norm(free) <= absolute + 1e-6, "nothing is touched"
+    approach(bench, bench.below)
+    forces = [robot.latest(now).force for now in bench.hold(bench.below, 300)]
+    felt = forces[-1]
+    assert felt[2] > 1.0
+    assert dot(felt, (0.0, 0.0, 1.0)) > 0.8 * norm(felt) - absolute
+
+
+def test_a_command_that_is_no_number_is_our_own_error(bench: Bench) -> None:
+    robot = bench.robot
+    robot.open(bench.tick())
+    with pytest.raises(ValueError, match="not finite"):
+        robot.command((float("nan"), 0.0, 0.0), bench.tick())
+    assert is_finite(robot.latest(bench.tick()).position)
+
+
+@pytest.mark.parametrize(("name", "fault"), FAULTS)
+def test_a_fault_ends_it_with_a_reason_and_without_drive(name: str, fault: str, tmp_path: Path) -> None:
+    with BENCHES[name](tmp_path) as bench:
+        robot = bench.robot
+        robot.open(bench.tick())
+        for now in bench.hold(robot.latest(bench.tick()).position, 100):
+            robot.latest(now)
+        bench.faults[fault]()
+        gives_up = monotonic() + PATIENCE
+        with pytest.raises(RobotFault, match=name) as caught:
+            while monotonic() < gives_up:
+                for now in bench.hold(bench.above, 10):
+                    robot.latest(now)
+        assert "\n" not in str(caught.value)
+        assert len(str(caught.value)) > len(name) + 10, "says why"
+        robot.command(bench.above, bench.tick())
+        with pytest.raises(RobotFault):
+            robot.latest(bench.tick())
+
+
+def approach(bench: Bench, goal: Vector, speed: float = 0.1) -> Vector:
+    """Lead it to a place at this speed [m/s], and wait; gives where it came to."""
+    robot = bench.robot
+    start = robot.latest(bench.tick()).position
+    steps = max(1, round(distance(start, goal) / speed / 0.001))
+    for step in range(1, steps + 1):
+        share = step / steps
+        x, y, z = (a + share * (b - a) for a, b in zip(start, goal, strict=True))
+        for now in bench.hold((x, y, z), 1):
+            robot.latest(now)
+    for now in bench.hold(goal):
+        reading = robot.latest(now)
+    return reading.position
