@@ -1,0 +1,40 @@
+"""From a force on the hand to whole milliamperes within all limits; pure."""
+
+from collections.abc import Sequence
+
+from codec.vector import Vector, norm, scale
+from master.devices.polhem.mechanism import Mechanism
+
+RAMP_S = 0.05
+"""In which the force comes up after a connection [s]."""
+
+
+class ForceStage:
+    """Cuts the force, turns it into currents, and cuts these.
+
+    Args:
+        mechanism: of the device.
+        force_n: largest force [N]; 0 for never a current.
+        current_ma: largest current per motor [mA]. Where one motor would need more, all get less, so that the force
+            keeps its direction.
+    """
+
+    def __init__(self, mechanism: Mechanism, force_n: float, current_ma: float) -> None:
+        self._mechanism = mechanism
+        self._force_n = force_n
+        self._current_ma = current_ma
+
+    def currents_ma(self, force: Vector, counts: Sequence[int], connected_for: float) -> tuple[int, int, int]:
+        """Currents for a force [N] in the pose of `counts`, `connected_for` [s] after the connection."""
+        limit = self._force_n * min(1.0, max(0.0, connected_for / RAMP_S))
+        length = norm(force)
+        if length == 0.0 or limit == 0.0:
+            return (0, 0, 0)
+        if length > limit:
+            force = scale(force, limit / length)
+        currents = self._mechanism.currents_ma(force, counts)
+        largest = max(map(abs, currents))
+        if largest > self._current_ma:
+            currents = scale(currents, self._current_ma / largest)
+        a, b, c = map(int, currents)  # towards zero, hence never beyond a limit
+        return (a, b, c)

@@ -1,0 +1,222 @@
+"""`polhem_hid`: WoodenHaptics and Polhem with an mbed board, on USB HID."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from time import monotonic
+from typing import ClassVar
+
+from codec.vector import ZERO, Vector
+from hardware.fault import BadReply, HardwareFault
+from hardware.found import Found, UsbId, hid_devices
+from master.devices.contract import DeviceReading
+from master.devices.polhem.force_stage import ForceStage
+from master.devices.polhem.hid_line import NO_CURRENT, HidLine, HidReports, ReportPort
+from master.devices.polhem.homing import await_press
+from master.devices.polhem.identity import Identity, located
+from master.devices.polhem.lock_step import LockStep
+from master.devices.polhem.options import PolhemHidOptions
+from master.devices.polhem.parameters import PARAMETERS, Parameters
+from master.devices.polhem.polhem_device import PolhemDevice, spec_of
+from master.devices.polhem.reports import SHORT, Currents, Sensors, SetCounters, Unwrapper
+from master.devices.polhem.sign_check import fingerprint
+from master.devices.polhem.whereabouts import Whereabouts
+
+NAME = "polhem_hid"
+USAGE_PAGE = 0xFFAB
+UNREPORTED = 0
+
+REPORT_S = 0.01
+OPENING_S = 1.0
+"""How long a device may take until its reports are good [s]."""
+
+SET_WITHIN_COUNTS = 100
+"""A hand that holds the handle still does not move it farther while the counters are set."""
+
+
+class ReportExchange:
+    """One report out, one in. The device's own watchdog (0.5 s) is fed by every exchange.
+
+    A report of 14 bytes is the answer to the one before it: the first after opening may be of long ago. The older kind
+    of device sends at its own rate, and the newest report is taken.
+
+    Args:
+        options: of the driver.
+        parameters: of the mechanism.
+        force_n: largest force [N]; 0 for never a current.
+        connect: opens the device at a path.
+    """
+
+    def __init__(
+        self,
+        options: PolhemHidOptions,
+        parameters: Parameters,
+        force_n: float,
+        connect: Callable[[str], ReportPort] = HidReports,
+    ) -> None:
+        self._options = options
+        self._parameters = parameters
+        self._connect = connect
+        self._stage = ForceStage(parameters.mechanism, force_n, options.max_current_ma)
+        self._identity = Identity(NAME, options.port, PolhemHidDevice.plugged)
+        self._line: HidLine | None = None
+        self._talk: LockStep[Currents | SetCounters, Sensors] | None = None
+        self._unwrapper = Unwrapper()
+        self._whereabouts: Whereabouts | None = None
+        self._relative: tuple[int, ...] = ()
+        self._connected_at = 0.0
+        self._was_silent = False
+
+    def start_afresh(self) -> None:
+        self._identity.forget()
+        self._whereabouts = None
+        self._unwrapper.reset()
+
+    def open(self) -> DeviceReading:
+        path = self._identity.locate()
+        self._line, self._talk = HidLine(path, self._connect), None
+        try:
+            self._line.find_size(monotonic, OPENING_S, REPORT_S)
+            self._talk = None if self._line.size == SHORT else LockStep(self._line, NO_CURRENT)
+            if self._whereabouts is None:
+                self._whereabouts = Whereabouts(self._parameters, self._home_counts())
+                self._home(self._whereabouts)
+            self._connected_at = monotonic()
+            counts = self._counts(self._insist(NO_CURRENT))
+            reading = self._whereabouts.begin(counts, self._connected_at, monotonic())
+        except HardwareFault as fault:
+            self.close()  # the next attempt could not open it otherwise
+            raise located(path, fault) from None
+        self._relative = self._whereabouts.relative(counts)
+        self._was_silent = False
+        return reading
+
+    def exchange(self, command: Vector) -> DeviceReading:
+        assert self._whereabouts is not None
+        currents = NO_CURRENT
+        if command != ZERO:
+            currents = self._stage.currents_ma(command, self._relative, monotonic() - self._connected_at)
+        asked = monotonic()
+        try:
+            sensors = self._ask(currents)
+        except BadReply:
+            self._was_silent = True
+            raise
+        counts = self._counts(sensors)
+        if self._was_silent:  # whoever is silent may have been without power
+            reading = self._whereabouts.begin(counts, asked, monotonic())
+            self._was_silent = False
+        else:
+            reading = self._whereabouts.next(counts, asked, monotonic(), int(sensors.button))
+        self._relative = self._whereabouts.relative(counts)
+        return reading
+
+    def close(self) -> None:
+        line = self._line
+        if line is not None:
+            with suppress(HardwareFault):
+                self._ask(NO_CURRENT)
+            self._line = None
+            line.close()
+
+    def _ask(self, command: Currents | SetCounters) -> Sensors:
+        """One report out and one in; raises BadReply where none comes in time."""
+        if self._talk is not None:
+            return self._talk.ask(command, REPORT_S)
+        line = self._line
+        assert line is not None
+        line.hear(0.0)  # of before
+        line.send(command)
+        reports = line.hear(monotonic() + REPORT_S)
+        if not reports or reports[-1] is None:
+            raise BadReply("does not answer")
+        return reports[-1]
+
+    def _insist(self, command: Currents | SetCounters) -> Sensors:
+        """As `_ask`, for as long as it may take a device to begin."""
+        until = monotonic() + OPENING_S
+        while True:
+            try:
+                return self._ask(command)
+            except BadReply:
+                if monotonic() > until:
+                    raise
+
+    def _home(self, whereabouts: Whereabouts) -> None:
+        homing = self._options.homing
+        if homing == "power_up":
+            return
+        sensors = self._insist(NO_CURRENT)
+        if homing == "button":
+            self._await_button(sensors)
+        home = self._home_counts()
+        if self._is_short:
+            here = self._counts(sensors)
+            whereabouts.home(tuple(count - held for count, held in zip(here, home, strict=True)))
+            return
+        here = self._counts(self._set_counters(self._ordered(home)))
+        if max(abs(count - held) for count, held in zip(here[:3], home[:3], strict=True)) > SET_WITHIN_COUNTS:
+            raise HardwareFault("does not set its counters when it is told to; set homing: power_up")
+
+    def _await_button(self, sensors: Sensors) -> None:
+        if self._is_short:
+            raise HardwareFault("is of the older kind, without a calibration button; set homing: at_open")
+        if sensors.calibrate:  # pressed some time ago, wherever the handle was then
+            self._set_counters(sensors.counts)
+        await_press(lambda: self._ask(NO_CURRENT), lambda _, now: now.calibrate, self._options.home_patience_s)
+
+    def _set_counters(self, counts: tuple[int, ...]) -> Sensors:
+        a, b, c, d, e, f = counts
+        self._unwrapper.reset()
+        return self._insist(SetCounters((a, b, c, d, e, f)))
+
+    @property
+    def _is_short(self) -> bool:
+        return self._line is not None and self._line.size == SHORT
+
+    def _home_counts(self) -> tuple[int, ...]:
+        """What the counters hold in the home pose."""
+        size = 3 if self._is_short else 6
+        if not self._options.counters_hold_home:
+            return (0,) * size
+        drive = self._parameters.mechanism.drive
+        return (*drive.home_counts, *drive.gimbal_home_counts)[:size]
+
+    def _counts(self, sensors: Sensors) -> tuple[int, ...]:
+        """Without wrapping, and the gimbal's in the order of its axes."""
+        return self._ordered(self._unwrapper.unwrap(sensors.counts))
+
+    def _ordered(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+        """Between the order of the counters and that of the gimbal's axes, either way."""
+        if len(counts) == 6 and self._parameters.gimbal_reversed_over_hid:
+            return (*counts[:3], *counts[:2:-1])
+        return counts
+
+
+class PolhemHidDevice(PolhemDevice):
+    """14-byte reports in lock-step, or the older ones of 8 bytes, told by their length.
+
+    Without a report for 0.5 s the device itself switches its motors off; it has no other limit.
+    """
+
+    Options = PolhemHidOptions
+    USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x1234, 0x0006),)
+
+    def __init__(self, options: PolhemHidOptions, tick_period: float) -> None:
+        """Raises ValueError where the options ask for more than the makers publish."""
+        parameters = parameters_of(options)
+        spec = spec_of(NAME, options, parameters, tick_period, signs=self.fingerprint(options), buttons=1)
+        exchange = ReportExchange(options, parameters, spec.force_n)
+        super().__init__(spec, exchange, tick_period, options.reconnect_s)
+
+    @classmethod
+    def plugged(cls) -> list[Found]:
+        return hid_devices(cls.USB, (USAGE_PAGE, UNREPORTED))
+
+    @classmethod
+    def fingerprint(cls, options: PolhemHidOptions) -> str:
+        """Of the settings that a sign check is good for."""
+        return fingerprint(NAME, parameters_of(options))
+
+
+def parameters_of(options: PolhemHidOptions) -> Parameters:
+    return PARAMETERS[options.parameters].over_hid().turned(options.directions, options.home_counts)

@@ -1,0 +1,44 @@
+"""Waiting for the calibration button, which a person presses while the handle is in its home pose."""
+
+from collections.abc import Callable
+from time import monotonic, sleep
+from typing import TypeVar
+
+from hardware.fault import BadReply, HardwareFault
+from master.devices.polhem.whereabouts import NEAR_COUNTS
+
+STEP_COUNTS = 40
+"""A jump to zero from at least so far is the button: between two looks no hand is that fast."""
+
+PAUSE_S = 0.002
+"""Between two looks [s]; short against every watchdog."""
+
+Look = TypeVar("Look")
+
+
+def await_press(look: Callable[[], Look], pressed: Callable[[Look, Look], bool], patience: float) -> Look:
+    """Look until two looks in a row show that the button was pressed between them; gives the later one.
+
+    Raises:
+        HardwareFault: nobody presses it within `patience` [s], or the device is gone.
+    """
+    until = monotonic() + patience
+    before: Look | None = None
+    while monotonic() < until:
+        try:
+            now = look()
+        except BadReply:
+            continue
+        if before is not None and pressed(before, now):
+            return now
+        before = now
+        sleep(PAUSE_S)
+    raise HardwareFault(
+        f"nobody pressed the calibration button in {patience:g} s; put the handle in its home pose and press it after "
+        "the start"
+    )
+
+
+def zeroed(before: tuple[int, ...], now: tuple[int, ...]) -> bool:
+    """Whether counters were set to zero between two looks."""
+    return max(map(abs, now[:3])) <= NEAR_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS

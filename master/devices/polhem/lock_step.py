@@ -1,0 +1,120 @@
+"""One answer for every message, and never that to another one.
+
+An answer does not say which message it belongs to. So it counts only where no other is owed: after one that did not
+come in time nothing is believed until all that is owed has come, or, where it does not come, until the line was quiet
+for long and then answered a single message with a single answer. Knows no bytes.
+"""
+
+from collections.abc import Callable
+from time import monotonic
+from typing import Generic, NoReturn, Protocol, TypeVar
+
+from hardware.fault import BadReply
+
+Message = TypeVar("Message")
+Answer = TypeVar("Answer")
+Message_contra = TypeVar("Message_contra", contravariant=True)
+
+QUIET_S = 0.25
+"""After such a silence nothing more comes of what is owed [s]."""
+
+SLICE_S = 0.01
+"""The longest wait for what is owed in one `ask` [s]."""
+
+PROBE_S = 0.025
+"""How long an answer has to stay alone: longer than the way from a message to the rest that follows it [s]."""
+
+UNKNOWN = 1_000_000
+"""Answers owed, where one came that nobody had asked for."""
+
+SILENT, LATE = "does not answer", "answers late"
+
+
+class Line(Protocol[Message_contra, Answer]):
+    """Carries messages and answers; raises HardwareFault where it is cut."""
+
+    def send(self, message: Message_contra) -> None: ...
+
+    def hear(self, until: float) -> list[Answer | None]:
+        """All answers that have come, oldest first, as soon as there are any; none where none comes by `until` [s].
+
+        None stands for one that cannot be understood.
+        """
+        ...
+
+
+class LockStep(Generic[Message, Answer]):
+    """The host's end of a dialogue.
+
+    Args:
+        line: to the device.
+        rest: message that is safe at any time; goes out at once where an answer does not come.
+        clock: that of the line [s].
+    """
+
+    def __init__(self, line: Line[Message, Answer], rest: Message, clock: Callable[[], float] = monotonic) -> None:
+        self._line = line
+        self._rest = rest
+        self._clock = clock
+        self._owed = 0
+        self._heard_at = 0.0
+        self._complaint = ""
+
+    def ask(self, message: Message, patience: float) -> Answer:
+        """Send a message and wait for its answer, for at most `patience` [s].
+
+        Raises:
+            BadReply: it does not come, cannot be understood, or could be that to another message; the device was told
+                to rest. In doubt about which is which, the message is not sent.
+            HardwareFault: the line is cut.
+        """
+        self._settle()
+        self._line.send(message)
+        answers = self._line.hear(self._clock() + patience)
+        if not answers:
+            self._doubt(2, SILENT)
+        if len(answers) > 1:
+            self._doubt(UNKNOWN, LATE)
+        answer = answers[0]
+        if answer is None:
+            raise BadReply("sends what is no answer")
+        return answer
+
+    def _settle(self) -> None:
+        """Make sure that no answer is on its way."""
+        strays = self._line.hear(0.0)
+        if self._owed == 0 and strays:
+            self._doubt(UNKNOWN, LATE)
+        until = self._clock() + SLICE_S
+        while self._owed > 0:
+            now = self._clock()
+            if strays:
+                self._owed = max(0, self._owed - len(strays))
+                self._heard_at = now
+            elif now >= self._heard_at + QUIET_S:
+                self._probe()
+            elif now >= until:
+                raise BadReply(self._complaint)
+            strays = self._line.hear(min(until, self._heard_at + QUIET_S)) if self._owed > 0 else []
+
+    def _probe(self) -> None:
+        """Let the device rest once more, and see whether just that is answered, at once and once."""
+        self._line.send(self._rest)
+        sent = self._clock()
+        heard = len(self._line.hear(sent + SLICE_S))
+        at_once = heard == 1
+        while self._clock() < sent + PROBE_S:
+            heard += len(self._line.hear(sent + PROBE_S))
+        self._heard_at = self._clock()
+        if not at_once or heard != 1:
+            self._owed = max(1, self._owed + 1 - heard)
+            raise BadReply(self._complaint)
+        self._owed = 0
+
+    def _doubt(self, owed: int, complaint: str) -> NoReturn:
+        """Let the device rest, and believe nothing until `owed` answers have come."""
+        self._line.send(self._rest)
+        self._owed = owed
+        self._heard_at = self._clock()
+        self._complaint = complaint
+        raise BadReply(complaint)

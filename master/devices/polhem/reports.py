@@ -1,0 +1,131 @@
+"""The HID reports of the devices with an mbed board, 14 bytes or the older 8, told apart by length; pure.
+
+After every 14-byte report the device waits for one from the host (lock-step); with 8 bytes it sends at its own rate.
+Encoders are counted in 32 bits but reported in 16: `Unwrapper` puts them together again. Read in firmware and in its
+maker's host code.
+"""
+
+from dataclasses import dataclass
+from struct import Struct
+
+WATCHDOG_S = 0.5
+"""Without a report for so long the device switches its motors off [s]."""
+
+BUTTON_ABOVE = 5000
+BUTTON_OFFSET = 10_000
+"""While the button of the stylus is pressed, this is added to the fourth counter."""
+
+CURRENTS, SET_COUNTERS = 0, 1
+"""What a 14-byte report commands."""
+
+_LONG = Struct("<7h")
+_SHORT = Struct("<3hH")
+LONG, SHORT = _LONG.size, _SHORT.size
+"""Bytes in a report of the newer and of the older kind."""
+
+Currents = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What a device reports.
+
+    Args:
+        counts: six of the newer kind, three of the older; 16 bits each.
+        button: of the stylus; False for the older kind.
+        calibrate: whether the calibration button was pressed since the counters were last set; False for the older.
+        number: of the report, 16 bits; 0 for the newer kind.
+    """
+
+    counts: tuple[int, ...]
+    button: bool = False
+    calibrate: bool = False
+    number: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class SetCounters:
+    """Command that the counters hold these counts from now on, and no current; of the newer kind only."""
+
+    counts: tuple[int, int, int, int, int, int]
+
+
+def decode_sensors(report: bytes) -> Sensors:
+    """Raises ValueError for a report of another length."""
+    if len(report) == LONG:
+        *counts, info = _LONG.unpack(report)
+        pressed = counts[3] > BUTTON_ABOVE
+        if pressed:
+            counts[3] -= BUTTON_OFFSET
+        return Sensors(tuple(counts), pressed, info == 1)
+    if len(report) == SHORT:
+        *counts, number = _SHORT.unpack(report)
+        return Sensors(tuple(counts), number=number)
+    raise ValueError(f"expected a report of {LONG} or {SHORT} bytes, got {len(report)}")
+
+
+def encode_sensors(sensors: Sensors) -> bytes:
+    """Counts beyond 16 bits lose their upper ones, as in the device."""
+    counts = [wrapped(count) for count in sensors.counts]
+    if len(counts) == 3:
+        return _SHORT.pack(*counts, sensors.number & 0xFFFF)
+    if sensors.button:
+        counts[3] = wrapped(counts[3] + BUTTON_OFFSET)
+    return _LONG.pack(*counts, int(sensors.calibrate))
+
+
+def encode_command(command: Currents | SetCounters, size: int, number: int = 0) -> bytes:
+    """A report of `size` bytes, without the report number that hidapi wants in front.
+
+    Args:
+        command: currents [mA] within 16 bits, or counters to set.
+        size: `LONG` or `SHORT`.
+        number: of the report; goes into the older kind only.
+
+    Raises:
+        ValueError: if the older kind is to set counters, or there is no such kind.
+    """
+    if size == SHORT and not isinstance(command, SetCounters):
+        return _SHORT.pack(*command, number & 0xFFFF)
+    if size != LONG:
+        raise ValueError(f"expected a report of {LONG} bytes, got {size} for {command}")
+    if isinstance(command, SetCounters):
+        a, b, c, d, e, f = map(wrapped, command.counts)
+        return _LONG.pack(d, e, f, SET_COUNTERS, a, b, c)
+    return _LONG.pack(*command, CURRENTS, 0, 0, 0)
+
+
+def decode_command(report: bytes) -> Currents | SetCounters:
+    """As the device understands it: whatever is not command 1 is currents. Raises ValueError for another length."""
+    if len(report) == SHORT:
+        a, b, c, _ = _SHORT.unpack(report)
+        return (a, b, c)
+    if len(report) != LONG:
+        raise ValueError(f"expected a report of {LONG} or {SHORT} bytes, got {len(report)}")
+    d, e, f, command, a, b, c = _LONG.unpack(report)
+    return SetCounters((a, b, c, d, e, f)) if command == SET_COUNTERS else (d, e, f)
+
+
+def wrapped(count: int) -> int:
+    """The lower 16 bits of a count, as a signed number."""
+    return (count + 0x8000 & 0xFFFF) - 0x8000
+
+
+class Unwrapper:
+    """Counts without end out of counts of 16 bits; right while none moves by 32768 or more between two reports."""
+
+    def __init__(self) -> None:
+        self._counts: tuple[int, ...] | None = None
+
+    def unwrap(self, counts: tuple[int, ...]) -> tuple[int, ...]:
+        """The first ones after `reset` are taken as they are."""
+        if self._counts is None:
+            self._counts = counts
+        else:
+            self._counts = tuple(
+                before + wrapped(now - before) for before, now in zip(self._counts, counts, strict=True)
+            )
+        return self._counts
+
+    def reset(self) -> None:
+        self._counts = None

@@ -1,0 +1,205 @@
+"""`polhem_serial`: Polhem, SensAble PHANTOM with new electronics, or WoodenHaptics, on a Teensy's serial port."""
+
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import ClassVar
+
+from codec.vector import ZERO, Vector
+from hardware.fault import BadReply, HardwareFault
+from hardware.found import Found, UsbId, serial_ports
+from master.devices.contract import DeviceReading
+from master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, Currents, Status, complaint
+from master.devices.polhem.force_stage import ForceStage
+from master.devices.polhem.homing import await_press, zeroed
+from master.devices.polhem.identity import Identity, located
+from master.devices.polhem.lock_step import LockStep
+from master.devices.polhem.options import PolhemSerialOptions
+from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
+from master.devices.polhem.polhem_device import PolhemDevice, spec_of
+from master.devices.polhem.serial_line import SerialLine
+from master.devices.polhem.sign_check import fingerprint
+from master.devices.polhem.whereabouts import Whereabouts
+
+NAME = "polhem_serial"
+NO_CURRENT: Currents = (0, 0, 0)
+REPLY_S = 0.01
+OPENING_S = 1.0
+"""How long a port may take until its answers are good [s]: a board that was just plugged in takes a while."""
+
+PORTS_BY_ID = Path("/dev/serial/by-id")
+
+
+class BracketExchange:
+    """One message out, one answer in. The device's own watchdog (100 ms) is fed by every exchange.
+
+    Args:
+        options: of the driver.
+        force_n: largest force [N]; 0 for never a current.
+    """
+
+    def __init__(self, options: PolhemSerialOptions, force_n: float) -> None:
+        self._options = options
+        self._force_n = force_n
+        self._identity = Identity(NAME, options.port, PolhemSerialDevice.plugged)
+        self._line: SerialLine | None = None
+        self._talk: LockStep[Currents, Status] | None = None
+        self._model: int | None = None
+        self._whereabouts: Whereabouts | None = None
+        self._stage: ForceStage | None = None
+        self._has_gimbal = False
+        self._counts: tuple[int, ...] = ()
+        self._connected_at = 0.0
+        self._was_silent = False
+
+    def start_afresh(self) -> None:
+        self._identity.forget()
+        self._whereabouts = None
+
+    def open(self) -> DeviceReading:
+        path = self._identity.locate()
+        self._line = SerialLine(path)
+        self._talk = LockStep(self._line, NO_CURRENT)
+        try:
+            status = self._insist()
+            if self._whereabouts is None:
+                self._whereabouts = self._meet(status.model)
+                self._home(self._whereabouts)
+            elif status.model != self._model:
+                raise HardwareFault(f"came back as another one: {_called(status.model)}, not {_called(self._model)}")  # noqa: TRY301
+            self._connected_at = monotonic()
+            self._counts = self._insist().counts
+            self._was_silent = False
+            return self._whereabouts.begin(self._counts, self._connected_at, monotonic())
+        except HardwareFault as fault:
+            self.close()  # the next attempt could not open it otherwise
+            raise located(path, fault) from None
+
+    def exchange(self, command: Vector) -> DeviceReading:
+        assert self._whereabouts is not None
+        assert self._stage is not None
+        currents = NO_CURRENT
+        if command != ZERO:
+            relative = self._whereabouts.relative(self._counts)
+            currents = self._stage.currents_ma(command, relative, monotonic() - self._connected_at)
+        asked = monotonic()
+        try:
+            counts = self._ask(currents).counts
+        except BadReply:
+            self._was_silent = True
+            raise
+        if self._was_silent:  # whoever is silent may have been without power
+            reading = self._whereabouts.begin(counts, asked, monotonic())
+            self._was_silent = False
+        else:
+            reading = self._whereabouts.next(counts, asked, monotonic())
+        self._counts = counts
+        return reading
+
+    def close(self) -> None:
+        line, self._line = self._line, None
+        if line is not None:
+            with suppress(HardwareFault):
+                self._ask(NO_CURRENT)
+            line.close()
+
+    def _ask(self, currents: Currents) -> Status:
+        """One round trip; raises BadReply for an error too, since the currents were not applied then."""
+        assert self._talk is not None
+        status = self._talk.ask(currents, REPLY_S)
+        if status.error & ~GIMBAL_ERRORS or (status.error and self._has_gimbal):
+            raise BadReply(f"reports {complaint(status.error)}")
+        return status
+
+    def _insist(self) -> Status:
+        """A good answer, from a board that may still have to begin."""
+        until = monotonic() + OPENING_S
+        while True:
+            try:
+                return self._ask(NO_CURRENT)
+            except BadReply as reply:
+                if monotonic() > until:
+                    raise HardwareFault(
+                        f"{reply}: it is no such device, or its firmware is older than 2.0; "
+                        "`weberlink devices` lists what there is"
+                    ) from None
+
+    def _meet(self, model: int) -> Whereabouts:
+        """Take up the mechanism of the model that answered, if it is the right one."""
+        options = self._options
+        expected = options.model
+        if model not in MODELS:
+            known = ", ".join(f"{number} {name}" for number, name in MODELS.items())
+            raise HardwareFault(f"says it is model {model}, which is none of {known}")
+        if expected not in ("auto", MODELS[model]):
+            raise HardwareFault(
+                f"says it is {_called(model)}, the file says {expected}; "
+                f"set master.device.model: {MODELS[model]}, or plug in the other"
+            )
+        parameters = parameters_of(options, MODELS[model])
+        if expected == "auto":  # which cannot promise an orientation
+            parameters = parameters.without_gimbal()
+        self._model = model
+        self._has_gimbal = 0 not in parameters.mechanism.drive.gimbal_counts_per_turn
+        self._stage = ForceStage(parameters.mechanism, self._force_n, options.max_current_ma)
+        return Whereabouts(parameters, (0,) * 6)
+
+    def _home(self, whereabouts: Whereabouts) -> None:
+        if self._options.homing == "at_open":
+            whereabouts.home(self._insist().counts)
+        elif self._options.homing == "button":  # the device itself sets its counters to zero
+            await_press(
+                lambda: self._ask(NO_CURRENT),
+                lambda before, now: zeroed(before.counts, now.counts),
+                self._options.home_patience_s,
+            )
+
+
+class PolhemSerialDevice(PolhemDevice):
+    """Lock-step at the rate of the tick. Without a message for 100 ms the device itself switches its motors off."""
+
+    Options = PolhemSerialOptions
+    USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x16C0, 0x0483),)
+
+    def __init__(self, options: PolhemSerialOptions, tick_period: float) -> None:
+        """Raises ValueError where the options ask for more than the makers publish."""
+        named = options.model != "auto"
+        parameters = parameters_of(options, options.model)
+        spec = spec_of(
+            NAME,
+            options,
+            parameters if named else parameters.without_gimbal(),
+            tick_period,
+            signs=self.fingerprint(options),
+            named=named,
+        )
+        super().__init__(spec, BracketExchange(options, spec.force_n), tick_period, options.reconnect_s)
+
+    @classmethod
+    def plugged(cls) -> list[Found]:
+        """The Teensys; every device with their USB identity where none says that it is one."""
+        return teensys(serial_ports(cls.USB), PORTS_BY_ID)
+
+    @classmethod
+    def fingerprint(cls, options: PolhemSerialOptions) -> str:
+        """Of the settings that a sign check is good for."""
+        return fingerprint(f"{NAME} {options.model}", parameters_of(options, options.model))
+
+
+def parameters_of(options: PolhemSerialOptions, model: str) -> Parameters:
+    """What the options make of a model, or of a stand-in for `auto`, which has no force."""
+    numbers = {name: number for number, name in MODELS.items()}
+    name = options.parameters or MODEL_SETS[numbers.get(model, numbers["woodenhaptics"])]
+    return PARAMETERS[name].turned(options.directions, options.home_counts)
+
+
+def teensys(found: list[Found], by_id: Path) -> list[Found]:
+    """Those of the ports that call themselves a Teensy, or all if none does: their USB identity is shared by many."""
+    links = by_id.glob("*[Tt]eensy*") if by_id.is_dir() else ()
+    named = {str(link.resolve()) for link in links}
+    theirs = [each for each in found if "teensy" in each.name.lower() or each.path in named]
+    return theirs or found
+
+
+def _called(model: int | None) -> str:
+    return f"model {model} ({MODELS.get(model or 0, 'unknown')})"

@@ -1,0 +1,151 @@
+"""Where the handle is, and whether the counts that say so can be believed; pure.
+
+Encoders count from wherever they were switched on. A device that was without power, or whose counters were set by
+somebody else, or that has lost the cable of an encoder, gives counts of the wrong place, and the force would then point
+the wrong way: what no hand can have done is not believed.
+"""
+
+from typing import NamedTuple, NoReturn
+
+from codec.vector import Vector, distance
+from hardware.fault import BadReply, HardwareFault
+from master.devices.contract import DeviceReading
+from master.devices.polhem.parameters import Parameters
+
+SPEED_M_S = 3.0
+"""Faster, a hand does not go."""
+
+SLACK_M = 0.003
+"""Beyond what that speed explains, for times that are not exact."""
+
+AWAY_M = 0.05
+"""Farther, the handle does not go while the device says nothing, or it is better asked."""
+
+SHIFT_M = 0.01
+"""Nearer to the home pose, counters that began again at zero do no harm."""
+
+NEAR_COUNTS = 8
+"""Counters that were just set to zero are not farther from it than this."""
+
+STILL_M = 0.5
+"""No hand moves on so far and leaves one of the three encoders at exactly the same count."""
+
+Counts = tuple[int, ...]
+
+
+class _Known(NamedTuple):
+    """What was believed last: counts and position, measured after it was asked for [s]."""
+
+    counts: Counts
+    position: Vector
+    asked: float
+
+
+class Whereabouts:
+    """Makes readings of counts.
+
+    Args:
+        parameters: of the device.
+        zero: counts of the home pose.
+    """
+
+    def __init__(self, parameters: Parameters, zero: Counts) -> None:
+        self._mechanism = parameters.mechanism
+        self._reach = parameters.reach_m
+        self._zero = zero
+        self._last: _Known | None = None
+        self._doubted_after: float | None = None
+        self._lost: str | None = None
+        self._still_for = [0.0, 0.0, 0.0]
+
+    def home(self, zero: Counts) -> None:
+        """Take these counts for those of the home pose, from now on."""
+        self._zero = zero
+        self._last = None
+
+    def relative(self, counts: Counts) -> Counts:
+        """To the home pose."""
+        return tuple(count - zero for count, zero in zip(counts, self._zero, strict=True))
+
+    def begin(self, counts: Counts, asked: float, answered: float) -> DeviceReading:
+        """The first reading, or the first after a time without answers, measured between two moments [s].
+
+        Raises:
+            HardwareFault: it cannot be where it says to be, or not after where it was before.
+        """
+        known = _Known(counts, self._position(counts), asked)
+        if self._last is None:
+            self._believe_home(known)
+        else:
+            self._believe_return(known)
+        self._last = known
+        self._doubted_after = None
+        self._still_for = [0.0, 0.0, 0.0]
+        return self._reading(known, answered, 0)
+
+    def next(self, counts: Counts, asked: float, answered: float, buttons: int = 0) -> DeviceReading:
+        """The next reading, measured between the moments when it was asked for and when the answer was read [s].
+
+        Raises:
+            BadReply: it cannot have got there, this once.
+            HardwareFault: nor can it have the time after: it has lost its home.
+        """
+        before = self._last
+        assert before is not None
+        known = _Known(counts, self._position(counts), asked)
+        gone, elapsed = distance(known.position, before.position), answered - before.asked
+        if self._doubted_after is not None:
+            elapsed = min(elapsed, self._doubted_after)
+        if gone > SLACK_M and (gone > SLACK_M + SPEED_M_S * elapsed or self._is_reset(counts)):
+            jump = f"its position jumped by {gone * 1e3:.0f} mm in {elapsed * 1e3:.1f} ms"
+            if self._doubted_after is not None:
+                self._lose(jump)
+            self._doubted_after = elapsed
+            raise BadReply(jump)
+        self._doubted_after = None
+        self._watch_encoders(before.counts, counts, gone)
+        self._last = known
+        return self._reading(known, answered, buttons)
+
+    def _position(self, counts: Counts) -> Vector:
+        return self._mechanism.position(self.relative(counts))
+
+    def _reading(self, known: _Known, at: float, buttons: int) -> DeviceReading:
+        reach = self._reach
+        x, y, z = (min(max(component, -reach), reach) for component in known.position)
+        orientation = self._mechanism.orientation(self.relative(known.counts))
+        return DeviceReading(at, (x, y, z), orientation=orientation, buttons=buttons)
+
+    def _watch_encoders(self, before: Counts, counts: Counts, gone: float) -> None:
+        for axis in range(3):
+            self._still_for[axis] = self._still_for[axis] + gone if counts[axis] == before[axis] else 0.0
+            if self._still_for[axis] > STILL_M:
+                self._lose(f"the encoder of motor {'ABC'[axis]} stands still while the others move, check its cable")
+
+    def _believe_home(self, known: _Known) -> None:
+        if max(map(abs, known.position)) > self._reach:
+            place = ", ".join(f"{component * 1e3:.0f}" for component in known.position)
+            raise HardwareFault(
+                f"is not homed: it says to be at ({place}) mm, beyond {self._reach * 1e3:.0f} mm from the middle; "
+                "see `homing` in its options"
+            )
+
+    def _believe_return(self, known: _Known) -> None:
+        if self._lost is not None:  # and by moving about it does not find it again
+            raise HardwareFault(self._lost)
+        before = self._last
+        assert before is not None
+        gone = distance(known.position, before.position)
+        # Counters that began again at zero are closer to it than to where they were.
+        from_zero = max(map(abs, known.counts[:3]))
+        from_before = max(abs(a - b) for a, b in zip(known.counts[:3], before.counts[:3], strict=True))
+        if gone > AWAY_M or (gone > SHIFT_M and from_zero < from_before):
+            self._lose(f"it came back {gone * 1e3:.0f} mm from where it was")
+
+    def _lose(self, why: str) -> NoReturn:
+        self._lost = f"has lost its home: {why}; close, put it in its home pose and home it again"
+        raise HardwareFault(self._lost)
+
+    @staticmethod
+    def _is_reset(counts: Counts) -> bool:
+        return max(map(abs, counts[:3])) <= NEAR_COUNTS

@@ -1,0 +1,88 @@
+"""A device that blocks, as a `Device` that does not: its exchange with the hardware runs in a thread of its own.
+
+Owns what is alike for all such devices: the limit of the force, faults, and the same answer for the same time. Knows no
+bytes and no mechanics.
+"""
+
+from codec.vector import ZERO, Vector, is_finite, norm, scale
+from hardware.fault import HardwareFault
+from hardware.worker import Exchange, Worker
+from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+
+STALE_S = 0.01
+"""A force is not held for longer than this, or than three ticks, where no other is commanded."""
+
+
+class ThreadedDevice:
+    """A `Device` on a `Worker`. Times are of `time.monotonic` [s].
+
+    A tick's command starts an exchange at once. Without commands the exchange goes on with zero force, which keeps a
+    device's own watchdog content.
+
+    Args:
+        spec: of the device.
+        exchange: takes a force [N], along the axes and within the limit of the spec, and gives a reading; what it may
+            raise is said in `hardware.worker.Exchange`.
+        tick_period: [s].
+        bad_replies: how many in a row end the session; there is no force from the first.
+        reconnect: how long to look for the device when it is gone [s].
+    """
+
+    def __init__(
+        self,
+        spec: DeviceSpec,
+        exchange: Exchange[Vector, DeviceReading],
+        tick_period: float,
+        *,
+        bad_replies: int = 10,
+        reconnect: float = 0.0,
+    ) -> None:
+        self.spec = spec
+        self._worker = Worker(
+            exchange,
+            rest=ZERO,
+            period=2.0 * tick_period,  # or the pause would end now and then just before the command comes
+            on_command=True,
+            stale=max(STALE_S, 3.0 * tick_period),
+            bad_replies=bad_replies,
+            reconnect=reconnect,
+        )
+        x, y, z = (float(axis in spec.axes) for axis in "xyz")
+        self._mask: Vector = (x, y, z)
+        self._is_open = False
+        self._answer: tuple[float, DeviceReading] | None = None
+
+    @property
+    def round_trip_s(self) -> float:
+        """Time that the last exchange took [s]."""
+        return self._worker.round_trip
+
+    def open(self, now: float) -> None:  # noqa: ARG002
+        self.close()
+        try:
+            self._worker.start()
+        except HardwareFault as fault:
+            raise DeviceFault(f"{self.spec.name}: {fault}") from None
+        self._is_open = True
+
+    def latest(self, now: float) -> DeviceReading:
+        if not self._is_open:
+            raise DeviceFault(f"{self.spec.name}: not open")
+        if self._worker.fault is not None:
+            raise DeviceFault(f"{self.spec.name}: {self._worker.fault}")
+        if self._answer is None or self._answer[0] != now:
+            self._answer = (now, self._worker.newest[0])
+        return self._answer[1]
+
+    def command(self, force: Vector, now: float) -> None:
+        if not is_finite(force):
+            raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
+        x, y, z = self._mask
+        along = (x * force[0], y * force[1], z * force[2])
+        length, limit = norm(along), self.spec.force_n
+        self._worker.command(along if length <= limit else scale(along, limit / length), now)
+
+    def close(self) -> None:
+        self._is_open = False
+        self._answer = None
+        self._worker.stop()

@@ -1,0 +1,210 @@
+"""`polhem_hid` against a board in place of its port; over the real hidapi it is tried with the emulator."""
+
+from collections.abc import Callable, Iterator
+from threading import Timer
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from codec.vector import ZERO, Vector
+from master.devices.contract import DeviceFault
+from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange, parameters_of
+from master.devices.polhem.options import PolhemHidOptions
+from master.devices.polhem.parameters import PARAMETERS
+from master.devices.polhem.polhem_device import PolhemDevice
+from master.devices.polhem.reports import SHORT, SetCounters
+from tests.master.devices.polhem.boards import Board
+
+TICK = 0.001
+PATIENCE = 10.0
+WOODY = PARAMETERS["woodenhaptics_2015"].over_hid().mechanism
+MIDDLE = (*WOODY.counts_at(ZERO), 0, 0, 0)
+
+Make = Callable[..., PolhemDevice]
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = monotonic() + PATIENCE
+    while not condition():
+        assert monotonic() < deadline, "waited in vain"
+        sleep(0.001)
+
+
+@pytest.fixture
+def device_on() -> Iterator[Make]:
+    """Makes a device on a board; with force, whatever the signs."""
+    made: list[PolhemDevice] = []
+
+    def make(board: Board, **settings: Any) -> PolhemDevice:
+        options = PolhemHidOptions(port="/dev/hidraw9", **settings)
+        options = options.model_copy(update={"signs_checked": PolhemHidDevice.fingerprint(options)})
+        exchange = ReportExchange(options, parameters_of(options), 5.0, board)
+        made.append(PolhemDevice(PolhemHidDevice(options, TICK).spec, exchange, TICK, options.reconnect_s))
+        return made[-1]
+
+    yield make
+    for device in made:
+        device.close()
+
+
+def press_until(device: PolhemDevice, force: Vector, condition: Callable[[], bool]) -> None:
+    def pressed() -> bool:
+        device.command(force, monotonic())
+        return condition()
+
+    until(pressed)
+
+
+def test_the_report_that_has_waited_is_not_believed(device_on: Make) -> None:
+    board = Board(MIDDLE, stale=(16_000, 0, 0, 0, 0, 0))
+    device = device_on(board)
+    device.open(monotonic())
+    assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
+
+
+def test_a_silent_board_is_started_by_zeros(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    device_on(board).open(monotonic())
+    assert board.commands[0] == (0, 0, 0)
+
+
+def test_force_and_button(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    device = device_on(board)
+    device.open(monotonic())
+    force = (1.0, -2.0, 0.5)
+    expected = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
+    press_until(device, force, lambda: board.commands[-1] == expected)
+    board.button = True
+    until(lambda: device.latest(monotonic()).buttons == 1)
+    device.close()
+    assert (board.commands[-1], board.closed) == ((0, 0, 0), 1)
+
+
+def test_the_older_kind_is_told_by_its_length(device_on: Make) -> None:
+    board = Board(MIDDLE[:3], stale=MIDDLE[:3])
+    board.size = SHORT
+    device = device_on(board)
+    device.open(monotonic())
+    assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
+    press_until(device, (1.0, 0.0, 0.0), lambda: board.commands[-1] != (0, 0, 0))
+
+
+def test_another_kind_is_refused(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    board.size = 20
+    with pytest.raises(DeviceFault, match="polhem_hid: /dev/hidraw9: sends reports of 20 bytes, expected 14 or 8"):
+        device_on(board).open(monotonic())
+
+
+def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:
+    board = Board((900, -70, 5, 1, 2, 3))
+    device = device_on(board, homing="at_open")
+    device.open(monotonic())
+    assert SetCounters((0,) * 6) in board.commands
+    assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
+
+
+def test_counters_may_hold_the_home_counts_the_gimbal_last_to_first(device_on: Make) -> None:
+    board = Board((900, -70, 5, 1, 2, 3))
+    device = device_on(board, homing="at_open", counters_hold_home=True, parameters="polhem_v3", home_counts=(8, 9, 10))
+    device.open(monotonic())
+    assert SetCounters((8, 9, 10, 0, 30, 0)) in board.commands
+    straight = Board((*PARAMETERS["polhem_v1"].mechanism.counts_at(ZERO), 256, 0, 0))
+    rolled = device_on(straight, parameters="polhem_v1")
+    rolled.open(monotonic())
+    mechanism = PARAMETERS["polhem_v1"].mechanism
+    assert rolled.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 0, 256))
+
+
+def test_counters_that_hold_the_home_counts_say_the_same_pose(device_on: Make) -> None:
+    mechanism = PARAMETERS["polhem_v3"].mechanism
+    raw = [count + home for count, home in zip(mechanism.counts_at(ZERO), mechanism.drive.home_counts, strict=True)]
+    device = device_on(Board((*raw, 0, 30, 0)), parameters="polhem_v3", counters_hold_home=True)
+    device.open(monotonic())
+    assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
+
+
+def test_a_board_that_does_not_set_its_counters_is_refused(device_on: Make) -> None:
+    board = Board((900, -70, 5, 1, 2, 3))
+    board.sets_counters = False
+    with pytest.raises(DeviceFault, match="does not set its counters"):
+        device_on(board, homing="at_open").open(monotonic())
+
+
+def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
+    board = Board((900, -70, 5), stale=(0, 0, 0))
+    board.size = SHORT
+    device = device_on(board, homing="at_open")
+    device.open(monotonic())
+    assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
+    assert set(board.commands) == {(0, 0, 0)}
+    with pytest.raises(DeviceFault, match="without a calibration button; set homing: at_open"):
+        device_on(board, homing="button").open(monotonic())
+
+
+def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    board.calibrate = True
+    timer = Timer(0.05, lambda: setattr(board, "calibrate", True))
+    timer.start()
+    device = device_on(board, homing="button")
+    device.open(monotonic())
+    timer.join()
+    assert [each for each in board.commands if isinstance(each, SetCounters)] == [
+        SetCounters((*MIDDLE[:3], 0, 0, 0)),
+        SetCounters((0,) * 6),
+    ]
+
+
+def test_a_lost_report_is_followed_by_zeros_and_many_are_a_fault(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    device = device_on(board)
+    device.open(monotonic())
+    press_until(device, (3.0, 0.0, 0.0), lambda: board.commands[-1] != (0, 0, 0))
+    before = len(board.commands)
+    board.mute = 2  # a report and the zeros after it
+    press_until(device, (3.0, 0.0, 0.0), lambda: board.mute == 0 and board.commands[-1] != (0, 0, 0))
+    assert (0, 0, 0) in board.commands[before:]
+    board.mute = 10**9
+    with pytest.raises(DeviceFault, match="does not answer"):
+        press_until(device, (3.0, 0.0, 0.0), lambda: not device.latest(monotonic()))
+    assert board.commands[-1] == (0, 0, 0)
+
+
+def test_unplugged_and_back_with_its_counts(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    device = device_on(board, reconnect_s=PATIENCE)
+    device.open(monotonic())
+    board.plugged = False
+    until(lambda: board.closed > 0)
+    at = device.latest(monotonic()).at
+    board.plugged = True
+    until(lambda: device.latest(monotonic()).at > at)
+
+
+def test_unplugged_and_back_without_them(device_on: Make) -> None:
+    board = Board(MIDDLE)
+    device = device_on(board, reconnect_s=0.2)
+    device.open(monotonic())
+    board.plugged = False
+    until(lambda: board.closed > 0)
+    board.counts = (0,) * 6
+    board.plugged = True
+    with pytest.raises(DeviceFault, match="lost its home"):
+        until(lambda: not device.latest(monotonic()))
+
+
+def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
+    """A device that turns on and on, its home pose far away: 32767 is followed by -32768."""
+    mechanism = PARAMETERS["polhem_v2"].mechanism
+    near = mechanism.counts_at(ZERO)
+    shift = 32_760 - near[2]
+    board = Board((near[0], near[1], near[2] + shift, 0, 0, 0))
+    home = mechanism.drive.home_counts
+    device = device_on(board, parameters="polhem_v2", home_counts=(home[0], home[1], home[2] - shift))
+    device.open(monotonic())
+    board.counts = (near[0], near[1], near[2] + shift + 30, 0, 0, 0)
+    expected = mechanism.position((near[0], near[1], near[2] + 30))
+    until(lambda: device.latest(monotonic()).position == pytest.approx(expected, abs=1e-5))

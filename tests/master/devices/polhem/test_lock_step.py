@@ -1,0 +1,155 @@
+"""Which answer belongs to which message, in virtual time over a line with any delay."""
+
+import pytest
+
+from hardware.fault import BadReply
+from master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, LockStep
+from master.devices.polhem.polhem_device import BAD_REPLIES
+
+PATIENCE = 0.01
+REST = -1
+
+
+class DelayedLine:
+    """Echoes every message `late` seconds later; time passes only while somebody listens."""
+
+    def __init__(self, late: float = 0.001) -> None:
+        self.now = 100.0
+        self.late = late
+        self.lost = 0
+        self.garbled = 0
+        self.sent: list[tuple[float, int]] = []
+        self.coming: list[tuple[float, int | None]] = []
+
+    def clock(self) -> float:
+        return self.now
+
+    def send(self, message: int) -> None:
+        self.sent.append((self.now, message))
+        if self.lost:
+            self.lost -= 1
+            return
+        answer = message if not self.garbled else None
+        self.garbled = max(0, self.garbled - 1)
+        self.coming.append((self.now + self.late, answer))
+
+    def hear(self, until: float) -> list[int | None]:
+        due = min((at for at, _ in self.coming), default=float("inf"))
+        self.now = max(self.now, min(due, until))
+        answers = [answer for at, answer in self.coming if at <= self.now]
+        self.coming = [(at, answer) for at, answer in self.coming if at > self.now]
+        return answers
+
+
+def talk(line: DelayedLine) -> LockStep[int, int]:
+    return LockStep(line, REST, line.clock)
+
+
+def asked(dialogue: LockStep[int, int], message: int) -> int | str:
+    try:
+        return dialogue.ask(message, PATIENCE)
+    except BadReply as reply:
+        return str(reply)
+
+
+def test_every_answer_is_that_to_its_message() -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    assert [asked(dialogue, message) for message in range(5)] == list(range(5))
+    assert [message for _, message in line.sent] == list(range(5))
+
+
+def test_a_garbled_answer_is_one_all_the_same() -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    line.garbled = 1
+    assert asked(dialogue, 1) == "sends what is no answer"
+    assert asked(dialogue, 2) == 2
+
+
+def test_where_none_comes_the_device_is_told_to_rest_at_once() -> None:
+    line = DelayedLine()
+    line.lost = 1
+    assert asked(talk(line), 1) == "does not answer"
+    assert line.sent == [(100.0, 1), (100.0 + PATIENCE, REST)]
+
+
+def test_after_a_pause_of_the_device_it_goes_on_as_soon_as_all_has_come() -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    line.late = 0.03
+    assert asked(dialogue, 1) == "does not answer"
+    line.late = 0.001
+    replies = [asked(dialogue, message) for message in range(2, 9)]
+    first = next(place for place, reply in enumerate(replies) if isinstance(reply, int))
+    assert 100.03 <= line.now < 100.03 + 0.03
+    assert replies[first:] == list(range(2 + first, 9))
+
+
+def test_a_lost_answer_is_given_up_after_a_silence() -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    line.lost = 2
+    began = line.now
+    while not isinstance(asked(dialogue, 7), int):
+        assert line.now < began + 1.0
+    assert began + QUIET_S <= line.now <= began + QUIET_S + PROBE_S + 3 * SLICE_S
+    assert asked(dialogue, 8) == 8
+
+
+@pytest.mark.parametrize(
+    "late",
+    [
+        0.0101,
+        0.013,
+        0.02,
+        0.05,
+        0.099,
+        0.105,
+        0.111,
+        0.115,
+        0.119,
+        0.15,
+        0.2,
+        0.21,
+        0.255,
+        0.265,
+        0.27,
+        0.275,
+        0.28,
+        0.285,
+        0.3,
+        0.5,
+    ],
+)
+def test_on_a_line_that_is_always_late_no_answer_is_taken_for_that_to_another_message(late: float) -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    assert asked(dialogue, 0) == 0
+    line.late = late
+    # What is later than the longest silence is a fault before the silence has been heard twice.
+    replies = [asked(dialogue, message) for message in range(1, 400 if late < QUIET_S else BAD_REPLIES)]
+    assert {reply for reply in replies if isinstance(reply, int)} == set()
+    pushed = [at for at, message in line.sent if message != REST]
+    rested = [at for at, message in line.sent if message == REST]
+    assert all(any(at <= rest <= at + PATIENCE + 1e-9 for rest in rested) for at in pushed[1:-1]), "never held for long"
+
+
+def test_an_answer_that_nobody_asked_for_is_a_reason_to_doubt() -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    line.coming.append((line.now, 99))
+    assert asked(dialogue, 1) == "answers late"
+    assert line.sent[-1][1] == REST
+    while not isinstance(reply := asked(dialogue, 2), int):
+        assert line.now < 101.0
+    assert reply == 2
+    assert line.now > 100.0 + QUIET_S
+
+
+def test_two_answers_to_one_message_are_a_reason_to_doubt() -> None:
+    line = DelayedLine(late=0.0)
+    dialogue = talk(line)
+    line.coming.append((line.now + 1e-4, 99))
+    line.late = 1e-4
+    assert asked(dialogue, 1) == "answers late"

@@ -1,0 +1,339 @@
+"""`polhem_serial` over a real pty, against a board of few lines."""
+
+from collections.abc import Callable, Iterator
+from math import nan
+from pathlib import Path
+from threading import Timer
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from codec.vector import ZERO, Vector, norm
+from hardware.pty_device import PtyDevice
+from master.devices.contract import DeviceFault
+from master.devices.polhem.options import PolhemSerialOptions
+from master.devices.polhem.parameters import PARAMETERS
+from master.devices.polhem.serial_device import PolhemSerialDevice
+from tests.master.devices.polhem.boards import Counts6, Teensy
+
+TICK = 0.001
+PATIENCE = 10.0
+WOODY = PARAMETERS["woodenhaptics_2015"].mechanism
+MIDDLE: Counts6 = (*WOODY.counts_at(ZERO), 0, 0, 0)
+
+
+def until(condition: Callable[[], bool]) -> None:
+    deadline = monotonic() + PATIENCE
+    while not condition():
+        assert monotonic() < deadline, "waited in vain"
+        sleep(0.001)
+
+
+@pytest.fixture
+def board(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(Teensy(counts=MIDDLE), tmp_path / "tty") as pty:
+        yield pty
+
+
+def teensy(board: PtyDevice) -> Teensy:
+    assert isinstance(board.emulator, Teensy)
+    return board.emulator
+
+
+@pytest.fixture
+def device_of(board: PtyDevice) -> Iterator[Callable[..., PolhemSerialDevice]]:
+    """Makes a device on the board, with its signs checked unless told otherwise."""
+    made: list[PolhemSerialDevice] = []
+
+    def make(**settings: Any) -> PolhemSerialDevice:
+        options = PolhemSerialOptions(**{"port": str(board.path), "model": "woodenhaptics", **settings})
+        if "signs_checked" not in settings:
+            options = options.model_copy(update={"signs_checked": PolhemSerialDevice.fingerprint(options)})
+        made.append(PolhemSerialDevice(options, TICK))
+        return made[-1]
+
+    yield make
+    for device in made:
+        device.close()
+
+
+Make = Callable[..., PolhemSerialDevice]
+
+
+def press(device: PolhemSerialDevice, force: Vector) -> None:
+    device.command(force, monotonic())
+
+
+def press_until(device: PolhemSerialDevice, force: Vector, condition: Callable[[], bool]) -> None:
+    def pressed() -> bool:
+        press(device, force)
+        return condition()
+
+    until(pressed)
+
+
+def test_positions_come_and_follow(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    first = device.latest(monotonic())
+    assert norm(first.position) < 1e-4
+    assert (first.buttons, first.orientation) == (0, None)
+    teensy(board).counts = (*WOODY.counts_at((0.002, 0.0, 0.001)), 0, 0, 0)
+    until(lambda: device.latest(monotonic()).position == pytest.approx((0.002, 0.0, 0.001), abs=1e-4))
+    now = monotonic()
+    assert device.latest(now) is device.latest(now)
+
+
+def test_a_force_becomes_its_currents_ramps_up_and_ends_with_the_commands(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    force = (1.0, -2.0, 0.5)
+    expected = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
+    press_until(device, force, lambda: teensy(board).currents[-1] == expected)
+    sent = [sum(map(abs, currents)) for currents in teensy(board).currents]
+    assert sent[0] == 0
+    assert max(sent) == sum(map(abs, expected))
+    until(lambda: teensy(board).currents[-1] == (0, 0, 0))  # no commands any more: stale
+
+
+def test_too_much_force_is_cut(device_of: Make, board: PtyDevice) -> None:
+    device = device_of(force_n=1.0, max_current_ma=300.0)
+    device.open(monotonic())
+    end = monotonic() + 0.1
+    while monotonic() < end:
+        press(device, (1e6, 1e6, -1e6))
+        sleep(0.001)
+    most = max(max(map(abs, currents)) for currents in teensy(board).currents)
+    assert 0 < most <= 300
+    assert max(norm(WOODY.force(currents, MIDDLE)) for currents in teensy(board).currents) < 1.0
+
+
+def test_without_a_sign_check_positions_come_and_no_current_ever_goes(device_of: Make, board: PtyDevice) -> None:
+    device = device_of(signs_checked="a0000000")
+    device.open(monotonic())
+    count = len(teensy(board).currents)
+    press_until(device, (5.0, 5.0, 5.0), lambda: len(teensy(board).currents) > count + 80)
+    assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
+    assert set(teensy(board).currents) == {(0, 0, 0)}
+
+
+def test_a_force_that_is_not_finite_is_our_own_fault(device_of: Make) -> None:
+    device = device_of()
+    with pytest.raises(ValueError, match="not finite"):
+        device.command((0.0, nan, 0.0), 0.0)
+
+
+def test_closing_leaves_it_without_current_and_only_an_open_device_is_read(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    press_until(device, (2.0, 0.0, 0.0), lambda: teensy(board).currents[-1] != (0, 0, 0))
+    device.close()
+    device.close()
+    until(lambda: teensy(board).currents[-1] == (0, 0, 0))
+    device.command(ZERO, monotonic())
+    with pytest.raises(DeviceFault, match="polhem_serial: not open"):
+        device.latest(monotonic())
+    device.open(monotonic())
+    assert norm(device.latest(monotonic()).position) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("settings", "model", "complaint"),
+    [
+        ({"model": "polhem"}, 3, r"model 3 \(woodenhaptics\), the file says polhem; set master.device.model: woodenh"),
+        ({}, 1, r"model 1 \(polhem\), the file says woodenhaptics"),
+        ({"model": "auto"}, 9, "model 9, which is none of 1 polhem, 2 vintage_phantom, 3 woodenhaptics"),
+    ],
+)
+def test_the_wrong_model_is_refused_in_one_line(
+    device_of: Make, board: PtyDevice, settings: dict[str, Any], model: int, complaint: str
+) -> None:
+    teensy(board).model = model
+    device = device_of(**settings)
+    with pytest.raises(DeviceFault, match=complaint) as fault:
+        device.open(monotonic())
+    assert "\n" not in str(fault.value)
+    assert str(board.path) in str(fault.value)
+
+
+def test_auto_takes_the_word_of_the_device(device_of: Make, board: PtyDevice) -> None:
+    phantom = PARAMETERS["vintage_phantom"].mechanism
+    teensy(board).model, teensy(board).counts = 2, (*phantom.counts_at((0.01, 0.02, 0.03)), 0, 0, 0)
+    device = device_of(model="auto")
+    device.open(monotonic())
+    assert device.latest(monotonic()).position == pytest.approx((0.01, 0.02, 0.03), abs=1e-4)
+    assert device.latest(monotonic()).orientation is None
+
+
+def test_an_orientation_comes_where_there_are_sensors(device_of: Make, board: PtyDevice) -> None:
+    teensy(board).model = 1
+    device = device_of(model="polhem")
+    teensy(board).counts = (*PARAMETERS["polhem_v3"].mechanism.counts_at(ZERO), 0, 0, 0)
+    device.open(monotonic())
+    orientation = device.latest(monotonic()).orientation
+    assert orientation is not None
+    assert sum(part * part for part in orientation) == pytest.approx(1.0)
+
+
+def test_no_answer_is_one_line(device_of: Make, board: PtyDevice) -> None:
+    board.emulator.faults.silent = True
+    with pytest.raises(DeviceFault, match="does not answer: it is no such device"):
+        device_of().open(monotonic())
+
+
+def test_no_such_port_is_one_line(device_of: Make) -> None:
+    with pytest.raises(DeviceFault, match="polhem_serial: /nowhere/tty: there is no such port"):
+        device_of(port="/nowhere/tty").open(monotonic())
+
+
+def test_far_out_is_not_homed(device_of: Make, board: PtyDevice) -> None:
+    teensy(board).counts = (16_000, 0, 0, 0, 0, 0)
+    with pytest.raises(DeviceFault, match="is not homed"):
+        device_of().open(monotonic())
+
+
+def test_homed_where_it_is_held(device_of: Make, board: PtyDevice) -> None:
+    teensy(board).counts = (16_000, -3, 77, 0, 0, 0)
+    device = device_of(homing="at_open")
+    device.open(monotonic())
+    assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
+
+
+def test_homed_by_the_button(device_of: Make, board: PtyDevice) -> None:
+    timer = Timer(0.05, lambda: setattr(teensy(board), "counts", (0, 0, 0, 0, 0, 0)))
+    timer.start()
+    device = device_of(homing="button")
+    device.open(monotonic())
+    timer.join()
+    assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
+    assert set(teensy(board).currents) == {(0, 0, 0)}
+
+
+def test_nobody_presses_the_button(device_of: Make) -> None:
+    with pytest.raises(DeviceFault, match=r"in 0\.05 s; put the handle in its home pose"):
+        device_of(homing="button", home_patience_s=0.05).open(monotonic())
+
+
+def test_garbled_answers_rest_the_motors_and_are_survived(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    force = (0.0, 2.0, 0.0)
+    press_until(device, force, lambda: teensy(board).currents[-1] != (0, 0, 0))
+    before = len(teensy(board).currents)
+    board.emulator.faults.garble = 5
+    press_until(device, force, lambda: board.emulator.faults.garble == 0 and len(teensy(board).currents) > before + 20)
+    assert (0, 0, 0) in teensy(board).currents[before:]
+    press_until(device, force, lambda: teensy(board).currents[-1] != (0, 0, 0))
+    device.latest(monotonic())
+
+
+@pytest.mark.parametrize(("error", "model"), [(8, "woodenhaptics"), (1024, "woodenhaptics"), (1, "polhem")])
+def test_an_error_that_stays_is_a_fault_and_no_current_goes(
+    device_of: Make, board: PtyDevice, error: int, model: str
+) -> None:
+    if model == "polhem":
+        teensy(board).model = 1
+        teensy(board).counts = (*PARAMETERS["polhem_v3"].mechanism.counts_at(ZERO), 0, 0, 0)
+    device = device_of(model=model)
+    device.open(monotonic())
+    teensy(board).error = error
+    with pytest.raises(DeviceFault, match="reports "):
+        press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
+    assert teensy(board).currents[-1] == (0, 0, 0)
+
+
+def test_a_gimbal_that_is_not_there_may_be_missing(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    teensy(board).error = 1 | 2 | 4
+    count = len(teensy(board).currents)
+    until(lambda: len(teensy(board).currents) > count + 30)
+    device.latest(monotonic())
+
+
+def test_unplugged_is_a_fault(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    board.unplug()
+    with pytest.raises(DeviceFault, match=r"unplugged|no such port"):
+        until(lambda: not device.latest(monotonic()))
+
+
+def test_plugged_in_again_with_power_it_goes_on_and_the_force_comes_up_anew(device_of: Make, board: PtyDevice) -> None:
+    device = device_of(reconnect_s=PATIENCE)
+    device.open(monotonic())
+    force = (0.0, 0.0, 4.0)
+    full = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
+    press_until(device, force, lambda: teensy(board).currents[-1] == full)
+    board.unplug()
+    count = len(teensy(board).currents)
+    sleep(0.02)
+    board.plug()
+    press_until(device, force, lambda: full in teensy(board).currents[count:])
+    after = [sum(map(abs, currents)) for currents in teensy(board).currents[count:]]
+    assert after[0] == 0
+    rising = [current for current in after if 0 < current < sum(map(abs, full))]
+    assert rising
+    assert rising[0] < 0.5 * sum(map(abs, full))
+    device.latest(monotonic())
+
+
+def test_plugged_in_again_after_a_loss_of_power_it_has_lost_its_home(device_of: Make, board: PtyDevice) -> None:
+    device = device_of(reconnect_s=0.3)
+    device.open(monotonic())
+    board.unplug()
+    teensy(board).counts = (0, 0, 0, 0, 0, 0)
+    board.plug()
+    with pytest.raises(DeviceFault, match=r"lost its home.*home it again"):
+        press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
+    assert set(teensy(board).currents[-5:]) == {(0, 0, 0)}
+    device.close()
+    teensy(board).counts = MIDDLE
+    device.open(monotonic())
+    assert norm(device.latest(monotonic()).position) < 1e-4
+
+
+def test_counters_that_begin_again_without_a_disconnection_end_the_force(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    press_until(device, (1.0, 1.0, 1.0), lambda: teensy(board).currents[-1] != (0, 0, 0))
+    teensy(board).counts = (0, 0, 0, 0, 0, 0)
+    with pytest.raises(DeviceFault, match="lost its home"):
+        press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
+    assert teensy(board).currents[-1] == (0, 0, 0)
+
+
+def test_a_restart_that_swallows_answers_is_no_motion_either(device_of: Make, board: PtyDevice) -> None:
+    """However fast a hand may be: in the time of the silence it could have gone there."""
+    device = device_of()
+    device.open(monotonic())
+    board.emulator.faults.silent = True
+    sent = len(teensy(board).currents)
+    until(lambda: len(teensy(board).currents) >= sent + 2)
+    teensy(board).counts = (150, -20, 90, 0, 0, 0)
+    board.emulator.faults.silent = False
+    with pytest.raises(DeviceFault, match="lost its home: it came back"):
+        press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
+    assert teensy(board).currents[-1] == (0, 0, 0)
+
+
+def test_another_model_in_its_place_is_no_return(device_of: Make, board: PtyDevice) -> None:
+    device = device_of(reconnect_s=0.2)
+    device.open(monotonic())
+    board.unplug()
+    teensy(board).model = 1
+    board.plug()
+    with pytest.raises(DeviceFault, match=r"came back as another one: model 1 \(polhem\), not model 3"):
+        until(lambda: not device.latest(monotonic()))
+
+
+def test_late_answers_are_not_taken_for_those_to_the_next_message(device_of: Make, board: PtyDevice) -> None:
+    device = device_of()
+    device.open(monotonic())
+    board.emulator.faults.late_s = 0.015
+    count = len(teensy(board).currents)
+    until(lambda: len(teensy(board).currents) > count + 3)
+    board.emulator.faults.late_s = 0.0
+    teensy(board).counts = (*WOODY.counts_at((0.002, 0.0, 0.0)), 0, 0, 0)
+    until(lambda: device.latest(monotonic()).position == pytest.approx((0.002, 0.0, 0.0), abs=1e-4))
