@@ -1,0 +1,119 @@
+"""The messages of the Haply board, values to bytes and back. Pure; knows no port, no linkage and no time.
+
+Facts, from the firmware of the board (2017 for the Arduino Due, 2018 for the M0) and three host libraries of the
+vendor, which all agree on the order of the bytes. Numbers are 32-bit floats, least significant byte first:
+
+| message | bytes |
+|---|---|
+| reset | 0, 0 |
+| setup | 1, id, motor ports, their directions, encoder ports, their directions, number and pins of analog inputs, \
+number and pins of PWM outputs, then offset [deg] and counts per turn of each encoder |
+| torques | 2, id, a byte for each PWM output, a torque for each motor [N m] |
+| answer to torques | id, a value for each analog input, an angle for each encoder [deg] |
+
+Ports are bits, port 1 the lowest; what there is for each motor or encoder comes in the order of the ports; a direction
+is 0 for clockwise, 1 for counter-clockwise. There is no framing and no checksum, and the firmware does not wait for the
+first bytes of a message: it must be written in one go. The id is of the host's choosing.
+
+The firmware says three things that no library mentions. Setup takes the arms to be at the offsets now, so setting up
+again in the middle of a run moves the origin. Neither reset nor setup takes the torque off a motor. Nothing takes it
+off when the host falls silent.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from math import isfinite
+from struct import Struct
+from typing import NamedTuple
+from zlib import crc32
+
+from hardware.fault import BadReply
+
+RESET = bytes((0, 0))
+CLOCKWISE, COUNTER_CLOCKWISE = 0, 1
+
+_SETUP = Struct("<10B4f")
+_TORQUES = Struct("<2B2f")
+_REPLY = Struct("<B2f")
+REPLY_SIZE = _REPLY.size
+
+LEAST_ID, IDS = 16, 112
+"""Below and above are the 5 of the vendor's programs and what a signed byte could not hold."""
+
+Pair = tuple[float, float]
+
+
+class Motor(NamedTuple):
+    port: int
+    direction: int
+
+
+class Encoder(NamedTuple):
+    port: int
+    direction: int
+    counts_per_turn: float
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board with motors and encoders 1 and 2 on it.
+
+    Args:
+        motors: 1 and 2.
+        encoders: 1 and 2.
+        home_deg: angles of the encoders when it is set up [deg].
+    """
+
+    motors: tuple[Motor, Motor]
+    encoders: tuple[Encoder, Encoder]
+    home_deg: Pair
+    id: int = field(init=False)
+    """Made from all the rest: only a board that was set up in just this way answers to it with angles."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "id", LEAST_ID + crc32(self._setup(0)) % IDS)
+
+    @property
+    def setup(self) -> bytes:
+        return self._setup(self.id)
+
+    @property
+    def bare_reply(self) -> bytes:
+        """Of a board that knows no device of this id: it has not been set up, or was restarted since."""
+        return bytes((self.id,))
+
+    def torques(self, first: float, second: float) -> bytes:
+        """Of motors 1 and 2 [N m]."""
+        in_order = (first, second) if self.motors[0].port < self.motors[1].port else (second, first)
+        return _TORQUES.pack(2, self.id, *in_order)
+
+    def angles(self, reply: bytes) -> Pair:
+        """Of encoders 1 and 2 [deg].
+
+        Raises:
+            BadReply: bytes are missing or too many, the id is another, or an angle is not a number.
+        """
+        if len(reply) != REPLY_SIZE:
+            raise BadReply(f"{len(reply)} bytes of {REPLY_SIZE} came in answer")
+        id_, first, second = _REPLY.unpack(reply)
+        if id_ != self.id:
+            raise BadReply(f"an answer from device {id_} instead of {self.id}: bytes were lost")
+        if not (isfinite(first) and isfinite(second)):
+            raise BadReply(f"answered the angles {first} and {second} deg: bytes were lost")
+        return (first, second) if self.encoders[0].port < self.encoders[1].port else (second, first)
+
+    def _setup(self, id_: int) -> bytes:
+        motors = sorted(self.motors)
+        (first, first_deg), (second, second_deg) = sorted(zip(self.encoders, self.home_deg, strict=True))
+        return _SETUP.pack(
+            *(1, id_),
+            *(_bits(each.port for each in motors), motors[0].direction, motors[1].direction),
+            *(_bits((first.port, second.port)), first.direction, second.direction),
+            *(0, 0),
+            *(first_deg, first.counts_per_turn),
+            *(second_deg, second.counts_per_turn),
+        )
+
+
+def _bits(ports: Iterable[int]) -> int:
+    return sum(1 << (port - 1) for port in ports)

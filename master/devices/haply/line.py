@@ -1,0 +1,95 @@
+"""Questions and answers over the port: which answer belongs to which question, where no byte of it says so.
+
+Owns the order of things on the wire. Knows no linkage and no force.
+"""
+
+from time import monotonic
+
+from hardware.fault import BadReply, HardwareFault
+from hardware.serial_port import SerialPort
+from master.devices.haply.board import REPLY_SIZE, Board
+from master.devices.haply.fivebar import Pair
+
+SETTLING_S = 0.1
+"""How long an answer that is owed is waited for before it counts as lost."""
+LEAST_SIZE = REPLY_SIZE - 1
+"""Of an answer on its way to which a byte got lost."""
+
+
+class Forgotten(HardwareFault):
+    """The board knows no device of this id: it has never been set up so, or was restarted since."""
+
+
+class Line:
+    """An open port with the board at its other end.
+
+    An answer that comes too late would be taken for that to the next question, and so would every one after it: the
+    positions would lag for good. So after a bad answer the torque is taken off, and there is no next question until
+    nothing is owed any more.
+
+    Args:
+        path: of the port.
+        board: at the other end.
+
+    Raises:
+        HardwareFault: the port cannot be opened.
+    """
+
+    def __init__(self, path: str, board: Board) -> None:
+        self._port = SerialPort(path)
+        self._board = board
+        self._zero = board.torques(0.0, 0.0)
+        self._owed = 0
+        self._heard = b""
+        self.asked_at = 0.0
+        """When the last question went out [s]."""
+
+    @property
+    def path(self) -> str:
+        return self._port.path
+
+    def tell(self, message: bytes) -> None:
+        """Something that is not answered."""
+        self._port.write(message)
+
+    def ask(self, torques: bytes, patience: float) -> Pair:
+        """Command torques and get the angles [deg]; after a bad answer, with a while before in which the torque is off.
+
+        Raises:
+            BadReply: no answer within `patience` [s], or one that cannot be.
+            Forgotten: the board knows nothing of us.
+            HardwareFault: the port is gone.
+        """
+        if self._owed:
+            self._settle()
+        self._port.drain()
+        self.asked_at = monotonic()
+        self._port.write(torques)
+        self._owed, self._heard = 1, b""
+        self._listen(REPLY_SIZE, patience)
+        if not self._heard:
+            raise BadReply(f"no answer within {patience * 1e3:g} ms")
+        angles = self._board.angles(self._heard)
+        self._owed = 0
+        return angles
+
+    def doubt(self) -> None:
+        """The last answer could be read, but cannot be true."""
+        self._owed = 1
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _settle(self) -> None:
+        self._port.write(self._zero)
+        self._owed += 1
+        self._listen(LEAST_SIZE * self._owed, SETTLING_S)
+        forgotten = self._heard == self._board.bare_reply * self._owed
+        self._owed = 0
+        if forgotten:
+            raise Forgotten("the board does not know of this device")
+
+    def _listen(self, size: int, patience: float) -> None:
+        until = monotonic() + patience
+        while len(self._heard) < size and (part := self._port.read(until)):
+            self._heard += part

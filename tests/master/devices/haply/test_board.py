@@ -1,0 +1,87 @@
+"""The messages of the board, byte by byte and under whatever bytes come."""
+
+from math import isfinite
+from struct import pack
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from hardware.fault import BadReply
+from master.devices.haply.board import REPLY_SIZE, RESET, Board, Encoder, Motor
+from master.devices.haply.version import VERSIONS
+
+V2, V3 = VERSIONS["v2"].board, VERSIONS["v3"].board
+degrees = st.floats(-720.0, 720.0, width=32)
+
+
+def test_the_setup_is_in_the_order_of_the_firmware() -> None:
+    """Ports 1 and 2 are bits 1 and 2; on this device the first of everything hangs on port 2."""
+    expected = bytes((1, V2.id, 3, 0, 1, 3, 0, 1, 0, 0)) + pack("<4f", -61.0, 10752.0, 241.0, 10752.0)
+    assert V2.setup == expected
+    assert V3.setup == bytes((1, V3.id, 3, 1, 1, 3, 1, 1, 0, 0)) + pack("<4f", 12.0, 4880.0, 168.0, 4880.0)
+    assert RESET == b"\0\0"
+
+
+def test_directions_and_angles_go_with_their_port() -> None:
+    board = Board((Motor(1, 0), Motor(3, 1)), (Encoder(4, 1, 100.0), Encoder(2, 0, 200.0)), (10.0, 20.0))
+    assert board.setup[2:10] == bytes((0b0101, 0, 1, 0b1010, 0, 1, 0, 0))
+    assert board.setup[10:] == pack("<4f", 20.0, 200.0, 10.0, 100.0)
+    assert board.torques(0.5, 0.25) == bytes((2, board.id)) + pack("<2f", 0.5, 0.25)
+    assert board.angles(bytes((board.id,)) + pack("<2f", 1.0, 2.0)) == (2.0, 1.0)
+
+
+def test_torques_go_in_the_order_of_the_ports() -> None:
+    assert V3.torques(0.5, -0.25) == bytes((2, V3.id)) + pack("<2f", -0.25, 0.5)
+
+
+def test_another_setup_has_another_id_and_none_is_that_of_the_vendors_programs() -> None:
+    boards = [version.board for version in VERSIONS.values()]
+    boards += [Board(V3.motors, V3.encoders, (168.0, 12.0 + i)) for i in range(1, 5)]
+    assert len({board.id for board in boards}) == len(boards)
+    assert all(16 <= board.id < 128 for board in boards)
+    assert Board(V3.motors, V3.encoders, V3.home_deg).id == V3.id
+
+
+@settings(max_examples=100, derandomize=True, deadline=None)
+@given(first=degrees, second=degrees)
+def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
+    assert V3.angles(bytes((V3.id,)) + pack("<2f", first, second)) == (second, first)
+
+
+@settings(max_examples=300, derandomize=True, deadline=None)
+@given(
+    reply=st.one_of(st.binary(max_size=24), st.binary(min_size=8, max_size=8).map(lambda rest: V3.bare_reply + rest))
+)
+def test_whatever_comes_is_two_numbers_or_a_bad_reply(reply: bytes) -> None:
+    try:
+        angles = V3.angles(reply)
+    except BadReply as bad:
+        assert "\n" not in str(bad)
+        return
+    assert len(reply) == REPLY_SIZE
+    assert reply[0] == V3.id
+    assert all(map(isfinite, angles))
+
+
+@settings(max_examples=100, derandomize=True, deadline=None)
+@given(first=degrees, second=degrees, at=st.integers(0, 8))
+def test_a_reply_without_one_of_its_bytes_is_bad(first: float, second: float, at: int) -> None:
+    reply = bytes((V3.id,)) + pack("<2f", first, second)
+    with pytest.raises(BadReply, match="8 bytes of 9"):
+        V3.angles(reply[:at] + reply[at + 1 :])
+
+
+@pytest.mark.parametrize(
+    ("reply", "complaint"),
+    [
+        (b"", "0 bytes of 9"),
+        (V3.bare_reply, "1 bytes of 9"),
+        (bytes((V3.id + 1,)) + bytes(8), f"device {V3.id + 1} instead of {V3.id}"),
+        (bytes((V3.id,)) + pack("<2f", float("nan"), 1.0), "nan"),
+        (bytes((V3.id,)) + pack("<2f", 1.0, float("-inf")), "-inf"),
+    ],
+)
+def test_each_complaint_says_what_was_wrong(reply: bytes, complaint: str) -> None:
+    with pytest.raises(BadReply, match=complaint):
+        V3.angles(reply)

@@ -1,0 +1,363 @@
+"""The driver and the emulated device, over a real serial port."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from math import hypot
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from codec.vector import ZERO, Vector, distance
+from hardware.pty_device import PtyDevice
+from hardware.serial_port import SerialPort
+from master.devices.contract import DeviceFault
+from master.devices.haply.device import BAD_REPLIES, HaplyDevice, HaplyOptions
+from master.devices.haply.fivebar import radians
+from master.devices.haply.version import VERSIONS
+from master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
+
+TICK = 0.001
+PATIENCE_S = 10.0
+HOME = (VERSIONS["v3"].bar.tip(radians((168.0, 12.0)))[1] - 0.097, 0.0, 0.0)
+COUNT_M = 2e-4
+"""More than a count of the encoders is at the tip, and less than anything that is tested."""
+PULL: Vector = (0.0, 0.8, 0.0)
+
+
+@dataclass
+class Bench:
+    """A device and its emulation."""
+
+    emulator: HaplyEmulator
+    port: PtyDevice
+    device: HaplyDevice
+
+    def run(self, until: Callable[[], bool], force: Vector = ZERO) -> list[Vector]:
+        """Tick until something is so; the positions seen."""
+        positions, patience = [], monotonic() + PATIENCE_S
+        while not until():
+            assert monotonic() < patience, "it did not come to be so"
+            now = monotonic()
+            positions.append(self.device.latest(now).position)
+            self.device.command(force, now)
+            sleep(TICK)
+        return positions
+
+    def run_into_fault(self, force: Vector = PULL) -> str:
+        with pytest.raises(DeviceFault) as fault:
+            self.run(lambda: False, force)
+        return str(fault.value)
+
+    def carry(self, to: Vector) -> None:
+        self.emulator.handle.carry(to)
+        self.run(lambda: self.emulator.handle.arrived and distance(self.position, to) < COUNT_M)
+
+    @property
+    def position(self) -> Vector:
+        return self.device.latest(monotonic()).position
+
+
+@contextmanager
+def bench(tmp_path: Path, *, signs: bool = True, version: str = "v3", **options: Any) -> Iterator[Bench]:
+    still = {"tremor_m": 0.0, "script": [{"motion": "rest"}]}
+    emulator = HaplyEmulator(HaplyEmulatorOptions.model_validate({"version": version, "handle": still}))
+    emulator.handle.carry(emulator.handle.position)
+    with PtyDevice(emulator, tmp_path / "tty") as port:
+        given = HaplyOptions.model_validate({"port": str(port.path), "version": version, **options})
+        if signs:
+            given = given.model_copy(update={"signs_checked": HaplyDevice.fingerprint(given)})
+        device = HaplyDevice(given, TICK)
+        try:
+            yield Bench(emulator, port, device)
+        finally:
+            device.close()
+
+
+@pytest.fixture
+def there(tmp_path: Path) -> Iterator[Bench]:
+    """Open, with the handle in the middle."""
+    with bench(tmp_path) as at:
+        at.device.open(monotonic())
+        at.carry(ZERO)
+        yield at
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    patience = monotonic() + PATIENCE_S
+    while not what():
+        assert monotonic() < patience, "it did not come to be so"
+        sleep(TICK)
+
+
+@pytest.mark.parametrize("version", sorted(VERSIONS))
+def test_the_position_is_that_of_the_hand(tmp_path: Path, version: str) -> None:
+    with bench(tmp_path, version=version) as at:
+        at.device.open(monotonic())
+        assert at.position == pytest.approx(at.emulator.handle.position, abs=COUNT_M)
+        for place in (ZERO, (0.02, 0.0, 0.0), (0.0, 0.03, 0.0), (-0.01, -0.03, 0.0)):
+            at.carry(place)
+            lower, upper = at.device.spec.workspace_m
+            assert all(a <= p <= b for a, p, b in zip(lower, at.position, upper, strict=True))
+            assert at.position[2] == 0.0
+
+
+def test_the_force_on_the_hand_is_the_one_commanded(there: Bench) -> None:
+    for force in ((0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (-0.5, 0.4, 3.0)):
+        there.run(lambda force=force: distance(there.emulator.force, (*force[:2], 0.0)) < 0.01, force)  # type: ignore[misc]
+    there.run(lambda: there.emulator.force == ZERO)
+
+
+def test_a_hand_gives_way_along_the_force(there: Bench) -> None:
+    """One of 300 N/m, by force over stiffness, from where its script has it."""
+    there.emulator.handle.carry(None)
+    rest = VERSIONS["v3"].bar.tip(radians((168.0, 12.0)))[1] - 0.097
+    there.run(lambda: distance(there.position, (rest, 0.8 / 300.0, 0.0)) < 2 * COUNT_M, PULL)
+
+
+def test_a_torque_beyond_the_limit_is_scaled_and_the_force_keeps_its_direction(tmp_path: Path) -> None:
+    with bench(tmp_path, force_n=10.0, torque_limit_n_m=0.1) as at:
+        at.device.open(monotonic())
+        at.carry((0.02, 0.03, 0.0))
+        at.run(lambda: at.emulator.most_torque > 0.0999, (6.0, 8.0, 0.0))
+        x, y, _ = at.emulator.force
+        assert hypot(x, y) > 0.5
+        assert y / x == pytest.approx(8.0 / 6.0, rel=0.01)
+        assert at.emulator.most_torque <= 0.1 * (1.0 + 1e-6)
+
+
+def test_the_force_limit_cuts(tmp_path: Path) -> None:
+    with bench(tmp_path, force_n=0.5) as at:
+        at.device.open(monotonic())
+        at.carry(ZERO)
+        at.run(lambda: hypot(*at.emulator.force) > 0.49, (0.0, 50.0, 0.0))
+        assert hypot(*at.emulator.force) < 0.51
+
+
+def test_without_the_sign_check_there_is_no_torque_whatever_is_commanded(tmp_path: Path) -> None:
+    for wrong in ({}, {"signs_checked": "00000000"}):
+        with bench(tmp_path, signs=False, **wrong) as at:
+            assert not at.device.spec.force_feedback
+            assert at.device.spec.force_n == 0.0
+            assert at.device.spec.note.startswith("no force: signs not checked; run: weberlink device test haply_2diy")
+            at.device.open(monotonic())
+            at.emulator.handle.carry(ZERO)
+            at.run(lambda: distance(at.position, ZERO) < COUNT_M, (1.0, 1.0, 0.0))
+            assert at.emulator.most_torque == 0.0
+
+
+def test_the_fingerprint_is_of_all_that_a_sign_depends_on() -> None:
+    plain = HaplyOptions()
+    others = [
+        HaplyOptions(version="v2"),
+        HaplyOptions(motor_directions=("cw", "ccw")),
+        HaplyOptions(encoder_directions=("ccw", "cw")),
+        HaplyOptions(home_deg=(167.0, 12.0)),
+    ]
+    prints = {HaplyDevice.fingerprint(options) for options in (plain, *others)}
+    assert len(prints) == 5
+    assert all(len(each) == 8 and int(each, 16) >= 0 for each in prints)
+    same = HaplyOptions(port="/dev/null", force_n=1.0, motor_directions=("ccw", "ccw"), signs_checked="x")
+    assert HaplyDevice.fingerprint(same) == HaplyDevice.fingerprint(plain)
+
+
+def test_the_spec_says_what_the_device_is() -> None:
+    options = HaplyOptions()
+    armed = HaplyDevice(options.model_copy(update={"signs_checked": HaplyDevice.fingerprint(options)}), TICK).spec
+    assert (armed.name, armed.axes, armed.force_n) == ("haply_2diy", "xy", 2.0)
+    assert armed.rate_hz == pytest.approx(1000.0)
+    assert armed.force_feedback
+    assert "no watchdog" in armed.note
+    assert "starting place when it is first used" in armed.note
+    lower, upper = armed.workspace_m
+    assert tuple(a + b for a, b in zip(lower, upper, strict=True)) == pytest.approx(ZERO)
+    moved = HaplyDevice(HaplyOptions(origin_m=(0.039, 0.107), home="start"), TICK).spec
+    assert moved.workspace_m[0] == pytest.approx((lower[0] - 0.01, lower[1] + 0.02, lower[2]))
+    assert "starting place before every session" in moved.note
+
+
+def test_nothing_is_left_of_a_torque_once_it_is_closed(there: Bench) -> None:
+    there.run(lambda: there.emulator.force[1] > 0.7, PULL)
+    there.device.close()
+    wait_for(lambda: there.emulator.torques == (0.0, 0.0))
+
+
+def test_a_torque_that_a_dead_host_left_behind_is_taken_off_first(there: Bench) -> None:
+    """Its program was killed in the middle of a push: the port closed without a word."""
+    there.device.close()
+    port = SerialPort(str(there.port.path))
+    port.write(VERSIONS["v3"].board.torques(0.1, -0.1))
+    wait_for(lambda: there.emulator.torques == pytest.approx((0.1, -0.1)))
+    port.close()
+    for home in ("kept", "start"):
+        there.emulator.torques = (0.1, -0.1)
+        device = HaplyDevice(HaplyOptions(port=str(there.port.path), home=home), TICK)
+        device.open(monotonic())
+        assert there.emulator.torques == (0.0, 0.0)
+        device.close()
+    assert there.emulator.setups == 2
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        (lambda at: setattr(at.emulator.faults, "silent", True), "no answer within 5 ms"),
+        (lambda at: setattr(at.emulator.faults, "late_s", 0.03), "no answer within 5 ms"),
+        (lambda at: at.emulator.inject("slip", 1000), "8 bytes of 9"),
+        (lambda at: at.emulator.inject("restart", 1), "put the handle at its starting place and start again"),
+        (lambda at: at.port.unplug(), "unplugged"),
+    ],
+    ids=["silent", "late", "slip", "restart", "unplug"],
+)
+def test_a_fault_ends_the_force_and_says_why(there: Bench, fault: Callable[[Bench], None], said: str) -> None:
+    there.run(lambda: there.emulator.force[1] > 0.7, PULL)
+    fault(there)
+    message = there.run_into_fault()
+    assert message.startswith("haply_2diy: ")
+    assert said in message
+    if "unplug" not in said:
+        wait_for(lambda: there.emulator.torques == (0.0, 0.0))
+    there.device.command(PULL, monotonic())  # has no effect any more
+    sleep(0.02)
+    if "unplug" not in said:
+        assert there.emulator.torques == (0.0, 0.0)
+
+
+def test_bad_answers_that_pass_take_the_force_off_and_give_it_back(there: Bench) -> None:
+    there.run(lambda: there.emulator.force[1] > 0.7, PULL)
+    worker = there.device._worker
+    assert worker is not None
+    for name, count in (("slip", BAD_REPLIES - 1), ("garble", BAD_REPLIES - 1)):
+        bad = worker.bad_count
+        if name == "slip":
+            there.emulator.inject("slip", count)
+        else:
+            there.emulator.faults.garble = count
+        there.run(lambda bad=bad: worker.bad_count > bad, PULL)  # type: ignore[misc]
+        there.run(lambda: there.emulator.force[1] > 0.7, PULL)
+        assert distance(there.position, there.emulator.handle.position) < COUNT_M
+    assert there.emulator.setups == 1
+
+
+def test_an_encoder_that_breaks_is_noticed_while_the_hand_moves(there: Bench) -> None:
+    there.emulator.inject("stuck_encoder", 2)
+    message = ""
+    with suppress(DeviceFault):
+        for _ in range(20):
+            for place in ((0.02, 0.03, 0.0), (0.02, -0.03, 0.0)):
+                there.emulator.handle.carry(place)
+                there.run(lambda: there.emulator.handle.arrived, (0.1, 0.0, 0.0))
+    message = there.run_into_fault()
+    assert "encoder 2 stands still" in message
+    wait_for(lambda: there.emulator.torques == (0.0, 0.0))
+
+
+def test_a_device_that_comes_back_is_where_it_is_and_its_force_comes_up_from_zero(tmp_path: Path) -> None:
+    with bench(tmp_path, reconnect_s=20.0) as at:
+        at.device.open(monotonic())
+        at.carry((0.0, 0.02, 0.0))
+        before = at.position
+        at.run(lambda: at.emulator.force[1] > 0.7, PULL)
+        worker = at.device._worker
+        assert worker is not None
+        connected = worker.connected_at
+        at.port.unplug()
+        at.emulator.torques = (0.0, 0.0)
+        ticks = iter(range(20))
+        gone = at.run(lambda: next(ticks, None) is None, PULL)
+        assert all(distance(position, before) < 2 * COUNT_M for position in gone)
+        at.port.plug()
+        forces: list[float] = []
+
+        def is_back() -> bool:
+            forces.append(at.emulator.force[1])
+            return worker.connected_at > connected and forces[-1] > 0.7
+
+        back = at.run(is_back, PULL)
+        assert all(distance(position, before) < 2 * COUNT_M for position in back)
+        assert any(0.05 < force < 0.6 for force in forces), "on the way up"
+        assert at.emulator.setups == 1
+
+
+def test_a_board_that_lost_its_power_is_not_taken_back(tmp_path: Path) -> None:
+    with bench(tmp_path, reconnect_s=0.5) as at:
+        at.device.open(monotonic())
+        at.carry(ZERO)
+        at.port.unplug()
+        at.emulator.inject("restart", 1)
+        at.port.plug()
+        assert "has forgotten where the arms are" in at.run_into_fault()
+        assert at.emulator.setups == 1
+        assert at.emulator.torques == (0.0, 0.0)
+
+
+def test_a_session_later_the_origin_is_where_it_was_unless_the_file_says_otherwise(tmp_path: Path) -> None:
+    with bench(tmp_path) as at:
+        at.device.open(monotonic())
+        at.carry((0.0, 0.02, 0.0))
+        at.device.close()
+        at.device.open(monotonic())
+        assert distance(at.position, (0.0, 0.02, 0.0)) < COUNT_M
+        at.device.close()
+        fresh = HaplyDevice(HaplyOptions(port=str(at.port.path), home="start"), TICK)
+        fresh.open(monotonic())
+        try:
+            assert distance(fresh.latest(monotonic()).position, HOME) < COUNT_M, "it takes this for the starting place"
+        finally:
+            fresh.close()
+
+
+def test_wrong_directions_show_in_the_position(tmp_path: Path) -> None:
+    """Which is what the sign check is there for."""
+    with bench(tmp_path, encoder_directions=("cw", "cw")) as at:
+        at.device.open(monotonic())
+        at.emulator.handle.carry(ZERO)
+        with pytest.raises((DeviceFault, AssertionError)):
+            at.run(lambda: at.emulator.handle.arrived)
+            assert distance(at.position, ZERO) < 0.02
+
+
+def test_a_port_where_nobody_answers(tmp_path: Path) -> None:
+    with bench(tmp_path) as at:
+        at.emulator.faults.silent = True
+        with pytest.raises(DeviceFault, match=r"haply_2diy: .*tty: no answer within 50 ms"):
+            at.device.open(monotonic())
+        at.emulator.faults.silent = False
+        at.device.open(monotonic())
+
+
+def test_a_port_that_is_not_there_or_taken(tmp_path: Path) -> None:
+    device = HaplyDevice(HaplyOptions(port=str(tmp_path / "none")), TICK)
+    with pytest.raises(DeviceFault, match=r"haply_2diy: .*none: there is no such port"):
+        device.open(0.0)
+    with bench(tmp_path) as at:
+        other = SerialPort(str(at.port.path))
+        with pytest.raises(DeviceFault, match="in use by another process"):
+            at.device.open(monotonic())
+        other.close()
+        at.device.open(monotonic())
+
+
+def test_only_an_open_device_gives_readings(there: Bench) -> None:
+    now = monotonic()
+    reading = there.device.latest(now)
+    assert there.device.latest(now) == reading
+    assert there.device.round_trip_s > 0.0
+    with pytest.raises(ValueError, match="not finite"):
+        there.device.command((float("nan"), 0.0, 0.0), now)
+    there.device.close()
+    there.device.close()
+    there.device.command(PULL, now)
+    with pytest.raises(DeviceFault, match="haply_2diy: not open"):
+        there.device.latest(now)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"version": "v4"}, {"force_n": -1}, {"home_deg": [1]}, {"motor_directions": ["up", "cw"]}, {"colour": 1}],
+)
+def test_wrong_options_are_refused_by_name(options: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(options))):
+        HaplyOptions.model_validate(options)
