@@ -54,11 +54,15 @@ class Emulator(Protocol):
 
 
 def serve(
-    emulator: Emulator, descriptor: int, stopping: Callable[[], bool], clock: Callable[[], float] = monotonic
+    emulator: Emulator,
+    descriptor: int,
+    stopping: Callable[[], bool],
+    clock: Callable[[], float] = monotonic,
+    encode: Callable[[bytes], bytes] = bytes,
 ) -> None:
-    """Carry bytes until told to stop, or until the other end is gone.
+    """Carry bytes until told to stop; `encode` makes of a message what is written on the descriptor for it.
 
-    A read error while no host has the node open is not an end: umockdev answers so.
+    A read error is not an end: it may only be that no host has the other end open.
     """
     leaving: deque[tuple[float, bytes]] = deque()
     while not stopping():
@@ -70,7 +74,7 @@ def serve(
                 leaving.append((now + faults.late_s, _garbled(reply, faults)))
         while leaving and leaving[0][0] <= now:
             try:
-                os.write(descriptor, leaving.popleft()[1])
+                os.write(descriptor, encode(leaving.popleft()[1]))
             except BlockingIOError:
                 continue  # the host does not read
             except OSError:

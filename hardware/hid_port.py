@@ -32,9 +32,7 @@ class HidPort:
         try:
             self._device.open_path(path.encode())
         except OSError as error:
-            # hidapi says "open failed" for whatever is the matter.
-            advice = permission_advice(path) if not _accessible(path) else str(error)
-            raise HardwareFault(f"{path}: {advice}") from None
+            raise HardwareFault(f"{path}: {_reason(path) or error}") from None
         self._device.set_nonblocking(1)  # a read without a time limit takes what is there
 
     def write(self, report: bytes) -> None:
@@ -71,9 +69,16 @@ class HidPort:
         self._device.close()
 
 
-def _accessible(path: str) -> bool:
+def _reason(path: str) -> str | None:
+    """What is in the way, where hidapi says "open failed" whatever it is; None where the path does not tell."""
+    if not path.startswith("/"):  # of libusb
+        return None
     try:
         with open(path, "r+b", buffering=0):  # noqa: PTH123 - a device, not a file to read
-            return True
+            return None
+    except FileNotFoundError:
+        return "there is no such device; `weberlink devices` lists what there is"
+    except PermissionError:
+        return permission_advice(path)
     except OSError as error:
-        return not isinstance(error, PermissionError)
+        return error.strerror

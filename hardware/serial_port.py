@@ -3,10 +3,12 @@
 pyserial opens and sets it up; reading goes by the descriptor, which costs one system call for whatever is there.
 """
 
+import errno
 import os
+import termios
 from contextlib import suppress
 from select import select
-from time import monotonic
+from time import monotonic, sleep
 
 import serial
 
@@ -14,6 +16,10 @@ from hardware.fault import HardwareFault
 from hardware.found import permission_advice
 
 CHUNK = 4096
+WRITING_S = 0.05
+"""How long a port may take nothing."""
+LEAVING_S = 0.05
+"""How long what was written may take to leave, before the port is closed over it."""
 
 
 class SerialPort:
@@ -30,11 +36,9 @@ class SerialPort:
     def __init__(self, path: str, baud: int = 115_200) -> None:
         self.path = path
         try:
-            self._port = serial.Serial(path, baud, timeout=0, write_timeout=0.05, exclusive=True)
-        except serial.SerialException as error:
+            self._port = serial.Serial(path, baud, timeout=0, write_timeout=WRITING_S, exclusive=True)
+        except (OSError, ValueError, termios.error) as error:  # pyserial's own is an OSError
             raise HardwareFault(f"{path}: {_reason(path, error)}") from None
-        except ValueError as error:
-            raise HardwareFault(f"{path}: {error}") from None
         with suppress(ValueError, OSError, NotImplementedError):  # a pty has no latency to lower
             self._port.set_low_latency_mode(True)
         self._descriptor = self._port.fileno()
@@ -45,15 +49,23 @@ class SerialPort:
         Raises:
             HardwareFault: it was unplugged, or takes nothing.
         """
+        sent, until = 0, monotonic() + WRITING_S
         try:
-            sent = 0
             while sent < len(data):
-                _, ready, _ = select((), (self._descriptor,), (), 0.05)
-                if not ready:
+                _, ready, _ = select((), (self._descriptor,), (), max(0.0, until - monotonic()))
+                taken = self._offer(data[sent:] if sent else data) if ready else 0
+                if taken:
+                    sent, until = sent + taken, monotonic() + WRITING_S
+                elif monotonic() >= until:
                     raise HardwareFault(f"{self.path}: takes no more data")
-                sent += os.write(self._descriptor, data[sent:] if sent else data)
         except (OSError, ValueError):
             raise HardwareFault(f"{self.path}: unplugged") from None
+
+    def _offer(self, data: bytes) -> int:
+        try:
+            return os.write(self._descriptor, data)
+        except BlockingIOError:  # it was ready for less than a byte
+            return 0
 
     def read(self, until: float) -> bytes:
         """Whatever has come, as soon as something has; nothing where it does not by `until` [s, monotonic].
@@ -80,15 +92,33 @@ class SerialPort:
         return b"".join(parts)
 
     def close(self) -> None:
+        """Any number of times. What was written last still leaves, where the device takes it."""
+        self._descriptor = -1  # the number may be another file's by now
+        with suppress(OSError, termios.error):
+            self._let_leave()
         with suppress(OSError):
             self._port.close()
 
+    def _let_leave(self) -> None:
+        """The kernel would hold up the closing for half a minute for data that a device does not take."""
+        if not self._port.is_open:
+            return
+        until = monotonic() + LEAVING_S
+        while self._port.out_waiting:
+            if monotonic() >= until:
+                self._port.reset_output_buffer()
+                return
+            sleep(0.001)
 
-def _reason(path: str, error: serial.SerialException) -> str:
+
+def _reason(path: str, error: Exception) -> str:
     if not os.path.exists(path):  # noqa: PTH110 - a path in a message, not one to work with
         return "there is no such port; `weberlink devices` lists what there is"
     if not os.access(path, os.R_OK | os.W_OK):
         return permission_advice(path)
-    if "exclusively lock" in str(error) or "busy" in str(error):
+    number = error.errno if isinstance(error, OSError) else None
+    if number in (errno.EAGAIN, errno.EBUSY):  # the lock is taken, or the driver allows one alone
         return "in use by another process; is a second copy running?"
-    return os.strerror(error.errno) if error.errno else str(error)
+    if "Could not configure port" in str(error) or number == errno.ENOTTY:
+        return "this is no serial port"
+    return os.strerror(number) if number else str(error)

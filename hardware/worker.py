@@ -4,11 +4,12 @@ Owns the pace of the exchange, what is commanded when the tick or the device fai
 disconnection. Knows neither bytes nor units: a command and a sample are whatever the driver says.
 """
 
+import atexit
 import os
 from collections.abc import Callable
 from contextlib import suppress
 from select import select
-from threading import Event, Thread
+from threading import Event, Thread, current_thread
 from time import monotonic
 from typing import Generic, Protocol, TypeVar
 
@@ -21,6 +22,7 @@ Sample_co = TypeVar("Sample_co", covariant=True)
 
 RETRY_S = 0.05
 JOIN_S = 1.0
+"""How long `stop` waits for an exchange that does not come back, and the end of the program once more."""
 
 
 class Exchange(Protocol[Command_contra, Sample_co]):
@@ -55,7 +57,11 @@ class Worker(Generic[Command, Sample]):
 
     After a bad reply the command is `rest` until a reply is good again; it is `rest` too while the last command is
     older than `stale`: the loop that gives it may be what has failed. After `bad_replies` of them in a row, or when the
-    device is gone, the fault stands, unless the device is back within `reconnect`.
+    device is gone, the fault stands, unless there is a good reply again within `reconnect`.
+
+    Only the thread touches the exchange once it runs, so an exchange need not be safe for threads. One that hangs keeps
+    `stop` for a second and no longer; its `close` is called as soon as it comes back. The end of the program stops a
+    worker that is still running.
 
     Args:
         exchange: of the device.
@@ -94,6 +100,7 @@ class Worker(Generic[Command, Sample]):
         self._wake = -1
         self._stopping = Event()
         self._thread: Thread | None = None
+        self._left: tuple[Thread, int] | None = None
         self.fault: str | None = None
         """Why there are no more samples; None while there are."""
         self.round_trip = 0.0
@@ -113,42 +120,64 @@ class Worker(Generic[Command, Sample]):
         """Connect, and begin to exchange.
 
         Raises:
-            HardwareFault: the device cannot be used; nothing is left running.
+            HardwareFault: the device cannot be used, or still hangs since the last time; nothing is left running.
         """
         self.stop()
+        if self._hangs():
+            raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
         self.fault = None
         self.bad_count = 0
         self._command = (self._rest, 0.0)
+        wake = -1
         try:
             self._newest = (self._exchange.open(), self._clock())
+            self.connected_at = self._newest[1]
+            self._stopping.clear()
+            wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+            thread = Thread(target=self._run, args=(wake,), name="weberlink-device", daemon=True)
+            thread.start()
         except BaseException:
+            if wake >= 0:
+                os.close(wake)
             self._exchange.close()
             raise
-        self.connected_at = self._newest[1]
-        self._stopping.clear()
-        self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._thread = Thread(target=self._run, name="weberlink-device", daemon=True)
-        self._thread.start()
+        self._thread, self._wake = thread, wake
+        atexit.register(self.stop)
 
     def command(self, command: Command, now: float) -> None:
         """Leave a command for the next exchange; returns at once. No effect when stopped."""
         self._command = (command, now)
-        if self._on_command and self._wake >= 0:
-            os.eventfd_write(self._wake, 1)
+        if self._on_command and (wake := self._wake) >= 0:
+            os.eventfd_write(wake, 1)
 
     def stop(self) -> None:
-        """End the exchange and leave the device safe; any number of times."""
+        """End the exchange and leave the device safe; any number of times, also from within the exchange."""
         thread, self._thread = self._thread, None
         if thread is None:
+            self._hangs()
             return
-        self._stopping.set()
-        os.eventfd_write(self._wake, 1)
-        thread.join(JOIN_S)
         wake, self._wake = self._wake, -1
-        os.close(wake)
+        self._left = (thread, wake)
+        self._stopping.set()
+        os.eventfd_write(wake, 1)
+        atexit.unregister(self.stop)
+        if thread is not current_thread():
+            thread.join(JOIN_S)
+        if self._hangs():
+            atexit.register(thread.join, JOIN_S)
 
-    def _run(self) -> None:
-        wake = self._wake
+    def _hangs(self) -> bool:
+        """Whether the last thread has not ended yet; what it needs is only let go of after it."""
+        if self._left is None:
+            return False
+        thread, wake = self._left
+        if thread.is_alive():
+            return True
+        self._left = None
+        os.close(wake)
+        return False
+
+    def _run(self, wake: int) -> None:
         try:
             due = self._clock()
             while not self._stopping.is_set():
@@ -158,10 +187,16 @@ class Worker(Generic[Command, Sample]):
                 self._once()
         except HardwareFault as fault:
             self.fault = str(fault)
-        except Exception as error:  # a mistake of ours in this thread must end the session all the same
+        except BaseException as error:  # a mistake of ours in this thread must end the session all the same
             self.fault = f"internal error: {error!r}"
         finally:
+            self._close()
+
+    def _close(self) -> None:
+        try:
             self._exchange.close()
+        except Exception as error:
+            self.fault = self.fault or f"internal error: {error!r}"
 
     def _pause(self, wake: int, due: float) -> float:
         """Wait for a command or for the time; returns when the one after this is due."""
@@ -172,8 +207,8 @@ class Worker(Generic[Command, Sample]):
         wait = due - self._clock()
         if wait > 0.0:
             self._stopping.wait(wait)
-        # What was missed is not made up for.
-        return max(due, self._clock() - self._period) + self._period
+        now, following = self._clock(), due + self._period
+        return following if now < following else now + self._period  # what was missed is not made up for
 
     @staticmethod
     def _clear(wake: int) -> None:
@@ -185,30 +220,34 @@ class Worker(Generic[Command, Sample]):
         command, at = self._command
         if self._clock() - at > self._stale:
             command = self._rest
-        bad = 0
+        bad, lost_at = 0, None
         while not self._stopping.is_set():
             began = self._clock()
+            fault: HardwareFault
             try:
                 sample = self._exchange.exchange(command)
             except BadReply as reply:
                 bad += 1
                 self.bad_count += 1
-                if bad >= self._bad_replies:
-                    self._return(reply)
-                    bad = 0
-            except HardwareFault as fault:
-                self._return(fault)
+                fault = reply
+            except HardwareFault as gone:
+                bad = self._bad_replies
+                fault = gone
             else:
                 ended = self._clock()
                 self.round_trip = ended - began
                 self._newest = (sample, ended)
                 return
             command = self._rest
+            if bad >= self._bad_replies:
+                lost_at = began if lost_at is None else lost_at
+                self._return(fault, lost_at + self._reconnect)
+                bad = 0
 
-    def _return(self, fault: HardwareFault) -> None:
+    def _return(self, fault: HardwareFault, until: float) -> None:
         """Look for the device until the patience is over; raises the fault then."""
-        self._exchange.close()
-        until = self._clock() + self._reconnect
+        with suppress(Exception):  # the fault is what matters here
+            self._exchange.close()
         while not self._stopping.is_set():
             if self._clock() >= until:
                 raise fault

@@ -3,7 +3,7 @@
 import typer
 
 from weberlink.arguments import OneLineErrors
-from weberlink.cli import sessions, studies
+from weberlink.cli import hardware, sessions, studies
 
 app = typer.Typer(
     name="weberlink",
@@ -14,8 +14,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (*sessions.COMMANDS, *studies.COMMANDS):
+for command in (*sessions.COMMANDS, *hardware.COMMANDS, *studies.COMMANDS):
     app.command()(command)
+app.add_typer(hardware.device)
 
 
 @app.callback()

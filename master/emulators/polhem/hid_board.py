@@ -1,0 +1,166 @@
+"""The mbed boards of the devices that speak HID, emulated: the newer in lock-step, the older at its own rate.
+
+As their firmware reads. The newer sends a report and waits for one, of which it takes the newest; the older sends one
+each frame and takes the oldest that waits. Either switches its amplifiers on with whatever comes, and off after 0.5 s
+without. Guessed: that an amplifier follows its input to the end of the range, 3.75 A where 90 % mean 3 A.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from math import floor, inf, nextafter
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from hardware.umockdev.description import HidIdentity
+from master.devices.polhem.parameters import PARAMETERS
+from master.devices.polhem.reports import (
+    LONG,
+    SHORT,
+    WATCHDOG_S,
+    Sensors,
+    SetCounters,
+    decode_command,
+    encode_sensors,
+)
+from master.emulators.polhem.board import Board
+from master.emulators.polhem.body import FAULTS, OFF, BodyOptions, Counts6
+
+VENDOR, PRODUCT = 0x1234, 0x0006
+FRAME_S = 0.001
+"""Of full-speed USB."""
+LONG_LIMIT_MA, SHORT_LIMIT_MA = 3750.0, 3000.0
+
+
+class PolhemHidEmulatorOptions(BodyOptions):
+    """Options of the emulated `polhem_hid`. Without `parameters`, it is a WoodenHaptics of 2015."""
+
+    report: Literal[14, 8] = Field(default=14, description="bytes of a report: 14 in lock-step, or the older 8")
+    frame_s: float = Field(
+        default=FRAME_S, ge=0.0, le=0.1, description="reports leave at multiples of it; 0: at once (of 14 bytes only)"
+    )
+    serial_number: str = Field(default="0123456789", description="by which two alike can be told apart")
+
+
+class PolhemHidEmulator(Board):
+    """See `hardware.emulator`."""
+
+    Options = PolhemHidEmulatorOptions
+    transport: ClassVar[str] = "hid"
+    OWN_FAULTS: ClassVar[Mapping[str, str]] = {
+        **FAULTS,
+        "stylus": "the button of the stylus is pressed; 0: let go",
+    }
+
+    def __init__(self, options: PolhemHidEmulatorOptions | None = None) -> None:
+        options = PolhemHidEmulatorOptions() if options is None else options
+        self._parameters = PARAMETERS[options.parameters or "woodenhaptics_2015"].over_hid()
+        super().__init__(options, self._parameters, WATCHDOG_S)
+        self.identity = HidIdentity(
+            VENDOR, PRODUCT, "HID DEVICE", descriptor(options.report), options.report,
+            options.serial_number, "mbed.org",
+        )  # fmt: skip
+        self._size = options.report
+        self._frame = options.frame_s if self._size == LONG else options.frame_s or FRAME_S
+        self._arrived: deque[bytes] = deque(maxlen=64)
+        self._step_at: float | None = None
+        self._ready: bytes | None = None
+        self._leaving: list[bytes] = []
+        self._started = False
+        self._stylus = False
+        self._number = 0
+
+    def receive(self, data: bytes, now: float) -> None:
+        self.messages += 1
+        if len(data) != self._size:
+            self.errors += 1
+            return
+        self._arrived.append(data)
+        if self._size == LONG and self._started and self._step_at is None:
+            self._step_at = now + self._processing
+
+    def advance(self, now: float) -> None:
+        if not self._started:
+            self._started = True
+            self._body.advance(now)
+            self._send_later(now)
+        while self._step_at is not None and self._step_at <= now:
+            at, self._step_at = self._step_at, None
+            self._body.advance(at)
+            if self._size == LONG:
+                self._step_in_turn(at)
+            else:
+                self._step_freely(at, now)
+        self._body.advance(now)
+        self._take_orders()
+
+    def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - a report leaves when it is due
+        leaving, self._leaving = self._leaving, []
+        return leaving
+
+    def next_timer(self) -> float | None:
+        due = [each for each in (self._step_at, self._body.next_timer) if each is not None]
+        return min(due, default=None)
+
+    def _step_in_turn(self, at: float) -> None:
+        """A report has been sent, or one has been worked on."""
+        if self._ready is not None:
+            self._leaving.append(self._ready)
+            self._ready = None
+            self._step_at = at + self._processing if self._arrived else None
+        else:
+            newest = self._arrived.pop()
+            self._arrived.clear()
+            self._obey(newest, LONG_LIMIT_MA, at)
+            self._send_later(at)
+
+    def _step_freely(self, at: float, now: float) -> None:
+        """A frame has come; of those that were missed, none is made up for."""
+        if self._arrived:
+            self._obey(self._arrived.popleft(), SHORT_LIMIT_MA, at)
+        self._number = (self._number + 1) & 0xFFFF
+        self._leaving.append(self._report())
+        self._send_later(now)
+
+    def _send_later(self, now: float) -> None:
+        """In the next frame; what is sent then is measured now."""
+        self._ready = self._report()
+        self._step_at = now
+        if self._frame > 0.0:
+            # Where a quotient is rounded down, the next frame would be the one that is over.
+            self._step_at = max((floor(now / self._frame) + 1) * self._frame, nextafter(now, inf))
+
+    def _obey(self, report: bytes, limit_ma: float, at: float) -> None:
+        command = decode_command(report)
+        if isinstance(command, SetCounters):
+            self._body.drive(OFF, at)
+            self._body.set_counters(self._wired(command.counts))
+            self._body.button_pressed = False
+        else:
+            a, b, c = (min(max(float(current), -limit_ma), limit_ma) for current in command)
+            self._body.drive((a, b, c), at)
+
+    def _report(self) -> bytes:
+        counts = self._wired(self._body.counts)
+        if self._size == SHORT:
+            return encode_sensors(Sensors(counts[:3], number=self._number))
+        return encode_sensors(Sensors(counts, self._stylus, self._body.button_pressed))
+
+    def _wired(self, counts: Counts6) -> Counts6:
+        """The gimbal's come last to first from some; its own inverse."""
+        a, b, c, d, e, f = counts
+        return (a, b, c, f, e, d) if self._parameters.gimbal_reversed_over_hid else counts
+
+    def _suffer(self, name: str, value: float) -> None:
+        if name == "stylus":
+            self._stylus = value != 0
+        elif name == "restart":
+            self._started, self._step_at, self._ready = False, None, None
+            self._arrived.clear()
+            self._leaving.clear()
+        super()._suffer(name, value)
+
+
+def descriptor(size: int) -> bytes:
+    """Of one report each way, without numbers, with a usage of the vendor's."""
+    return bytes.fromhex(f"06abff 0a0002 a101 7508 1500 25ff 95{size:02x} 0901 8102 95{size:02x} 0902 9102 c0")

@@ -1,0 +1,187 @@
+"""The loop between an emulated device and its host: what it carries, and the faults it adds."""
+
+import os
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from time import monotonic
+
+from hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
+from hardware.emulator import WireFaults, serve
+from tests.hardware.scripted import wait_for
+
+
+class Echo:
+    """Sends back what it hears, in upper case, a moment later; and says hello when told to."""
+
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self.heard: list[bytes] = []
+        self.advances: list[float] = []
+        self.timer: float | None = None
+        self._waiting: list[bytes] = []
+
+    def receive(self, data: bytes, now: float) -> None:
+        self.heard.append(data)
+        self._waiting.append(data.upper())
+
+    def advance(self, now: float) -> None:
+        self.advances.append(now)
+        if self.timer is not None and now >= self.timer:
+            self.timer = None
+            self._waiting.append(b"HELLO")
+
+    def replies(self, now: float) -> list[bytes]:
+        due, self._waiting = self._waiting, []
+        return due
+
+    def next_timer(self) -> float | None:
+        return self.timer
+
+
+@contextmanager
+def served(emulator: Echo) -> Iterator[socket.socket]:
+    """The host's end."""
+    host, device = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    device.setblocking(False)
+    host.settimeout(10.0)
+    stopping = threading.Event()
+    thread = threading.Thread(target=serve, args=(emulator, device.fileno(), stopping.is_set))
+    thread.start()
+    try:
+        yield host
+    finally:
+        stopping.set()
+        thread.join(10.0)
+        assert not thread.is_alive()
+        host.close()
+        device.close()
+
+
+def asked(host: socket.socket, question: bytes) -> bytes:
+    host.send(question)
+    return host.recv(100)
+
+
+def test_bytes_go_in_and_messages_come_out() -> None:
+    echo = Echo()
+    with served(echo) as host:
+        assert asked(host, b"one") == b"ONE"
+        assert asked(host, b"two") == b"TWO"
+    assert echo.heard == [b"one", b"two"]
+    assert echo.advances == sorted(echo.advances), "time does not go back"
+
+
+def test_a_device_that_speaks_by_itself_is_served_in_time() -> None:
+    """Not before, and, unless this machine stalls, without the pause that there is while nothing is due."""
+    echo = Echo()
+    with served(echo) as host:
+
+        def is_prompt() -> bool:
+            echo.timer = due = monotonic() + 0.002
+            assert asked(host, b"x") == b"X"  # so that it has seen the timer
+            assert host.recv(100) == b"HELLO"
+            late = monotonic() - due
+            assert late >= 0.0
+            return late < PAUSE_S / 2.0
+
+        wait_for(is_prompt)
+
+
+def test_garbled_replies_are_as_many_as_asked_for_and_as_long_as_ever() -> None:
+    echo = Echo()
+    with served(echo) as host:
+        echo.faults.garble = 2
+        torn = [asked(host, b"question") for _ in range(4)]
+        assert [sum(a != b for a, b in zip(each, b"QUESTION", strict=True)) for each in torn] == [1, 1, 0, 0]
+        assert echo.faults.garble == 0
+
+
+def test_late_replies_come_late_and_no_later() -> None:
+    echo = Echo()
+    with served(echo) as host:
+        echo.faults.late_s = 0.5 * PAUSE_S
+
+        def is_prompt() -> bool:
+            began = monotonic()
+            assert asked(host, b"one") == b"ONE"
+            elapsed = monotonic() - began
+            assert elapsed >= 0.5 * PAUSE_S
+            return elapsed < PAUSE_S
+
+        wait_for(is_prompt)
+
+
+def test_late_replies_keep_their_order() -> None:
+    echo = Echo()
+    with served(echo) as host:
+        echo.faults.late_s = 0.05
+        host.send(b"one")
+        wait_for(lambda: len(echo.heard) == 1)
+        turns = len(echo.advances)
+        wait_for(lambda: len(echo.advances) > turns + 1)
+        echo.faults.late_s = 0.0
+        host.send(b"two")
+        assert [host.recv(100), host.recv(100)] == [b"ONE", b"TWO"]
+
+
+def test_silence_loses_replies_for_good() -> None:
+    echo = Echo()
+    with served(echo) as host:
+        echo.faults.silent = True
+        host.send(b"one")
+        wait_for(lambda: bool(echo.heard))
+        turns = len(echo.advances)
+        wait_for(lambda: len(echo.advances) > turns + 1)
+        echo.faults.silent = False
+        assert asked(host, b"two") == b"TWO"
+
+
+def test_a_host_that_does_not_read_does_not_stop_the_device() -> None:
+    """What finds no place is lost, as it is on a device with a full buffer."""
+    echo, asked_for = Echo(), 3000
+    with served(echo) as host:
+        for number in range(asked_for):
+            host.send(b"%04d" % number * 50)
+        wait_for(lambda: len(echo.heard) == asked_for)
+        turns = len(echo.advances)
+        wait_for(lambda: len(echo.advances) > turns + 1)
+        host.send(b"now")  # finds no place either
+        wait_for(lambda: len(echo.heard) == asked_for + 1)
+        host.setblocking(False)
+        came: list[bytes] = []
+        with suppress(BlockingIOError):
+            while True:
+                came.append(host.recv(1000))
+        numbers = [int(each[:4]) for each in came]
+        assert numbers == sorted(numbers)
+        assert 0 < len(numbers) < asked_for
+        host.settimeout(10.0)
+        assert asked(host, b"again") == b"AGAIN"
+
+
+def test_a_host_that_is_gone_does_not_end_it() -> None:
+    echo, stopping = Echo(), threading.Event()
+    near, far = os.openpty()
+    os.close(far)  # reading gives EIO from now on, until somebody opens the other end
+    os.set_blocking(near, False)
+    thread = threading.Thread(target=serve, args=(echo, near, stopping.is_set))
+    thread.start()
+    wait_for(lambda: len(echo.advances) > 3)
+    assert thread.is_alive()
+    stopping.set()
+    thread.join(10.0)
+    assert not thread.is_alive()
+    os.close(near)
+
+
+def test_it_does_nothing_while_nothing_is_due() -> None:
+    """A processor is not to be burnt: each wait is as long as it may be."""
+    echo = Echo()
+    turns: Callable[[], int] = lambda: len(echo.advances)  # noqa: E731
+    with served(echo):
+        began, first = monotonic(), turns()
+        wait_for(lambda: monotonic() > began + 0.1)
+        elapsed = monotonic() - began
+        assert turns() - first <= elapsed / PAUSE_S + 3

@@ -1,0 +1,497 @@
+"""The thread that owns a device: what it commands, when it gives up, and what is left of it."""
+
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+
+from hardware.fault import BadReply, HardwareFault
+from hardware.worker import Worker
+from tests.hardware.scripted import REST, Scripted, command_until, descriptors, gone, wait_for
+
+ROOT = Path(__file__).parents[2]
+
+
+@contextmanager
+def working(exchange: Scripted, **options: Any) -> Iterator[Worker[str, int]]:
+    """A worker that has been started; what it leaves behind is looked for."""
+    files, threads = descriptors(), threading.active_count()
+    worker = worker_of(exchange, **options)
+    try:
+        worker.start()
+        yield worker
+    finally:
+        worker.stop()
+        assert not exchange.is_open
+        assert descriptors() == files
+        assert threading.active_count() == threads
+
+
+def worker_of(exchange: Scripted, **options: Any) -> Worker[str, int]:
+    given = {"period": 0.001, "on_command": True, "stale": 60.0, "bad_replies": 3, **options}
+    return Worker(exchange, rest=REST, **given)
+
+
+def in_turn(*outcomes: Exception | int) -> Callable[[str], int]:
+    """One after the other; the last one for ever."""
+    turn = iter(outcomes)
+
+    def deed(command: str) -> int:
+        outcome = next(turn, outcomes[-1])
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
+
+    return deed
+
+
+def test_a_command_gets_through_and_a_sample_comes_back() -> None:
+    exchange, before = Scripted(), monotonic()
+    with working(exchange) as worker:
+        assert before <= worker.connected_at <= worker.newest[1]
+        began = monotonic()
+        command_until(worker, "push", lambda: "push" in exchange.commands)
+        wait_for(lambda: worker.newest[0] > 100)
+        wait_for(lambda: worker.newest[1] >= began)
+        assert worker.fault is None
+        assert worker.round_trip > 0.0
+    assert exchange.calls[0] == "open"
+    assert exchange.calls[-1] == "close"
+
+
+def test_only_the_thread_talks_to_a_running_device() -> None:
+    exchange = Scripted()
+    with working(exchange) as worker:
+        command_until(worker, "push", lambda: len(exchange.commands) > 10)
+    assert len(exchange.threads) == 1
+    assert threading.get_ident() not in exchange.threads
+
+
+def test_a_command_starts_an_exchange_at_once() -> None:
+    """With pauses of a minute in between, nothing would come of it otherwise."""
+    exchange = Scripted()
+    with working(exchange, period=60.0) as worker:
+        for number in range(5):
+            worker.command(f"push {number}", monotonic())
+            wait_for(lambda number=number: f"push {number}" in exchange.commands)  # type: ignore[misc]
+
+
+def test_without_commands_the_device_rests_and_goes_on_giving_samples() -> None:
+    exchange = Scripted()
+    with working(exchange) as worker:
+        wait_for(lambda: len(exchange.commands) > 5)
+        assert set(exchange.commands) == {REST}
+        assert worker.newest[0] > 100
+
+
+def test_a_command_that_nobody_renews_does_not_last() -> None:
+    exchange = Scripted()
+    with working(exchange, stale=0.02) as worker:
+        command_until(worker, "push", lambda: "push" in exchange.commands)
+        wait_for(lambda: exchange.commands[-1] == REST)
+        command_until(worker, "push", lambda: exchange.commands[-1] == "push")
+
+
+def test_the_age_of_a_command_goes_by_the_clock_that_was_handed_in() -> None:
+    exchange, now = Scripted(), [1000.0]
+    with working(exchange, stale=1.0, clock=lambda: now[0]) as worker:
+        worker.command("push", 1000.0)
+        wait_for(lambda: exchange.commands[-3:] == ["push"] * 3)
+        now[0] = 1001.01
+        wait_for(lambda: exchange.commands[-3:] == [REST] * 3)
+        assert worker.newest[1] == 1001.01
+
+
+def test_a_command_of_the_last_session_is_forgotten() -> None:
+    exchange = Scripted()
+    with working(exchange) as worker:
+        command_until(worker, "push", lambda: "push" in exchange.commands)
+        worker.stop()
+        worker.command("late", monotonic())
+        exchange.calls.clear()
+        worker.start()
+        wait_for(lambda: len(exchange.commands) > 5)
+        assert set(exchange.commands) == {REST}
+
+
+def test_after_a_bad_reply_the_device_rests_until_a_good_one() -> None:
+    exchange = Scripted()
+    with working(exchange) as worker:
+        command_until(worker, "push", lambda: "push" in exchange.commands)
+        exchange.deed = in_turn(BadReply("torn"), BadReply("torn"), 7)
+        command_until(worker, "push", lambda: worker.newest[0] == 7 and exchange.calls[-1] == "push")
+        first = exchange.calls.index(REST, exchange.calls.index("push"))
+        assert exchange.calls[first - 1 : first + 3] == ["push", REST, REST, "push"]
+        assert worker.bad_count == 2
+        assert worker.fault is None
+        assert "close" not in exchange.calls
+
+
+def test_bad_replies_in_a_row_are_a_fault_and_leave_it_closed() -> None:
+    exchange = Scripted(in_turn(1, BadReply("torn 1"), BadReply("torn 2"), 2, BadReply("torn 3")))
+    with working(exchange) as worker:
+        command_until(worker, "push", lambda: worker.fault is not None)
+        wait_for(lambda: exchange.calls[-2:] == ["close", "close"])
+        assert worker.fault == "torn 3"
+        assert worker.bad_count == 5
+        assert worker.newest[0] == 2
+        assert exchange.commands[-2:] == [REST, REST]
+        done = len(exchange.calls)
+        worker.command("push", monotonic())
+        sleep(0.01)
+        assert len(exchange.calls) == done, "nothing more is asked of it"
+
+
+def test_a_device_that_is_gone_is_a_fault_at_once() -> None:
+    exchange = Scripted(gone)
+    with working(exchange) as worker:
+        wait_for(lambda: worker.fault == "gone")
+        assert len(exchange.commands) == 1
+        wait_for(lambda: not exchange.is_open)
+        assert exchange.calls.count("open") == 1
+
+
+def test_a_device_that_is_back_in_time_goes_on_from_rest() -> None:
+    def opening(number: int) -> int:
+        if 0 < number < 3:
+            raise HardwareFault(f"not there yet: {number}")
+        return number
+
+    exchange = Scripted(in_turn(1, HardwareFault("gone"), 2), opening)
+    with working(exchange, reconnect=60.0) as worker:
+        connected = worker.connected_at
+        command_until(worker, "push", lambda: exchange.calls[-1] == "push" and worker.connected_at > connected)
+        assert worker.fault is None
+        back = exchange.calls.index("open", exchange.calls.index("close"))
+        assert exchange.calls[back : back + 3] == ["open"] * 3
+        assert exchange.calls[back + 3] == REST
+
+
+def test_a_device_that_is_back_may_answer_badly_as_often_as_before() -> None:
+    torn = BadReply("torn")
+    exchange = Scripted(in_turn(1, HardwareFault("gone"), torn, torn, 2))
+    with working(exchange, reconnect=60.0) as worker:
+        wait_for(lambda: worker.newest[0] == 2)
+        assert exchange.calls.count("open") == 2
+
+
+def test_bad_replies_too_are_reason_to_connect_anew() -> None:
+    exchange = Scripted(in_turn(BadReply("torn"), BadReply("torn"), BadReply("torn"), 8))
+    with working(exchange, reconnect=60.0) as worker:
+        wait_for(lambda: worker.newest[0] == 8)
+        assert exchange.calls.count("open") == 2
+        assert worker.fault is None
+
+
+def test_patience_ends_with_what_is_in_the_way_then() -> None:
+    now = [50.0]
+
+    def opening(number: int) -> int:
+        now[0] += 1.0
+        if number:
+            raise HardwareFault(f"not there: {number}")
+        return 0
+
+    exchange = Scripted(gone, opening)
+    with working(exchange, reconnect=2.5, clock=lambda: now[0]) as worker:
+        wait_for(lambda: worker.fault is not None)
+        assert worker.fault == "not there: 3"
+        assert worker.newest[0] == 0
+
+
+def test_a_device_that_opens_but_never_answers_does_not_come_back_for_ever() -> None:
+    """Patience counts from the last good reply, not from the last time that the port opened."""
+    exchange = Scripted(in_turn(1, HardwareFault("mute")))
+    with working(exchange, reconnect=0.2) as worker:
+        wait_for(lambda: worker.fault is not None)
+        assert worker.fault == "mute"
+        assert exchange.calls.count("open") > 1
+        assert set(exchange.commands) == {REST}
+
+
+@pytest.mark.parametrize("mistake", [KeyError("oops"), SystemExit(3)])
+def test_a_mistake_of_ours_in_the_thread_ends_the_session_too(mistake: BaseException) -> None:
+    def deed(command: str) -> int:
+        raise mistake
+
+    exchange = Scripted(deed)
+    with working(exchange) as worker:
+        wait_for(lambda: worker.fault is not None)
+        assert worker.fault == f"internal error: {mistake!r}"
+        wait_for(lambda: not exchange.is_open)
+
+
+def test_a_mistake_while_connecting_anew_too() -> None:
+    def opening(number: int) -> int:
+        return [0][number]
+
+    exchange = Scripted(gone, opening)
+    with working(exchange, reconnect=60.0) as worker:
+        wait_for(lambda: worker.fault is not None)
+        assert worker.fault is not None
+        assert worker.fault.startswith("internal error: IndexError")
+
+
+class Careless(Scripted):
+    """Raises where it must not."""
+
+    def close(self) -> None:
+        super().close()
+        raise OSError("careless")
+
+
+def test_a_close_that_raises_is_said() -> None:
+    with working(Careless()) as worker:
+        worker.stop()
+        assert worker.fault == "internal error: OSError('careless')"
+
+
+def test_a_close_that_raises_hides_no_fault() -> None:
+    with working(Careless(gone)) as worker:
+        wait_for(lambda: worker.fault is not None)
+        assert worker.fault == "gone"
+
+
+def test_a_device_that_cannot_be_opened_leaves_nothing_behind() -> None:
+    def opening(number: int) -> int:
+        if number == 0:
+            raise HardwareFault("taken")
+        if number == 1:
+            raise ZeroDivisionError
+        return 42
+
+    exchange = Scripted(None, opening)
+    files, threads = descriptors(), threading.active_count()
+    worker = worker_of(exchange)
+    with pytest.raises(HardwareFault, match="taken"):
+        worker.start()
+    with pytest.raises(ZeroDivisionError):
+        worker.start()
+    assert exchange.calls == ["open", "close", "open", "close"]
+    assert (descriptors(), threading.active_count()) == (files, threads)
+    worker.command("push", monotonic())
+    worker.stop()
+    assert exchange.commands == []
+    exchange.deed = Hanging()
+    worker.start()
+    assert worker.newest[0] == 42, "what opening gave, until there is more"
+    exchange.deed.let_go.set()
+    worker.stop()
+    assert (descriptors(), threading.active_count()) == (files, threads)
+
+
+def test_it_starts_again_after_a_stop_and_after_a_fault() -> None:
+    exchange = Scripted()
+    with working(exchange) as worker:
+        for _ in range(20):
+            command_until(worker, "push", lambda: "push" in exchange.commands)
+            worker.stop()
+            worker.stop()
+            assert not exchange.is_open
+            exchange.calls.clear()
+            worker.start()
+        exchange.deed = in_turn(HardwareFault("gone"))
+        wait_for(lambda: worker.fault is not None)
+        exchange.deed = in_turn(5)
+        worker.start()
+        assert worker.fault is None
+        assert worker.bad_count == 0
+        wait_for(lambda: worker.newest[0] == 5)
+
+
+def test_starting_twice_is_starting_anew() -> None:
+    exchange = Scripted()
+    with working(exchange) as worker:
+        worker.start()
+        assert [call for call in exchange.calls if call != REST] == ["open", "close", "open"]
+
+
+@pytest.mark.parametrize("period", [0.0, 60.0])
+@pytest.mark.parametrize("on_command", [False, True])
+def test_a_stop_does_not_wait_for_the_next_exchange(period: float, on_command: bool) -> None:
+    for _ in range(20):
+        exchange = Scripted()
+        with working(exchange, period=period, on_command=on_command):
+            pass
+        assert exchange.calls[-1] == "close"
+
+
+def test_a_stop_ends_a_reconnection() -> None:
+    def opening(number: int) -> int:
+        if number:
+            raise HardwareFault("away")
+        return 0
+
+    exchange = Scripted(gone, opening)
+    with working(exchange, reconnect=3600.0) as worker:
+        wait_for(lambda: exchange.calls.count("open") > 2)
+    assert worker.fault is None
+
+
+def test_a_stop_from_within_the_exchange_ends_it() -> None:
+    """Whoever hears of a fault in the thread may want to leave at once."""
+    worker: Worker[str, int]
+
+    def deed(command: str) -> int:
+        worker.stop()
+        return 1
+
+    exchange = Scripted(deed)
+    files = descriptors()
+    worker = worker_of(exchange)
+    worker.start()
+    wait_for(lambda: exchange.calls[-1] == "close")
+    assert worker.fault is None
+    worker.stop()
+    wait_for(lambda: threading.active_count() == 1 or all(t.name != "weberlink-device" for t in threading.enumerate()))
+    worker.stop()
+    assert descriptors() == files
+
+
+class Hanging:
+    """An exchange that does not come back until it is let go."""
+
+    def __init__(self) -> None:
+        self.let_go = threading.Event()
+        self.inside = threading.Event()
+
+    def __call__(self, command: str) -> int:
+        self.inside.set()
+        assert self.let_go.wait(60.0)
+        return 1
+
+
+def test_a_hanging_exchange_does_not_keep_a_stop_and_is_closed_when_it_comes_back() -> None:
+    files, hanging = descriptors(), Hanging()
+    exchange = Scripted(hanging)
+    worker = worker_of(exchange)
+    worker.start()
+    assert hanging.inside.wait(60.0)
+    worker.stop()
+    assert exchange.is_open, "only the thread that is inside may touch it"
+    worker.command("push", monotonic())
+    with pytest.raises(HardwareFault, match="has not reacted since the last session"):
+        worker.start()
+    assert exchange.calls.count("open") == 1
+    hanging.let_go.set()
+    wait_for(lambda: not exchange.is_open)
+    assert exchange.calls == ["open", REST, "close"]
+
+    def starts() -> bool:
+        try:
+            worker.start()
+        except HardwareFault:
+            return False
+        return True
+
+    exchange.deed = lambda command: 9
+    wait_for(starts)
+    wait_for(lambda: worker.newest[0] == 9)
+    worker.stop()
+    assert descriptors() == files
+
+
+PROGRAM = """
+import sys, threading, time
+from hardware.worker import Worker
+
+class Exchange:
+    def open(self): return 0
+    def exchange(self, command):
+        {hang}
+        return 1
+    def close(self): print("closed", flush=True)
+
+worker = Worker(Exchange(), rest=0, period=0.001, on_command=True, stale=1.0, bad_replies=1)
+worker.start()
+time.sleep(0.05)
+{end}
+"""
+
+
+@pytest.mark.parametrize(
+    ("hang", "end"),
+    [
+        ("", ""),
+        ("", "raise KeyError"),
+        ("", "sys.exit(3)"),
+        ("time.sleep(1.2)", "worker.stop()"),
+    ],
+    ids=["end", "error", "exit", "hangs"],
+)
+def test_a_program_that_ends_leaves_the_device_safe(hang: str, end: str) -> None:
+    """Whether it remembers to stop the worker or not, and though the exchange takes longer than a stop waits."""
+    program = PROGRAM.format(hang=hang, end=end)
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout == "closed\n"
+    assert "Fatal" not in done.stderr
+
+
+def test_its_own_pace_is_kept_whatever_an_exchange_takes() -> None:
+    """Half a period of work does not make the period longer; in fake time, so that only a stall could do that."""
+    ahead = [0.0]
+    starts: list[float] = []
+
+    def clock() -> float:
+        return monotonic() + ahead[0]
+
+    def deed(command: str) -> int:
+        starts.append(clock())
+        ahead[0] += 0.005
+        return 1
+
+    with working(Scripted(deed), period=0.01, on_command=False, clock=clock):
+        wait_for(lambda: any(starts[i + 5] - starts[i] < 0.055 for i in range(len(starts) - 5)))
+
+
+def test_what_a_stall_made_it_miss_is_not_made_up_for() -> None:
+    """Every fifth exchange takes ten periods; making up for them would need no pause at all."""
+    ahead, number = [0.0], count(1)
+    starts: list[float] = []
+
+    def clock() -> float:
+        return monotonic() + ahead[0]
+
+    def deed(command: str) -> int:
+        starts.append(clock())
+        if next(number) % 5 == 0:
+            ahead[0] += 0.1
+        return 1
+
+    with working(Scripted(deed), period=0.01, on_command=False, clock=clock):
+        wait_for(lambda: len(starts) >= 21)
+    seen = starts[:21]
+    stalls = 4
+    assert len(seen) <= (seen[-1] - seen[0]) / 0.01 - 9 * stalls + 2
+
+
+def test_commands_do_not_hurry_a_device_with_its_own_pace() -> None:
+    exchange = Scripted()
+    with working(exchange, period=60.0, on_command=False) as worker:
+        wait_for(lambda: len(exchange.commands) == 1)
+        for _ in range(50):
+            worker.command("push", monotonic())
+            sleep(0.0005)
+        assert len(exchange.commands) == 1
+
+
+def test_many_commands_before_an_exchange_are_one_and_the_newest_counts() -> None:
+    hanging = Hanging()
+    exchange = Scripted(hanging)
+    with working(exchange, period=60.0) as worker:
+        worker.command("first", monotonic())
+        assert hanging.inside.wait(60.0)
+        for number in range(1000):
+            worker.command(f"push {number}", monotonic())
+        hanging.let_go.set()
+        wait_for(lambda: len(exchange.commands) >= 2)
+        sleep(0.01)
+        assert exchange.commands == ["first", "push 999"]

@@ -1,0 +1,78 @@
+"""The handle of an emulated device goes where a hand takes it, and where the force pushes that hand."""
+
+from itertools import pairwise
+
+import pytest
+
+from codec.vector import ZERO, Vector, distance, subtract
+from master.devices.operator import OperatorDevice
+from master.emulators.handle import CARRY_M_S, STEP, Handle, HandleOptions
+
+TICK = 0.001
+
+
+def held_still(origin: Vector = ZERO) -> Handle:
+    rest = [{"motion": "rest", "duration_s": 100.0}]
+    return Handle(HandleOptions.model_validate({"script": rest, "tremor_m": 0.0, "origin_m": origin}))
+
+
+def test_it_moves_as_the_hand_of_the_operator_does_about_its_own_origin() -> None:
+    origin = (0.01, -0.02, 0.03)
+    options = HandleOptions(origin_m=origin, seed=7)
+    handle, operator = Handle(options), OperatorDevice(options, STEP)
+    operator.open(50.0)
+    forces = [(0.0, 0.1 * (i % 9), -0.5) for i in range(1500)]
+    moved = 0.0
+    for tick, force in enumerate(forces):
+        now = 50.0 + tick * TICK
+        operator.command(force, now)
+        expected = operator.latest(now).position
+        assert subtract(handle.advance(force, now), origin) == pytest.approx(expected, abs=1e-15)
+        moved = max(moved, distance(expected, options.home_m))
+    assert moved > 0.02
+
+
+def test_the_same_calls_give_the_same_way_bit_for_bit_and_another_seed_another() -> None:
+    def way(seed: int) -> list[Vector]:
+        handle = Handle(HandleOptions(seed=seed))
+        return [handle.advance((0.0, 0.0, 0.3 * (i % 5)), 3.0 + i * TICK * (1.0 + 0.4 * (i % 3))) for i in range(500)]
+
+    assert way(1) == way(1)
+    assert way(1) != way(2)
+
+
+def test_it_yields_to_force_by_the_stiffness_of_the_hand() -> None:
+    handle = held_still()
+    start = handle.position
+    for tick in range(2000):
+        handle.advance((3.0, 0.0, -1.5), tick * TICK)
+    assert subtract(handle.position, start) == pytest.approx((0.01, 0.0, -0.005), abs=1e-5)
+
+
+def test_time_that_stands_still_or_goes_back_moves_nothing() -> None:
+    handle = held_still()
+    handle.advance(ZERO, 5.0)
+    place = handle.advance((5.0, 0.0, 0.0), 5.1)
+    assert handle.advance((5.0, 0.0, 0.0), 5.1) == place
+    assert handle.advance((5.0, 0.0, 0.0), 4.0) == place
+
+
+def test_it_is_carried_away_held_and_given_back_without_a_jump() -> None:
+    handle = held_still()
+    script, home = handle.position, (0.05, 0.02, 0.2)
+    ways = [handle.advance(ZERO, 0.0)]
+    handle.carry(home)
+    assert not handle.arrived
+    ways += [handle.advance((9.0, 9.0, 9.0), tick * TICK) for tick in range(1, 2000)]
+    assert handle.arrived
+    assert handle.position == home
+    handle.carry(None)
+    ways += [handle.advance(ZERO, tick * TICK) for tick in range(2000, 4000)]
+    assert handle.arrived
+    assert handle.position == pytest.approx(script, abs=1e-9)
+    assert max(distance(a, b) for a, b in pairwise(ways)) < 1.001 * CARRY_M_S * TICK
+
+
+def test_a_force_that_is_no_number_is_refused() -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        held_still().advance((0.0, float("nan"), 0.0), 0.0)

@@ -1,0 +1,198 @@
+"""The emulated board, without a port: what the firmware does with bytes, and what the linkage does with torques."""
+
+from math import hypot, isfinite
+from struct import pack
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec.vector import ZERO, Vector
+from hardware.emulator import Emulator
+from master.devices.haply.board import RESET
+from master.devices.haply.fivebar import radians
+from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
+from master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
+
+V3 = VERSIONS["v3"]
+BOARD = V3.board
+every_version = pytest.mark.parametrize("version", sorted(VERSIONS))
+
+
+def emulator(version: str = "v3", **handle: object) -> HaplyEmulator:
+    return HaplyEmulator(
+        HaplyEmulatorOptions.model_validate({"version": version, "handle": {"tremor_m": 0.0, **handle}})
+    )
+
+
+def answers(device: Emulator, data: bytes, now: float = 0.0) -> bytes:
+    device.advance(now)
+    device.receive(data, now)
+    return b"".join(device.replies(now + 0.01))
+
+
+def test_it_is_an_emulator() -> None:
+    device: Emulator = emulator()
+    assert HaplyEmulator.transport == "serial"
+    for name in HaplyEmulator.OWN_FAULTS:
+        emulator().inject(name, 1)
+    with pytest.raises(ValueError, match=r"'fire'.*stuck_encoder"):
+        emulator().inject("fire", 1)
+    assert device.next_timer() is not None
+
+
+@every_version
+def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
+    board, device = VERSIONS[version].board, emulator(version)
+    zero = board.torques(0.0, 0.0)
+    assert answers(device, zero) == board.bare_reply
+    assert answers(device, RESET + board.setup + zero)[:1] == board.bare_reply
+    assert board.angles(answers(device, zero)) == pytest.approx(board.home_deg, abs=0.08)
+    device.handle.carry(ZERO)
+    for tick in range(1, 500):
+        device.advance(tick * 0.001)
+    middle = board.angles(answers(device, zero, 0.5))
+    expected = VERSIONS[version].bar.angles(VERSIONS[version].center)
+    assert radians(middle) == pytest.approx(expected, abs=0.003)
+    assert board.angles(answers(device, board.setup + zero, 0.5)) == pytest.approx(board.home_deg, abs=0.08)
+
+
+def test_an_answer_takes_its_time() -> None:
+    device = HaplyEmulator(HaplyEmulatorOptions(answer_ms=2.0))
+    device.receive(BOARD.setup + BOARD.torques(0.0, 0.0), 1.0)
+    assert device.replies(1.0019) == []
+    assert device.next_timer() <= 1.002  # type: ignore[operator]
+    assert len(device.replies(1.0021)) == 1
+    assert device.replies(9.0) == []
+
+
+def test_a_message_in_pieces_is_one_message_and_what_is_never_finished_is_dropped() -> None:
+    device = emulator()
+    whole = BOARD.setup + BOARD.torques(0.1, 0.0)
+    for number, byte in enumerate(whole):
+        device.receive(bytes((byte,)), number * 0.01)
+    assert device.torques == pytest.approx((0.1, 0.0))
+    assert len(device.replies(10.0)) == 1
+    device.receive(whole[-10:-2], 10.0)
+    device.advance(10.0 + 1.1 * PATIENCE_S)
+    assert len(answers(device, BOARD.torques(0.0, 0.0), 12.0)) == 9
+
+
+def test_only_another_torque_takes_a_torque_away() -> None:
+    device = emulator()
+    answers(device, BOARD.setup + BOARD.torques(0.1, -0.05))
+    for now in (1.0, 10.0, 1000.0):
+        device.advance(now)
+    answers(device, RESET + BOARD.setup, 1000.0)
+    assert device.torques == pytest.approx((0.1, -0.05))
+    answers(device, BOARD.torques(0.0, 0.0), 1000.0)
+    assert device.torques == (0.0, 0.0)
+    assert device.most_torque == pytest.approx(0.1)
+
+
+def test_the_firmware_cuts_a_torque() -> None:
+    device = emulator()
+    answers(device, BOARD.setup + BOARD.torques(5.0, float("nan")))
+    assert device.torques == (MOST_TORQUE_N_M, 0.0)
+
+
+@pytest.mark.parametrize("force", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-0.4, 0.3, 0.0)])
+def test_the_hand_feels_what_the_torques_make(force: Vector) -> None:
+    """The linkage's x is the device's -y, and its y the device's x."""
+    device = emulator()
+    answers(device, BOARD.setup)
+    device.handle.carry(ZERO)
+    for tick in range(500):
+        device.advance(tick * 0.001)
+    bar = V3.bar
+    torques = bar.jacobian(bar.angles(V3.center)).torques((-force[1], force[0]))
+    answers(device, BOARD.torques(*torques), 0.5)
+    assert device.force == pytest.approx(force, abs=1e-6)
+
+
+@pytest.mark.parametrize("flipped", ["motors", "encoders"])
+def test_a_wrong_direction_turns_the_sign_round(flipped: str) -> None:
+    device = emulator()
+    setup = bytearray(BOARD.setup)
+    at = 3 if flipped == "motors" else 6
+    setup[at] = setup[at + 1] = 0
+    answers(device, bytes(setup) + BOARD.torques(0.05, 0.02))
+    sign = -1.0 if flipped == "motors" else 1.0
+    assert device.torques == pytest.approx((sign * 0.05, sign * 0.02))
+    device.handle.carry(ZERO)
+    for tick in range(500):
+        device.advance(tick * 0.001)
+    first, _ = BOARD.angles(answers(device, BOARD.torques(0.0, 0.0), 0.5))
+    assert (first > 168.0) == (flipped == "encoders"), "the true one goes down on the way to the middle"
+
+
+def test_a_setup_with_more_on_the_board_is_understood() -> None:
+    """Analog inputs come before the angles, and each PWM output takes a byte before the torques."""
+    device = emulator()
+    setup = bytes((1, 9, 1, 1, 2, 1, 2, 54, 55, 1, 4)) + pack("<2f", 30.0, 4880.0)
+    reply = answers(device, setup + bytes((2, 9, 200)) + pack("<f", 0.05))
+    assert len(reply) == 1 + 4 * 3
+    assert device.torques == pytest.approx((0.0, 0.05)), "motor 2 hangs on port 1"
+
+
+@pytest.mark.parametrize("which", [1, 2])
+def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> None:
+    device, zero = emulator(), BOARD.torques(0.0, 0.0)
+    answers(device, BOARD.setup)
+    device.inject("stuck_encoder", which)
+    device.handle.carry(ZERO)
+    for tick in range(500):
+        device.advance(tick * 0.001)
+    angles = BOARD.angles(answers(device, zero, 0.5))
+    assert angles[which - 1] == pytest.approx(BOARD.home_deg[which - 1], abs=0.08)
+    assert abs(angles[2 - which] - BOARD.home_deg[2 - which]) > 10.0
+    device.inject("stuck_encoder", 0)
+    assert abs(BOARD.angles(answers(device, zero, 0.5))[which - 1] - BOARD.home_deg[which - 1]) > 10.0
+
+
+def test_slips_and_a_restart() -> None:
+    device, zero = emulator(), BOARD.torques(0.1, 0.1)
+    answers(device, BOARD.setup)
+    device.inject("slip", 2)
+    assert [len(answers(device, zero)) for _ in range(3)] == [8, 8, 9]
+    device.inject("restart", 1)
+    assert device.torques == (0.0, 0.0)
+    assert answers(device, BOARD.torques(0.0, 0.0)) == BOARD.bare_reply
+
+
+def test_the_hand_stays_where_it_is_until_the_board_is_set_up() -> None:
+    device = emulator()
+    for tick in range(1000):
+        device.advance(tick * 0.001)
+    assert BOARD.angles(answers(device, BOARD.setup + BOARD.torques(0.0, 0.0), 1.0)) == pytest.approx(
+        BOARD.home_deg, abs=0.08
+    )
+
+
+@every_version
+def test_the_script_stays_within_reach(version: str) -> None:
+    """The tip is where the hand is, all the way."""
+    kind, device = VERSIONS[version], emulator(version)
+    answers(device, kind.board.setup)
+    for tick in range(9000):
+        device.advance(tick * 0.001)
+        if tick % 50 == 0:
+            x, y = kind.bar.tip(device._angles)
+            at = device.handle.position
+            assert hypot(y - kind.center[1] - at[0], kind.center[0] - x - at[1]) < 1e-6
+
+
+@settings(max_examples=150, derandomize=True, deadline=None)
+@given(chunks=st.lists(st.one_of(st.binary(max_size=40), st.just(BOARD.setup)), max_size=8))
+def test_whatever_comes_it_lives(chunks: list[bytes]) -> None:
+    device = emulator()
+    for number, chunk in enumerate(chunks):
+        now = number * 0.3
+        device.receive(chunk, now)
+        device.advance(now)
+        device.replies(now)
+        assert max(map(abs, device.torques)) <= MOST_TORQUE_N_M
+        assert all(map(isfinite, device.force))
+    device.advance(100.0)
+    device.replies(100.0)
+    assert len(answers(device, BOARD.setup + BOARD.torques(0.0, 0.0), 200.0)) == 9
