@@ -1,0 +1,113 @@
+"""The force of the environment on the tip, from the currents of the motors.
+
+At rest, and nearly so in slow motion, the motors carry the weight, the friction and whatever presses on the tip:
+
+    J^T f = gravity + friction - tau,    tau = torque constant * current
+
+four equations for three unknowns, solved by least squares, damped where the arm is nearly straight and a direction can
+no longer be felt. What it takes to move the links' own mass is not subtracted: it is felt, as that of a tool is. Owns
+the uncertainty of the estimate. Knows no registers and no clock.
+"""
+
+from math import expm1, hypot, pi, sqrt
+from typing import Final, NamedTuple
+
+from codec.vector import ZERO, Vector
+from slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, Joints, Posture
+
+_FEELS_LEAST_M: Final = 0.02
+"""Smallest singular value of the planar Jacobian, and smallest reach, without damping [m]: below it a torque of
+0.02 N m, which is friction, would pass for more than 1 N."""
+
+
+class Friction(NamedTuple):
+    """Of the joints: Coulomb [N m], viscous [N m s], and the rate from which the Coulomb part is full [rad/s]."""
+
+    coulomb: Joints = COULOMB_N_M
+    viscous: Joints = VISCOUS_N_M_S
+    full_rate: float = 0.05
+
+    def torque(self, joint: int, rate: float) -> float:
+        """That opposes a joint at this rate; at rest the Coulomb part is unknown, and counts as none."""
+        share = min(max(rate / self.full_rate, -1.0), 1.0)
+        return self.coulomb[joint] * share + self.viscous[joint] * rate
+
+
+def tip_force(posture: Posture, rates: Joints, torques: Joints, friction: Friction) -> Vector:
+    """Force of the environment on the robot [N], from the torques of the motors [N m]."""
+    r1, r2, r3, r4 = [
+        weight + friction.torque(joint, rate) - torque
+        for joint, (weight, rate, torque) in enumerate(zip(posture.gravity, rates, torques, strict=True))
+    ]
+    return _pressing(posture, (r1, r2, r3, r4))
+
+
+def _pressing(posture: Posture, torques: Joints) -> Vector:
+    """The tip force whose J^T f is nearest to these torques."""
+    t1, t2, t3, t4 = torques
+    a2, b2, a3, b3, a4, b4 = posture.columns
+    rr, rz, zz = a2 * a2 + a3 * a3 + a4 * a4, a2 * b2 + a3 * b3 + a4 * b4, b2 * b2 + b3 * b3 + b4 * b4
+    half = 0.5 * (rr + zz)
+    damping = _damping(half - sqrt(max(0.0, half * half - rr * zz + rz * rz)))
+    rr, zz = rr + damping, zz + damping
+    r, z = a2 * t2 + a3 * t3 + a4 * t4, b2 * t2 + b3 * t3 + b4 * t4
+    scale = 1.0 / (rr * zz - rz * rz)
+    radial, up = (zz * r - rz * z) * scale, (rr * z - rz * r) * scale
+    across = posture.reach * t1 / (posture.reach**2 + _damping(posture.reach**2))
+    return (
+        posture.cos_yaw * radial - posture.sin_yaw * across,
+        posture.sin_yaw * radial + posture.cos_yaw * across,
+        up,
+    )
+
+
+def _damping(square: float) -> float:
+    """What is added to a squared singular value [m^2]: none where the direction is felt, more the less it is."""
+    least = _FEELS_LEAST_M**2
+    return max(0.0, least - square)
+
+
+def force_error(posture: Posture, friction: Friction, torque_constant_error: float) -> tuple[float, float]:
+    """Bound on the error of `tip_force` at rest in this posture: newtons, and a share of the force.
+
+    The newtons are those of the Coulomb friction, which at rest may point either way, and of the weight as far as the
+    torque constant (wrong by this share at most) makes too much or too little of it; of all joints, with the signs that
+    add up worst.
+    """
+    newtons = 0.0
+    for joint in range(4):
+        torque = friction.coulomb[joint] + torque_constant_error * abs(posture.gravity[joint])
+        one = tuple([torque if joint == other else 0.0 for other in range(4)])
+        newtons += hypot(*_pressing(posture, (one[0], one[1], one[2], one[3])))
+    return (newtons, torque_constant_error)
+
+
+class LowPass:
+    """First-order low-pass of a force; lags by 1 / (2 pi cutoff) [s] at frequencies well below the cutoff.
+
+    Args:
+        cutoff: [Hz]; 0 for none.
+    """
+
+    def __init__(self, cutoff: float) -> None:
+        self._rate = 2.0 * pi * cutoff
+        self._force = ZERO
+        self._at: float | None = None
+
+    @property
+    def lag(self) -> float:
+        return 1.0 / self._rate if self._rate > 0.0 else 0.0
+
+    def restart(self) -> None:
+        """Take the next force as it is."""
+        self._at = None
+
+    def next(self, force: Vector, at: float) -> Vector:
+        """The filtered force at the time of this one [s]."""
+        share = 1.0
+        if self._rate > 0.0 and self._at is not None:
+            share = -expm1(-self._rate * max(0.0, at - self._at))
+        (x, y, z), (a, b, c) = self._force, force
+        self._force = (x + share * (a - x), y + share * (b - y), z + share * (c - z))
+        self._at = at
+        return self._force

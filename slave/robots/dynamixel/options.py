@@ -1,0 +1,163 @@
+"""What the file says of the arm, checked against what bus, mechanics and gains allow. Knows no thread."""
+
+from math import floor, radians
+from typing import Annotated, Final, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from codec.vector import Vector, add, scale
+from slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, Posture, inverse_nearest, posture
+from slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
+from slave.robots.dynamixel.exchange import Settings
+from slave.robots.dynamixel.external_force import Friction, force_error
+from slave.robots.dynamixel.impedance import SLOWEST_HZ, Gains, stiffest
+from slave.robots.dynamixel.motors import OnClose
+from slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
+
+PATIENCE_S: Final = 0.1
+"""How long the last command holds when no more come [s]."""
+READ_REQUEST: Final = 18
+WRITE_REQUEST: Final = 26
+"""Bytes on the wire for four motors: sync read of what they measure, sync write of their goal currents."""
+
+Workspace = tuple[Vector, Vector]
+Figure = Annotated[float, Field(ge=0.0, le=1.0)]
+PerJoint = tuple[Figure, Figure, Figure, Figure]
+
+
+class DynamixelOptions(BaseModel):
+    """Options of `dynamixel`. Frame: origin in the middle of the foot, x forward, y left, z up."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    port: str | None = Field(default=None, description="of the adapter; if not given, the only one plugged in")
+    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]; motors are delivered with 57600")
+    ids: tuple[int, int, int, int] = Field(default=(11, 12, 13, 14), description="of the motors of joints 1 to 4")
+    rate_hz: float = Field(default=250.0, ge=SLOWEST_HZ, le=1000.0, description="of the bus")
+    latency_ms: float = Field(
+        default=1.0, ge=0.0, le=16.0, description="how long the adapter collects answers; part of the stated lag"
+    )
+    timeout_ms: float = Field(
+        default=10.0, ge=2.0, le=100.0, description="how much later than its time on the wire an answer may come"
+    )
+    bus_watchdog_ms: float = Field(
+        default=200.0, ge=20.0, le=2540.0, description="without any instruction for so long, the motors go limp"
+    )
+    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for an arm that is gone")
+    on_close: OnClose = Field(
+        default=OnClose.HOLD,
+        description="hold: the motors keep the arm where it is; limp: it drops; rest: goes home, then limp",
+    )
+    home_m: Vector = Field(default=(0.14, 0.0, 0.06), description="where `on_close: rest` puts the tip")
+    workspace_m: Workspace = Field(
+        default=((0.12, -0.12, 0.05), (0.26, 0.12, 0.25)), description="lowest and highest corner for commands"
+    )
+    pitch_deg: float | None = Field(
+        default=None, ge=-90.0, le=90.0, description="of the gripper, positive down; if not given, that at opening"
+    )
+    stiffness_n_m: float = Field(default=200.0, gt=0.0, description="of the tip; bounded by damping and rate")
+    damping_rate_s: float = Field(default=50.0, gt=0.0, description="at which motion dies away [1/s]")
+    force_n: float = Field(
+        default=5.0, gt=0.0, le=20.0, description="largest force of the tip's spring, and largest one reported"
+    )
+    max_current_ma: float = Field(default=1000.0, ge=450.0, le=3200.0, description="largest current of a motor")
+    approach_m_s: float = Field(
+        default=0.1, gt=0.0, le=0.5, description="speed towards the commands after opening or a pause"
+    )
+    torque_constant_n_m_a: float = Field(default=1.78, gt=0.1, lt=10.0, description="of the motors with their gears")
+    torque_constant_error: float = Field(
+        default=0.25, ge=0.0, lt=1.0, description="share by which it may be wrong; smaller after a calibration"
+    )
+    coulomb_n_m: PerJoint = Field(default=COULOMB_N_M, description="dry friction of the joints")
+    viscous_n_m_s: PerJoint = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
+    force_cutoff_hz: float = Field(default=50.0, ge=0.0, description="of the low-pass on the force; 0 for none")
+
+    @property
+    def reading_s(self) -> float:
+        """From the request to the last answer [s]."""
+        return (
+            BITS_PER_BYTE / self.baud * (READ_REQUEST + 4 * (STATUS_OVERHEAD + PRESENT_SIZE)) + 1e-3 * self.latency_ms
+        )
+
+    @model_validator(mode="after")
+    def check_bus(self) -> Self:
+        if self.baud not in BAUD_RATES.values():
+            raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES.values()))}, got {self.baud}")
+        if len(set(self.ids)) != 4 or not all(0 <= id_ <= 252 for id_ in self.ids):
+            raise ValueError(f"ids: expected four different ones from 0 to 252, got {self.ids}")
+        busy = self.reading_s + BITS_PER_BYTE / self.baud * WRITE_REQUEST
+        if busy * SLOWEST_HZ > 1.0:
+            raise ValueError(
+                f"baud: expected more: at {self.baud} bit/s and latency_ms {self.latency_ms:g} a cycle takes "
+                f"{busy * 1e3:.1f} ms, and the arm needs {SLOWEST_HZ:.0f} Hz; write 3 (1 Mbit/s) to "
+                "register 8 of the motors"
+            )
+        if busy * self.rate_hz > 1.0:
+            raise ValueError(
+                f"rate_hz: expected {floor(1.0 / busy)} or less: at {self.baud} bit/s and latency_ms "
+                f"{self.latency_ms:g} a cycle takes {busy * 1e3:.1f} ms"
+            )
+        if self.bus_watchdog_ms < 2.0 * self.timeout_ms:
+            raise ValueError(f"bus_watchdog_ms: expected at least twice timeout_ms, {2.0 * self.timeout_ms:g}")
+        return self
+
+    @model_validator(mode="after")
+    def check_gains(self) -> Self:
+        if self.damping_rate_s > 0.25 * self.rate_hz:
+            raise ValueError(f"damping_rate_s: expected {0.25 * self.rate_hz:.0f} or less at {self.rate_hz:g} Hz")
+        most = stiffest(self.damping_rate_s, self.rate_hz)
+        if self.stiffness_n_m > most:
+            raise ValueError(
+                f"stiffness_n_m: expected {most:.0f} or less, more is unstable at {self.rate_hz:g} Hz with "
+                f"damping_rate_s {self.damping_rate_s:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def check_workspace(self) -> Self:
+        low, high = self.workspace_m
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError(f"workspace_m: expected a lower and a higher corner, got {self.workspace_m}")
+        for corner in corners(self.workspace_m):
+            if inverse_nearest(corner, radians(self.pitch_deg or 0.0)) is None:
+                raise ValueError(f"workspace_m: expected corners that the arm reaches, it does not reach {corner}")
+        if not all(a <= x <= b for a, x, b in zip(low, self.home_m, high, strict=True)):
+            raise ValueError(f"home_m: expected a point within the workspace, got {self.home_m}")
+        return self
+
+
+def corners(workspace: Workspace) -> list[Vector]:
+    """Of the box, and its middle [m]."""
+    low, high = workspace
+    middle = scale(add(low, high), 0.5)
+    return [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])] + [middle]
+
+
+def settings_of(options: DynamixelOptions) -> Settings:
+    return Settings(
+        baud=options.baud,
+        ids=options.ids,
+        rate=options.rate_hz,
+        margin=1e-3 * (options.timeout_ms + options.latency_ms),
+        watchdog=1e-3 * options.bus_watchdog_ms,
+        gains=Gains(options.stiffness_n_m, options.damping_rate_s, options.force_n),
+        pitch=None if options.pitch_deg is None else radians(options.pitch_deg),
+        torque_constant=options.torque_constant_n_m_a,
+        current=1e-3 * options.max_current_ma,
+        friction=Friction(options.coulomb_n_m, options.viscous_n_m_s),
+        cutoff=options.force_cutoff_hz,
+        approach_speed=options.approach_m_s,
+        patience=PATIENCE_S,
+    )
+
+
+def worst_force_error(options: DynamixelOptions) -> tuple[float, float]:
+    """Of the estimate at rest, anywhere at the corners or in the middle of the workspace: newtons and share."""
+    friction = Friction(options.coulomb_n_m, options.viscous_n_m_s)
+    return max(force_error(there, friction, options.torque_constant_error) for there in postures(options))
+
+
+def postures(options: DynamixelOptions) -> list[Posture]:
+    """At the corners and in the middle of the workspace, with the pitch nearest to the one wanted."""
+    found = (inverse_nearest(corner, radians(options.pitch_deg or 0.0)) for corner in corners(options.workspace_m))
+    return [posture(joints) for joints in found if joints is not None]

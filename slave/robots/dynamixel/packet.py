@@ -1,0 +1,241 @@
+"""Packets of Dynamixel protocol 2.0: bytes to packets and back.
+
+Layout (ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; everything little endian)::
+
+    FF FF FD 00 | id | length (2) | instruction | parameters ... | crc (2)
+
+`length` counts from the instruction to the end of the CRC. A status has the instruction 0x55 and an error byte in front
+of its parameters. A header that occurs by chance between instruction and CRC is broken by an FD after it ("stuffing"),
+so whatever looks like a header is one. Knows no registers and does no I/O.
+"""
+
+from collections.abc import Iterable
+from struct import Struct
+from typing import Final, NamedTuple
+
+HEADER: Final = b"\xff\xff\xfd\x00"
+BROADCAST: Final = 0xFE
+HIGHEST_ID: Final = 252
+
+PING: Final = 0x01
+READ: Final = 0x02
+WRITE: Final = 0x03
+REG_WRITE: Final = 0x04
+ACTION: Final = 0x05
+REBOOT: Final = 0x08
+CLEAR: Final = 0x10
+STATUS: Final = 0x55
+SYNC_READ: Final = 0x82
+SYNC_WRITE: Final = 0x83
+FAST_SYNC_READ: Final = 0x8A
+BULK_READ: Final = 0x92
+BULK_WRITE: Final = 0x93
+
+ALERT: Final = 0x80
+"""Bit of the error byte: the hardware error register says more."""
+RESULT_FAIL: Final = 1
+INSTRUCTION_ERROR: Final = 2
+CRC_ERROR: Final = 3
+DATA_RANGE_ERROR: Final = 4
+DATA_LENGTH_ERROR: Final = 5
+DATA_LIMIT_ERROR: Final = 6
+ACCESS_ERROR: Final = 7
+
+ERRORS: Final = {
+    RESULT_FAIL: "the instruction failed",
+    INSTRUCTION_ERROR: "unknown instruction",
+    CRC_ERROR: "it received a wrong checksum",
+    DATA_RANGE_ERROR: "value out of range",
+    DATA_LENGTH_ERROR: "value of the wrong length",
+    DATA_LIMIT_ERROR: "value beyond the limit set in the motor",
+    ACCESS_ERROR: "register not writable now",
+}
+
+LONGEST: Final = 1024
+"""Bytes of the longest packet that a reader takes; what claims to be longer is garbage."""
+
+OVERHEAD: Final = 10
+"""Bytes of an instruction without parameters; a status has one more."""
+
+_CHANCE: Final = HEADER[:3]
+_STUFFED: Final = _CHANCE + b"\xfd"
+_WORDS: Final = Struct("<HH")
+
+
+class Packet(NamedTuple):
+    """An instruction."""
+
+    id: int
+    instruction: int
+    parameters: bytes = b""
+
+
+class Status(NamedTuple):
+    """A motor's answer; `error` is 0 where all is well."""
+
+    id: int
+    error: int
+    parameters: bytes = b""
+
+
+def _table() -> tuple[int, ...]:
+    entries = []
+    for byte in range(256):
+        remainder = byte << 8
+        for _ in range(8):
+            remainder = (remainder << 1) ^ (0x8005 if remainder & 0x8000 else 0)
+        entries.append(remainder & 0xFFFF)
+    return tuple(entries)
+
+
+_TABLE: Final = _table()
+
+
+def crc16(data: bytes | bytearray) -> int:
+    """CRC-16 of polynomial 0x8005 that starts at 0, bits in their order (CRC-16/BUYPASS)."""
+    crc, table = 0, _TABLE
+    for byte in data:
+        crc = ((crc << 8) & 0xFFFF) ^ table[(crc >> 8) ^ byte]
+    return crc
+
+
+def encode_packet(packet: Packet) -> bytes:
+    """The bytes on the wire."""
+    return _framed(packet.id, bytes((packet.instruction,)) + packet.parameters)
+
+
+def encode_status(status: Status) -> bytes:
+    """The bytes on the wire."""
+    return _framed(status.id, bytes((STATUS, status.error)) + status.parameters)
+
+
+def _framed(id_: int, body: bytes) -> bytes:
+    if _CHANCE in body:
+        body = body.replace(_CHANCE, _STUFFED)
+    frame = HEADER + bytes((id_,)) + (len(body) + 2).to_bytes(2, "little") + body
+    return frame + crc16(frame).to_bytes(2, "little")
+
+
+def ping(id_: int) -> Packet:
+    return Packet(id_, PING)
+
+
+def read(id_: int, address: int, size: int) -> Packet:
+    return Packet(id_, READ, _WORDS.pack(address, size))
+
+
+def write(id_: int, address: int, data: bytes) -> Packet:
+    return Packet(id_, WRITE, address.to_bytes(2, "little") + data)
+
+
+def sync_read(address: int, size: int, ids: Iterable[int]) -> Packet:
+    """Ask several motors for the same registers; they answer one after the other, in this order."""
+    return Packet(BROADCAST, SYNC_READ, _WORDS.pack(address, size) + bytes(ids))
+
+
+def sync_write(address: int, size: int, values: Iterable[tuple[int, bytes]]) -> Packet:
+    """Write the same registers of several motors, each its own `size` bytes; none of them answers."""
+    return Packet(
+        BROADCAST, SYNC_WRITE, _WORDS.pack(address, size) + b"".join(bytes((id_,)) + data for id_, data in values)
+    )
+
+
+def error_text(error: int) -> str:
+    """What the error byte says, without its alert."""
+    number = error & ~ALERT
+    return ERRORS.get(number, f"error {number}") if number else "no error"
+
+
+class _FrameReader:
+    """Cuts a stream into frames; never raises, whatever the bytes, and never holds more than the longest frame.
+
+    Since stuffing keeps headers out of frames, a header inside one means that it was cut short.
+    """
+
+    def __init__(self) -> None:
+        self._buffer = bytearray()
+        self.dropped_bytes = 0
+        """Bytes that belong to no good frame."""
+        self.bad_crc = 0
+        """Frames whose checksum was wrong."""
+
+    def clear(self) -> None:
+        """Forget what has come of an unfinished frame."""
+        self.dropped_bytes += len(self._buffer)
+        self._buffer.clear()
+
+    def _frames(self, data: bytes) -> list[tuple[int, bytes]]:
+        """Id, and instruction with parameters, of every frame that is now whole."""
+        frames: list[tuple[int, bytes]] = []
+        for start in range(0, len(data), LONGEST):
+            self._buffer += data[start : start + LONGEST]
+            while self._cut(frames):
+                pass
+        return frames
+
+    def _cut(self, frames: list[tuple[int, bytes]]) -> bool:
+        """Take one frame or some garbage off the front; False where that needs more bytes."""
+        buffer = self._buffer
+        begin = buffer.find(HEADER)
+        if begin != 0:
+            # Without a header, the last three bytes may be the beginning of one.
+            garbage = begin if begin > 0 else len(buffer) - _begun(buffer)
+            self._drop(garbage)
+            if begin < 0:
+                return False
+        if len(buffer) < 7:
+            return False
+        end = 7 + (buffer[5] | buffer[6] << 8)
+        if not OVERHEAD <= end <= LONGEST:
+            self._drop(4)
+            return True
+        following = buffer.find(HEADER, 4, end + 3)  # the last byte may be the first of the next header
+        if following >= 0:
+            self._drop(following)
+            return True
+        if len(buffer) < end:
+            return False
+        return self._take(end, frames)
+
+    def _take(self, end: int, frames: list[tuple[int, bytes]]) -> bool:
+        buffer = self._buffer
+        if crc16(buffer[: end - 2]) != buffer[end - 2] | buffer[end - 1] << 8:
+            self.bad_crc += 1
+            self._drop(4)
+            return True
+        body = bytes(buffer[7 : end - 2])
+        if _STUFFED in body:
+            body = body.replace(_STUFFED, _CHANCE)
+        frames.append((buffer[4], body))
+        del buffer[:end]
+        return True
+
+    def _drop(self, count: int) -> None:
+        self.dropped_bytes += count
+        del self._buffer[:count]
+
+
+def _begun(buffer: bytearray) -> int:
+    """Length of the longest end of the buffer that is a beginning of a header."""
+    for length in (3, 2, 1):
+        if buffer.endswith(HEADER[:length]):
+            return length
+    return 0
+
+
+class PacketReader(_FrameReader):
+    """What a motor hears: instructions, out of a stream."""
+
+    def feed(self, data: bytes) -> list[Packet]:
+        """The instructions that are now whole, oldest first; statuses are none."""
+        return [Packet(id_, body[0], body[1:]) for id_, body in self._frames(data) if body[0] != STATUS]
+
+
+class StatusReader(_FrameReader):
+    """What the host hears: answers, out of a stream; an echo of its own instructions is skipped."""
+
+    def feed(self, data: bytes) -> list[Status]:
+        """The answers that are now whole, oldest first."""
+        return [
+            Status(id_, body[1], body[2:]) for id_, body in self._frames(data) if body[0] == STATUS and len(body) > 1
+        ]

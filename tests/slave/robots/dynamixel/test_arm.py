@@ -1,0 +1,126 @@
+"""Mechanics against numerical differentiation, round trips, energy and the emulated arm, which was written apart."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.vector import Vector, distance, dot
+from slave.emulators.pose import Pose
+from slave.robots.dynamixel import arm
+from slave.robots.dynamixel.arm import LOWER, UPPER, Joints, inverse, inverse_nearest, posture, within_limits
+
+STEP = 1e-6
+poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
+small = st.tuples(*[st.floats(-2.0, 2.0)] * 4)
+forces = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+
+
+def moved(joints: Joints, index: int, by: float) -> Joints:
+    a, b, c, d = (q + by * (number == index) for number, q in enumerate(joints))
+    return (a, b, c, d)
+
+
+def test_stretched_out_it_is_as_long_as_the_drawing_says() -> None:
+    straight = posture((0.0, 0.0, 0.0, 0.0))
+    assert straight.tip == pytest.approx((0.012 + 0.024 + 0.124 + 0.126, 0.0, 0.017 + 0.0595 + 0.128))
+    assert straight.pitch == 0.0
+
+
+@given(poses)
+def test_the_jacobian_is_the_derivative_of_the_tip(joints: Joints) -> None:
+    rows = posture(joints).jacobian()
+    for index in range(4):
+        ahead, behind = (posture(moved(joints, index, by)).tip for by in (STEP, -STEP))
+        for row, a, b in zip(rows, ahead, behind, strict=True):
+            assert row[index] == pytest.approx((a - b) / (2.0 * STEP), abs=1e-6)
+
+
+@given(poses)
+def test_what_holds_the_arm_is_the_derivative_of_its_potential_energy(joints: Joints) -> None:
+    gravity = posture(joints).gravity
+    for index in range(4):
+        ahead, behind = (arm.potential_energy(moved(joints, index, by)) for by in (STEP, -STEP))
+        assert gravity[index] == pytest.approx((ahead - behind) / (2.0 * STEP), abs=1e-6)
+
+
+@given(poses, small, forces)
+def test_force_times_velocity_is_torque_times_rates(joints: Joints, rates: Joints, force: Vector) -> None:
+    here = posture(joints)
+    work = sum(torque * rate for torque, rate in zip(here.torques(force), rates, strict=True))
+    assert dot(force, here.velocity(rates)) == pytest.approx(work, abs=1e-9)
+    by_rows = tuple(sum(j * q for j, q in zip(row, rates, strict=True)) for row in here.jacobian())
+    assert here.velocity(rates) == pytest.approx(by_rows, abs=1e-9)
+
+
+@given(poses)
+def test_the_inverse_finds_the_angles_again(joints: Joints) -> None:
+    here = posture(joints)
+    if here.reach <= 0.01:  # behind the axis, where joint 1 would have to turn round
+        return
+    solutions = [inverse(here.tip, here.pitch, elbow_up) for elbow_up in (True, False)]
+    near = [each for each in solutions if each is not None and max(map(abs, _differences(each, joints))) < 1e-5]
+    assert near or not within_limits(joints, margin=1e-6)
+
+
+@given(st.tuples(st.floats(0.12, 0.26), st.floats(-0.12, 0.12), st.floats(0.05, 0.25)), st.floats(0.0, 1.2))
+def test_the_inverse_leads_where_it_was_asked_to(tip: Vector, pitch: float) -> None:
+    joints = inverse_nearest(tip, pitch)
+    assert joints is not None, "the default workspace is within reach"
+    assert within_limits(joints)
+    assert distance(posture(joints).tip, tip) < 1e-9
+    exact = inverse(tip, pitch)
+    if exact is not None:
+        assert posture(joints).pitch == pytest.approx(pitch, abs=1e-9)
+
+
+@pytest.mark.parametrize("tip", [(0.5, 0.0, 0.1), (0.2, 0.0, 0.6), (0.012, 0.0, -0.4)])
+def test_out_of_reach_there_is_no_solution(tip: Vector) -> None:
+    assert inverse(tip, 0.0) is None
+    assert inverse_nearest(tip, 0.0) is None
+
+
+def test_the_nearest_pitch_is_taken_where_the_wanted_one_is_out_of_reach() -> None:
+    tip = (0.12, 0.12, 0.05)
+    assert inverse(tip, 0.0) is None
+    joints = inverse_nearest(tip, 0.0)
+    assert joints is not None
+    pitch = posture(joints).pitch
+    assert 0.0 < pitch < 1.0
+    assert inverse(tip, pitch - 0.02, True) is None
+    assert inverse(tip, pitch - 0.02, False) is None
+
+
+@given(poses, small)
+def test_the_mass_matrix_is_symmetric_and_kinetic_energy_positive(joints: Joints, rates: Joints) -> None:
+    here = posture(joints)
+    columns = [here.momentum(moved((0.0, 0.0, 0.0, 0.0), index, 1.0)) for index in range(4)]
+    for i in range(4):
+        for k in range(4):
+            assert columns[i][k] == pytest.approx(columns[k][i], abs=1e-15)
+    energy = sum(p * q for p, q in zip(here.momentum(rates), rates, strict=True))
+    assert energy >= 1e-5 * sum(q * q for q in rates)
+
+
+@given(poses)
+def test_an_arm_that_others_wrote_is_the_same_arm(joints: Joints) -> None:
+    """The emulator has its own mechanics, of full inertia tensors; ours are those of rods about the vertical."""
+    here, other = posture(joints), Pose(joints)
+    assert here.tip == pytest.approx(other.tip, abs=1e-12)
+    inertia, gravity = other.equations((0.0, 0.0, 0.0, 0.0), 0.0)
+    assert here.gravity == pytest.approx(gravity, abs=1e-9)
+    m11, m22, m23, m24, m33, m34, m44 = here.inertia
+    theirs = [inertia[number] for number in (2, 4, 5, 7, 8, 9)]
+    assert [m22, m23, m33, m24, m34, m44] == pytest.approx(theirs, abs=1e-6)
+    assert m11 == pytest.approx(inertia[0], abs=5e-4)
+
+
+def test_no_joint_limit_is_beyond_a_turn() -> None:
+    for low, high in zip(LOWER, UPPER, strict=True):
+        assert -3.2 < low < 0.0 < high < 3.2
+    assert all(a < b for a, b in pairwise(sorted(UPPER)))
+
+
+def _differences(a: Joints, b: Joints) -> list[float]:
+    return [x - y for x, y in zip(a, b, strict=True)]

@@ -1,0 +1,174 @@
+"""The robot as the loop sees it, on an emulated arm behind a pseudo terminal; what all robots do is in the contract."""
+
+from collections.abc import Callable, Iterator
+from math import isfinite
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from codec.vector import Vector, distance
+from hardware.pty_device import PtyDevice
+from slave.emulators.dynamixel import DynamixelEmulator
+from slave.robots.contract import RobotFault, RobotReading
+from slave.robots.dynamixel.driver import DynamixelRobot
+from slave.robots.dynamixel.options import DynamixelOptions, corners
+from slave.scenes.scene import Scene
+
+PATIENCE = 10.0
+TICK = 0.001
+
+
+@pytest.fixture
+def wire(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(DynamixelEmulator(), tmp_path / "arm") as wire:
+        yield wire
+
+
+def robot_at(wire: PtyDevice, **options: Any) -> DynamixelRobot:
+    """That takes a machine which pauses for an arm which does not."""
+    options = {"timeout_ms": 100.0, "bus_watchdog_ms": 2000.0, "approach_m_s": 0.5} | options
+    return DynamixelRobot(DynamixelOptions(port=str(wire.path), **options), None, TICK)
+
+
+def until(robot: DynamixelRobot, command: Vector | None, done: Callable[[RobotReading], bool]) -> RobotReading:
+    gives_up = monotonic() + PATIENCE
+    while True:
+        now = monotonic()
+        if command is not None:
+            robot.command(command, now)
+        reading = robot.latest(now)
+        if done(reading):
+            return reading
+        assert now < gives_up, f"did not come about; the last was {reading}"
+        sleep(TICK)
+
+
+def near(goal: Vector, within: float = 0.008) -> Callable[[RobotReading], bool]:
+    return lambda reading: distance(reading.position, goal) < within
+
+
+def emulator_of(wire: PtyDevice) -> DynamixelEmulator:
+    assert isinstance(wire.emulator, DynamixelEmulator)
+    return wire.emulator
+
+
+def test_the_spec_states_lag_and_uncertainty() -> None:
+    spec = DynamixelRobot(DynamixelOptions(), None, TICK).spec
+    assert spec.lag_s == pytest.approx(0.004 + 0.001 + 10e-6 * (18 + 84))
+    newtons, share = spec.force_error
+    assert 1.0 < newtons < 4.0
+    assert share == 0.25
+    assert spec.rate_hz == 250.0
+    assert "estimated from motor currents" in spec.note
+    better = DynamixelRobot(DynamixelOptions(torque_constant_error=0.05), None, TICK).spec
+    assert better.force_error[0] < 0.6 * newtons
+    assert better.force_error[1] == 0.05
+
+
+def test_it_has_no_use_for_a_scene() -> None:
+    with pytest.raises(ValueError, match=r"^scene: dynamixel is a real robot"):
+        DynamixelRobot(DynamixelOptions(), Scene([]), TICK)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"baud": 1_000_001}, "baud: expected one of"),
+        ({"ids": (11, 11, 13, 14)}, "ids: expected four different ones"),
+        ({"ids": (11, 12, 13, 254)}, "ids: expected four different ones"),
+        ({"baud": 57_600}, "baud: expected more: at 57600 bit/s .* takes 23.2 ms, and the arm needs 200 Hz"),
+        ({"rate_hz": 1000.0}, "rate_hz: expected 438 or less"),
+        ({"rate_hz": 100.0}, "greater than or equal to 200"),
+        ({"stiffness_n_m": 400.0}, "stiffness_n_m: expected 217 or less, more is unstable at 250 Hz"),
+        ({"damping_rate_s": 80.0}, "damping_rate_s: expected 62 or less at 250 Hz"),
+        ({"bus_watchdog_ms": 20.0, "timeout_ms": 15.0}, "bus_watchdog_ms: expected at least twice timeout_ms, 30"),
+        ({"workspace_m": ((0.2, -0.1, 0.1), (0.1, 0.1, 0.2))}, "workspace_m: expected a lower and a higher corner"),
+        ({"workspace_m": ((0.12, -0.1, 0.1), (0.4, 0.1, 0.2))}, "workspace_m: expected corners that the arm reaches"),
+        ({"home_m": (0.3, 0.0, 0.1)}, "home_m: expected a point within the workspace"),
+        ({"stifness_n_m": 100.0}, "Extra inputs are not permitted"),
+    ],
+)
+def test_what_cannot_work_is_refused(options: dict[str, Any], says: str) -> None:
+    with pytest.raises(ValidationError, match=says):
+        DynamixelOptions(**options)
+
+
+def test_a_faster_bus_allows_a_stiffer_tip() -> None:
+    options = DynamixelOptions(baud=3_000_000, rate_hz=500.0, damping_rate_s=80.0, stiffness_n_m=600.0)
+    assert options.reading_s < 0.0015
+    assert len(corners(options.workspace_m)) == 9
+
+
+def test_it_is_opened_moved_and_left_holding(wire: PtyDevice) -> None:
+    robot = robot_at(wire)
+    robot.open(monotonic())
+    goal = (0.19, 0.02, 0.18)
+    reading = until(robot, goal, near(goal))
+    assert all(map(isfinite, reading.force))
+    assert distance(emulator_of(wire).tip, reading.position) < 0.02
+    robot.close()
+    assert all(servo.torque_on for servo in emulator_of(wire).servos[:4])
+
+
+def test_a_loop_that_stops_leaves_the_arm_where_it_is(wire: PtyDevice) -> None:
+    robot = robot_at(wire)
+    robot.open(monotonic())
+    goal = (0.19, 0.02, 0.18)
+    until(robot, goal, near(goal))
+    stopped = monotonic()
+    until(robot, None, lambda _: monotonic() > stopped + 0.4)
+    assert near(goal, 0.015)(robot.latest(monotonic()))
+    assert emulator_of(wire).watchdog_trips == 0
+    robot.close()
+
+
+def test_it_goes_home_before_it_goes_limp(wire: PtyDevice) -> None:
+    robot = robot_at(wire, on_close="rest", home_m=(0.15, 0.0, 0.2))
+    robot.open(monotonic())
+    robot.close()  # where it does not get home, it holds
+    assert not any(servo.torque_on for servo in emulator_of(wire).servos[:4])
+    assert emulator_of(wire).tip[2] < 0.22, "from 0.24"
+
+
+def test_an_arm_that_is_held_up_on_its_way_home_holds(wire: PtyDevice) -> None:
+    robot = robot_at(wire, on_close="rest", home_m=(0.15, 0.0, 0.2))
+    robot.open(monotonic())
+    emulator_of(wire).inject("overload", 4)
+    robot.close()
+    assert [servo.torque_on for servo in emulator_of(wire).servos[:4]] == [True, True, True, False]
+
+
+def test_a_port_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    robot = DynamixelRobot(DynamixelOptions(port=str(tmp_path / "none")), None, TICK)
+    with pytest.raises(RobotFault, match=r"^dynamixel: .*there is no such port") as caught:
+        robot.open(monotonic())
+    assert "\n" not in str(caught.value)
+    with pytest.raises(RobotFault, match="not open"):
+        robot.latest(monotonic())
+
+
+def test_an_arm_that_is_plugged_in_again_is_taken_up_without_a_jump(wire: PtyDevice) -> None:
+    robot = robot_at(wire, reconnect_s=PATIENCE)
+    robot.open(monotonic())
+    goal = (0.17, 0.0, 0.2)
+    until(robot, goal, near(goal))
+    wire.unplug()
+    sleep(0.05)
+    wire.plug()
+    since = robot.latest(monotonic()).at
+    back = until(robot, goal, lambda reading: reading.at > since + 0.1)
+    assert isfinite(back.position[2])
+    until(robot, goal, near(goal))
+    robot.close()
+
+
+def test_an_arm_that_stays_away_is_a_fault_with_its_reason(wire: PtyDevice) -> None:
+    robot = robot_at(wire)
+    robot.open(monotonic())
+    wire.unplug()
+    with pytest.raises(RobotFault, match=r"^dynamixel: .*unplugged"):
+        until(robot, (0.17, 0.0, 0.2), lambda _: False)
+    robot.close()

@@ -1,0 +1,71 @@
+"""Counts and units, signs, and what alarms mean."""
+
+from itertools import pairwise
+from math import pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from slave.robots.dynamixel import registers
+from slave.robots.dynamixel.registers import Register
+
+TABLE = sorted(value for value in vars(registers).values() if isinstance(value, Register))
+
+
+def test_registers_do_not_overlap() -> None:
+    for a, b in pairwise(TABLE):
+        assert a.address + a.size <= b.address
+
+
+def test_what_a_motor_measures_lies_side_by_side() -> None:
+    current, velocity, position = registers.PRESENT_CURRENT, registers.PRESENT_VELOCITY, registers.PRESENT_POSITION
+    assert (current.address, velocity.address, position.address) == (126, 128, 132)
+    assert position.address + position.size - current.address == registers.PRESENT_SIZE
+
+
+@given(st.sampled_from(TABLE), st.data())
+def test_any_value_of_a_register_comes_back(register: Register, data: st.DataObject) -> None:
+    bits = 8 * register.size
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if register.signed else (0, (1 << bits) - 1)
+    value = data.draw(st.integers(low, high))
+    wire = register.encode(value)
+    assert len(wire) == register.size
+    assert register.decode(wire) == value
+    for beyond in (low - 1, high + 1):
+        with pytest.raises(OverflowError):
+            register.encode(beyond)
+
+
+def test_a_negative_current_and_a_tripped_watchdog_are_twos_complement() -> None:
+    assert registers.PRESENT_CURRENT.decode(b"\xf0\xff") == -16
+    assert registers.BUS_WATCHDOG.decode(b"\xff") == registers.WATCHDOG_TRIPPED
+
+
+def test_units() -> None:
+    assert registers.angle(2048) == 0.0
+    assert registers.angle(2048 + 1024) == pytest.approx(pi / 2)
+    assert registers.angular_velocity(100) == pytest.approx(22.9 * 2 * pi / 60)
+    assert registers.counts_of_current(1.0) == 372
+    assert registers.current(1193) == pytest.approx(3.21, abs=0.01)
+
+
+@given(st.integers(-100_000, 100_000))
+def test_angles_keep_every_count(counts: int) -> None:
+    assert registers.counts_of_angle(registers.angle(counts)) == counts
+
+
+def test_alarms_are_named_by_their_bits() -> None:
+    assert registers.hardware_error_text(0) == "none"
+    assert "overload" in registers.hardware_error_text(0x20)
+    both = registers.hardware_error_text(0x05)
+    assert "voltage" in both
+    assert "overheating" in both
+    assert registers.hardware_error_text(0x80) == "alarm bit 7"
+
+
+def test_the_motor_of_the_arm_is_known_and_controls_its_current() -> None:
+    model = registers.MODELS[registers.OPENMANIPULATOR_X_MODEL]
+    assert model.name == "XM430-W350"
+    assert model.current_limit == 1193
+    assert registers.MODELS[1060].current_limit == 0

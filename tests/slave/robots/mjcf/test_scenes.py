@@ -1,0 +1,165 @@
+"""The two shipped models, driven as their configuration files say."""
+
+from collections.abc import Iterator
+from functools import cache
+from math import cos, pi, sin
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+import yaml
+
+pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
+
+from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from slave.robots.mjcf.driver import MujocoRobot
+from tests.slave.robots.mjcf.models import TICK, lead, readings
+
+CONFIGS = Path(__file__).parents[4] / "configs"
+FELT = 2000.0 / 3.0
+"""Control of 2000 N/m and contact of 1000 N/m in series."""
+DOME, BOWL = (-0.033, 0.0, -0.042), (0.033, 0.0, 0.043)
+DOME_RADIUS, BOWL_RADIUS = 0.05, 0.037
+
+
+@cache
+def named(file: str) -> dict[str, Any]:
+    robot: dict[str, Any] = yaml.safe_load((CONFIGS / file).read_text())["slave"]["robot"]
+    assert robot["driver"] == "mujoco"
+    return {name: value for name, value in robot.items() if name != "driver"} | {"model": CONFIGS / robot["model"]}
+
+
+@pytest.fixture(scope="module")
+def arm() -> MujocoRobot:
+    return MujocoRobot(MujocoRobot.Options(**named("mujoco-arm.yaml")), None, TICK)
+
+
+@pytest.fixture(scope="module")
+def peg() -> MujocoRobot:
+    return MujocoRobot(MujocoRobot.Options(**named("mujoco-peg.yaml")), None, TICK)
+
+
+def direction(tilt: float, azimuth: float) -> Vector:
+    """Off the vertical [rad]."""
+    return (sin(tilt) * cos(azimuth), sin(tilt) * sin(azimuth), cos(tilt))
+
+
+def pressed(robot: MujocoRobot, surface: Vector, normal: Vector, depth: float) -> Vector:
+    """The force after a way from above along the normal to `depth` [m] below a point of the surface."""
+    above, before = (surface[0], surface[1], 0.045), add(surface, scale(normal, 0.005))
+    return lead(robot, above, before, add(surface, scale(normal, -depth))).force
+
+
+@pytest.mark.parametrize("file", ["mujoco-arm.yaml", "mujoco-peg.yaml"])
+def test_they_wait_at_home_and_follow_in_free_space(file: str) -> None:
+    robot = MujocoRobot(MujocoRobot.Options(**named(file)), None, TICK)
+    robot.open(0.0)
+    home = (0.0, 0.0, 0.03)
+    assert distance(robot.latest(0.0).position, home) < 1e-6
+    speed = 0.01 * 2.0 * pi
+    circle = [
+        (0.01 * (cos(2.0 * pi * t) - 1.0), 0.01 * sin(2.0 * pi * t), 0.03) for t in (n * TICK for n in range(1000))
+    ]
+    behind = [distance(goal, reading.position) for goal, reading in zip(circle, readings(robot, circle), strict=True)]
+    assert max(behind) < speed * 0.016  # the lag that they tell of is at most 14.5 ms
+    assert robot.latest(1.0).force == pytest.approx(ZERO, abs=0.01)
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.045, 0.0), (0.05, -0.05, 0.0), (-0.058, 0.058, 0.0), (0.0, -0.04, 0.0)])
+def test_the_plane_pushes_up(arm: MujocoRobot, at: Vector) -> None:
+    for depth in (0.002, 0.006):
+        assert pressed(arm, at, (0.0, 0.0, 1.0), depth) == pytest.approx((0.0, 0.0, FELT * depth), rel=0.01, abs=1e-3)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 1.0, 2.5, 4.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.15, 0.3])
+def test_the_dome_pushes_away_from_its_middle(arm: MujocoRobot, tilt: float, azimuth: float) -> None:
+    normal = direction(tilt, azimuth)
+    force = pressed(arm, add(DOME, scale(normal, DOME_RADIUS)), normal, 0.004)
+    assert force == pytest.approx(scale(normal, FELT * 0.004), rel=0.01, abs=1e-3)
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 1.0, 2.5, 4.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.15, 0.3, 0.45, 0.6])
+def test_the_bowl_pushes_towards_its_middle(arm: MujocoRobot, tilt: float, azimuth: float) -> None:
+    outwards = direction(tilt, azimuth)
+    place = (BOWL[0] + BOWL_RADIUS * outwards[0], BOWL_RADIUS * outwards[1], BOWL[2] - BOWL_RADIUS * outwards[2])
+    inwards = unit(subtract(BOWL, place))
+    force = pressed(arm, place, inwards, 0.004)
+    assert 500.0 < dot(force, inwards) / 0.004 < 800.0
+    assert norm(subtract(force, scale(inwards, dot(force, inwards)))) < 0.1 * norm(force)
+    if tilt:
+        assert dot(force, (outwards[0], outwards[1], 0.0)) < 0.0, "concave: towards the axis"
+
+
+CONTACTS = [
+    ("mujoco-arm.yaml", (0.0, 0.045, -0.006)),
+    ("mujoco-arm.yaml", (-0.033, 0.0, 0.002)),
+    ("mujoco-arm.yaml", (0.033, 0.0, 0.0)),
+    ("mujoco-arm.yaml", (0.048, 0.005, 0.004)),
+    ("mujoco-arm.yaml", (-0.003, 0.0, -0.004)),
+    ("mujoco-peg.yaml", (0.03, 0.01, 0.03)),
+    ("mujoco-peg.yaml", (0.05, 0.01, 0.01)),
+]
+
+
+@pytest.mark.parametrize(("file", "goal"), CONTACTS)
+def test_a_command_that_rests_feeds_no_energy(file: str, goal: Vector) -> None:
+    """Thrown at a surface, with ticks that come early and late: it never gets further away, and comes to rest."""
+    robot = MujocoRobot(MujocoRobot.Options(**named(file)), None, TICK)
+    jitter = Random(7)
+    entrance = (0.0, 0.0, 0.0) if file == "mujoco-peg.yaml" and goal[2] < 0.02 else (goal[0], goal[1], 0.045)
+    lead(robot, (0.0, entrance[1], entrance[2]), entrance if file == "mujoco-arm.yaml" else (0.0, goal[1], goal[2]))
+    now = 10.0
+    robot.command(goal, now)
+    start = distance(robot.latest(now).position, goal)
+    moved = []
+    for _ in range(1500):
+        now += TICK * jitter.uniform(0.2, 1.9)
+        moved.append(robot.latest(now))
+    assert max(distance(reading.position, goal) for reading in moved) < start + 0.001
+    rest = moved[-1]
+    assert norm(rest.force) > 1.0
+    for reading in moved[-300:]:
+        assert distance(reading.position, rest.position) < 1e-6
+        assert distance(reading.force, rest.force) < 0.01
+
+
+def test_the_wall_pushes_the_peg_back_and_rubs_no_more_than_friction_allows(peg: MujocoRobot) -> None:
+    force = lead(peg, (0.01, 0.02, 0.03), (0.026, 0.02, 0.03)).force
+    assert force == pytest.approx((-FELT * 0.006, 0.0, 0.0), rel=0.01, abs=0.02)
+    for sliding in along((0.026, 0.02, 0.03), (0.026, -0.02, 0.03)):
+        peg.command(sliding, peg.latest(0.0).at + TICK)
+        rubbing = peg.latest(peg.latest(0.0).at + TICK).force
+        assert abs(rubbing[1]) <= 0.2 * -rubbing[0] + 0.05
+    assert rubbing[1] > 0.02, "against the motion"
+
+
+def along(start: Vector, end: Vector, ticks: int = 400) -> Iterator[Vector]:
+    for tick in range(1, ticks + 1):
+        yield add(start, scale(subtract(end, start), tick / ticks))
+
+
+def test_the_peg_goes_into_the_hole_as_far_as_its_bottom_and_its_sides(peg: MujocoRobot) -> None:
+    mouth, inside = (0.0, 0.0, 0.0), (0.035, 0.0, 0.0)
+    assert norm(lead(peg, mouth, inside).force) < 0.02
+    assert lead(peg, mouth, inside, (0.051, 0.0, 0.0)).force == pytest.approx(
+        (-FELT * 0.006, 0.0, 0.0), rel=0.01, abs=0.02
+    )
+    for side in ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)):
+        force = lead(peg, mouth, inside, add(inside, scale(side, 0.006))).force
+        assert -2000.0 * 0.004 < dot(force, side) < -FELT * 0.004 * 0.99
+        assert norm(subtract(force, scale(side, dot(force, side)))) < 0.1
+
+
+@pytest.mark.parametrize("goal", [(0.026, 0.0, 0.03), (0.026, 0.03, -0.03)])
+def test_at_rest_the_sensor_feels_what_touches(goal: Vector) -> None:
+    options = named("mujoco-peg.yaml")
+    assert options["force"] == "wrist"
+    by_sensor, by_contact = (
+        lead(MujocoRobot(MujocoRobot.Options(**options | {"force": force}), None, TICK), (0.0, *goal[1:]), goal).force
+        for force in ("wrist", "contacts")
+    )
+    assert by_sensor == pytest.approx(by_contact, abs=0.01)
+    assert by_sensor[0] < -3.0
