@@ -1,0 +1,244 @@
+"""An OpenMANIPULATOR-X on its bus: five servos, the arm that four of them move, and the scene that its tip touches.
+
+Owns the order in which time passes for them: mechanics in steps of a fixed grid, instructions and watchdogs when they
+are due, whenever and however often it is called. What is not known of a real arm (temperature, backlash, cables) is
+not there; what is guessed is said where it is guessed.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from math import inf
+from random import Random
+from typing import ClassVar, Self
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from codec.vector import Vector
+from hardware.emulator import WireFaults
+from slave.emulators.bus import Bus
+from slave.emulators.control_table import BAUD_RATES, MODEL
+from slave.emulators.dynamics import STEP, Arm
+from slave.emulators.gripper import Gripper
+from slave.emulators.links import JOINTS, ROTOR_INERTIA
+from slave.emulators.motor import TORQUE_N_M_PER_A, amperes
+from slave.emulators.pose import Joints, Pose
+from slave.emulators.servo import Measured, Servo
+from slave.scenes.settings import SceneSettings, build
+
+GAP_STEPS = round(1.0 / STEP)
+"""Most of them per call; a longer silence is not made up for."""
+OVERLOAD = 1 << 5
+
+
+class DynamixelOptions(BaseModel):
+    """Options of the emulated arm: by default as shipped, held by hand in ROBOTIS' home pose until all torque is on."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    ids: tuple[int, int, int, int, int] = Field(
+        default=(11, 12, 13, 14, 15), description="of joints 1 to 4 and of the gripper"
+    )
+    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]; requests and replies take that long")
+    start_rad: Joints = Field(default=(0.0, -1.05, 0.35, 0.70), description="joint angles when power comes on")
+    held: bool = Field(
+        default=True, description="somebody holds the arm until torque is on in all four joints; else it falls"
+    )
+    scene: SceneSettings = Field(default=(), description="what the tip touches, in the frame of the foot")
+    friction: float = Field(default=1.0, ge=0.0, le=100.0, description="factor on the friction of the joints")
+    rotor_inertia_kg_m2: float = Field(
+        default=ROTOR_INERTIA, ge=0.0, le=1.0, description="of each motor, seen at its joint; not published, a guess"
+    )
+    current_noise_ma: float = Field(default=3.0, ge=0.0, description="standard deviation of the measured current")
+    seed: int = Field(default=0, description="of that noise")
+
+    @field_validator("ids")
+    @classmethod
+    def check_ids(cls, ids: tuple[int, ...]) -> tuple[int, ...]:
+        if len(set(ids)) != len(ids) or not all(0 <= id_ <= 252 for id_ in ids):
+            raise ValueError("expected five different ids from 0 to 252")
+        return ids
+
+    @field_validator("baud")
+    @classmethod
+    def check_baud(cls, baud: int) -> int:
+        if baud not in BAUD_RATES:
+            raise ValueError(f"expected one of {', '.join(map(str, BAUD_RATES))}")
+        return baud
+
+    @field_validator("start_rad")
+    @classmethod
+    def check_start(cls, start: Joints) -> Joints:
+        for number, (joint, angle) in enumerate(zip(JOINTS, start, strict=True), start=1):
+            if not joint.lower <= angle <= joint.upper:
+                raise ValueError(f"joint {number}: expected {joint.lower:.2f} to {joint.upper:.2f} rad, got {angle}")
+        return start
+
+    @model_validator(mode="after")
+    def check_scene(self) -> Self:
+        tip = Pose(self.start_rad).tip
+        for number, thing in enumerate(self.scene):
+            if build([thing]).touch(tip):
+                raise ValueError(f"scene[{number}]: expected the tip to start outside, it starts at {tip} m")
+        return self
+
+
+class DynamixelEmulator:
+    """Sans-I/O: bytes and `now` go in, messages come out. See `hardware.emulator`."""
+
+    Options = DynamixelOptions
+    transport: ClassVar[str] = "serial"
+    OWN_FAULTS: ClassVar[Mapping[str, str]] = {
+        "overload": "a joint raises its alarm and lets go; 1 to 4, 5 for the gripper",
+        "trip_watchdog": "every motor with its torque on stops as if it had heard nothing for too long; any value",
+        "stuck_encoder": "a joint measures the same angle from now on; 1 to 5, 0 for none",
+        "dead": "a joint neither hears nor answers, its motor goes on as it is; 1 to 5, 0 for none",
+        "restart": "the power goes and comes back, and who was dead lives; any value",
+        "wrong_model": "every motor says to be this model, 1060 is an XL430-W250; 0: what it is",
+    }
+
+    def __init__(self, options: DynamixelOptions | None = None) -> None:
+        self._options = options = DynamixelOptions() if options is None else options
+        self.faults = WireFaults()
+        self._random = Random(options.seed)  # noqa: S311 - noise of a sensor
+        self._noise = 1e-3 * options.current_noise_ma
+        self.arm = Arm(
+            build(options.scene) if options.scene else None,
+            options.start_rad,
+            friction=options.friction,
+            rotor_inertia=options.rotor_inertia_kg_m2,
+        )
+        self.gripper = Gripper()
+        self.held = options.held
+        """Whether somebody still holds the arm."""
+        self.currents = [0.0] * 5
+        """That the motors have now: joints 1 to 4, gripper [A]."""
+        self.largest_current = 0.0
+        """Of any motor since the start [A]."""
+        self._stuck: dict[int, float] = {}
+        self._injected: deque[tuple[str, float]] = deque()
+        self.servos = tuple(self._servo(index, id_) for index, id_ in enumerate(options.ids))
+        """Joints 1 to 4, gripper."""
+        self.bus = Bus(self.servos, options.baud)
+        self._steps: int | None = None
+
+    @property
+    def tip(self) -> Vector:
+        """In the frame of the foot [m]."""
+        return self.arm.tip
+
+    @property
+    def tip_force(self) -> Vector:
+        """Of the scene on the tip [N]."""
+        return self.arm.force
+
+    @property
+    def watchdog_trips(self) -> int:
+        """Of all servos since the start."""
+        return sum(servo.watchdog_trips for servo in self.servos)
+
+    def receive(self, data: bytes, now: float) -> None:
+        self.advance(now)
+        self.bus.receive(data, now)
+
+    def advance(self, now: float) -> None:
+        if self._steps is None:
+            self._steps = int(now / STEP)
+        while self._injected:
+            self._suffer(*self._injected.popleft(), now)
+        while True:
+            request, deadline = self.bus.next_request, self._deadline()
+            due = min(request, deadline)
+            if due > now:
+                break
+            self._move_to(due)
+            if request <= deadline:
+                self.bus.perform(due)
+                self.held = self.held and not all(servo.torque_on for servo in self.servos[:4])
+            else:
+                for servo in self.servos:
+                    servo.watch(due)
+        self._move_to(now)
+
+    def replies(self, now: float) -> list[bytes]:
+        return self.bus.leaving(now)
+
+    def next_timer(self) -> float | None:
+        soonest = min(self.bus.next_request, self.bus.next_reply, self._deadline())
+        return soonest if soonest < inf else None
+
+    def inject(self, name: str, value: float) -> None:
+        """Cause one of its own faults, at the next `advance`; from any thread.
+
+        Raises:
+            ValueError: there is no such fault, or not with this value.
+        """
+        if name not in self.OWN_FAULTS:
+            raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
+        least = {"overload": 1, "stuck_encoder": 0, "dead": 0}.get(name)
+        if least is not None and value not in range(least, 6):
+            raise ValueError(f"{name}: expected a joint from {least} to 5, got {value:g}")
+        if name == "wrong_model" and not 0 <= value <= 0xFFFF:
+            raise ValueError(f"{name}: expected a model number, got {value:g}")
+        self._injected.append((name, value))
+
+    def _suffer(self, name: str, value: float, now: float) -> None:
+        index = int(value) - 1
+        match name:
+            case "overload":
+                self.servos[index].alarm(OVERLOAD)
+            case "trip_watchdog":
+                for servo in self.servos:
+                    servo.trip()
+            case "stuck_encoder":
+                self._stuck = {} if index < 0 else {index: self._angle(index)}
+            case "dead":
+                self.bus.dead = set() if index < 0 else {self.servos[index].id}
+            case "wrong_model":
+                for servo in self.servos:
+                    servo.rename(int(value) or MODEL)
+            case _:
+                self.bus.restart()
+                for servo in self.servos:
+                    servo.reboot(now)
+
+    def _deadline(self) -> float:
+        """When a bus watchdog would trip next."""
+        return min([servo.deadline for servo in self.servos])
+
+    def _servo(self, index: int, id_: int) -> Servo:
+        return Servo(id_, lambda: self._measured(index), baud=self._options.baud)
+
+    def _angle(self, index: int) -> float:
+        return self.arm.angles[index] if index < 4 else self.gripper.angle
+
+    def _measured(self, index: int) -> Measured:
+        """By the sensors of a servo."""
+        current = self.currents[index] + self._random.gauss(0.0, self._noise)
+        if index in self._stuck:
+            return Measured(self._stuck[index], 0.0, current)
+        velocity = self.arm.velocities[index] if index < 4 else self.gripper.velocity
+        return Measured(self._angle(index), velocity, current)
+
+    def _move_to(self, now: float) -> None:
+        """Mechanics up to a time, on the grid of steps."""
+        assert self._steps is not None
+        end = int(now / STEP)
+        begin = max(self._steps, end - GAP_STEPS)
+        self._steps = max(end, self._steps)
+        for _ in range(begin, end):
+            self._step()
+
+    def _step(self) -> None:
+        arm, gripper = self.arm, self.gripper
+        angles, velocities = [*arm.angles, gripper.angle], (*arm.velocities, gripper.velocity)
+        for index, angle in self._stuck.items():
+            angles[index] = angle
+        self.currents = currents = [
+            amperes(servo.drive, angle, velocity)
+            for servo, angle, velocity in zip(self.servos, angles, velocities, strict=True)
+        ]
+        self.largest_current = max(self.largest_current, *currents, -min(currents))
+        torques = [TORQUE_N_M_PER_A * current for current in currents]
+        if not self.held:
+            arm.step(torques)
+        gripper.step(torques[4])

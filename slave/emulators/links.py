@@ -1,0 +1,57 @@
+"""What the OpenMANIPULATOR-X is made of: lengths, masses and friction of its links and joints. Only data.
+
+Lengths and joints: ROBOTIS, open_manipulator, the arm's URDF. Masses (weighed), centres of mass and inertia tensors
+(CAD, scaled to the weight) and friction: the URDF of smorales2405/open_manipulator_x_torque_control; a third party's
+figures for its own arm, not verified here. Sideways offsets of the centres of mass, below 0.7 mm, are left out: the arm
+is flat. The driver has figures of its own, written apart from these, so that each checks the other.
+"""
+
+from math import pi
+from typing import NamedTuple
+
+BASE_TO_SHOULDER = (0.012, 0.0, 0.0765)
+"""From the base frame to where the axes of joints 1 and 2 cross [m]."""
+UPPER_ARM = (0.024, 0.128)
+FOREARM = (0.124, 0.0)
+HAND = (0.126, 0.0)
+"""From joint to joint to tip, x and z in the frame of the first of the two [m]."""
+
+
+class Link(NamedTuple):
+    """A rigid body in the frame of the joint that moves it: mass [kg], centre of mass [m], tensor about it [kg m^2]."""
+
+    mass: float
+    x: float
+    z: float
+    ixx: float
+    iyy: float
+    izz: float
+    ixz: float
+
+
+WAIST_IZZ = 1.627e-5
+"""Of link 2, which only turns about the vertical axis [kg m^2]."""
+LINK_3 = Link(0.1235, 0.007606, 0.099924, 1.979680e-4, 2.046627e-4, 3.374865e-5, -2.497601e-5)
+LINK_4 = Link(0.1151, 0.089168, 0.0, 1.930305e-5, 1.483284e-4, 1.547550e-4, 0.0)
+LINK_5 = Link(0.2226, 0.062451, 0.005878, 1.344328e-4, 1.892619e-4, 2.174510e-4, 2.259163e-5)
+"""With the gripper and its fingers."""
+
+
+class Joint(NamedTuple):
+    """Where it stops [rad], and its friction: Coulomb [N m] and viscous [N m s]."""
+
+    lower: float
+    upper: float
+    coulomb: float
+    viscous: float
+
+
+JOINTS = (
+    Joint(-pi, pi, 0.0168, 0.0230),
+    Joint(-1.5, 1.5, 0.0089, 0.0194),
+    Joint(-1.5, 1.4, 0.0094, 0.0229),
+    Joint(-1.7, 1.97, 0.0377, 0.0158),
+)
+ROTOR_INERTIA = 0.005
+"""Of a motor, seen at its joint [kg m^2]. None is published for this servo; a public model of the larger MX-64 and
+MX-106 (mujoco_menagerie, dynamixel_2r) uses this."""

@@ -1,0 +1,304 @@
+"""One servo as its controller sees it: what instructions do to its registers, and what its registers do to its motor.
+
+Where the manual is silent, the stricter of what is plausible holds here: goals written while the torque is off are
+kept, and a tripped bus watchdog takes nothing but 0. Not emulated: velocity and PWM mode (refused as out of range),
+profiles, indirect addressing, shadow id, factory reset, clear. Knows no bus and no mechanics; `now` is an argument.
+"""
+
+from collections.abc import Callable
+from math import inf
+from struct import Struct
+from typing import NamedTuple
+
+from slave.emulators.control_table import ANY_16, BAUD_RATES, BY_NAME, ITEMS
+from slave.emulators.motor import (
+    A_PER_COUNT,
+    FULL_DUTY,
+    NO_LOAD_RAD_S,
+    OFF,
+    RAD_PER_COUNT,
+    RAD_S_PER_COUNT,
+    STALL_A,
+    Drive,
+)
+from slave.emulators.register_table import CURRENT_MODE, CURRENT_POSITION_MODE, POSITION_MODE, RegisterTable
+from slave.robots.dynamixel.packet import (
+    ACTION,
+    ALERT,
+    DATA_LENGTH_ERROR,
+    INSTRUCTION_ERROR,
+    PING,
+    READ,
+    REBOOT,
+    REG_WRITE,
+    SYNC_READ,
+    WRITE,
+    Packet,
+    Status,
+)
+
+CENTRE, TURN = 2048, 4096
+OFFSET_MOST = 1024
+"""Homing offsets beyond it have no effect in position control."""
+PRESENT = BY_NAME["realtime_tick"].address
+"""From here on the table holds what is measured."""
+ID, TORQUE_ENABLE, BUS_WATCHDOG = (BY_NAME[name].address for name in ("id", "torque_enable", "bus_watchdog"))
+MEASUREMENTS = Struct("<HBBhhiiii")
+"""Real-time tick, moving, its status, PWM, current, velocity, position, and both trajectories."""
+WATCHDOG_S = 0.020
+WATCHDOG_MOST = 127
+READING = (READ, SYNC_READ)
+REBOOT_S = 0.2
+"""How long a rebooting servo is deaf. The manual does not say; meant to be noticed."""
+
+
+class Measured(NamedTuple):
+    """What the servo's sensors give: angle [rad] from the middle of its turn, speed [rad/s], current [A]."""
+
+    angle: float
+    velocity: float
+    current: float
+
+
+class Servo:
+    """An XM430-W350 with power, as delivered but for its id and rate.
+
+    Args:
+        id_: On the bus, 0 to 252.
+        measured: Asked whenever a measurement is needed.
+        baud: Its rate [bit/s], one of those that it has.
+    """
+
+    def __init__(self, id_: int, measured: Callable[[], Measured], *, baud: int = 57_600) -> None:
+        self._measured = measured
+        self.registers = RegisterTable()
+        self.registers["id"] = id_
+        self.registers["baud_rate"] = BAUD_RATES.index(baud)
+        self._registered: bytes | None = None
+        self._turns = 0
+        self._sign, self._middle = 1, CENTRE
+        self._deaf_until = -inf
+        self.heard_at = 0.0
+        """When the last instruction for it ended [s]."""
+        self.drive = OFF
+        """What its motor is told now."""
+        self.watchdog_trips = 0
+        self._start()
+
+    @property
+    def id(self) -> int:
+        return self.registers.memory[ID]
+
+    @property
+    def return_delay(self) -> float:
+        """[s]"""
+        return 2e-6 * self.registers["return_delay_time"]
+
+    @property
+    def torque_on(self) -> bool:
+        return self.registers.memory[TORQUE_ENABLE] != 0
+
+    @property
+    def deadline(self) -> float:
+        """When the bus watchdog trips if nothing is heard [s]; infinity for never."""
+        memory = self.registers.memory
+        limit = memory[BUS_WATCHDOG]
+        if memory[TORQUE_ENABLE] and 0 < limit <= WATCHDOG_MOST:
+            return self.heard_at + WATCHDOG_S * limit
+        return inf
+
+    def hears(self, now: float) -> bool:
+        """Not while it reboots."""
+        return now >= self._deaf_until
+
+    def answer(self, packet: Packet, now: float) -> Status | None:
+        """Carry out an instruction that is for this servo; None where it does not answer."""
+        if packet.instruction == REBOOT:
+            status = self.status(REBOOT, 0)
+            self.reboot(now)
+            return status
+        if packet.instruction == PING:
+            return self.status(PING, 0, bytes(self.registers.memory[0:2] + self.registers.memory[6:7]))
+        if packet.instruction == READ:
+            if len(packet.parameters) != 4:
+                return self.status(READ, DATA_LENGTH_ERROR)
+            return self.status(READ, *self.read(word(packet.parameters, 0), word(packet.parameters, 2)))
+        return self.status(packet.instruction, self._changed(packet))
+
+    def status(self, instruction: int, error: int, data: bytes = b"") -> Status | None:
+        """What it says about an instruction, if its status return level lets it."""
+        level = self.registers["status_return_level"]
+        if instruction != PING and level < (1 if instruction in READING else 2):
+            return None
+        alert = ALERT if self.registers["hardware_error_status"] else 0
+        return Status(self.id, error | alert, data)
+
+    def read(self, address: int, size: int) -> tuple[int, bytes]:
+        """Error number, and the bytes where that is 0."""
+        error = self.registers.unreadable(address, size)
+        if error:
+            return error, b""
+        if address + size > PRESENT:
+            self._measure()
+        return 0, bytes(self.registers.memory[address : address + size])
+
+    def write(self, address: int, data: bytes) -> int:
+        """All of it or nothing; gives the error number."""
+        registers = self.registers
+        error = registers.unwritable(address, data)
+        if error:
+            return error
+        mode, was_on = registers["operating_mode"], self.torque_on
+        registers.memory[address : address + len(data)] = data
+        self._orient()
+        if registers["operating_mode"] != mode:
+            self._change_mode()
+        if self.torque_on and not was_on and mode == POSITION_MODE:
+            self._forget_turns()
+        self._steer()
+        return 0
+
+    def watch(self, now: float) -> None:
+        """Where the deadline of the bus watchdog has come: stop, and take no goals any more."""
+        if now >= self.deadline:
+            self.trip()
+
+    def trip(self) -> None:
+        """The bus watchdog acts; no effect with the torque off, as the manual has it."""
+        if not self.torque_on:
+            return
+        self.watchdog_trips += 1
+        registers = self.registers
+        registers["bus_watchdog"] = -1
+        registers["goal_current"] = registers["goal_velocity"] = 0
+        registers["goal_position"] = self._position(self._measured().angle)
+        self._steer()
+
+    def alarm(self, bits: int) -> None:
+        """Latch a hardware error; one that the register `shutdown` names takes the torque off."""
+        self.registers["hardware_error_status"] |= bits
+        if bits & self.registers["shutdown"]:
+            self.registers["torque_enable"] = 0
+            self._steer()
+
+    def reboot(self, now: float) -> None:
+        """As after power: RAM as delivered, EEPROM kept, alarms and registered instructions gone."""
+        self.registers.clear_ram()
+        self._registered = None
+        self._deaf_until = now + REBOOT_S
+        self._start()
+
+    def rename(self, model_number: int) -> None:
+        """Say to be another model."""
+        self.registers["model_number"] = model_number
+
+    def _changed(self, packet: Packet) -> int:
+        """Carry out what changes registers; gives the error number."""
+        parameters = packet.parameters
+        if packet.instruction == ACTION:
+            return self._act()
+        if packet.instruction not in (WRITE, REG_WRITE):
+            return INSTRUCTION_ERROR
+        if len(parameters) < 3:
+            return DATA_LENGTH_ERROR
+        address, data = word(parameters, 0), parameters[2:]
+        if packet.instruction == WRITE:
+            return self.write(address, data)
+        error = self.registers.unwritable(address, data)
+        if not error:
+            self._registered = parameters
+            self.registers["registered_instruction"] = 1
+        return error
+
+    def _act(self) -> int:
+        """Do what a reg write left."""
+        if self._registered is None:
+            return INSTRUCTION_ERROR
+        parameters, self._registered = self._registered, None
+        self.registers["registered_instruction"] = 0
+        return self.write(word(parameters, 0), parameters[2:])
+
+    def _start(self) -> None:
+        """After power: the position within one turn, and as goal."""
+        registers = self.registers
+        self._forget_turns()
+        registers["goal_pwm"] = registers["pwm_limit"]
+        registers["goal_position"] = self._position(self._measured().angle)
+        if registers["operating_mode"] == CURRENT_POSITION_MODE:
+            registers["goal_current"] = registers["current_limit"]
+        self._steer()
+
+    def _change_mode(self) -> None:
+        """Gains, profile and goals as the manual says that a new mode leaves them."""
+        registers = self.registers
+        for item in ITEMS:
+            if item.name.endswith("_gain") or item.name.startswith("profile_"):
+                registers[item.name] = item.initial
+        registers["goal_pwm"] = registers["pwm_limit"]
+        registers["goal_current"] = registers["current_limit"]
+        registers["goal_velocity"] = 0
+        if registers["operating_mode"] == POSITION_MODE:
+            self._forget_turns()
+        registers["goal_position"] = self._position(self._measured().angle)
+
+    def _forget_turns(self) -> None:
+        """The position is within one turn from here on."""
+        self._turns = (round(self._measured().angle / RAD_PER_COUNT) + CENTRE) // TURN
+
+    def _orient(self) -> None:
+        """Which way positions count, and where the middle of the turn is."""
+        self._sign = -1 if self.registers["drive_mode"] & 1 else 1
+        offset = self.registers["homing_offset"]
+        ignored = self.registers["operating_mode"] == POSITION_MODE and abs(offset) > OFFSET_MOST
+        self._middle = CENTRE + (0 if ignored else offset)
+
+    def _position(self, angle: float) -> int:
+        """The register for an angle [rad]."""
+        return self._sign * (round(angle / RAD_PER_COUNT) - TURN * self._turns) + self._middle
+
+    def _angle(self, position: int) -> float:
+        """[rad] for what a register says."""
+        return (self._sign * (position - self._middle) + TURN * self._turns) * RAD_PER_COUNT
+
+    def _steer(self) -> None:
+        """Tell the motor what the registers say now."""
+        registers = self.registers
+        if not self.torque_on:
+            self.drive = OFF
+            return
+        mode, current = registers["operating_mode"], A_PER_COUNT * registers["goal_current"]
+        duty = abs(registers["goal_pwm"]) / FULL_DUTY
+        if mode == CURRENT_MODE:
+            self.drive = Drive(True, current=self._sign * current, duty=duty)
+            return
+        gain = registers["position_p_gain"] / 128.0 / FULL_DUTY / RAD_PER_COUNT
+        limit = abs(current) if mode == CURRENT_POSITION_MODE else STALL_A
+        self.drive = Drive(True, goal=self._angle(registers["goal_position"]), gain=gain, duty=duty, limit=limit)
+
+    def _measure(self) -> None:
+        """Bring the registers of measurements up to date."""
+        registers, sign = self.registers, self._sign
+        angle, velocity, current = self._measured()
+        speed = sign * round(velocity / RAD_S_PER_COUNT)
+        MEASUREMENTS.pack_into(
+            registers.memory,
+            PRESENT,
+            int(self.heard_at * 1e3) % 32_768,
+            int(abs(speed) > registers["moving_threshold"]),
+            0,
+            sign * _bounded(FULL_DUTY * (current / STALL_A + velocity / NO_LOAD_RAD_S), FULL_DUTY),
+            sign * _bounded(current / A_PER_COUNT, ANY_16),
+            speed,
+            self._position(angle),
+            0,
+            registers["goal_position"],
+        )
+
+
+def _bounded(value: float, most: int) -> int:
+    return round(min(most, max(-most, value)))
+
+
+def word(data: bytes, at: int) -> int:
+    """Two bytes, the lower one first."""
+    return data[at] | data[at + 1] << 8

@@ -1,0 +1,167 @@
+"""When things happen on the wire, and who says what to whom."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from slave.robots.dynamixel import packet
+from slave.robots.dynamixel.packet import ACCESS_ERROR, BROADCAST, Packet, Status, StatusReader, encode_packet
+from tests.slave.emulators.host import IDS, Host
+
+READ_POSITION = packet.read(11, 132, 4)  # 14 bytes, answered with 15
+
+
+@pytest.fixture
+def host() -> Host:
+    return Host(DynamixelEmulator(DynamixelOptions()))
+
+
+@pytest.mark.parametrize("baud", [57_600, 1_000_000, 3_000_000])
+@pytest.mark.parametrize("delay", [0, 250])
+def test_an_answer_leaves_after_both_packets_and_the_delay(baud: int, delay: int) -> None:
+    host = Host(DynamixelEmulator(DynamixelOptions(baud=baud)))
+    host.emulator.servos[0].registers["return_delay_time"] = delay
+    due = 14 * 10 / baud + 2e-6 * delay + 15 * 10 / baud
+    assert host.ask(READ_POSITION, patience=due - 1e-6) == []
+    assert len(host.wait(2e-6)) == 1
+
+
+def test_the_timer_is_when_something_is_next_due(host: Host) -> None:
+    assert host.emulator.next_timer() is None
+    host.emulator.receive(encode_packet(READ_POSITION), host.now)
+    timers = []
+    while (timer := host.emulator.next_timer()) is not None:
+        timers.append(timer - host.now)
+        host.emulator.advance(timer)
+        host.emulator.replies(timer)
+    assert timers == pytest.approx([140e-6, 790e-6])
+
+
+def test_the_vendors_packets() -> None:
+    """ROBOTIS e-Manual, protocol 2.0, ping of id 1 and of id 2 (Example 2), but for model and firmware."""
+    host = Host(DynamixelEmulator(DynamixelOptions(ids=(1, 2, 3, 4, 5))))
+    for servo in host.emulator.servos:
+        servo.rename(1030)
+        servo.registers["firmware_version"] = 38
+    host.emulator.receive(bytes.fromhex("FFFFFD00 FE 0300 01 3142"), host.now)
+    host.emulator.advance(host.now + 0.1)
+    replies = host.emulator.replies(host.now + 0.1)
+    assert replies[:2] == [
+        bytes.fromhex("FFFFFD00 01 0700 55 00 060426 655D"),
+        bytes.fromhex("FFFFFD00 02 0700 55 00 060426 6F6D"),
+    ]
+    assert len(replies) == 5
+
+
+def test_sync_read_answers_in_the_order_of_the_list(host: Host) -> None:
+    ids = (13, 11, 15, 12)
+    for servo in host.emulator.servos:
+        servo.registers["return_delay_time"] = 0
+    statuses = host.ask(packet.sync_read(126, 10, ids), patience=(18 + 4 * 21) * 10e-6 - 1e-6)
+    assert [status.id for status in statuses] == [13, 11, 15]
+    assert [status.id for status in host.wait(2e-6)] == [12]
+
+
+def test_behind_one_that_is_silent_all_are(host: Host) -> None:
+    host.emulator.inject("dead", 3)
+    assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == [11, 12]
+    assert [status.id for status in host.ask(packet.sync_read(132, 4, (15, 14, 40, 11)))] == [15, 14]
+    assert host.ask(packet.ping(13)) == []
+    host.emulator.inject("dead", 0)
+    assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == list(IDS)
+
+
+def test_a_refused_sync_read_is_answered_all_the_same(host: Host) -> None:
+    assert host.ask(packet.sync_read(14, 1, (11, 12))) == [Status(11, ACCESS_ERROR), Status(12, ACCESS_ERROR)]
+
+
+def test_sync_write_reaches_those_named_and_nobody_answers(host: Host) -> None:
+    assert host.ask(packet.sync_write(65, 1, [(12, b"\x01"), (40, b"\x01"), (14, b"\x01")])) == []
+    assert [servo.registers["led"] for servo in host.emulator.servos] == [0, 1, 0, 1, 0]
+    assert host.ask(packet.sync_write(65, 1, [(12, b"\x07")])) == []
+    assert host.emulator.bus.errors == 1
+    assert host.ask(Packet(BROADCAST, packet.SYNC_WRITE, b"\x41\x00\x01\x00\x0c")) == []
+
+
+def test_a_broadcast_is_carried_out_without_an_answer(host: Host) -> None:
+    assert host.ask(Packet(BROADCAST, packet.WRITE, b"\x41\x00\x01")) == []
+    assert [servo.registers["led"] for servo in host.emulator.servos] == [1] * 5
+    assert host.ask(Packet(BROADCAST, packet.READ, b"\x41\x00\x01\x00")) == []
+    assert host.ask(Packet(BROADCAST, packet.REBOOT)) == []
+    assert host.ask(Packet(BROADCAST, packet.PING)) == []
+    host.wait(0.3)
+    assert [status.id for status in host.ask(Packet(BROADCAST, packet.PING))] == list(IDS)
+
+
+def test_a_wrong_checksum_is_not_answered(host: Host) -> None:
+    data = bytearray(encode_packet(READ_POSITION))
+    data[-1] ^= 1
+    host.emulator.receive(bytes(data), host.now)
+    assert host.wait(0.02) == []
+    assert host.emulator.bus.bad_checksums == 1
+    assert len(host.ask(READ_POSITION)) == 1
+
+
+def test_a_host_that_does_not_wait_is_counted_and_heard_later(host: Host) -> None:
+    host.emulator.receive(encode_packet(READ_POSITION), host.now)
+    host.wait(0.0005)
+    first = 140e-6 + 500e-6 + 150e-6
+    second = first + 100e-6 + 500e-6 + 140e-6
+    assert [status.id for status in host.ask(packet.ping(12), patience=second - 0.0005 - 1e-6)] == [11]
+    assert [status.id for status in host.wait(2e-6)] == [12]
+    assert host.emulator.bus.collisions == 1
+
+
+def test_packets_in_pieces_and_in_one_piece_mean_the_same() -> None:
+    stream = b"".join(map(encode_packet, (packet.write(11, 65, b"\x01"), packet.read(11, 65, 1), packet.ping(12))))
+    said = []
+    for size in (1, 5, len(stream)):
+        host = Host(DynamixelEmulator(DynamixelOptions()))
+        for at in range(0, len(stream), size):
+            host.emulator.receive(stream[at : at + size], host.now)
+        said.append(host.wait(0.02))
+    assert said[0] == said[1] == said[2]
+    assert len(said[0]) == 3
+
+
+def test_a_value_that_looks_like_a_header_comes_through(host: Host) -> None:
+    value = -0x2_0001  # FF FF FD FF
+    assert host.write(11, 20, 4, value) == 0
+    assert host.read(11, 20, 4) == value
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    st.lists(
+        st.one_of(
+            st.binary(max_size=60),
+            st.builds(
+                lambda id_, instruction, body: encode_packet(Packet(id_, instruction, body)),
+                st.sampled_from((*IDS, 7, BROADCAST)),
+                st.sampled_from((1, 2, 3, 4, 5, 6, 8, 0x10, 0x55, 0x82, 0x83, 0x8A, 0x92)),
+                st.one_of(
+                    st.binary(max_size=12),
+                    st.builds(
+                        lambda address, size, rest: address.to_bytes(2, "little") + size.to_bytes(2, "little") + rest,
+                        st.sampled_from((0, 11, 20, 64, 68, 98, 100, 102, 116, 126, 144, 65535)),
+                        st.sampled_from((0, 1, 2, 4, 10, 65535)),
+                        st.binary(max_size=12),
+                    ),
+                ),
+            ),
+        ),
+        max_size=8,
+    )
+)
+def test_no_bytes_upset_it(chunks: list[bytes]) -> None:
+    emulator = DynamixelEmulator(DynamixelOptions(held=False))
+    reader, now = StatusReader(), 5.0
+    for chunk in chunks:
+        now += 0.004
+        emulator.receive(chunk, now)
+        emulator.advance(now + 0.002)
+        for reply in emulator.replies(now + 0.002):
+            assert len(reader.feed(reply)) == 1
+    assert reader.dropped_bytes == reader.bad_crc == 0
+    assert all(abs(velocity) < 20.0 for velocity in emulator.arm.velocities)

@@ -1,0 +1,330 @@
+"""The emulated arm as a whole: its motors move it, its faults are those of its name, and the same bytes do the same."""
+
+from math import pi
+from pathlib import Path
+from time import monotonic, sleep
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from hardware.pty_device import PtyDevice
+from hardware.serial_port import SerialPort
+from slave.emulators import EMULATORS, load
+from slave.emulators.dynamics import STILL
+from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from slave.emulators.pose import Pose
+from slave.robots.dynamixel import packet
+from slave.robots.dynamixel.arm import posture
+from slave.robots.dynamixel.packet import Packet, Status, StatusReader, encode_packet
+from slave.scenes.settings import PlaneObject
+from tests.slave.emulators.host import IDS, Host
+
+HOME = (0.0, -1.05, 0.35, 0.70)
+RAD_PER_COUNT = 2.0 * pi / 4096.0
+FLOOR = PlaneObject(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
+PATIENCE_S = 5.0
+
+
+def arm(**options: object) -> Host:
+    return Host(DynamixelEmulator(DynamixelOptions.model_validate(options)))
+
+
+def test_the_table_loads_it() -> None:
+    assert load("dynamixel") is DynamixelEmulator
+    assert DynamixelEmulator.transport == "serial"
+    for name in EMULATORS:
+        assert load(name).OWN_FAULTS
+    with pytest.raises(ValueError, match="nearest is 'dynamixel'"):
+        load("dynamixl")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"ids": (1, 2, 3, 4, 4)},
+        {"ids": (1, 2, 3, 4, 254)},
+        {"baud": 123},
+        {"start_rad": (0.0, 2.0, 0.0, 0.0)},
+        {"unknown": 1},
+        {"scene": [{"shape": "plane", "point_m": (0.0, 0.0, 0.3), "stiffness_n_m": 500.0}]},
+        {"friction": float("nan")},
+    ],
+)
+def test_options_that_make_no_sense(options: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        DynamixelOptions.model_validate(options)
+
+
+def test_it_measures_where_it_stands() -> None:
+    host = arm(start_rad=(0.5, -1.0, 0.4, 0.6))
+    statuses = host.ask(packet.sync_read(132, 4, IDS))
+    counts = [int.from_bytes(status.parameters, "little", signed=True) for status in statuses]
+    assert [(count - 2048) * RAD_PER_COUNT for count in counts] == pytest.approx([0.5, -1.0, 0.4, 0.6, 0.0], abs=1e-3)
+    assert host.emulator.tip == pytest.approx(posture((0.5, -1.0, 0.4, 0.6)).tip)
+
+
+def test_somebody_holds_it_until_all_torque_is_on() -> None:
+    host = arm()
+    host.current_control(11, 12, 13)
+    host.wait(0.5)
+    held = [host.emulator.held]
+    assert host.emulator.arm.angles == HOME
+    host.current_control(14)
+    host.wait(0.2)
+    assert [*held, host.emulator.held] == [True, False]
+    assert abs(host.emulator.arm.angles[1] - HOME[1]) + abs(host.emulator.arm.angles[2] - HOME[2]) > 0.05
+
+
+def test_nobody_holds_it() -> None:
+    host = arm(held=False)
+    host.wait(0.5)
+    assert host.emulator.tip[2] < posture(HOME).tip[2] - 0.05
+
+
+def test_a_current_turns_its_joint_with_the_ratio_of_stall_torque_to_stall_current() -> None:
+    host = arm(start_rad=(0.0, 0.0, 0.0, 0.0), friction=0.0, current_noise_ma=0.0)
+    host.current_control(11, 12, 13, 14)
+    host.ask(packet.sync_write(102, 2, [(11, (10).to_bytes(2, "little"))]), patience=0.01)
+    measured = host.read(11, 126, 2)
+    assert measured == 10
+    torque = 10 * 2.69e-3 * 4.1 / 2.3
+    began, (a, _) = host.emulator.arm.velocities[0], Pose(host.emulator.arm.angles).equations(STILL, 0.005)
+    host.wait(0.004)
+    assert host.emulator.arm.velocities[0] - began == pytest.approx(torque / a[0] * 0.004, rel=0.1)
+    assert host.emulator.currents[0] == pytest.approx(10 * 2.69e-3)
+    assert host.emulator.largest_current == pytest.approx(10 * 2.69e-3)
+
+
+def test_the_supply_bounds_current_and_speed() -> None:
+    host = arm(ids=(1, 2, 3, 4, 5))
+    for id_, address, size, value in ((5, 11, 1, 0), (5, 102, 2, 1193), (5, 64, 1, 1)):
+        assert host.write(id_, address, size, value) == 0
+    assert host.emulator.largest_current <= 2.3 * 1.01
+    speeds = []
+    for _ in range(100):
+        host.wait(0.001)
+        speeds.append(host.emulator.gripper.velocity)
+    assert max(speeds) < 46 * 2 * pi / 60
+
+
+def test_position_control_goes_there_and_holds() -> None:
+    host = arm(current_noise_ma=0.0)
+    goals = (2300, 1500, 2200, 2400)
+    for id_, goal in zip(IDS, goals, strict=False):
+        assert host.write(id_, 116, 4, goal) == 0
+    host.ask(packet.sync_write(64, 1, [(id_, b"\x01") for id_ in IDS]), patience=1.0)
+    host.wait(1.0)
+    for id_, goal in zip(IDS, goals, strict=False):
+        assert abs(host.read(id_, 132, 4) - goal) < 40  # what its weight takes from a proportional control
+        assert host.read(id_, 128, 4) == 0
+    settled = [host.read(id_, 132, 4) for id_ in IDS]
+    host.wait(0.5)
+    assert [host.read(id_, 132, 4) for id_ in IDS] == settled
+
+
+def test_position_control_pushes_in_proportion_to_the_error_and_the_gain() -> None:
+    host = arm()  # held: the joint does not move
+    assert host.write(11, 116, 4, 2048 + 100) == 0
+    assert host.write(11, 64, 1, 1) == 0
+    assert host.emulator.currents[0] == pytest.approx(800 / 128 * 100 / 885 * 2.3)
+    assert host.write(11, 84, 2, 400) == 0
+    assert host.emulator.currents[0] == pytest.approx(400 / 128 * 100 / 885 * 2.3)
+    assert host.write(11, 116, 4, 1048) == 0
+    assert host.emulator.currents[0] == pytest.approx(-2.3)
+
+
+def test_velocity_and_current_are_measured_in_the_units_and_the_sense_of_the_registers() -> None:
+    host = arm(current_noise_ma=0.0)
+    assert host.write(15, 10, 1, 1) == 0
+    host.current_control(15)
+    assert host.write(15, 102, 2, 60) == 0
+    host.wait(0.005)
+    (status,) = host.ask(packet.read(15, 126, 6), patience=0.002)
+    current, velocity = int.from_bytes(status.parameters[:2], "little"), status.parameters[2:]
+    assert current == 60
+    assert host.emulator.currents[4] < 0.0
+    speed = int.from_bytes(velocity, "little", signed=True) * 0.229 * 2 * pi / 60
+    assert speed > 0.5
+    assert speed == pytest.approx(-host.emulator.gripper.velocity, rel=0.3)
+    host.write(15, 64, 1, 0)
+    host.wait(1.0)
+    assert host.emulator.gripper.velocity == 0.0
+
+
+def test_the_measured_current_is_noisy_and_the_noise_repeatable() -> None:
+    hosts = [arm(current_noise_ma=30.0, seed=seed) for seed in (1, 1, 2)]
+    first, same, other = ([host.read(11, 126, 2) for _ in range(30)] for host in hosts)
+    assert first == same != other
+    assert 5 < max(first) < 60
+
+
+def test_the_goal_current_limits_mode_5() -> None:
+    host = arm()
+    for id_, address, size, value in ((11, 11, 1, 5), (11, 102, 2, 20), (11, 116, 4, 3000)):
+        assert host.write(id_, address, size, value) == 0
+    for id_ in IDS[:4]:
+        assert host.write(id_, 64, 1, 1) == 0
+    host.wait(0.2)
+    assert host.emulator.currents[0] == pytest.approx(20 * 2.69e-3)
+    assert host.emulator.arm.angles[0] > 0.02
+
+
+def test_the_tip_feels_the_scene() -> None:
+    host = arm(scene=[FLOOR], held=False)
+    assert host.emulator.tip[2] > 0.1
+    for _ in range(3):
+        host.wait(1.0)
+    assert host.emulator.tip[2] < 0.1
+    assert host.emulator.tip_force[2] == pytest.approx(500.0 * (0.1 - host.emulator.tip[2]), rel=1e-6)
+    assert host.emulator.tip_force[2] > 0.5
+
+
+class TestFaults:
+    def test_unknown_ones(self) -> None:
+        emulator = DynamixelEmulator()
+        for name, value in (("fire", 1.0), ("overload", 0.0), ("dead", 6.0), ("dead", 1.5), ("wrong_model", -1.0)):
+            with pytest.raises(ValueError, match=r"expected|there are"):
+                emulator.inject(name, value)
+
+    def test_a_tripped_watchdog(self) -> None:
+        host = arm()
+        host.current_control(11, 12)
+        host.emulator.inject("trip_watchdog", 0)
+        host.wait(0.01)
+        assert [servo.registers["bus_watchdog"] for servo in host.emulator.servos] == [-1, -1, 0, 0, 0]
+        assert host.write(11, 102, 2, 1) == packet.DATA_RANGE_ERROR
+
+    def test_a_stuck_encoder(self) -> None:
+        host = arm(held=False)
+        host.emulator.inject("stuck_encoder", 2)
+        host.wait(0.001)
+        before = host.read(12, 132, 4), host.read(13, 132, 4)
+        host.wait(0.3)
+        assert host.read(12, 132, 4) == before[0]
+        assert host.read(12, 128, 4) == 0
+        assert host.read(13, 132, 4) != before[1]
+        host.emulator.inject("stuck_encoder", 0)
+        host.wait(0.001)
+        assert host.read(12, 132, 4) != before[0]
+
+    def test_a_stuck_encoder_misleads_position_control(self) -> None:
+        host = arm(held=False, friction=0.1)
+        host.emulator.inject("stuck_encoder", 1)
+        assert host.write(11, 116, 4, 2148) == 0
+        assert host.write(11, 64, 1, 1) == 0
+        host.wait(0.5)
+        assert host.emulator.arm.angles[0] > 1.0
+
+    def test_a_restart(self) -> None:
+        host = arm()
+        host.current_control(*IDS)
+        assert host.write(13, 9, 1, 10) == packet.ACCESS_ERROR
+        host.emulator.inject("dead", 4)
+        host.emulator.inject("restart", 0)
+        assert host.ask(packet.ping(11)) == []
+        host.wait(0.3)
+        assert not any(servo.torque_on for servo in host.emulator.servos)
+        assert host.ask(packet.ping(14))[0].error == 0
+        assert host.read(11, 11, 1) == 0  # EEPROM
+        assert host.read(11, 102, 2) == 0
+
+    def test_a_wrong_model(self) -> None:
+        host = arm()
+        host.emulator.inject("wrong_model", 1060)
+        assert host.ask(packet.ping(11))[0].parameters[:2] == (1060).to_bytes(2, "little")
+        host.emulator.inject("wrong_model", 0)
+        assert host.ask(packet.ping(11))[0].parameters[:2] == (1020).to_bytes(2, "little")
+
+
+def exercised(calls: list[float]) -> tuple[list[bytes], tuple[float, ...]]:
+    """The same instructions at the same times, with calls of `advance` at other times in between."""
+    emulator = DynamixelEmulator(DynamixelOptions(scene=(FLOOR,), seed=5))
+    said = []
+    setup = [packet.write(id_, 11, b"\x00") for id_ in IDS] + [packet.write(id_, 64, b"\x01") for id_ in IDS]
+    cycle = [packet.sync_write(102, 2, [(12, b"\xf0\xff"), (13, b"\x0a\x00")]), packet.sync_read(126, 10, IDS)]
+    script = [(1.0, setup)] + [(1.1 + 0.01 * k, cycle) for k in range(15)]
+    times = sorted([(at, None) for at in calls] + [(at, packets) for at, packets in script], key=lambda each: each[0])
+    for at, packets in times:
+        if packets is None:
+            emulator.advance(at)
+        else:
+            emulator.receive(b"".join(map(encode_packet, packets)), at)
+        said += emulator.replies(at)
+    emulator.advance(1.4)
+    return said + emulator.replies(1.4), emulator.arm.angles + emulator.arm.velocities + emulator.tip_force
+
+
+@settings(max_examples=6, deadline=None, derandomize=True)
+@given(st.lists(st.floats(0.9, 1.4), max_size=30))
+def test_it_depends_on_the_bytes_and_their_times_alone(calls: list[float]) -> None:
+    said, state = exercised(calls)
+    assert len(said) == 10 + 15 * 5
+    assert (said, state) == exercised([])
+
+
+def test_a_long_silence_is_not_made_up_for() -> None:
+    host = arm(held=False)
+    began = monotonic()
+    host.wait(10_000.0)
+    assert monotonic() - began < PATIENCE_S
+    assert len(host.ask(packet.ping(11))) == 1
+
+
+def asked(port: SerialPort, request: Packet, count: int) -> list[Status]:
+    reader = StatusReader()
+    port.write(encode_packet(request))
+    statuses: list[Status] = []
+    until = monotonic() + PATIENCE_S
+    while len(statuses) < count and monotonic() < until:
+        statuses += reader.feed(port.read(monotonic() + 0.1))
+    return statuses
+
+
+def test_over_a_real_pty(tmp_path: Path) -> None:
+    emulator = DynamixelEmulator(DynamixelOptions())
+    with PtyDevice(emulator, tmp_path / "arm"):
+        port = SerialPort(str(tmp_path / "arm"), 1_000_000)
+        try:
+            assert [status.id for status in asked(port, Packet(packet.BROADCAST, packet.PING), 5)] == list(IDS)
+            statuses = asked(port, packet.sync_read(126, 10, IDS), 5)
+            assert [(status.id, len(status.parameters)) for status in statuses] == [(id_, 10) for id_ in IDS]
+            assert asked(port, packet.write(11, 98, b"\x01"), 1) == [Status(11, 0)]
+            assert asked(port, packet.write(11, 64, b"\x01"), 1) == [Status(11, 0)]
+            until = monotonic() + PATIENCE_S
+            while not emulator.watchdog_trips and monotonic() < until:
+                sleep(0.005)
+            assert asked(port, packet.read(11, 98, 1), 1) == [Status(11, 0, b"\xff")]
+        finally:
+            port.close()
+
+
+def test_the_vendors_own_library_understands_it(tmp_path: Path) -> None:
+    sdk = pytest.importorskip("dynamixel_sdk", reason="dynamixel-sdk, the vendor's library, is not installed")
+    emulator = DynamixelEmulator(DynamixelOptions())
+    with PtyDevice(emulator, tmp_path / "arm"):
+        port = sdk.PortHandler(str(tmp_path / "arm"))
+        assert port.openPort()
+        assert port.setBaudRate(1_000_000)
+        try:
+            host = sdk.PacketHandler(2.0)
+            assert host.ping(port, 11) == (1020, 0, 0)
+            assert host.read1ByteTxRx(port, 11, 9) == (250, 0, 0)
+            assert host.write4ByteTxRx(port, 12, 20, 0xFFFDFFFF) == (0, 0)  # FF FF FD: stuffed both ways
+            assert host.read4ByteTxRx(port, 12, 20) == (0xFFFDFFFF, 0, 0)
+            assert host.write1ByteTxRx(port, 11, 9, 255) == (0, packet.DATA_RANGE_ERROR)
+            assert host.regWriteTxRx(port, 13, 65, 1, [1]) == (0, 0)
+            assert host.action(port, packet.BROADCAST) == 0
+            assert host.read1ByteTxRx(port, 13, 65) == (1, 0, 0)
+            read = sdk.GroupSyncRead(port, host, 126, 10)
+            write = sdk.GroupSyncWrite(port, host, 65, 1)
+            for id_ in IDS:
+                assert read.addParam(id_)
+                assert write.addParam(id_, [1])
+            assert write.txPacket() == 0
+            assert read.txRxPacket() == 0
+            assert [read.getData(id_, 132, 4) for id_ in IDS] == [2048, 1364, 2276, 2504, 2048]
+            assert all(servo.registers["led"] for servo in emulator.servos)
+        finally:
+            port.closePort()

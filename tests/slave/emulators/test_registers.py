@@ -1,0 +1,238 @@
+"""What instructions do to registers, against the manual."""
+
+import pytest
+
+from slave.emulators import control_table
+from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from slave.robots.dynamixel import packet, registers
+from slave.robots.dynamixel.packet import (
+    ACCESS_ERROR,
+    ALERT,
+    DATA_LENGTH_ERROR,
+    DATA_LIMIT_ERROR,
+    DATA_RANGE_ERROR,
+    INSTRUCTION_ERROR,
+    RESULT_FAIL,
+    Packet,
+    Status,
+)
+from slave.robots.dynamixel.registers import Register
+from tests.slave.emulators.host import Host
+
+
+@pytest.fixture
+def host() -> Host:
+    return Host(DynamixelEmulator(DynamixelOptions()))
+
+
+def test_the_drivers_table_is_that_of_the_manual() -> None:
+    table = {name: item for name, item in vars(registers).items() if isinstance(item, Register)}
+    assert len(table) > 15
+    for name, register in table.items():
+        item = control_table.BY_ADDRESS[register.address]
+        assert item.size == register.size, name
+        assert (item.low < 0) == register.signed, name
+
+
+def test_registers_do_not_overlap() -> None:
+    assert sum(item.size for item in control_table.ITEMS) == len(control_table.DEFINED)
+    assert list(control_table.ITEMS) == sorted(control_table.ITEMS)
+
+
+@pytest.mark.parametrize(
+    ("address", "size", "value"),
+    [(0, 2, 1020), (7, 1, 11), (9, 1, 250), (11, 1, 3), (38, 2, 1193), (63, 1, 52), (64, 1, 0), (68, 1, 2), (98, 1, 0)],
+)
+def test_values_as_delivered(host: Host, address: int, size: int, value: int) -> None:
+    assert host.read(11, address, size) == value
+
+
+def test_ping_gives_model_and_firmware(host: Host) -> None:
+    assert host.ask(packet.ping(12)) == [Status(12, 0, b"\xfc\x03\x2d")]
+    assert host.ask(packet.ping(42)) == []
+
+
+def test_written_values_are_read_back(host: Host) -> None:
+    assert host.write(13, 9, 1, 20) == 0
+    assert host.read(13, 9, 1) == 20
+    assert host.write(13, 84, 2, 640) == 0
+    assert host.read(13, 84, 2) == 640
+
+
+def test_several_registers_in_one_write(host: Host) -> None:
+    host.current_control(11)
+    data = (7).to_bytes(2, "little") + (100).to_bytes(4, "little")
+    assert host.ask(packet.write(11, 102, data)) == [Status(11, 0)]
+    assert (host.read(11, 102, 2), host.read(11, 104, 4)) == (7, 100)
+
+
+@pytest.mark.parametrize(
+    ("address", "size", "value", "error"),
+    [
+        (126, 2, 5, ACCESS_ERROR),  # read-only
+        (14, 1, 5, ACCESS_ERROR),  # not defined
+        (3000, 1, 5, ACCESS_ERROR),
+        (102, 1, 5, DATA_LENGTH_ERROR),
+        (103, 1, 5, DATA_LENGTH_ERROR),
+        (9, 1, 255, DATA_RANGE_ERROR),
+        (11, 1, 7, DATA_RANGE_ERROR),
+        (98, 1, -5, DATA_RANGE_ERROR),
+        (98, 1, -1, DATA_RANGE_ERROR),
+        (102, 2, 1194, DATA_LIMIT_ERROR),
+        (102, 2, -1194, DATA_LIMIT_ERROR),
+        (116, 4, 4096, DATA_LIMIT_ERROR),
+        (116, 4, -1, DATA_LIMIT_ERROR),
+    ],
+)
+def test_what_a_servo_refuses(host: Host, address: int, size: int, value: int, error: int) -> None:
+    before = host.emulator.servos[0].registers.memory[:120]
+    assert host.write(11, address, size, value) == error
+    assert host.emulator.servos[0].registers.memory[:120] == before
+    assert host.emulator.bus.errors == 1
+
+
+def test_goals_are_limited_by_what_the_limits_say_now(host: Host) -> None:
+    assert host.write(11, 38, 2, 100) == 0
+    assert host.write(11, 102, 2, 100) == 0
+    assert host.write(11, 102, 2, 101) == DATA_LIMIT_ERROR
+    assert host.write(11, 11, 1, 4) == 0
+    assert host.write(11, 116, 4, -1) == 0  # several turns
+
+
+def test_one_bad_register_of_a_write_spoils_it_all(host: Host) -> None:
+    data = (7).to_bytes(2, "little") + (1000).to_bytes(4, "little")
+    assert host.ask(packet.write(11, 102, data)) == [Status(11, DATA_LIMIT_ERROR)]
+    assert host.read(11, 102, 2) == 0
+
+
+def test_eeprom_is_locked_while_the_torque_is_on(host: Host) -> None:
+    assert host.write(11, 64, 1, 1) == 0
+    assert host.write(11, 9, 1, 0) == ACCESS_ERROR
+    assert host.write(11, 64, 1, 0) == 0
+    assert host.write(11, 9, 1, 0) == 0
+
+
+def test_reads_of_nothing_are_refused(host: Host) -> None:
+    assert host.ask(packet.read(11, 14, 1)) == [Status(11, ACCESS_ERROR)]
+    assert host.ask(packet.read(11, 132, 60_000)) == [Status(11, ACCESS_ERROR)]
+    assert host.ask(packet.read(11, 132, 0)) == [Status(11, ACCESS_ERROR)]
+    assert host.ask(Packet(11, packet.READ, b"\x00")) == [Status(11, DATA_LENGTH_ERROR)]
+
+
+def test_unknown_instructions_are_named_as_such(host: Host) -> None:
+    assert host.ask(Packet(11, 0x77)) == [Status(11, INSTRUCTION_ERROR)]
+    assert host.ask(Packet(11, packet.ACTION)) == [Status(11, INSTRUCTION_ERROR)]
+
+
+def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
+    assert host.write(11, 84, 2, 100) == 0
+    assert host.write(11, 112, 4, 30) == 0
+    assert host.write(11, 11, 1, 5) == 0
+    assert (host.read(11, 84, 2), host.read(11, 112, 4), host.read(11, 102, 2)) == (800, 0, 1193)
+
+
+def test_reg_write_waits_for_action(host: Host) -> None:
+    assert host.ask(Packet(11, packet.REG_WRITE, b"\x41\x00\x01")) == [Status(11, 0)]
+    assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (0, 1)
+    assert host.ask(Packet(11, packet.ACTION)) == [Status(11, 0)]
+    assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (1, 0)
+    assert host.ask(Packet(11, packet.REG_WRITE, b"\x7e\x00\x01\x00")) == [Status(11, ACCESS_ERROR)]
+
+
+@pytest.mark.parametrize(("level", "answers"), [(0, (1, 0, 0)), (1, (1, 1, 0)), (2, (1, 1, 1))])
+def test_status_return_level(host: Host, level: int, answers: tuple[int, int, int]) -> None:
+    host.ask(packet.write(11, 68, bytes((level,))))
+    ping, read = host.ask(packet.ping(11)), host.ask(packet.read(11, 65, 1))
+    assert (len(ping), len(read), len(host.ask(packet.write(11, 65, b"\x01")))) == answers
+    assert host.emulator.servos[0].registers["led"] == 1
+    assert len(host.ask(packet.sync_read(132, 4, (11, 12)))) == (0 if level == 0 else 2)
+
+
+def test_an_alarm_lets_go_and_stays_until_a_reboot(host: Host) -> None:
+    host.current_control(11, 12)
+    host.emulator.inject("overload", 2)
+    host.wait(0.001)
+    assert host.ask(packet.ping(12))[0].error == ALERT
+    assert host.ask(packet.read(12, 70, 1)) == [Status(12, ALERT, b"\x20")]
+    assert host.ask(packet.read(12, 64, 1)) == [Status(12, ALERT, b"\x00")]
+    assert host.write(12, 64, 1, 1) == ALERT | RESULT_FAIL
+    assert host.read(11, 64, 1) == 1
+    assert host.ask(Packet(12, packet.REBOOT)) == [Status(12, ALERT)]
+    assert host.ask(packet.ping(12)) == []
+    host.wait(0.3)
+    assert host.read(12, 70, 1) == 0
+    assert host.read(12, 11, 1) == 0  # EEPROM is kept
+    assert host.write(12, 64, 1, 1) == 0
+
+
+def test_a_shutdown_that_is_masked_only_alerts(host: Host) -> None:
+    assert host.write(11, 63, 1, 4) == 0
+    assert host.write(11, 64, 1, 1) == 0
+    host.emulator.inject("overload", 1)
+    host.wait(0.001)
+    assert host.ask(packet.read(11, 64, 1)) == [Status(11, ALERT, b"\x01")]
+
+
+class TestBusWatchdog:
+    def test_trips_after_silence_and_refuses_goals(self, host: Host) -> None:
+        host.current_control(11)
+        assert host.write(11, 102, 2, 50) == 0
+        assert host.write(11, 98, 1, 3) == 0  # 60 ms
+        host.wait(0.030)
+        assert host.emulator.currents[0] == pytest.approx(50 * 2.69e-3)
+        host.wait(0.011)  # the 20 ms of waiting for the answer count
+        assert host.emulator.watchdog_trips == 1
+        assert host.emulator.currents[0] == 0.0
+        assert int.from_bytes(host.ask(packet.read(11, 98, 1))[0].parameters, "little", signed=True) == -1
+        for address, size in ((100, 2), (102, 2), (104, 4), (116, 4)):
+            assert host.write(11, address, size, 5) == DATA_RANGE_ERROR
+        assert host.write(11, 98, 1, 5) == DATA_RANGE_ERROR
+        assert host.write(11, 98, 1, 0) == 0
+        assert host.write(11, 102, 2, 5) == 0
+
+    def test_any_instruction_for_it_or_for_all_feeds_it(self, host: Host) -> None:
+        host.current_control(11, 12)
+        for id_ in (11, 12):
+            assert host.write(id_, 98, 1, 3) == 0
+        for _ in range(5):
+            host.ask(packet.ping(11), patience=0.03)
+        assert (host.emulator.servos[0].watchdog_trips, host.emulator.servos[1].watchdog_trips) == (0, 1)
+        for _ in range(5):
+            host.ask(packet.sync_read(126, 10, (11,)), patience=0.03)
+        assert host.emulator.watchdog_trips == 1
+
+    def test_an_instruction_that_ends_too_late_does_not_save_it(self, host: Host) -> None:
+        host.current_control(11)
+        assert host.write(11, 98, 1, 3) == 0
+        host.wait(host.emulator.servos[0].heard_at + 0.06 - host.now - 50e-6)
+        assert len(host.ask(packet.ping(11))) == 1  # takes 100 us on the wire
+        assert host.emulator.watchdog_trips == 1
+
+    def test_without_torque_it_sleeps(self, host: Host) -> None:
+        assert host.write(11, 98, 1, 1) == 0
+        host.wait(0.5)
+        assert host.emulator.watchdog_trips == 0
+        assert host.read(11, 98, 1) == 1
+
+    def test_in_position_control_the_motor_stops_where_it_is(self) -> None:
+        host = Host(DynamixelEmulator(DynamixelOptions(held=False, friction=0.1)))
+        for id_ in (11, 12, 13, 14):
+            assert host.write(id_, 116, 4, 3000) == 0
+        assert host.write(11, 98, 1, 1) == 0
+        host.ask(packet.sync_write(64, 1, [(id_, b"\x01") for id_ in (11, 12, 13, 14)]), patience=0.1)
+        at = host.emulator.arm.angles[0]
+        assert 0.0 < at < 1.0
+        host.wait(0.5)
+        assert host.emulator.arm.angles[0] == pytest.approx(at, abs=0.1)
+
+
+def test_drive_mode_and_offset_turn_what_is_measured() -> None:
+    host = Host(DynamixelEmulator(DynamixelOptions(start_rad=(0.5, 0.0, 0.0, 0.0))))
+    counts = round(0.5 * 4096 / 6.283185307)
+    assert host.read(11, 132, 4) == 2048 + counts
+    assert host.write(11, 20, 4, 100) == 0
+    assert host.read(11, 132, 4) == 2148 + counts
+    assert host.write(11, 10, 1, 1) == 0
+    assert host.read(11, 132, 4) == 2148 - counts
+    assert host.write(11, 20, 4, 2000) == 0  # no effect in position control
+    assert host.read(11, 132, 4) == 2048 - counts
