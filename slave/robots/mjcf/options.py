@@ -1,0 +1,93 @@
+"""What a file says of the robot `mujoco`. Knows nothing of MuJoCo, so that a schema can be made without it."""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from codec.vector import Vector
+from slave.safety import Workspace
+
+CONTACTS = "contacts"
+"""Where `force` names no sensor of the file: the contacts of the end effector."""
+
+LARGEST_WORKSPACE = 10.0
+"""Half an edge [m]."""
+
+Interval = tuple[float, float]
+
+
+class MujocoOptions(BaseModel):
+    """Options of `mujoco`. Positions and forces are in the world frame of the MJCF file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    model: Path = Field(description="the MJCF file; a relative path is meant from the folder of this file")
+    end_effector: str = Field(default="tip", description="name of the site that goes where it is commanded")
+    force: str = Field(
+        default=CONTACTS,
+        description="what is felt: `contacts`, all that touches the body of the end effector and what hangs on it; "
+        "or the name of a force sensor of the MJCF file",
+    )
+    force_n: float = Field(default=30.0, gt=0.0, description="range of the force sensing; more is cut to it")
+    stiffness_n_m: float = Field(default=1000.0, gt=0.0, description="of the position control, alike on every axis")
+    damping_ratio: float = Field(
+        default=1.0, ge=0.0, le=2.0, description="of the position control at home; 1 is critical on every axis"
+    )
+    posture_hz: float = Field(
+        default=2.0, ge=0.0, le=20.0, description="how fast joints that are left over return to where they are at home"
+    )
+    keyframe: str | None = Field(
+        default=None, description="of the MJCF file, to begin in; its joints at 0 if not given"
+    )
+    home_m: Vector | None = Field(
+        default=None, description="where the end effector is until the first command; as it begins if not given"
+    )
+    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[Interval, Interval, Interval] = Field(
+        default=0.06,
+        description="where it may be commanded to: half an edge of a cube about the origin, or lowest and highest "
+        "position on x, y, z",
+    )
+
+    @field_validator("workspace_m", mode="before")
+    @classmethod
+    def _one_or_six(cls, workspace: object) -> object:
+        match workspace:
+            case float() | int() if 0.0 < workspace <= LARGEST_WORKSPACE:
+                return float(workspace)
+            case [[_, _], [_, _], [_, _]]:
+                return workspace
+        raise ValueError(f"expected half an edge, up to {LARGEST_WORKSPACE:g} m, or three intervals, not {workspace!r}")
+
+    @field_validator("workspace_m")
+    @classmethod
+    def _rising(cls, workspace: float | tuple[Interval, ...]) -> float | tuple[Interval, ...]:
+        if not isinstance(workspace, float):
+            for axis, (low, high) in zip("xyz", workspace, strict=True):
+                if not low < high:
+                    raise ValueError(f"{axis} must rise, not [{low}, {high}]")
+        return workspace
+
+    @model_validator(mode="after")
+    def _home_within(self) -> Self:
+        if self.home_m is not None:
+            self.check_home(self.home_m)
+        return self
+
+    @property
+    def corners(self) -> Workspace:
+        """Lowest and highest corner of the workspace [m]."""
+        if isinstance(self.workspace_m, float):
+            edge = self.workspace_m
+            return (-edge, -edge, -edge), (edge, edge, edge)
+        (x0, x1), (y0, y1), (z0, z1) = self.workspace_m
+        return (x0, y0, z0), (x1, y1, z1)
+
+    def check_home(self, home: Vector) -> None:
+        """Raises ValueError where the robot would begin outside of its workspace."""
+        low, high = self.corners
+        if any(not a <= x <= b for a, x, b in zip(low, home, high, strict=True)):
+            shown = "[" + ", ".join(f"{x:.4g}" for x in home) + "]"
+            raise ValueError(
+                f"home_m: {shown} is outside of workspace_m, {list(low)} to {list(high)}; change one of them"
+            )

@@ -1,0 +1,148 @@
+"""An MJCF file as a plant: model, state, the end effector and the degrees of freedom that move it.
+
+Owns all that MuJoCo may print or write: nothing. Knows no commands, no control and no time but that of a step.
+"""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Plant:
+    """What is in the file, ready to be stepped.
+
+    The degrees of freedom of the robot are those of the kinematic tree that the end effector is part of; what else
+    moves in the file is what it may touch. Actuators of the file are switched off, and so is the gravity compensation
+    that it may ask for on the robot: the position control does that.
+
+    Attributes:
+        model, data: of MuJoCo. Arrays of fixed size may be kept, they are views into `data`.
+        site: number of the end effector's.
+        body: number of the body that it sits on.
+        dofs: those of the robot.
+        axes: along which the end effector can move, as a subset of "xyz".
+    """
+
+    def __init__(self, path: Path, end_effector: str, keyframe: str | None) -> None:
+        """Load the file and take the pose to begin in.
+
+        Raises:
+            ValueError: one line that begins with the option that is wrong.
+        """
+        self.model: Any = _load(path)
+        self.data: Any = mujoco.MjData(self.model)
+        self.path = path
+        self.site = self._number("end_effector", "site", end_effector)
+        self.body = int(self.model.site_bodyid[self.site])
+        self._keyframe = None if keyframe is None else self._number("keyframe", "key", keyframe)
+        self.dofs = self._tree_dofs(end_effector)
+        self._take_over()
+        self.position: Array = self.data.site_xpos[self.site]
+        self.jacobian: Array = np.zeros((3, self.model.nv))
+        self._warnings: Any = self.data.warning.number
+        self.home: Array = self.model.qpos0.copy()
+        if self._keyframe is not None:
+            self.home[:] = self.model.key_qpos[self._keyframe]
+        self.reset()
+        moving = np.linalg.norm(self.jacobian, axis=1)
+        self.axes = "".join(axis for axis, way in zip("xyz", moving, strict=True) if way > 1e-9 * moving.max())
+
+    def sensor(self, name: str) -> int:
+        """Number of a force sensor.
+
+        Raises:
+            ValueError: if the file has none of that name.
+        """
+        force = mujoco.mjtSensor.mjSENS_FORCE
+        there = {self.model.sensor(i).name: i for i in range(self.model.nsensor) if self.model.sensor_type[i] == force}
+        return there[name] if name in there else _unknown("force", "force sensor", name, there)
+
+    def reset(self) -> None:
+        """Everything at rest where it begins, the robot at `home`."""
+        if self._keyframe is None:
+            mujoco.mj_resetData(self.model, self.data)
+        else:
+            mujoco.mj_resetDataKeyframe(self.model, self.data, self._keyframe)
+        self.data.qpos[:] = self.home
+        self.data.qvel[:] = 0.0
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Bring all that follows from positions and velocities up to date: `position`, `jacobian`, contacts, bias."""
+        mujoco.mj_step1(self.model, self.data)
+        mujoco.mj_jacSite(self.model, self.data, self.jacobian, None, self.site)
+
+    def advance(self, step: float) -> None:
+        """Move on by `step` [s] under `data.qfrc_applied`; the forces of the step can then be read, until `refresh`."""
+        self.model.opt.timestep = step
+        mujoco.mj_step2(self.model, self.data)
+
+    def inverse_mass(self) -> Array:
+        """M^-1 of all degrees of freedom, in the pose of the last `refresh`."""
+        inverse: Array = np.eye(self.model.nv)
+        mujoco.mj_solveM(self.model, self.data, inverse, np.eye(self.model.nv))
+        return inverse
+
+    def complaint(self) -> str | None:
+        """What MuJoCo has warned of since `reset`: after any of it the motion cannot be trusted."""
+        counts = self._warnings.tolist()
+        if not any(counts):
+            return None
+        kind = next(kind for kind, count in enumerate(counts) if count)
+        return _one_line(mujoco.mju_warningText(kind, self.data.warning[kind].lastinfo))
+
+    def _number(self, option: str, kind: str, name: str) -> int:
+        entries = getattr(self.model, f"n{kind}")
+        there = {getattr(self.model, kind)(i).name: i for i in range(entries)}
+        return there[name] if name in there else _unknown(option, {"key": "keyframe"}.get(kind, kind), name, there)
+
+    def _tree_dofs(self, end_effector: str) -> slice:
+        """Of one tree: they follow one another in MuJoCo."""
+        body = self.body
+        while body and not self.model.body_dofnum[body]:
+            body = int(self.model.body_parentid[body])
+        if not body:
+            raise ValueError(f"end_effector: no joint moves the site {end_effector!r}")
+        tree = self.model.dof_treeid[self.model.body_dofadr[body]]
+        members = np.flatnonzero(self.model.dof_treeid == tree)
+        return slice(int(members[0]), int(members[-1]) + 1)
+
+    def _take_over(self) -> None:
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        bodies = np.unique(self.model.dof_bodyid[self.dofs])
+        roots = self.model.body_rootid
+        self.model.body_gravcomp[np.isin(roots, roots[bodies])] = 0.0
+
+
+def _load(path: Path) -> Any:
+    if not path.is_file():
+        raise ValueError(f"model: there is no file {path}")
+    if mujoco.get_mju_user_warning() is None:
+        mujoco.set_mju_user_warning(_keep_quiet)
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        raise ValueError(f"model: {path}: {_one_line(str(error))}") from None
+
+
+def _keep_quiet(message: str) -> None:
+    """Or MuJoCo would print it, and write MUJOCO_LOG.TXT where the program runs; warnings are counted in `data`."""
+
+
+def _unknown(option: str, kind: str, name: str, there: Iterable[str]) -> int:
+    names = sorted(filter(None, there))
+    if not names:
+        raise ValueError(f"{option}: the model has no {kind} with a name, so none is called {name!r}")
+    nearest = get_close_matches(name, names, n=1, cutoff=0.0)[0]
+    raise ValueError(f"{option}: no {kind} is called {name!r}; nearest is {nearest!r}, there are {', '.join(names)}")
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
