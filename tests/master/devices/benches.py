@@ -25,6 +25,7 @@ from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
 
 TICK = 0.001
+SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
 
 
 @dataclass
@@ -98,6 +99,12 @@ def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
     with PtyDevice(emulator, folder / name) as wire:
         device = armed(name, port=str(wire.path), **options)
         wrong: WireFaults = emulator.faults
+
+        def displayed() -> float:
+            if not wire.plugged:  # nobody serves it any more, and its time goes on all the same
+                emulator.advance(monotonic())
+            return norm(emulator.force)
+
         faults: dict[str, Callable[[], None]] = {
             "unplug": wire.unplug,
             "silent": lambda: setattr(wrong, "silent", True),
@@ -106,7 +113,7 @@ def on_a_pty(name: str, folder: Path, **options: Any) -> Iterator[Bench]:
             "restart": lambda: emulator.inject("restart", 1.0),
         }
         try:
-            yield Bench(device, real_time(), lambda: norm(emulator.force), faults)
+            yield Bench(device, real_time(), displayed, faults)
         finally:
             device.close()
 
@@ -132,4 +139,7 @@ BENCHES: dict[str, Callable[[Path], AbstractContextManager[Bench]]] = {
     "replay": replay,
 }
 ON_A_WIRE = ("haply_2diy", "polhem_hid", "polhem_serial")
-FAULTS = [(name, fault) for name in ON_A_WIRE for fault in ("unplug", "silent", "late", "garbled", "restart")]
+FAULTS = [
+    *((name, fault) for name in ("haply_2diy", "polhem_serial") for fault in SERIAL_FAULTS),
+    *(("polhem_hid", fault) for fault in HID_FAULTS),
+]

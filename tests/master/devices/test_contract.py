@@ -8,7 +8,7 @@ from time import monotonic
 
 import pytest
 
-from codec.vector import ZERO, Vector, is_finite
+from codec.vector import ZERO, Vector, distance, is_finite
 from master.devices import BUILT_IN
 from master.devices.contract import DeviceFault
 from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, Bench
@@ -125,7 +125,10 @@ def test_a_fault_ends_it_with_a_reason_and_without_force(name: str, fault: str, 
     device, displayed = bench.device, bench.displayed
     assert displayed is not None
     device.open(bench.tick())
+    start = device.latest(bench.tick()).position
     wait(bench, (0.0, 1.0, 0.0), lambda: displayed() > 0.5)
+    # Far from where it was switched on, so that a device which has lost its place says something else than before.
+    wait(bench, (0.0, 1.0, 0.0), lambda: distance(device.latest(bench.tick()).position, start) > 0.02)
     bench.faults[fault]()
     gives_up = monotonic() + PATIENCE
     with pytest.raises(DeviceFault, match=name) as caught:

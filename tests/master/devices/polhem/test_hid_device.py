@@ -1,6 +1,7 @@
 """`polhem_hid` against a board in place of its port; over the real hidapi it is tried with the emulator."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from threading import Timer
 from time import monotonic, sleep
 from typing import Any
@@ -106,16 +107,30 @@ def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:
     assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
 
 
-def test_counters_may_hold_the_home_counts_the_gimbal_last_to_first(device_on: Make) -> None:
+def test_counters_may_hold_the_home_counts(device_on: Make) -> None:
     board = Board((900, -70, 5, 1, 2, 3))
     device = device_on(board, homing="at_open", counters_hold_home=True, parameters="polhem_v3", home_counts=(8, 9, 10))
     device.open(monotonic())
     assert SetCounters((8, 9, 10, 0, 30, 0)) in board.commands
-    straight = Board((*PARAMETERS["polhem_v1"].mechanism.counts_at(ZERO), 256, 0, 0))
-    rolled = device_on(straight, parameters="polhem_v1")
-    rolled.open(monotonic())
+
+
+def test_the_gimbal_of_a_polhem_is_wired_last_to_first(device_on: Make) -> None:
     mechanism = PARAMETERS["polhem_v1"].mechanism
-    assert rolled.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 0, 256))
+    device = device_on(Board((*mechanism.counts_at(ZERO), 256, 128, 0)), parameters="polhem_v1")
+    device.open(monotonic())
+    assert device.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 128, 256))
+
+
+def test_its_home_counts_are_set_last_to_first_too() -> None:
+    options = PolhemHidOptions(port="/dev/hidraw9", homing="at_open", counters_hold_home=True, parameters="polhem_v1")
+    known = parameters_of(options)
+    drive = replace(known.mechanism.drive, gimbal_home_counts=(1, 2, 3))
+    board = Board((0,) * 6)
+    parameters = replace(known, mechanism=replace(known.mechanism, drive=drive))
+    exchange = ReportExchange(options, parameters, 0.0, board)
+    exchange.open()
+    exchange.close()
+    assert SetCounters((*drive.home_counts, 3, 2, 1)) in board.commands
 
 
 def test_counters_that_hold_the_home_counts_say_the_same_pose(device_on: Make) -> None:

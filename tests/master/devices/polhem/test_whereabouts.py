@@ -75,6 +75,12 @@ def test_a_long_pause_between_two_answers_explains_a_long_way() -> None:
     assert sample.position[0] == pytest.approx(0.1, abs=1e-4)
 
 
+def test_a_late_answer_explains_a_long_way_too() -> None:
+    whereabouts = begun()
+    sample = whereabouts.next(counts_at((0.1, 0.0, 0.0)), 0.001, 0.101)
+    assert sample.position[0] == pytest.approx(0.1, abs=1e-4)
+
+
 def test_counters_that_begin_again_are_no_motion_however_long_it_took() -> None:
     whereabouts = begun()
     with pytest.raises(BadReply):
@@ -94,6 +100,12 @@ def test_back_where_it_was_is_believed() -> None:
     whereabouts = begun()
     sample = whereabouts.begin(counts_at((0.01, 0.0, 0.0)), 3.0, 3.0)
     assert sample.position[0] == pytest.approx(0.01, abs=1e-4)
+
+
+def test_back_at_zero_is_a_lost_home_even_where_a_hand_could_have_gone_there() -> None:
+    whereabouts = begun((0.025, 0.03, 0.205))
+    with pytest.raises(HardwareFault, match="it came back 30 mm from where it was"):
+        whereabouts.begin(HOME, 3.0, 3.0)
 
 
 def test_near_the_home_pose_a_return_is_believed_wherever_it_is() -> None:
