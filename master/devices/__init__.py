@@ -8,7 +8,10 @@ from typing import cast
 from master.devices.contract import DeviceDriver
 
 BUILT_IN = {
+    "haply_2diy": "master.devices.haply.device:HaplyDevice",
     "operator": "master.devices.operator:OperatorDevice",
+    "polhem_hid": "master.devices.polhem.hid_device:PolhemHidDevice",
+    "polhem_serial": "master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "master.devices.replay:ReplayDevice",
 }
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from slave.emulators.pose import Joints, Symmetric
 
 FLIPS = 12  # between sticking and sliding; of four joints, two or three are what happens
-SLIDES, STICKS = 1.0, 0.0
 
 
 def with_dry_friction(a: Symmetric, r: Sequence[float], most: Sequence[float], before: Joints) -> Joints:

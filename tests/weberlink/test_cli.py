@@ -158,7 +158,13 @@ def test_keygen_writes_a_private_file_and_never_over_another(tmp_path: Path) -> 
 # --- simulate
 
 
-@pytest.mark.parametrize("name", FILES)
+def test_simulate_refuses_what_has_a_time_of_its_own() -> None:
+    line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml"))
+    assert "master.device.driver: polhem_serial is hardware" in line
+    assert "weberlink emulate polhem_serial" in line
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name != "phantom-arm.yaml"])
 def test_simulate_completes_every_shipped_file(name: str, key: Path) -> None:
     result = run("simulate", CONFIGS / name, "--duration", 2, "--json", "-", *with_key(key))
     assert (result.exit_code, result.stderr) == (0, "")

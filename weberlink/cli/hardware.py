@@ -76,10 +76,10 @@ def emulate(
     """Be the device at the other end of the wire, faults included, until Ctrl-C."""
     from weberlink.emulate import run  # noqa: PLC0415
 
+    # A command beside it may want standard output for itself.
+    out = sys.stderr if command else sys.stdout
     with errors():
-        status = run(
-            name, link, tuple(set_ or ()), tuple(command or ()), out=sys.stdout, source=sys.stdin, faults=faults
-        )
+        status = run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults)
     raise typer.Exit(status)
 
 
