@@ -7,7 +7,10 @@ BIN := $(VENV)/bin
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 
-.PHONY: demo test lint format fuzz bench figures lock schema clean
+.PHONY: system demo test lint format fuzz bench figures lock schema clean
+
+system:  ## Debian packages for tests of HID devices, which skip without them; needs root
+	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
 
 demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
 	$(BIN)/weberlink loopback --duration $(DURATION)
@@ -28,8 +31,9 @@ format: $(DEV)
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
 
-bench: $(DEV)  ## run time of a tick's codec work, and what recording costs, beside their limits
+bench: $(DEV)  ## run time of a tick's codec work, of a device's exchange, and what recording costs, beside their limits
 	$(BIN)/python -m benchmarks.codec_tick
+	$(BIN)/python -m benchmarks.device_round_trip
 	$(BIN)/python -m benchmarks.recording --minutes 1
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: recordings of people

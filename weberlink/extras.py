@@ -2,7 +2,7 @@
 
 from importlib.util import find_spec
 
-from weberlink.configuration import ConfigurationError
+from weberlink.configuration.errors import ConfigurationError
 
 
 def need(package: str, extra: str, asked: str) -> None:

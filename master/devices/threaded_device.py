@@ -62,14 +62,14 @@ class ThreadedDevice:
         try:
             self._worker.start()
         except HardwareFault as fault:
-            raise DeviceFault(f"{self.spec.name}: {fault}") from None
+            raise self._fault(str(fault)) from None
         self._is_open = True
 
     def latest(self, now: float) -> DeviceReading:
         if not self._is_open:
-            raise DeviceFault(f"{self.spec.name}: not open")
+            raise self._fault("not open")
         if self._worker.fault is not None:
-            raise DeviceFault(f"{self.spec.name}: {self._worker.fault}")
+            raise self._fault(self._worker.fault)
         if self._answer is None or self._answer[0] != now:
             self._answer = (now, self._worker.newest[0])
         return self._answer[1]
@@ -86,3 +86,8 @@ class ThreadedDevice:
         self._is_open = False
         self._answer = None
         self._worker.stop()
+
+    def _fault(self, why: str) -> DeviceFault:
+        """With the name in front, once."""
+        name = f"{self.spec.name}: "
+        return DeviceFault(name + why.removeprefix(name))

@@ -13,6 +13,7 @@ from weberlink.configuration.document import override, parse
 from weberlink.configuration.errors import ConfigurationError, describe
 from weberlink.configuration.model import DriverSettings, System
 from weberlink.configuration.paths import settle
+from weberlink.extras import need
 
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
@@ -78,6 +79,9 @@ def _part(
         raise ConfigurationError(
             f"{'.'.join(where)}.driver: {settings.driver} needs a package that is not installed: {error.name}"
         ) from None
+    needs = getattr(driver, "NEEDS", None)
+    if needs is not None:
+        need(*needs, f"{'.'.join(where)}.driver: {settings.driver}")
     options = _validate(settings.options, driver.Options, where)
     return Part(driver, settle(options, folder, set(overridden), where))
 

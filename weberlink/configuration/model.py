@@ -23,7 +23,7 @@ PERCEPTUAL_WEBER_LIMIT = 0.27
 
 
 class Settings(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class EmulationSettings(Settings):

@@ -3,13 +3,17 @@
 `python -m weberlink.configuration.schema OUT` writes it; a test holds the shipped one against the code.
 """
 
+import ast
+import inspect
 import json
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from master import devices
 from slave import robots
+from weberlink.configuration import model
 from weberlink.configuration.model import System
 
 
@@ -17,6 +21,7 @@ def schema() -> dict[str, Any]:
     """The schema of a whole file, with the options of every built-in driver."""
     document = System.model_json_schema()
     definitions = document["$defs"]
+    _explain(definitions | {System.__name__: document})
     del definitions["DriverSettings"]
     for owner, field, table in (("MasterSettings", "device", devices), ("SlaveSettings", "robot", robots)):
         choices = [_driver(name, table.load(name).Options, definitions) for name in table.BUILT_IN]
@@ -24,6 +29,18 @@ def schema() -> dict[str, Any]:
         other = {"properties": {"driver": {"not": {"enum": list(table.BUILT_IN)}, "type": "string"}}}
         definitions[owner]["properties"][field] = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
     return document | {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "WeberLink configuration"}
+
+
+def _explain(definitions: dict[str, Any]) -> None:
+    """Describe every field by the text below it. Pydantic could, but a daemon would wait for that at every start."""
+    classes = (node for node in ast.parse(inspect.getsource(model)).body if isinstance(node, ast.ClassDef))
+    for each in classes:
+        for field, text in pairwise(each.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):
+                    properties = definitions[each.name]["properties"]
+                    described = properties[name] | {"description": inspect.cleandoc(explanation)}
+                    properties[name] = dict(sorted(described.items()))
 
 
 def _driver(name: str, options: Any, definitions: dict[str, Any]) -> dict[str, Any]:

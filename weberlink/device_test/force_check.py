@@ -50,8 +50,8 @@ def check_force(device: Device, frame: Frame, dialog: Dialog, *, may_move: bool)
     wrong = [axis for axis in spec.axes if not _felt(axis, push, device, frame, gives_way, dialog)]
     if wrong:
         raise DeviceTestError(
-            f"{spec.name}: its force is not felt along {', '.join(wrong)} as it should be: do not run it with force; "
-            "is it the model that the options say, and are its motors wired in the order of its encoders?"
+            f"{spec.name}: its force is not felt along {', '.join(wrong)} as it should be: leave signs_checked out "
+            "of the file; is it the model that the options say, and are its motors wired as its encoders are?"
         )
     dialog.tell("The force is right.")
 

@@ -6,7 +6,7 @@ from math import inf
 from typing import Any
 
 from codec.vector import Vector, add, distance, norm, scale, subtract
-from slave.robots.contract import Robot, RobotReading
+from slave.robots.contract import Robot, RobotReading, RobotSpec
 from weberlink.device_test.dialog import Dialog
 from weberlink.device_test.gauge import Gauge
 from weberlink.device_test.outcome import DeviceTestError, described, millimetres, uninterrupted
@@ -37,7 +37,7 @@ def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
     robot = build()
     dialog.tell(*described(robot.spec))
     if hasattr(driver, "plugged"):
-        dialog.ask("Support the arm and keep clear of it: it stiffens. Enter opens it: ")
+        dialog.ask("Support the arm if it is limp: it stiffens. Enter opens it: ")
     try:
         robot.open(dialog.now())
         dialog.watch(RobotView(robot), "Enter to go on: ")
@@ -114,11 +114,7 @@ def _check_motion(robot: Robot, dialog: Dialog) -> None:
 def _out_and_back(index: int, robot: Robot, dialog: Dialog) -> Motion:
     """Along one axis, to the side where there is room."""
     start = robot.latest(dialog.now())
-    lower, upper = (corner[index] for corner in robot.spec.workspace_m)
-    room = [sign for sign in (1.0, -1.0) if lower <= start.position[index] + sign * WAY_M <= upper]
-    if not room:
-        raise DeviceTestError(f"{robot.spec.name}: there is no room to move along {'xyz'[index]} in its workspace")
-    sign = room[0]
+    sign = _side(index, start.position, robot.spec)
     x, y, z = (sign * WAY_M if axis == index else 0.0 for axis in range(3))
     motion = Motion((x, y, z))
     began = dialog.now()
@@ -142,6 +138,22 @@ def _out_and_back(index: int, robot: Robot, dialog: Dialog) -> Motion:
         + (f", force changed by {motion.force_change_n:.2f} N" if robot.spec.force_sensing else "")
     )
     return motion
+
+
+def _side(index: int, position: Vector, spec: RobotSpec) -> float:
+    """+1 or -1, where the workspace goes on for long enough.
+
+    Raises:
+        DeviceTestError: on neither side.
+    """
+    there, lower, upper = (vector[index] for vector in (position, *spec.workspace_m))
+    for sign in (1.0, -1.0):
+        if lower <= there + sign * WAY_M <= upper:
+            return sign
+    raise DeviceTestError(
+        f"{spec.name}: is at {there * 1e3:.0f} mm along {'xyz'[index]}, outside of its workspace of "
+        f"{lower * 1e3:.0f} to {upper * 1e3:.0f} mm: move it into it by hand, or set another workspace"
+    )
 
 
 def _share(elapsed: float) -> float:

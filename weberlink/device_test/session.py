@@ -72,7 +72,8 @@ def run(request: Request, dialog: Dialog) -> None:
         raise DeviceTestError(str(fault)) from None
     except (Left, KeyboardInterrupt):
         dialog.tell("")
-        raise DeviceTestError(f"{request.name}: stopped before the end; nothing is left switched on") from None
+        left = "; the force is off" if part.side == MASTER else ""
+        raise DeviceTestError(f"{request.name}: stopped before the end{left}") from None
 
 
 def _part(request: Request) -> Part:

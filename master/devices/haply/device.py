@@ -20,7 +20,8 @@ NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
 NO_WATCHDOG = "no watchdog: if this host dies, its board holds the last force until it is switched off"
 FLAT_M = 0.001
 """Half the thickness of the workspace: z never moves, but a box has a thickness."""
-BAD_REPLIES = 3
+BAD_REPLIES = 20
+"""In a row are a fault; there is no force from the first on."""
 
 Direction = Literal["cw", "ccw"]
 Directions = tuple[Direction, Direction]
@@ -59,7 +60,7 @@ class HaplyOptions(BaseModel):
     torque_gain: float = Field(default=1.0, gt=0.0, le=10.0, description="what the board is told for each newton metre")
     force_n: float = Field(default=2.0, gt=0.0, le=10.0, description="largest force; more is cut to it")
     stiffness_n_m: float = Field(default=300.0, gt=0.0, description="stiffest wall; no figure has been published")
-    reply_ms: float = Field(default=5.0, ge=1.0, le=100.0, description="how long an answer may take")
+    reply_ms: float = Field(default=10.0, ge=1.0, le=100.0, description="how long an answer may take")
     signs_checked: str | None = Field(
         default=None, description="what `weberlink device test` prints once the directions are right; no force without"
     )

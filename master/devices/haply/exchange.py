@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from time import monotonic
 
 from codec.vector import Vector
@@ -16,12 +17,12 @@ from master.devices.haply.track import Track
 from master.devices.haply.version import Version
 
 RAMP_S = 0.05
-"""How long the force takes to come up after a connection."""
+"""How long the force takes to come up after a connection, and after a bad answer."""
 SETUP_S = 0.5
 """How long a board may take for its first answer after it was set up."""
 QUESTION_S = 0.05
 """How long it may take while nothing moves by its answers."""
-QUESTIONS = 4
+QUESTIONS = 3
 NEAR_HOME_DEG = 10.0
 RESTARTED = (
     "the board was restarted and has forgotten where the arms are; put the handle at its starting place and start again"
@@ -63,7 +64,7 @@ class HaplyExchange:
         self._board = conduct.version.board
         self._zero = self._board.torques(0.0, 0.0)
         self._line: Line | None = None
-        self._connected_at = 0.0
+        self._good_since = 0.0
         self.start_afresh()
 
     def start_afresh(self) -> None:
@@ -85,7 +86,7 @@ class HaplyExchange:
             reading = self._known(line) or self._set_up(line)
         except BadReply as reply:
             raise HardwareFault(f"{line.path}: {reply}") from None
-        self._connected_at = monotonic()
+        self._good_since = monotonic()
         return reading
 
     def exchange(self, force: Vector) -> DeviceReading:
@@ -96,6 +97,9 @@ class HaplyExchange:
             return self._follow(line, self._message(force), self._conduct.reply)
         except Forgotten:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
+        except BadReply:
+            self._good_since = inf
+            raise
 
     def close(self) -> None:
         """Zero torque twice, each time with a while for the answer, which shows that it arrived."""
@@ -166,7 +170,9 @@ class HaplyExchange:
         except Unreachable:
             return self._zero
         first, second = first * conduct.torque_gain, second * conduct.torque_gain
-        share = min(1.0, (monotonic() - self._connected_at) / RAMP_S)
+        now = monotonic()
+        self._good_since = min(self._good_since, now)
+        share = min(1.0, (now - self._good_since) / RAMP_S)
         most = max(abs(first), abs(second))
         if most > conduct.torque_limit:
             share *= conduct.torque_limit / most

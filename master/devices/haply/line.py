@@ -14,6 +14,10 @@ SETTLING_S = 0.1
 """How long an answer that is owed is waited for before it counts as lost."""
 LEAST_SIZE = REPLY_SIZE - 1
 """Of an answer on its way to which a byte got lost."""
+MUTE_MOST = 2
+"""How often nothing at all may come for so long."""
+RECOVERY_S = 0.05
+"""How long an answer after a bad one is waited for: it is late then, which is bad too, but is not owed any more."""
 
 
 class Forgotten(HardwareFault):
@@ -41,6 +45,8 @@ class Line:
         self._zero = board.torques(0.0, 0.0)
         self._owed = 0
         self._heard = b""
+        self._recovers = False
+        self._mute = 0
         self.asked_at = 0.0
         """When the last question went out [s]."""
 
@@ -58,7 +64,7 @@ class Line:
         Raises:
             BadReply: no answer within `patience` [s], or one that cannot be.
             Forgotten: the board knows nothing of us.
-            HardwareFault: the port is gone.
+            HardwareFault: the port is gone, or the board mute.
         """
         if self._owed:
             self._settle()
@@ -66,16 +72,28 @@ class Line:
         self.asked_at = monotonic()
         self._port.write(torques)
         self._owed, self._heard = 1, b""
-        self._listen(REPLY_SIZE, patience)
+        self._listen(REPLY_SIZE, max(patience, RECOVERY_S) if self._recovers else patience)
         if not self._heard:
+            self._recovers = True
             raise BadReply(f"no answer within {patience * 1e3:g} ms")
-        angles = self._board.angles(self._heard)
+        angles = self._answer()
+        if self._recovers and (elapsed := monotonic() - self.asked_at) > patience:
+            raise BadReply(f"answered after {elapsed * 1e3:.0f} ms instead of {patience * 1e3:g}")
+        self._recovers = False
+        return angles
+
+    def _answer(self) -> Pair:
+        try:
+            angles = self._board.angles(self._heard)
+        except BadReply:
+            self._recovers = True
+            raise
         self._owed = 0
         return angles
 
     def doubt(self) -> None:
         """The last answer could be read, but cannot be true."""
-        self._owed = 1
+        self._owed, self._recovers = 1, True
 
     def close(self) -> None:
         self._port.close()
@@ -88,6 +106,9 @@ class Line:
         self._owed = 0
         if forgotten:
             raise Forgotten("the board does not know of this device")
+        self._mute = 0 if self._heard else self._mute + 1
+        if self._mute >= MUTE_MOST:
+            raise HardwareFault(f"{self.path}: does not answer")
 
     def _listen(self, size: int, patience: float) -> None:
         until = monotonic() + patience

@@ -102,9 +102,10 @@ class StatusReader:
                 answers.append(answer)
         return answers
 
-    def clear(self) -> None:
-        """Forget what has come of an answer."""
-        self._rest = b""
+    @property
+    def kept(self) -> int:
+        """Bytes that may be the beginning of an answer."""
+        return len(self._rest)
 
 
 def _status(message: bytes) -> Status | None:

@@ -64,7 +64,6 @@ class ReportExchange:
         self._whereabouts: Whereabouts | None = None
         self._relative: tuple[int, ...] = ()
         self._connected_at = 0.0
-        self._was_silent = False
 
     def start_afresh(self) -> None:
         self._identity.forget()
@@ -87,7 +86,6 @@ class ReportExchange:
             self.close()  # the next attempt could not open it otherwise
             raise located(path, fault) from None
         self._relative = self._whereabouts.relative(counts)
-        self._was_silent = False
         return reading
 
     def exchange(self, command: Vector) -> DeviceReading:
@@ -96,17 +94,9 @@ class ReportExchange:
         if command != ZERO:
             currents = self._stage.currents_ma(command, self._relative, monotonic() - self._connected_at)
         asked = monotonic()
-        try:
-            sensors = self._ask(currents)
-        except BadReply:
-            self._was_silent = True
-            raise
+        sensors = self._ask(currents)
         counts = self._counts(sensors)
-        if self._was_silent:  # whoever is silent may have been without power
-            reading = self._whereabouts.begin(counts, asked, monotonic())
-            self._was_silent = False
-        else:
-            reading = self._whereabouts.next(counts, asked, monotonic(), int(sensors.button))
+        reading = self._whereabouts.next(counts, asked, monotonic(), int(sensors.button))
         self._relative = self._whereabouts.relative(counts)
         return reading
 

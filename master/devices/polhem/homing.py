@@ -5,7 +5,9 @@ from time import monotonic, sleep
 from typing import TypeVar
 
 from hardware.fault import BadReply, HardwareFault
-from master.devices.polhem.whereabouts import NEAR_COUNTS
+
+NEAR_COUNTS = 8
+"""Counters that were set to zero between two looks are not farther from it."""
 
 STEP_COUNTS = 40
 """A jump to zero from at least so far is the button: between two looks no hand is that fast."""

@@ -29,7 +29,6 @@ class Parameters:
         warnings: what to know before it is believed.
         hid_directions: where they are others with the boards that speak HID.
         gimbal_reversed_over_hid: whether the gimbal's counters come last to first there.
-        current_ma: largest continuous current that is taken for harmless [mA].
     """
 
     name: str
@@ -42,7 +41,6 @@ class Parameters:
     warnings: tuple[str, ...] = ()
     hid_directions: Signs | None = None
     gimbal_reversed_over_hid: bool = False
-    current_ma: float = 2000.0
 
     @property
     def reach_m(self) -> float:

@@ -27,6 +27,9 @@ REPLY_S = 0.01
 OPENING_S = 1.0
 """How long a port may take until its answers are good [s]: a board that was just plugged in takes a while."""
 
+REPORTS = "reports"
+STRANGER = ": it is no such device, or its firmware is older than 2.0; `weberlink devices` lists what there is"
+
 PORTS_BY_ID = Path("/dev/serial/by-id")
 
 
@@ -50,7 +53,6 @@ class BracketExchange:
         self._has_gimbal = False
         self._counts: tuple[int, ...] = ()
         self._connected_at = 0.0
-        self._was_silent = False
 
     def start_afresh(self) -> None:
         self._identity.forget()
@@ -61,15 +63,14 @@ class BracketExchange:
         self._line = SerialLine(path)
         self._talk = LockStep(self._line, NO_CURRENT)
         try:
-            status = self._insist()
+            model = self._insist().model
             if self._whereabouts is None:
-                self._whereabouts = self._meet(status.model)
+                self._whereabouts = self._meet(model)
                 self._home(self._whereabouts)
-            elif status.model != self._model:
-                raise HardwareFault(f"came back as another one: {_called(status.model)}, not {_called(self._model)}")  # noqa: TRY301
+            else:
+                self._recognise(model)
             self._connected_at = monotonic()
             self._counts = self._insist().counts
-            self._was_silent = False
             return self._whereabouts.begin(self._counts, self._connected_at, monotonic())
         except HardwareFault as fault:
             self.close()  # the next attempt could not open it otherwise
@@ -83,16 +84,8 @@ class BracketExchange:
             relative = self._whereabouts.relative(self._counts)
             currents = self._stage.currents_ma(command, relative, monotonic() - self._connected_at)
         asked = monotonic()
-        try:
-            counts = self._ask(currents).counts
-        except BadReply:
-            self._was_silent = True
-            raise
-        if self._was_silent:  # whoever is silent may have been without power
-            reading = self._whereabouts.begin(counts, asked, monotonic())
-            self._was_silent = False
-        else:
-            reading = self._whereabouts.next(counts, asked, monotonic())
+        counts = self._ask(currents).counts
+        reading = self._whereabouts.next(counts, asked, monotonic())
         self._counts = counts
         return reading
 
@@ -108,7 +101,7 @@ class BracketExchange:
         assert self._talk is not None
         status = self._talk.ask(currents, REPLY_S)
         if status.error & ~GIMBAL_ERRORS or (status.error and self._has_gimbal):
-            raise BadReply(f"reports {complaint(status.error)}")
+            raise BadReply(f"{REPORTS} {complaint(status.error)}")
         return status
 
     def _insist(self) -> Status:
@@ -119,10 +112,8 @@ class BracketExchange:
                 return self._ask(NO_CURRENT)
             except BadReply as reply:
                 if monotonic() > until:
-                    raise HardwareFault(
-                        f"{reply}: it is no such device, or its firmware is older than 2.0; "
-                        "`weberlink devices` lists what there is"
-                    ) from None
+                    advice = "" if str(reply).startswith(REPORTS) else STRANGER
+                    raise HardwareFault(f"{reply}{advice}") from None
 
     def _meet(self, model: int) -> Whereabouts:
         """Take up the mechanism of the model that answered, if it is the right one."""
@@ -143,6 +134,10 @@ class BracketExchange:
         self._has_gimbal = 0 not in parameters.mechanism.drive.gimbal_counts_per_turn
         self._stage = ForceStage(parameters.mechanism, self._force_n, options.max_current_ma)
         return Whereabouts(parameters, (0,) * 6)
+
+    def _recognise(self, model: int) -> None:
+        if model != self._model:
+            raise HardwareFault(f"came back as another one: {_called(model)}, not {_called(self._model)}")
 
     def _home(self, whereabouts: Whereabouts) -> None:
         if self._options.homing == "at_open":

@@ -18,14 +18,17 @@ SPEED_M_S = 3.0
 SLACK_M = 0.003
 """Beyond what that speed explains, for times that are not exact."""
 
+SILENCE_S = 0.25
+"""After such a time without an answer a device may have been without power: no speed explains where it is then."""
+
 AWAY_M = 0.05
-"""Farther, the handle does not go while the device says nothing, or it is better asked."""
+"""Farther, the handle does not go while the device is unplugged, or it is better asked."""
 
 SHIFT_M = 0.01
 """Nearer to the home pose, counters that began again at zero do no harm."""
 
-NEAR_COUNTS = 8
-"""Counters that were just set to zero are not farther from it than this."""
+NEAR_COUNTS = 100
+"""Counters that began again at zero are not farther from it at the next answer."""
 
 STILL_M = 0.5
 """No hand moves on so far and leaves one of the three encoders at exactly the same count."""
@@ -54,7 +57,7 @@ class Whereabouts:
         self._reach = parameters.reach_m
         self._zero = zero
         self._last: _Known | None = None
-        self._doubted_after: float | None = None
+        self._doubted: Vector | None = None
         self._lost: str | None = None
         self._still_for = [0.0, 0.0, 0.0]
 
@@ -68,7 +71,7 @@ class Whereabouts:
         return tuple(count - zero for count, zero in zip(counts, self._zero, strict=True))
 
     def begin(self, counts: Counts, asked: float, answered: float) -> DeviceReading:
-        """The first reading, or the first after a time without answers, measured between two moments [s].
+        """The first reading of a connection, measured between two moments [s].
 
         Raises:
             HardwareFault: it cannot be where it says to be, or not after where it was before.
@@ -77,11 +80,9 @@ class Whereabouts:
         if self._last is None:
             self._believe_home(known)
         else:
-            self._believe_return(known)
-        self._last = known
-        self._doubted_after = None
+            self._believe_return(known, self._last)
         self._still_for = [0.0, 0.0, 0.0]
-        return self._reading(known, answered, 0)
+        return self._take(known, answered, 0)
 
     def next(self, counts: Counts, asked: float, answered: float, buttons: int = 0) -> DeviceReading:
         """The next reading, measured between the moments when it was asked for and when the answer was read [s].
@@ -94,27 +95,33 @@ class Whereabouts:
         assert before is not None
         known = _Known(counts, self._position(counts), asked)
         gone, elapsed = distance(known.position, before.position), answered - before.asked
-        if self._doubted_after is not None:
-            elapsed = min(elapsed, self._doubted_after)
-        if gone > SLACK_M and (gone > SLACK_M + SPEED_M_S * elapsed or self._is_reset(counts)):
-            jump = f"its position jumped by {gone * 1e3:.0f} mm in {elapsed * 1e3:.1f} ms"
-            if self._doubted_after is not None:
-                self._lose(jump)
-            self._doubted_after = elapsed
-            raise BadReply(jump)
-        self._doubted_after = None
+        what = f"its position jumped by {gone * 1e3:.0f} mm in {elapsed * 1e3:.1f} ms"
+        if self._doubted is not None and distance(known.position, self._doubted) < gone:
+            self._lose(what)
+        if elapsed > SILENCE_S and gone > SHIFT_M and _began_again(counts, before.counts):
+            self._lose(what)
+        if self._is_doubtful(counts, before, gone, elapsed):
+            self._doubted = known.position
+            raise BadReply(what)
         self._watch_encoders(before.counts, counts, gone)
+        return self._take(known, answered, buttons)
+
+    def _is_doubtful(self, counts: Counts, before: _Known, gone: float, elapsed: float) -> bool:
+        if gone > SLACK_M + SPEED_M_S * elapsed:
+            return True
+        near_zero = max(map(abs, counts[:3])) <= NEAR_COUNTS
+        return near_zero and gone > SHIFT_M and _began_again(counts, before.counts)
+
+    def _take(self, known: _Known, answered: float, buttons: int) -> DeviceReading:
         self._last = known
-        return self._reading(known, answered, buttons)
-
-    def _position(self, counts: Counts) -> Vector:
-        return self._mechanism.position(self.relative(counts))
-
-    def _reading(self, known: _Known, at: float, buttons: int) -> DeviceReading:
+        self._doubted = None
         reach = self._reach
         x, y, z = (min(max(component, -reach), reach) for component in known.position)
         orientation = self._mechanism.orientation(self.relative(known.counts))
-        return DeviceReading(at, (x, y, z), orientation=orientation, buttons=buttons)
+        return DeviceReading(answered, (x, y, z), orientation=orientation, buttons=buttons)
+
+    def _position(self, counts: Counts) -> Vector:
+        return self._mechanism.position(self.relative(counts))
 
     def _watch_encoders(self, before: Counts, counts: Counts, gone: float) -> None:
         for axis in range(3):
@@ -130,22 +137,23 @@ class Whereabouts:
                 "see `homing` in its options"
             )
 
-    def _believe_return(self, known: _Known) -> None:
+    def _believe_return(self, known: _Known, before: _Known) -> None:
         if self._lost is not None:  # and by moving about it does not find it again
             raise HardwareFault(self._lost)
-        before = self._last
-        assert before is not None
         gone = distance(known.position, before.position)
-        # Counters that began again at zero are closer to it than to where they were.
-        from_zero = max(map(abs, known.counts[:3]))
-        from_before = max(abs(a - b) for a, b in zip(known.counts[:3], before.counts[:3], strict=True))
-        if gone > AWAY_M or (gone > SHIFT_M and from_zero < from_before):
+        if gone > AWAY_M or (gone > SHIFT_M and _nearer_zero(known.counts[:3], before.counts[:3])):
             self._lose(f"it came back {gone * 1e3:.0f} mm from where it was")
 
     def _lose(self, why: str) -> NoReturn:
         self._lost = f"has lost its home: {why}; close, put it in its home pose and home it again"
         raise HardwareFault(self._lost)
 
-    @staticmethod
-    def _is_reset(counts: Counts) -> bool:
-        return max(map(abs, counts[:3])) <= NEAR_COUNTS
+
+def _began_again(counts: Counts, before: Counts) -> bool:
+    """Whether counters look as if they had begun again at zero, those of the gimbal included."""
+    return _nearer_zero(counts[:3], before[:3]) and (len(counts) == 3 or _nearer_zero(counts[3:], before[3:]))
+
+
+def _nearer_zero(counts: Counts, before: Counts) -> bool:
+    """Whether counters are closer to zero than to where they were, or no farther from it."""
+    return max(map(abs, counts)) <= max(abs(a - b) for a, b in zip(counts, before, strict=True))

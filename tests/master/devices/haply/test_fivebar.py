@@ -117,6 +117,16 @@ def test_postures_that_follow_from_the_published_numbers() -> None:
     )
 
 
+def test_the_tip_is_the_upper_point_where_the_arms_cross_too() -> None:
+    bar = VERSIONS["v2"].bar
+    straight, crossed = bar.tip(radians((100.0, 80.0))), bar.tip(radians((80.0, 100.0)))
+    assert crossed == pytest.approx(straight)
+    assert straight[1] > 0.15
+    moved = bar.tip(radians((80.0, 100.01)))
+    jacobian = bar.jacobian(radians((80.0, 100.0)))
+    assert moved[1] - crossed[1] == pytest.approx(jacobian.y2 * radians((0.01, 0.0))[0], rel=1e-2)
+
+
 @every_version
 def test_the_starting_place_is_at_the_edge_toward_the_motors(name: str) -> None:
     version = VERSIONS[name]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from threading import Timer
+from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
@@ -162,11 +162,16 @@ def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
 def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) -> None:
     board = Board(MIDDLE)
     board.calibrate = True
-    timer = Timer(0.05, lambda: setattr(board, "calibrate", True))
-    timer.start()
+
+    def press_later() -> None:
+        until(lambda: not board.calibrate and len(board.commands) > 10)
+        board.calibrate = True
+
+    person = Thread(target=press_later)
+    person.start()
     device = device_on(board, homing="button")
     device.open(monotonic())
-    timer.join()
+    person.join()
     assert [each for each in board.commands if isinstance(each, SetCounters)] == [
         SetCounters((*MIDDLE[:3], 0, 0, 0)),
         SetCounters((0,) * 6),

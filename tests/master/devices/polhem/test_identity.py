@@ -37,7 +37,7 @@ def test_none_two_alike_and_no_permission(there: tuple[Found, ...], complaint: s
 
 def test_a_named_port_is_taken_whatever_else_there_is() -> None:
     assert identity(ONE, OTHER, port="/dev/ttyX2").locate() == "/dev/ttyX2"
-    assert identity(port="/tmp/emulated").locate() == "/tmp/emulated"
+    assert identity(port="/anywhere/emulated").locate() == "/anywhere/emulated"
 
 
 def test_another_one_in_its_place_is_noticed_until_it_is_forgotten() -> None:

@@ -81,12 +81,31 @@ def test_a_late_answer_explains_a_long_way_too() -> None:
     assert sample.position[0] == pytest.approx(0.1, abs=1e-4)
 
 
-def test_counters_that_begin_again_are_no_motion_however_long_it_took() -> None:
+def test_counters_that_begin_again_are_no_motion() -> None:
     whereabouts = begun()
     with pytest.raises(BadReply):
-        whereabouts.next((1, -2, 0, 0, 0, 0), 10.0, 10.001)
+        whereabouts.next((1, -2, 0, 0, 0, 0), 0.1, 0.2)
     with pytest.raises(HardwareFault, match="lost its home"):
-        whereabouts.next((1, -2, 0, 0, 0, 0), 10.001, 10.002)
+        whereabouts.next((1, -2, 0, 0, 0, 0), 0.2, 0.201)
+
+
+def test_after_a_silence_counters_that_begin_again_are_no_motion_though_they_have_moved_on() -> None:
+    whereabouts = begun((0.025, 0.03, 0.205))
+    with pytest.raises(HardwareFault, match="lost its home"):
+        whereabouts.next((40, -20, 15, 0, 0, 0), 0.29, 0.3)
+
+
+def test_a_gimbal_that_has_kept_its_counts_was_not_without_power() -> None:
+    """A PHANTOM's home pose is in the middle of its workspace, where a hand may well have gone in a long silence."""
+    phantom = PARAMETERS["vintage_phantom"]
+    before = phantom.mechanism.counts_at((0.03, 0.02, 0.0))
+    whereabouts = Whereabouts(phantom, HOME)
+    whereabouts.begin((*before, 120, -80, 44), 0.0, 0.0)
+    whereabouts.next((5, -9, 3, 118, -82, 45), 0.3, 0.3)
+    whereabouts = Whereabouts(phantom, HOME)
+    whereabouts.begin((*before, 120, -80, 44), 0.0, 0.0)
+    with pytest.raises(HardwareFault, match="lost its home"):
+        whereabouts.next((5, -9, 3, 1, -2, 0), 0.3, 0.3)
 
 
 def test_through_the_home_pose_is_a_motion() -> None:

@@ -1,0 +1,68 @@
+"""What the page about these devices says, against what they do."""
+
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+import yaml
+
+from codec.vector import ZERO, Vector, distance, norm
+from master.devices import load
+from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS
+
+PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
+EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
+ROWS = {
+    cells[0].strip("`"): cells[1:]
+    for cells in ([cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines())
+    if len(cells) == 8 and cells[0].startswith("`")
+}
+AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_examples_are_options_of_their_driver(example: str) -> None:
+    settings: dict[str, Any] = yaml.safe_load(example)["master"]["device"]
+    driver: Any = load(settings.pop("driver"))
+    assert driver(driver.Options(**settings), 0.001).spec.name
+
+
+def test_there_are_two_examples_and_a_row_for_every_set() -> None:
+    assert len(EXAMPLES) == 2
+    assert list(ROWS) == list(PARAMETERS)
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_row_is_what_the_set_computes(name: str) -> None:
+    use, directions, home_counts, home, steps, currents, force = ROWS[name]
+    parameters = PARAMETERS[name]
+    mechanism = parameters.mechanism
+    for number, of_model in MODEL_SETS.items():
+        assert (f"model {number}" in use) == (of_model == name)
+    both = (parameters.mechanism.drive.directions, parameters.over_hid().mechanism.drive.directions)
+    said = [" ".join("+-"[sign < 0] for sign in signs) for signs in both]
+    assert directions == "; ".join(said)
+    assert home_counts == in_row(mechanism.drive.home_counts)
+    assert home == in_row([round(component * 1e3) for component in mechanism.position((0, 0, 0))])
+    middle = mechanism.counts_at(ZERO)
+    here = mechanism.position(middle)
+    moved = [[count + (i == motor) for i, count in enumerate(middle)] for motor in range(3)]
+    assert steps == in_row([round(distance(mechanism.position(counts), here) * 1e6) for counts in moved])
+    assert currents == in_row([round(max(map(abs, mechanism.currents_ma(axis, middle)))) for axis in AXES])
+    assert float(force) == pytest.approx(weakest(name), rel=0.05)
+
+
+def in_row(numbers: Any) -> str:
+    return ", ".join(map(str, numbers))
+
+
+def weakest(name: str) -> float:
+    """Force in the direction in which 2 A give least [N]."""
+    mechanism, random = PARAMETERS[name].mechanism, Random(0)
+    middle = mechanism.counts_at(ZERO)
+    least = float("inf")
+    for _ in range(1000):
+        way = (random.gauss(), random.gauss(), random.gauss())
+        least = min(least, 2000.0 * norm(way) / max(map(abs, mechanism.currents_ma(way, middle))))
+    return least

@@ -1,0 +1,22 @@
+"""Packages of others, as pip would leave them: modules and a .dist-info beside each other in a folder."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def install(folder: Path, name: str, modules: Mapping[str, str], entry_points: str) -> Path:
+    """Put a package into a folder, which becomes one of `sys.path`.
+
+    Args:
+        folder: where to.
+        name: of the distribution.
+        modules: source by name.
+        entry_points: text of its `entry_points.txt`.
+    """
+    for module, source in modules.items():
+        (folder / f"{module}.py").write_text(source, encoding="utf-8")
+    information = folder / f"{name.replace('-', '_')}-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n", encoding="utf-8")
+    (information / "entry_points.txt").write_text(entry_points, encoding="utf-8")
+    return folder
