@@ -48,6 +48,7 @@ class HeartbeatSchedule:
         "_ask_after",
         "_asked_at",
         "_demands",
+        "_due_engaged",
         "_fade",
         "_heard_at",
         "_introductions",
@@ -75,6 +76,7 @@ class HeartbeatSchedule:
         self._reported_at = now - REPORT_INTERVAL
         self._sent = deque([self._reported_at] * _REMEMBERED, maxlen=_REMEMBERED)
         self._demands: tuple[_Demand, ...] = ()
+        self._due_engaged: float | None = None
         self.adapt(0.0, 0.0, inf, 0.0)
 
     def adapt(self, outgoing: float, incoming: float, rtt: float, jitter: float) -> None:
@@ -95,6 +97,7 @@ class HeartbeatSchedule:
             if least > window / CLEAN_INTERVAL:  # else met by what is sent anyway
                 demands.append(_Demand(least, window, UNEVENNESS * window / least))
         self._demands = tuple(demands)
+        self._due_engaged = None
 
     def _answers(self, window: float) -> int:
         """How often the peer, which knows the same link, can ask and be answered in a silence of that length."""
@@ -104,11 +107,13 @@ class HeartbeatSchedule:
     def heard(self, now: float) -> None:
         """Something fresh came."""
         self._heard_at = now
+        self._due_engaged = None
 
     def sent(self, now: float) -> None:
         """A datagram of any kind went out."""
         self._sent.append(now)
         self._answer_wanted = False
+        self._due_engaged = None
 
     def reported(self, now: float, *, is_confirmed: bool) -> None:
         """That datagram was a heartbeat; `is_confirmed`: the peer was heard under these keys."""
@@ -116,10 +121,12 @@ class HeartbeatSchedule:
             self._asked_at = now
         self._reported_at = now
         self._introductions -= is_confirmed and self._introductions > 0
+        self._due_engaged = None
 
     def asked(self) -> None:
         """The peer wants to hear something; any datagram is an answer."""
         self._answer_wanted = True
+        self._due_engaged = None
 
     def asks(self, now: float) -> bool:
         """Whether a heartbeat sent now asks for an answer: the peer is overdue, and can still be heard in time."""
@@ -131,11 +138,17 @@ class HeartbeatSchedule:
 
     def due(self, *, is_engaged: bool) -> float:
         """When to send the next one, if nothing else goes out [s]."""
-        sent = self._sent
-        due = self._reported_at + REPORT_INTERVAL
         if not is_engaged:
-            return min(due, sent[-1] + CLEAN_INTERVAL)
-        due = sent[-1] if self._answer_wanted else min(due, sent[-1] + CLEAN_INTERVAL, self._ask_due())
+            return min(self._reported_at + REPORT_INTERVAL, self._sent[-1] + CLEAN_INTERVAL)
+        if self._due_engaged is None:  # asked several times a tick, and changed by a datagram only
+            self._due_engaged = self._find_due()
+        return self._due_engaged
+
+    def _find_due(self) -> float:
+        sent = self._sent
+        due = min(self._reported_at + REPORT_INTERVAL, sent[-1] + CLEAN_INTERVAL, self._ask_due())
+        if self._answer_wanted:
+            due = sent[-1]
         if self._introductions:
             due = min(due, self._reported_at + INTRODUCTION_INTERVAL)
         for least, window, gap in self._demands:

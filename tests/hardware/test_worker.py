@@ -1,8 +1,10 @@
 """The thread that owns a device: what it commands, when it gives up, and what is left of it."""
 
+import gc
 import subprocess
 import sys
 import threading
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -304,6 +306,16 @@ def test_it_starts_again_after_a_stop_and_after_a_fault() -> None:
         assert worker.fault is None
         assert worker.bad_count == 0
         wait_for(lambda: worker.newest[0] == 5)
+
+
+def test_a_stopped_worker_is_held_by_nobody() -> None:
+    worker = worker_of(Scripted())
+    worker.start()
+    worker.stop()
+    gone = weakref.ref(worker)
+    del worker
+    gc.collect()
+    assert gone() is None
 
 
 def test_starting_twice_is_starting_anew() -> None:

@@ -61,11 +61,11 @@ def test_rare_updates_are_mended_before_there_is_evidence(seed: int, delay: floa
     sent: dict[int, float] = {}
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
-        if tick % 300 == 0 and now > 3.0:
+        if now > 3.0:
             sent[send(pair, pair.slave)] = now
 
     changes = {"incoming_values": 3, "outgoing_values": 3}
-    pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, seed=seed)
+    pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, every=300, seed=seed)
     pair.connect().run(63.0)
     waits = sorted(at - sent[event.tick] - delay for at, event in pair.master.received_at if event.tick in sent)
     prompt = [wait for wait in waits if wait <= 3.5 * SHORTEST_PACE]
@@ -77,10 +77,11 @@ def test_early_repeats_keep_to_their_allowance_however_many_updates_there_are(bu
     lossy = Emulation(delay_s=0.045, loss=0.2, burst=burst)
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
-        if tick % 20 == 0 and now > 0.2 and pair.master.endpoint.state is State.ENGAGED:
+        if now > 0.2 and pair.master.endpoint.state is State.ENGAGED:
             send(pair, pair.master)
 
-    pair = Pair(forward=lossy, backward=Emulation(delay_s=0.045), on_tick=on_tick, seed=2).connect().run(20.0)
+    pair = Pair(forward=lossy, backward=Emulation(delay_s=0.045), on_tick=on_tick, every=20, seed=2)
+    pair.connect().run(20.0)
     # Newer updates come sooner than evidence can, so every repeat is an early one.
     assert 0 < pair.master.endpoint.statistics.repeats <= EARLY_PER_S * 21.0
 

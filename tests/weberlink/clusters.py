@@ -14,44 +14,55 @@ STARTS_WITHIN_S = 60.0
 
 
 class Cluster:
-    """What runs, by process."""
+    """What runs, by process: all of it is begun at once, and there when this is made."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, workers: int) -> None:
         self._folder = folder
         self._file = folder / "scheduler.json"
-        self.workers: list[subprocess.Popen[bytes]] = []
+        self._log = folder / "log"
         self.scheduler = self._start("dask_scheduler", "--port", "0", "--scheduler-file", str(self._file))
-        ends = monotonic() + STARTS_WITHIN_S
-        while not self._file.exists() or not self._file.read_text().endswith("}"):
-            assert self.scheduler.poll() is None, "the scheduler did not start"
-            assert monotonic() < ends, "the scheduler takes too long to start"
-            sleep(0.05)
-        self.address: str = json.loads(self._file.read_text())["address"]
+        # Without a nanny, so that a worker that dies stays dead.
+        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(folder))
+        self.workers = [
+            self._start("dask_worker", "--scheduler-file", str(self._file), *options) for _ in range(workers)
+        ]
 
-    def add_worker(self, cwd: Path = CONFIGS.parent) -> None:
-        """Without a nanny, so that a worker that dies stays dead."""
-        options = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self._folder))
-        self.workers.append(self._start("dask_worker", self.address, *options, cwd=cwd))
+    def wait(self) -> None:
+        """Until all have found each other."""
+        ends = monotonic() + STARTS_WITHIN_S
+        while not self._complete():
+            assert all(process.poll() is None for process in (*self.workers, self.scheduler)), self._log.read_text()
+            assert monotonic() < ends, "the cluster takes too long to start"
+            sleep(0.05)
+
+    def _complete(self) -> bool:
+        if not self._file.exists() or not self._file.read_text().endswith("}"):
+            return False
+        return self._log.read_text().count("Registered to:") == len(self.workers)
+
+    @property
+    def address(self) -> str:
+        """Of the scheduler."""
+        found: str = json.loads(self._file.read_text())["address"]
+        return found
 
     def end(self) -> None:
         for process in (*self.workers, self.scheduler):
             process.kill()
             process.wait()
 
-    def _start(self, module: str, *arguments: str, cwd: Path = CONFIGS.parent) -> subprocess.Popen[bytes]:
+    def _start(self, module: str, *arguments: str) -> subprocess.Popen[bytes]:
         command = [sys.executable, "-m", f"distributed.cli.{module}", *arguments, "--host", "127.0.0.1"]
-        log = (self._folder / "log").open("ab")
-        with log:
-            return subprocess.Popen([*command, "--no-dashboard"], cwd=cwd, stdout=log, stderr=log)
+        with self._log.open("ab") as log:
+            return subprocess.Popen([*command, "--no-dashboard"], cwd=CONFIGS.parent, stdout=log, stderr=log)
 
 
 @contextmanager
 def cluster(folder: Path, workers: int) -> Iterator[Cluster]:
     """Ends every process at the end."""
-    started = Cluster(folder)
+    started = Cluster(folder, workers)
     try:
-        for _ in range(workers):
-            started.add_worker()
+        started.wait()
         yield started
     finally:
         started.end()

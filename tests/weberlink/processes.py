@@ -25,7 +25,7 @@ T = TypeVar("T")
 Records = NDArray[Any]
 
 ROOT = CONFIGS.parent
-PATIENCE = 30.0
+PATIENCE = 120.0
 """Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
 ENGAGED = State.ENGAGED.value
 

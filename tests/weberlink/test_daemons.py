@@ -21,7 +21,7 @@ from telemetry.fault import Fault
 from tests.weberlink.processes import ENGAGED, Program, Records, Telemetry, document, until
 from weberlink.cli import app
 
-pytestmark = pytest.mark.realtime
+realtime = pytest.mark.realtime
 
 TICK = 1e-3
 SILENCE = 0.1
@@ -103,6 +103,7 @@ def in_contact(master: Telemetry) -> bool:
     return len(lately) == 100 and bool(felt.all())
 
 
+@realtime
 @pytest.mark.parametrize(
     ("order", "door"),
     [(("slave", "master"), "weberlink SIDE"), (("master", "slave"), "python -m SIDE")],
@@ -151,6 +152,7 @@ def tick_times(records: Records) -> Records:
     return times
 
 
+@realtime
 def test_force_is_zero_within_the_limit_when_the_slave_dies_and_fades_in_with_the_next(system: Path) -> None:
     with Program("master", system, "--json", "-") as master, Program("slave", system, "--json", "-") as slave:
         felt, killed = master.engaged("master"), slave.engaged("slave")
@@ -197,6 +199,7 @@ def check_fade_in(back: Records, reactions: Records) -> None:
     assert (jumps <= allowed).all()
 
 
+@realtime
 def test_the_robot_holds_when_the_master_dies_and_approaches_the_next_slowly(system: Path) -> None:
     with Program("slave", system, "--json", "-") as slave, Program("master", system) as master:
         moved, killed = slave.engaged("slave"), master.engaged("master")
@@ -227,6 +230,7 @@ def check_approach(back: Records) -> None:
     assert (steps <= np.where(arrived[:-1], SPEED, APPROACH) * elapsed + 1e-9).all()
 
 
+@realtime
 def test_a_master_with_another_key_gets_no_session_and_disturbs_none(system: Path) -> None:
     with (
         Program("slave", system, "--json", "-") as slave,
@@ -252,6 +256,7 @@ def test_a_master_with_another_key_gets_no_session_and_disturbs_none(system: Pat
     assert set(documents[1]["drops"]["slave"]) == {"unproven"}
 
 
+@realtime
 def test_ends_that_disagree_name_both_values_and_the_slave_serves_the_next(system: Path) -> None:
     with Program("slave", system, "--json", "-") as slave:
         listening = slave.telemetry("slave")
@@ -340,6 +345,7 @@ def garbage(genuine: list[bytes], count: int) -> Iterator[bytes]:
         yield original
 
 
+@realtime
 def test_thousands_of_bad_datagrams_do_not_disturb_a_session(system: Path) -> None:
     thrown = 0
     patient = ("--set", "link.silence_ms=2000")  # the tap is an ordinary thread, and waits for its turn

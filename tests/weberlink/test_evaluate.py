@@ -10,21 +10,22 @@ from collections.abc import Iterator
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
-from time import sleep
 from typing import Any
 
 import pytest
 from rich.console import Console
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from evaluation.coding.row import Row
-from evaluation.coding.sweep import Recording, Study, Task, rows_of
+from evaluation.coding.sweep import Recording, Study
 from evaluation.coding.table import FEW, table_of
 from tests.evaluation.coding.signals import walk, wall
 from tests.weberlink.clusters import Cluster, cluster
+from tests.weberlink.processes import until
 from tests.weberlink.systems import CONFIGS
+from tests.weberlink.work import reject, slowly
 from weberlink.cli import app
-from weberlink.evaluate import EvaluationError, Place, compute, run
+from weberlink.evaluate import run
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 RECORDED = CONFIGS.parent.parent / "shared" / "traces"
@@ -47,14 +48,22 @@ def traces(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [write(folder / f"walk_{seed}.csv", 300 + 200 * seed, seed) for seed in range(3)]
 
 
-def command(*arguments: object, program: str = "from weberlink.cli import main; main()") -> list[str]:
+MAIN = "from weberlink.cli import main; main()"
+
+
+def command(*arguments: object, program: str = MAIN) -> list[str]:
     return [sys.executable, "-c", program, *map(str, ("evaluate", *arguments))]
 
 
-def program(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command(*arguments), cwd=CONFIGS.parent, capture_output=True, text=True, timeout=120, check=False
-    )
+def program(*arguments: object, before: str = "") -> subprocess.CompletedProcess[str]:
+    """The command as a process that does something else before it."""
+    line = command(*arguments, program=before + MAIN)
+    return subprocess.run(line, cwd=CONFIGS.parent, capture_output=True, text=True, timeout=120, check=False)
+
+
+def patience(seconds: float) -> str:
+    """Less than the command has, for what is known to wait in vain."""
+    return f"from evaluation import cluster; cluster.PATIENCE_S = {seconds}; "
 
 
 def timeless(document: dict[str, Any]) -> str:
@@ -71,17 +80,17 @@ def rows_from(*arguments: object) -> str:
     return timeless(json.loads(ended.stdout))
 
 
-def complaint(ended: subprocess.CompletedProcess[str], status: int) -> str:
-    assert (ended.returncode, ended.stdout) == (status, "")
+def complaint(ended: subprocess.CompletedProcess[str] | Result, status: int) -> str:
+    returned = ended.exit_code if isinstance(ended, Result) else ended.returncode
+    assert (returned, ended.stdout) == (status, "")
     lines = ended.stderr.splitlines()
     assert len(lines) == 1, ended.stderr
     return lines[0]
 
 
-def reject(task: Task) -> list[Row]:
-    """Ends its process as the kernel does when memory runs out."""
-    os.kill(os.getpid(), signal.SIGKILL)
-    return rows_of(task)
+def invoke(*arguments: object) -> Result:
+    """The command in this process, where it makes no difference."""
+    return CliRunner().invoke(app, list(map(str, ("evaluate", *arguments))))
 
 
 # --- traces
@@ -98,7 +107,7 @@ def test_the_same_trace_twice_is_one_line(tmp_path: Path) -> None:
     link = tmp_path / "link.csv"
     link.symlink_to(OPERATOR)
     for again in (OPERATOR, OPERATOR.parent / ".." / "traces" / OPERATOR.name, link):
-        line = complaint(program(OPERATOR, again), 2)
+        line = complaint(invoke(OPERATOR, again), 2)
         assert line == f"weberlink: {again}: listed twice, and would count twice in every mean"
 
 
@@ -124,22 +133,15 @@ def test_progress_is_told_task_by_task(traces: list[Path]) -> None:
 
 def test_a_process_that_dies_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("weberlink.evaluate.rows_of", reject)
-    recordings = [Recording(name, wall(100)) for name in ("a", "b")]
-    with pytest.raises(EvaluationError, match="a worker process died before the end"):
-        compute(Study(("zoh",)), recordings, Place(workers=2), lambda *_: None)
-    result = CliRunner().invoke(app, ["evaluate", str(OPERATOR), "--weber", "0.1,0.2", "--workers", "2"])
-    assert (result.exit_code, result.stdout) == (1, "")
-    assert result.stderr.splitlines() == [
+    assert complaint(invoke(OPERATOR, "--weber", "0.1,0.2", "--workers", 2), 1) == (
         "weberlink: a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
-    ]
+    )
 
 
 # --- a cluster
 
 pytest.importorskip("distributed", reason="needs distributed (extra: dask)")
 from evaluation.cluster import LostClusterError, spread_on_cluster  # noqa: E402 - of the extra
-
-realtime = pytest.mark.realtime
 
 
 @pytest.fixture(scope="module")
@@ -148,13 +150,11 @@ def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield started
 
 
-@realtime
 def test_rows_of_a_cluster_are_those_of_this_machine(two_workers: Cluster, traces: list[Path]) -> None:
     arguments = (*traces, "--weber", "0.05,0.1,0.2")
-    assert rows_from(*arguments, "--dask", two_workers.address) == rows_from(*arguments, "--workers", 2)
+    assert rows_from(*arguments, "--dask", two_workers.address) == rows_from(*arguments, "--workers", 1)
 
 
-@realtime
 def test_both_workers_of_a_cluster_work(two_workers: Cluster) -> None:
     tasks = [((0.2, "shared"), number) for number in range(8)]
     answers = dict(spread_on_cluster(two_workers.address, slowly, tasks))
@@ -162,15 +162,7 @@ def test_both_workers_of_a_cluster_work(two_workers: Cluster) -> None:
     assert {answer[0] for answer in answers.values()} == {worker.pid for worker in two_workers.workers}
 
 
-def slowly(task: tuple[tuple[float, str], int]) -> tuple[int, int]:
-    """Which process did it, and what was asked."""
-    (seconds, _), number = task
-    sleep(seconds)
-    return os.getpid(), number
-
-
-@realtime
-def test_work_of_a_worker_that_dies_is_done_by_another(tmp_path: Path) -> None:
+def test_work_of_a_worker_that_dies_is_done_by_another_and_that_of_the_last_by_none(tmp_path: Path) -> None:
     tasks = [((0.2, "shared"), number) for number in range(8)]
     with cluster(tmp_path, workers=2) as started:
         answers = []
@@ -178,44 +170,56 @@ def test_work_of_a_worker_that_dies_is_done_by_another(tmp_path: Path) -> None:
             if not answers:
                 started.workers[0].kill()
             answers.append(answer)
-    assert sorted((index, number) for index, (_, number) in answers) == [(n, n) for n in range(8)]
+        assert sorted((index, number) for index, (_, number) in answers) == [(n, n) for n in range(8)]
+        assert lost(started, started.workers[1]) == "no worker is left"
 
 
-@realtime
-@pytest.mark.parametrize(
-    ("dies", "expected"), [("workers", "no worker is left"), ("scheduler", "the scheduler went away")]
-)
-def test_a_cluster_that_dies_is_one_line(tmp_path: Path, dies: str, expected: str) -> None:
-    tasks = [((0.5, "shared"), number) for number in range(8)]
-    with cluster(tmp_path, workers=2) as started:
-        working = spread_on_cluster(started.address, slowly, tasks)
-        next(working)
-        for process in started.workers if dies == "workers" else [started.scheduler]:
-            process.kill()
-        with pytest.raises(LostClusterError) as caught:
-            list(working)
-    assert str(caught.value) == f"{started.address}: {expected}; the rest of the work is not done"
+def lost(started: Cluster, dies: subprocess.Popen[bytes]) -> str:
+    """What is said of a cluster when a process of it dies in the middle of the work."""
+    working = spread_on_cluster(started.address, slowly, [((0.5, "shared"), number) for number in range(8)])
+    next(working)
+    dies.kill()
+    with pytest.raises(LostClusterError) as caught:
+        list(working)
+    return str(caught.value).removeprefix(f"{started.address}: ").removesuffix("; the rest of the work is not done")
 
 
-@realtime
 def test_a_cluster_without_workers_is_one_line(tmp_path: Path) -> None:
     with cluster(tmp_path, workers=0) as started:
-        line = complaint(program(OPERATOR, "--dask", started.address), 2)
+        line = complaint(program(OPERATOR, "--dask", started.address, before=patience(2.0)), 2)
     address = started.address
     assert line == (
         f"weberlink: --dask: {address}: the scheduler has no workers; start some with: dask worker {address}"
     )
 
 
-@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense", "post://host:1", "tcp://host.invalid:8786"])
-def test_an_address_where_nobody_answers_is_one_line(address: str) -> None:
-    line = complaint(program(OPERATOR, "--dask", address), 2)
-    assert line.startswith(f"weberlink: --dask: {address}: no scheduler answers there (")
-    assert line.endswith("); expected an address such as tcp://host:8786")
+NOWHERE = ("tcp://127.0.0.1:1", "nonsense", "post://host:1", "tcp://host.invalid:8786")
+EACH = """
+import sys
+from weberlink.cli import app
+for address in sys.argv.pop().split():
+    try:
+        app([*sys.argv[1:], "--dask", address], prog_name="weberlink")
+    except SystemExit as ended:
+        assert ended.code == 2
+"""
+"""The command once for each of the addresses in the last argument."""
+
+
+def test_an_address_where_nobody_answers_is_one_line() -> None:
+    """A process, which says nothing more of half-made clients when it ends."""
+    line = command(OPERATOR, " ".join(NOWHERE), program=patience(0.5) + EACH)
+    ended = subprocess.run(line, cwd=CONFIGS.parent, capture_output=True, text=True, timeout=120, check=False)
+    assert (ended.returncode, ended.stdout) == (0, "")
+    lines = ended.stderr.splitlines()
+    assert len(lines) == len(NOWHERE), ended.stderr
+    for address, said in zip(NOWHERE, lines, strict=True):
+        assert said.startswith(f"weberlink: --dask: {address}: no scheduler answers there (")
+        assert said.endswith("); expected an address such as tcp://host:8786")
 
 
 def test_processes_of_this_machine_are_none_of_a_cluster() -> None:
-    line = complaint(program(OPERATOR, "--dask", "tcp://127.0.0.1:1", "--workers", "2"), 2)
+    line = complaint(invoke(OPERATOR, "--dask", "tcp://127.0.0.1:1", "--workers", 2), 2)
     assert line == "weberlink: --workers: is for this machine; with --dask it is the cluster that has workers"
 
 
@@ -241,13 +245,28 @@ def test_without_distributed_a_cluster_is_refused_in_one_line_and_nothing_else_n
 # --- ended by hand
 
 
-def interrupted(*arguments: object, after: float) -> subprocess.CompletedProcess[str]:
-    """Ctrl-C: the signal reaches every process of the group."""
+NOTED = """
+import sys
+from pathlib import Path
+import weberlink.evaluate
+run, first = weberlink.evaluate.run, Path(sys.argv.pop())
+def noted(*arguments, progress, **options):
+    def told(done, total):
+        first.touch()
+        progress(done, total)
+    return run(*arguments, progress=told, **options)
+weberlink.evaluate.run = noted
+"""
+"""Leaves a file when the first piece of the work is done; its name is the last argument."""
+
+
+def interrupted(*arguments: object, first: Path) -> subprocess.CompletedProcess[str]:
+    """Ctrl-C in the middle of the work: the signal reaches every process of the group."""
     process = subprocess.Popen(
-        command(*arguments), cwd=CONFIGS.parent, text=True, start_new_session=True,
+        command(*arguments, first, program=NOTED + MAIN), cwd=CONFIGS.parent, text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
-    sleep(after)
+    until(lambda: first.exists() or process.poll() is not None, "the first piece of the work")
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     return subprocess.CompletedProcess(process.args, process.returncode, out, err)
@@ -257,19 +276,22 @@ MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
 """Minutes of work."""
 
 
-@realtime
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c_ends_it_without_a_word(workers: int) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", workers, after=5.0)
+def test_ctrl_c_ends_it_without_a_word(workers: int, tmp_path: Path) -> None:
+    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", workers, first=tmp_path / "first")
     assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
 
 
-@realtime
-def test_ctrl_c_takes_its_work_from_the_cluster(two_workers: Cluster, traces: list[Path]) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--dask", two_workers.address, after=6.0)
+def test_ctrl_c_takes_its_work_from_the_cluster(two_workers: Cluster, traces: list[Path], tmp_path: Path) -> None:
+    ended = interrupted(OPERATOR, "--weber", MANY, "--dask", two_workers.address, first=tmp_path / "first")
     assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
     # The cluster is free for others at once.
     assert json.loads(rows_from(traces[0], "--dask", two_workers.address))["rows"]
+
+
+def test_a_scheduler_that_dies_is_one_line(two_workers: Cluster) -> None:
+    """The last to use this cluster."""
+    assert lost(two_workers, two_workers.scheduler) == "the scheduler went away"
 
 
 # --- what is left behind
@@ -307,8 +329,8 @@ def test_few_rows_are_printed_one_by_one_and_many_as_means() -> None:
 
 def test_plots_are_curves_a_moment_a_surface_and_all_rows(traces: list[Path], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    ended = program(*traces[:2], OPERATOR, "--weber", "0.1,0.2", "--plots", tmp_path, "--json", tmp_path / "rows.json")
-    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = invoke(*traces[:2], OPERATOR, "--weber", "0.1,0.2", "--plots", tmp_path, "--json", tmp_path / "rows.json")
+    assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
     for name in ("packet_rate", "quality", "quality_over_rate", "force", "model"):
         assert {f"{name}.png", f"{name}.svg"} <= drawn
@@ -327,8 +349,8 @@ def test_plots_are_curves_a_moment_a_surface_and_all_rows(traces: list[Path], tm
 
 def test_one_trace_without_geometry_has_no_surface_to_draw(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    ended = program(OPERATOR, "--predictor", "zoh", "--plots", tmp_path)
-    assert (ended.returncode, ended.stderr) == (0, "")
+    ended = invoke(OPERATOR, "--predictor", "zoh", "--plots", tmp_path)
+    assert (ended.exit_code, ended.stderr) == (0, "")
     assert "quality.png" in {path.name for path in tmp_path.iterdir()}
     assert not list(tmp_path.glob("model*"))
 

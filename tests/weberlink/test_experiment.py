@@ -240,7 +240,7 @@ def test_a_person_feels_rates_leaves_and_comes_back(tmp_path: Path) -> None:
     screens = []
     for typed, end in (("\n" * 6 + "\n4\n\n2\n", "continue with: "), ("\n3\n", "continue with: ")):
         screen = io.StringIO()
-        request = Request(FILE, (), tmp_path, 1, 0, 1.0, simulate=False, record=True)
+        request = Request(FILE, (), tmp_path, 1, 0, SHORT, simulate=False, record=True)
         words = run(request, ports=_ports, source=io.StringIO(typed), screen=screen, report=lambda done, of: None)
         assert words.startswith(end), words
         screens.append(screen.getvalue())

@@ -122,8 +122,8 @@ def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     bad = ("link.emulate.delay_ms=5", "link.emulate.loss=0.2")
     overrides = [argument for text in (*secured, *bad) for argument in ("--set", text)]
     with (
-        Program("loopback", "--duration", 2, "--json", "-") as plain,
-        Program("loopback", "--duration", 2, "--json", "-", *overrides) as emulated,
+        Program("loopback", "--duration", 1, "--json", "-") as plain,
+        Program("loopback", "--duration", 1, "--json", "-", *overrides) as emulated,
     ):
         ended = [program.finish() for program in (plain, emulated)]
     assert [(status, errors) for status, _, errors in ended] == [(0, ""), (0, "")]
@@ -234,7 +234,7 @@ def shown(user: int) -> str:
 
 def test_on_a_terminal_a_status_line_goes_before_the_report_and_both_fit(terminal: tuple[int, int]) -> None:
     user, programs = terminal
-    with Program("loopback", "--duration", 2, terminal=programs) as program:
+    with Program("loopback", "--duration", 1, terminal=programs) as program:
         os.close(programs)
         text = shown(user)
         assert program.finish()[0] == 0

@@ -217,7 +217,7 @@ class TestWhatIsNoRecording:
 class TestOfALiveSession:
     def test_the_figures_are_those_that_the_session_reported(self, tmp_path):
         path = tmp_path / "live.mcap"
-        with Program("loopback", "--duration", 2, "--record", path, "--json", "-") as program:
+        with Program("loopback", "--duration", 1, "--record", path, "--json", "-") as program:
             status, output, errors = program.finish()
         assert status == 0, errors
         summary, found = document(output), info(path)
@@ -231,15 +231,17 @@ class TestOfALiveSession:
 
     def test_a_killed_recorder_costs_the_recording_alone(self, tmp_path):
         path = tmp_path / "live.mcap"
-        with Program("loopback", "--duration", 4, "--record", path, "--json", "-") as program:
+        with Program("loopback", "--record", path, "--json", "-") as program:
             recorder = program.recorder()
             telemetry = program.engaged("slave")
-            sleep(2.0)
+            until(lambda: path.exists() and path.stat().st_size > 20_000, "the recording to grow")
             os.kill(recorder, signal.SIGKILL)
-            killed_at = telemetry.last["tick"]
+            killed_at = int(telemetry.last["tick"])
+            until(lambda: telemetry.last["tick"] > killed_at + 100, "the session to go on")
+            program.send(signal.SIGTERM)
             status, output, _ = program.finish()
         summary = document(output)
-        assert (status, summary["outcome"]) == (0, "completed")
+        assert (status, summary["outcome"]) == (0, "terminated")
         assert "killed by signal 9" in summary["recording"]["outcome"]
         assert summary["ticks"]["slave"]["count"] > killed_at
         recording = read_recording(path)
@@ -279,10 +281,16 @@ class TestOfALiveSession:
 
     def test_a_full_disk_ends_the_recording_and_not_the_session(self, small_disk):
         path = small_disk / "live.mcap"
-        with Program("loopback", "--duration", 5, "--record", path, "--json", "-") as program:
+        (small_disk / "other").write_bytes(bytes(150_000))
+        with Program("loopback", "--record", path, "--json", "-") as program:
+            recorder, telemetry = program.recorder(), program.engaged("slave")
+            until(lambda: status_of(recorder) == b"Z", "the recorder to end")
+            ended_at = int(telemetry.last["tick"])
+            until(lambda: telemetry.last["tick"] > ended_at + 100, "the session to go on")
+            program.send(signal.SIGTERM)
             status, output, _ = program.finish()
         summary = document(output)
-        assert (status, summary["outcome"]) == (0, "completed")
+        assert (status, summary["outcome"]) == (0, "terminated")
         assert "No space left" in summary["recording"]["outcome"]
         recording = read_recording(path)
         assert not recording.complete
@@ -294,7 +302,7 @@ class TestOfALiveSession:
         files = {side: tmp_path / f"{side}.mcap" for side in ("master", "slave")}
         with (
             Program("slave", LOOPBACK, *address, "--record", files["slave"]) as slave,
-            Program("master", LOOPBACK, *address, "--duration", 3, "--record", files["master"]) as master,
+            Program("master", LOOPBACK, *address, "--duration", 2, "--record", files["master"]) as master,
         ):
             assert master.finish()[0] == 0
             slave.send(signal.SIGTERM)

@@ -79,9 +79,9 @@ def _part(
         raise ConfigurationError(
             f"{'.'.join(where)}.driver: {settings.driver} needs a package that is not installed: {error.name}"
         ) from None
-    needs = getattr(driver, "NEEDS", None)
-    if needs is not None:
-        need(*needs, f"{'.'.join(where)}.driver: {settings.driver}")
+    if hasattr(driver, "NEEDS"):
+        package, extra = driver.NEEDS
+        need(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")
     options = _validate(settings.options, driver.Options, where)
     return Part(driver, settle(options, folder, set(overridden), where))
 

@@ -1,5 +1,6 @@
 """What the file says of the arm, checked against what bus, mechanics and gains allow. Knows no thread."""
 
+from itertools import product
 from math import floor, radians
 from typing import Annotated, Final, Self
 
@@ -152,12 +153,15 @@ def settings_of(options: DynamixelOptions) -> Settings:
 
 
 def worst_force_error(options: DynamixelOptions) -> tuple[float, float]:
-    """Of the estimate at rest, anywhere at the corners or in the middle of the workspace: newtons and share."""
+    """Of the estimate at rest, on a grid over the workspace: newtons and share."""
     friction = Friction(options.coulomb_n_m, options.viscous_n_m_s)
     return max(force_error(there, friction, options.torque_constant_error) for there in postures(options))
 
 
-def postures(options: DynamixelOptions) -> list[Posture]:
-    """At the corners and in the middle of the workspace, with the pitch nearest to the one wanted."""
-    found = (inverse_nearest(corner, radians(options.pitch_deg or 0.0)) for corner in corners(options.workspace_m))
+def postures(options: DynamixelOptions, count: int = 3) -> list[Posture]:
+    """On a grid over the workspace, with the pitch nearest to the one wanted (0 where none is)."""
+    low, high = options.workspace_m
+    axes = [[a + (b - a) * i / (count - 1) for i in range(count)] for a, b in zip(low, high, strict=True)]
+    pitch = radians(options.pitch_deg or 0.0)
+    found = (inverse_nearest(point, pitch) for point in product(axes[0], axes[1], axes[2]))
     return [posture(joints) for joints in found if joints is not None]

@@ -1,6 +1,7 @@
 """The clairvoyant bound: never above what the real encoder sends, nor above a brute force on tiny signals."""
 
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 from math import inf, pi
 from pathlib import Path
@@ -359,17 +360,12 @@ def test_a_model_may_run_beyond_the_wire_where_the_decoder_saturates() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_stretches_reach_as_far_as_all_their_pairs_allow(jointly: bool, resolution: int, seed: int) -> None:
     """Of two lines through gates, against every stretch by itself; on a grid of time, a little further."""
-    chance, ticks = np.random.default_rng(seed), 400
-    middle = np.cumsum(np.cumsum(chance.normal(0.0, 1e-3, (2, ticks)), axis=1), axis=1)
-    width = np.repeat(chance.uniform(0.01, 0.4, ticks // 50), 50)
-    low, high = middle - width, middle + width
+    low, high, exact = gates(seed)
+    ticks = low.shape[1]
 
     def pair(earlier: Array, later: Array, distance: int) -> tuple[Array, Array]:
         return (low[:, later] - high[:, earlier]) / distance, (high[:, later] - low[:, earlier]) / distance
 
-    exact = np.array(
-        [[line_reach(one, other, start) for start in range(ticks)] for one, other in zip(low, high, strict=True)]
-    )
     exact = exact.min(axis=0, keepdims=True) if jointly else exact
     any_slope = np.full((2, ticks), inf)
     found = reaches(-any_slope, any_slope, pair, jointly=jointly, resolution=resolution)
@@ -380,16 +376,28 @@ def test_stretches_reach_as_far_as_all_their_pairs_allow(jointly: bool, resoluti
     assert within.all() == (resolution == 200)
 
 
-def line_reach(low: Array, high: Array, start: int) -> int:
-    """The first tick that no line from `start` on passes, by the slopes from each tick to all before."""
-    least, most = -inf, inf
-    for tick in range(start + 1, len(low)):
-        distance = tick - np.arange(start, tick)
-        least = max(least, ((low[tick] - high[start:tick]) / distance).max())
-        most = min(most, ((high[tick] - low[start:tick]) / distance).min())
-        if least > most:
-            return tick
-    return len(low)
+@cache
+def gates(seed: int) -> tuple[Array, Array, Array]:
+    """Two rows of gates, lower and upper ends, and where each stretch ends."""
+    chance, ticks = np.random.default_rng(seed), 400
+    middle = np.cumsum(np.cumsum(chance.normal(0.0, 1e-3, (2, ticks)), axis=1), axis=1)
+    width = np.repeat(chance.uniform(0.01, 0.4, ticks // 50), 50)
+    low, high = middle - width, middle + width
+    return low, high, np.array([line_reaches(*row) for row in zip(low, high, strict=True)])
+
+
+def line_reaches(low: Array, high: Array) -> Array:
+    """Of each start, the first tick that no line from there on passes, by the slopes between any two of its gates."""
+    ticks = len(low)
+    least, most, found = np.full(ticks, -inf), np.full(ticks, inf), np.full(ticks, ticks)
+    for start in reversed(range(ticks)):
+        later, distance = slice(start + 1, None), np.arange(1, ticks - start)
+        least[later] = np.maximum(least[later], (low[later] - high[start]) / distance)
+        most[later] = np.minimum(most[later], (high[later] - low[start]) / distance)
+        broken = np.maximum.accumulate(least[later]) > np.minimum.accumulate(most[later])
+        if broken.any():
+            found[start] = start + 1 + np.argmax(broken)
+    return found
 
 
 def test_a_step_costs_the_coarse_wire_nothing_that_it_cannot_say() -> None:

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -23,8 +24,9 @@ from telemetry.ring import RingWriter
 from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
 
 ROOT = Path(__file__).parents[3]
-PATIENCE = 60.0
-pytestmark = pytest.mark.realtime
+PATIENCE = 120.0
+realtime = pytest.mark.realtime
+"""Only where it matters that the recorder, which gives way to all others, is not long in coming."""
 
 
 class Session:
@@ -127,6 +129,7 @@ def test_both_sides_of_a_host_are_on_one_axis(session):
     assert (master.wall_s, master.monotonic_s) == (slave.wall_s, slave.monotonic_s)
 
 
+@realtime
 @pytest.mark.parametrize("seed", range(4))
 def test_a_killed_recorder_leaves_all_but_the_last_moment(session, seed):
     daemons = [session.daemon(side, 0) for side in SIDES]
@@ -234,6 +237,7 @@ def test_a_hangup_is_not_for_it(session):
     assert finish(recorder)[0] == 0
 
 
+@realtime
 def test_records_that_were_overwritten_are_counted(session):
     # Some before the recorder comes, which the ring itself would not tell; the rest while it is held up.
     daemon = session.daemon("master", 2500, 200)
@@ -264,6 +268,7 @@ def test_a_side_that_never_began_does_not_hold_it_up(session):
     assert_whole(recording.records["slave"], 1500)
 
 
+@realtime
 def test_a_side_may_begin_later(session):
     recorder = session.recorder()
     session.daemon("slave", 2000)
@@ -275,9 +280,15 @@ def test_a_side_may_begin_later(session):
     assert_whole(recording.records["master"], 1000)
 
 
+def catches(pid, number):
+    """Whether the process has a handler for the signal."""
+    (caught,) = re.findall(r"^SigCgt:\t(\w+)$", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
+    return int(caught, 16) >> (number - 1) & 1
+
+
 def test_without_any_telemetry_it_gives_up_and_leaves_no_file(session):
     recorder = session.recorder()
-    time.sleep(0.5)
+    until(lambda: catches(recorder.pid, signal.SIGTERM), "the recorder to begin")
     recorder.send_signal(signal.SIGTERM)
     status, told = finish(recorder)
     assert (status, told["outcome"], told["records"]) == (1, "stopped by SIGTERM", {})

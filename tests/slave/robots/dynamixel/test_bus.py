@@ -162,6 +162,42 @@ def test_an_answer_that_came_too_late_is_not_taken_for_the_next(peer: Peer, bus:
     assert bus.present() == EXPECTED
 
 
+def test_what_strays_in_between_requests_is_not_taken_for_an_answer(peer: Peer, bus: Bus) -> None:
+    assert bus.present() == EXPECTED
+    os.write(peer.near, b"".join(encode_status(Status(id_, 0, measured(1, 1, 1))) for id_ in IDS))
+    select((peer.far,), (), (), PATIENCE)
+    assert bus.present() == EXPECTED
+
+
+class ScriptedPort:
+    """That gives what it is told to, read by read."""
+
+    path = "/dev/scripted"
+
+    def __init__(self, *reads: bytes) -> None:
+        self._reads = iter(reads)
+
+    def write(self, data: bytes) -> None:
+        pass
+
+    def read(self, until: float) -> bytes:
+        return next(self._reads)
+
+    def drain(self) -> bytes:
+        return b""
+
+    def close(self) -> None:
+        pass
+
+
+def test_an_answer_that_is_still_under_way_is_awaited_before_the_next_request() -> None:
+    old, new = (encode_status(Status(11, 0, bytes([value]))) for value in (1, 3))
+    bus = Bus(ScriptedPort(b"", old, b"", new), 1_000_000, IDS, 0.0, lambda: 0.0, lambda _: None)
+    with pytest.raises(BadReply, match="late"):
+        bus.read(11, registers.TORQUE_ENABLE)
+    assert bus.read(11, registers.OPERATING_MODE) == 3
+
+
 def test_an_answer_of_the_wrong_length_is_bad(peer: Peer, bus: Bus) -> None:
     peer.answer = lambda request: [encode_status(Status(request.id, 0, b"\x01\x02"))]
     with pytest.raises(BadReply, match="answered 2 bytes instead of 1"):

@@ -10,9 +10,13 @@ import pytest
 from pydantic import ValidationError
 
 from codec.vector import Vector, distance
+from hardware.fault import BadReply, HardwareFault
 from hardware.pty_device import PtyDevice
+from hardware.serial_port import SerialPort
 from slave.emulators.dynamixel import DynamixelEmulator
 from slave.robots.contract import RobotFault, RobotReading
+from slave.robots.dynamixel import registers
+from slave.robots.dynamixel.bus import Bus
 from slave.robots.dynamixel.driver import DynamixelRobot
 from slave.robots.dynamixel.options import DynamixelOptions, corners
 from slave.scenes.scene import Scene
@@ -53,6 +57,26 @@ def near(goal: Vector, within: float = 0.008) -> Callable[[RobotReading], bool]:
 def emulator_of(wire: PtyDevice) -> DynamixelEmulator:
     assert isinstance(wire.emulator, DynamixelEmulator)
     return wire.emulator
+
+
+def torque(wire: PtyDevice) -> list[int]:
+    """Whether it is on, for joints 1 to 4, as somebody else on the port is told; not where there is an alarm."""
+    ids = DynamixelOptions().ids
+    port = SerialPort(str(wire.path), 1_000_000)
+    bus = Bus(port, 1_000_000, ids, margin=1.0)
+
+    def of(id_: int) -> int:
+        try:
+            return bus.read(id_, registers.TORQUE_ENABLE)
+        except BadReply:
+            raise
+        except HardwareFault:
+            return 0
+
+    try:
+        return [of(id_) for id_ in ids]
+    finally:
+        port.close()
 
 
 def test_the_spec_states_lag_and_uncertainty() -> None:
@@ -110,7 +134,18 @@ def test_it_is_opened_moved_and_left_holding(wire: PtyDevice) -> None:
     assert all(map(isfinite, reading.force))
     assert distance(emulator_of(wire).tip, reading.position) < 0.02
     robot.close()
-    assert all(servo.torque_on for servo in emulator_of(wire).servos[:4])
+    assert torque(wire) == [1, 1, 1, 1]
+
+
+def test_asked_twice_for_the_same_moment_it_says_the_same(wire: PtyDevice) -> None:
+    robot = robot_at(wire)
+    robot.open(monotonic())
+    moment = monotonic() + PATIENCE
+    first = robot.latest(moment)
+    sleep(0.1)
+    assert robot.latest(moment) == first
+    until(robot, None, lambda _: robot.latest(moment + monotonic()).at > first.at)
+    robot.close()
 
 
 def test_a_loop_that_stops_leaves_the_arm_where_it_is(wire: PtyDevice) -> None:
@@ -129,7 +164,7 @@ def test_it_goes_home_before_it_goes_limp(wire: PtyDevice) -> None:
     robot = robot_at(wire, on_close="rest", home_m=(0.15, 0.0, 0.2))
     robot.open(monotonic())
     robot.close()  # where it does not get home, it holds
-    assert not any(servo.torque_on for servo in emulator_of(wire).servos[:4])
+    assert torque(wire) == [0, 0, 0, 0]
     assert emulator_of(wire).tip[2] < 0.22, "from 0.24"
 
 
@@ -138,7 +173,7 @@ def test_an_arm_that_is_held_up_on_its_way_home_holds(wire: PtyDevice) -> None:
     robot.open(monotonic())
     emulator_of(wire).inject("overload", 4)
     robot.close()
-    assert [servo.torque_on for servo in emulator_of(wire).servos[:4]] == [True, True, True, False]
+    assert torque(wire) == [1, 1, 1, 0]
 
 
 def test_a_port_that_is_not_there_is_one_line(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The cycle of control on the emulated arm, in virtual time: it holds, follows, feels, and says what went wrong."""
 
+from contextlib import suppress
 from itertools import pairwise
 
 import pytest
@@ -7,9 +8,10 @@ import pytest
 from codec.vector import Vector, distance, norm, subtract
 from hardware.fault import BadReply, HardwareFault
 from slave.emulators.dynamixel import DynamixelOptions as EmulatedOptions
+from slave.robots.dynamixel import registers
 from slave.robots.dynamixel.exchange import WATCH_EVERY
 from slave.robots.dynamixel.options import DynamixelOptions, worst_force_error
-from slave.robots.dynamixel.packet import WRITE
+from slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
 from tests.slave.robots.dynamixel.virtual_bus import Bench
 
 AT_WORK: Vector = (0.2, 0.03, 0.13)
@@ -39,11 +41,11 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
     assert not bench.emulator.held
     assert distance(bench.emulator.tip, before) < 2e-3
     for joint in range(1, 5):
-        assert bench.register(joint, "operating_mode") == 0
-        assert bench.register(joint, "torque_enable") == 1
-        assert bench.register(joint, "return_delay_time") == 0
-        assert bench.register(joint, "bus_watchdog") == 10  # x 20 ms
-    assert bench.register(5, "torque_enable") == 0, "the gripper is not ours"
+        assert bench.read(joint, registers.OPERATING_MODE) == registers.MODE_CURRENT
+        assert bench.read(joint, registers.TORQUE_ENABLE) == 1
+        assert bench.read(joint, registers.RETURN_DELAY_TIME) == 0
+        assert bench.read(joint, registers.BUS_WATCHDOG) == 10  # x 20 ms
+    assert bench.read(5, registers.TORQUE_ENABLE) == 0, "the gripper is not ours"
 
 
 def test_settings_that_are_right_already_are_not_written_again() -> None:
@@ -152,9 +154,11 @@ def test_a_tripped_watchdog_is_noticed_though_the_answers_look_good() -> None:
 
 def test_a_motor_that_was_without_power_is_noticed_though_it_answers_again() -> None:
     bench = at_work()
-    bench.emulator.servos[2].reboot(bench.time.now - 1.0)
+    bench.tell(Packet(13, REBOOT))
     with pytest.raises(HardwareFault, match=r"joint 3 \(id 13\): its torque is off"):
-        bench.run(AT_WORK, 8 * WATCH_EVERY / bench.options.rate_hz + 0.01)
+        for _ in range(10 * WATCH_EVERY):
+            with suppress(BadReply):  # while it is deaf
+                bench.run(AT_WORK, 1.0 / bench.options.rate_hz)
 
 
 def test_a_host_that_slept_finds_the_arm_limp_and_takes_it_up_again_without_a_jump() -> None:
@@ -173,6 +177,29 @@ def test_a_host_that_slept_finds_the_arm_limp_and_takes_it_up_again_without_a_ju
     assert distance(tips[-1], AT_WORK) < 0.006
 
 
+def test_a_watchdog_that_tripped_under_a_host_that_was_killed_is_cleared_at_opening() -> None:
+    bench = at_work()
+    bench.wait(0.35)
+    assert bench.emulator.watchdog_trips == 4
+    bench.start_anew()
+    found = bench.exchange.open().tip
+    bench.run(None, 0.2)
+    assert distance(bench.emulator.tip, found) < 0.02
+
+
+def test_closing_a_bus_that_does_not_answer_ends_the_pressing_all_the_same() -> None:
+    bench = on_a_floor()
+    bench.exchange.open()
+    goal = (0.2, 0.02, FLOOR_Z - 0.02)
+    bench.lead(goal, 0.2)
+    bench.run(goal, 0.2)
+    pressed = bench.emulator.tip_force[2]
+    bench.emulator.faults.silent = True
+    bench.exchange.close()
+    bench.wait(0.03)
+    assert bench.emulator.tip_force[2] < 0.5 * pressed
+
+
 def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
     bench = at_work()
     bench.exchange.close()
@@ -180,9 +207,9 @@ def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
     bench.wait(0.5)
     assert distance(bench.emulator.tip, where) < 0.015
     for joint in range(1, 5):
-        assert bench.register(joint, "operating_mode") == 5
-        assert bench.register(joint, "torque_enable") == 1
-        assert bench.register(joint, "bus_watchdog") == 0
+        assert bench.read(joint, registers.OPERATING_MODE) == registers.MODE_CURRENT_BASED_POSITION
+        assert bench.read(joint, registers.TORQUE_ENABLE) == 1
+        assert bench.read(joint, registers.BUS_WATCHDOG) == 0
     bench.exchange.close()
 
 
@@ -190,7 +217,7 @@ def test_left_limp_it_drops() -> None:
     bench = at_work()
     bench.exchange.hold_on_close = False
     bench.exchange.close()
-    assert not any(servo.torque_on for servo in bench.emulator.servos)
+    assert bench.torque() == [0, 0, 0, 0]
     bench.wait(0.4)
     assert subtract(AT_WORK, bench.emulator.tip)[2] > 0.02
 
@@ -201,7 +228,7 @@ def test_one_motor_with_an_alarm_does_not_keep_the_others_from_holding() -> None
     with pytest.raises(HardwareFault):
         bench.run(AT_WORK, 0.02)
     bench.exchange.close()
-    assert [bench.register(joint, "torque_enable") for joint in range(1, 5)] == [1, 1, 1, 0]
+    assert bench.torque() == [1, 1, 1, 0]
 
 
 def test_motors_that_were_left_holding_are_taken_over_again() -> None:
@@ -251,26 +278,25 @@ def test_an_unknown_model() -> None:
 
 def test_a_motor_that_runs_in_reverse() -> None:
     bench = Bench()
-    bench.emulator.servos[1].write(10, b"\x01", bench.time.now)
+    bench.write(2, registers.DRIVE_MODE, 1)
     assert "joint 2 (id 12): runs in reverse; clear bit 0 of its drive mode" in refusal(bench)
 
 
 def test_a_zero_that_is_not_where_it_belongs() -> None:
     bench = Bench()
-    bench.emulator.servos[2].write(20, (1000).to_bytes(4, "little"), bench.time.now)
+    bench.write(3, registers.HOMING_OFFSET, 1000)
     assert "joint 3 (id 13): stands at 1.88 rad, where it cannot be (-1.50 to 1.40): check its zero" in refusal(bench)
 
 
 def test_a_current_limit_that_cannot_carry_the_arm() -> None:
     bench = Bench()
-    bench.emulator.servos[1].write(38, (100).to_bytes(2, "little"), bench.time.now)
+    bench.write(2, registers.CURRENT_LIMIT, 100)
     assert "current limit (register 38) of 100 is too low to carry the arm; set it to 372" in refusal(bench)
 
 
 def test_an_adapter_that_is_too_slow_for_the_rate() -> None:
     bench = Bench(latency=0.006)
-    assert "a reading takes 9.0 ms" in (complaint := refusal(bench))
-    assert "250 Hz leave 4.0 ms; set rate_hz to" in complaint
+    assert "a reading takes 9.0 ms at best, 250 Hz leave 4.0 ms; use a higher baud" in refusal(bench)
 
 
 def test_a_motor_with_an_alarm() -> None:

@@ -1,6 +1,6 @@
 """The estimate recovers what presses on the tip, as far as it says it does."""
 
-from math import hypot, pi, sin
+from math import atan2, hypot, pi, sin
 
 import pytest
 from hypothesis import given
@@ -90,6 +90,14 @@ def test_where_a_direction_is_not_felt_a_small_torque_is_no_large_force(joints: 
     a, b, c, d = (weight + each for weight, each in zip(here.gravity, noise, strict=True))
     felt = tip_force(here, STILL, (a, b, c, d), NONE)
     assert norm(felt) <= hypot(*noise) / 0.02 * 1.5
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3, -0.05])
+def test_an_arm_stretched_out_straight_feels_nothing_along_itself_and_says_no_nonsense(tilt: float) -> None:
+    straight = pi / 2.0 - atan2(0.024, 0.128)
+    here = posture((0.4, straight, -straight + tilt, 0.0))
+    a, b, c, d = (weight + 0.03 for weight in here.gravity)
+    assert norm(tip_force(here, STILL, (a, b, c, d), NONE)) < 0.06 / 0.02
 
 
 @given(poses, forces)

@@ -5,8 +5,10 @@ from dataclasses import dataclass, field
 from codec.vector import Vector
 from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
 from slave.robots.dynamixel import options as of
+from slave.robots.dynamixel import packet, registers
 from slave.robots.dynamixel.exchange import ArmExchange, ArmSample
-from slave.robots.dynamixel.packet import Packet, PacketReader
+from slave.robots.dynamixel.packet import Packet, PacketReader, Status, StatusReader, encode_packet
+from slave.robots.dynamixel.registers import Register
 from slave.robots.interpolation import Interpolation
 
 
@@ -35,7 +37,7 @@ class VirtualPort:
     def __init__(self, emulator: DynamixelEmulator, time: VirtualTime, latency: float = 0.0) -> None:
         self._emulator = emulator
         self._time = time
-        self._latency = latency
+        self.latency = latency
         self._reader = PacketReader()
         self.closed = False
         self.sent: list[Packet] = []
@@ -53,12 +55,12 @@ class VirtualPort:
             if said or self._time.now >= until:
                 return said
             due = self._emulator.next_timer()
-            self._time.now = min(until, max(self._time.now + 1e-6, due + self._latency if due is not None else until))
+            self._time.now = min(until, max(self._time.now + 1e-6, due + self.latency if due is not None else until))
 
     def drain(self) -> bytes:
         emulator, faults = self._emulator, self._emulator.faults
         emulator.advance(self._time.now)
-        replies = emulator.replies(self._time.now - self._latency)
+        replies = emulator.replies(self._time.now - self.latency)
         if faults.silent:
             return b""
         if faults.garble and replies:
@@ -132,5 +134,21 @@ class Bench:
         self.time.now += seconds
         self.emulator.advance(self.time.now)
 
-    def register(self, joint: int, name: str) -> int:
-        return self.emulator.servos[joint - 1].registers[name]
+    def tell(self, request: Packet) -> list[Status]:
+        """Somebody else on the bus says something; gives what is answered."""
+        self.emulator.receive(encode_packet(request), self.time.now)
+        self.wait(0.01)
+        return StatusReader().feed(b"".join(self.emulator.replies(self.time.now)))
+
+    def read(self, joint: int, register: Register) -> int:
+        """Joint 5 is the gripper."""
+        (status,) = self.tell(packet.read(self.emulated.ids[joint - 1], register.address, register.size))
+        return register.decode(status.parameters)
+
+    def write(self, joint: int, register: Register, value: int) -> None:
+        (status,) = self.tell(packet.write(self.emulated.ids[joint - 1], register.address, register.encode(value)))
+        assert status.error == 0
+
+    def torque(self) -> list[int]:
+        """Whether it is on, for joints 1 to 4."""
+        return [self.read(joint, registers.TORQUE_ENABLE) for joint in range(1, 5)]
