@@ -101,9 +101,9 @@ class HaplyEmulator:
     def __init__(self, options: HaplyEmulatorOptions) -> None:
         self.faults = WireFaults()
         self._version = VERSIONS[options.version]
-        self._angles: Pair = radians(self._version.board.home_deg)
         self._frame = Frame(self._version.center)
         self.handle = Handle(self._held(options.handle))
+        self._angles: Pair = self._version.bar.angles(self._frame.tip(self.handle.position))
         self.torques: Pair = (0.0, 0.0)
         """Of motors 1 and 2 now [N m]."""
         self.most_torque = 0.0
@@ -252,7 +252,8 @@ class HaplyEmulator:
     def _held(self, options: HandleOptions) -> HandleOptions:
         if "home_m" in options.model_fields_set:
             return options
-        return options.model_copy(update={"home_m": self._frame.position(self._version.bar.tip(self._angles))})
+        home = self._version.bar.tip(radians(self._version.board.home_deg))
+        return options.model_copy(update={"home_m": self._frame.position(home)})
 
     def _slipped(self, reply: bytes) -> bytes:
         if self._slips <= 0:

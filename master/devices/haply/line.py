@@ -14,6 +14,8 @@ SETTLING_S = 0.1
 """How long an answer that is owed is waited for before it counts as lost."""
 LEAST_SIZE = REPLY_SIZE - 1
 """Of an answer on its way to which a byte got lost."""
+GAP_S = 0.01
+"""How long the rest of an answer is waited for once some of it is there: it leaves the board in one packet."""
 MUTE_MOST = 2
 """How often nothing at all may come for so long."""
 RECOVERY_S = 0.05
@@ -111,6 +113,7 @@ class Line:
             raise HardwareFault(f"{self.path}: does not answer")
 
     def _listen(self, size: int, patience: float) -> None:
-        until = monotonic() + patience
+        end = until = monotonic() + patience
         while len(self._heard) < size and (part := self._port.read(until)):
             self._heard += part
+            until = min(end, monotonic() + GAP_S) if len(self._heard) % REPLY_SIZE else end

@@ -26,7 +26,7 @@ USAGE_PAGE = 0xFFAB
 UNREPORTED = 0
 
 REPORT_S = 0.01
-OPENING_S = 1.0
+OPENING_S = 0.5
 """How long a device may take until its reports are good [s]."""
 
 SET_WITHIN_COUNTS = 100

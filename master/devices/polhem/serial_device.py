@@ -24,7 +24,7 @@ from master.devices.polhem.whereabouts import Whereabouts
 NAME = "polhem_serial"
 NO_CURRENT: Currents = (0, 0, 0)
 REPLY_S = 0.01
-OPENING_S = 1.0
+OPENING_S = 0.5
 """How long a port may take until its answers are good [s]: a board that was just plugged in takes a while."""
 
 REPORTS = "reports"

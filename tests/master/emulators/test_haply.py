@@ -182,7 +182,7 @@ def test_the_script_stays_within_reach(version: str) -> None:
             assert hypot(y - kind.center[1] - at[0], kind.center[0] - x - at[1]) < 1e-6
 
 
-@settings(max_examples=150, derandomize=True, deadline=None)
+@settings(max_examples=50, derandomize=True, deadline=None)
 @given(chunks=st.lists(st.one_of(st.binary(max_size=40), st.just(BOARD.setup)), max_size=8))
 def test_whatever_comes_it_lives(chunks: list[bytes]) -> None:
     device = emulator()

@@ -43,13 +43,13 @@ def test_another_setup_has_another_id_and_none_is_that_of_the_vendors_programs()
     assert Board(V3.motors, V3.encoders, V3.home_deg).id == V3.id
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=40, derandomize=True, deadline=None)
 @given(first=degrees, second=degrees)
 def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
     assert V3.angles(bytes((V3.id,)) + pack("<2f", first, second)) == (second, first)
 
 
-@settings(max_examples=300, derandomize=True, deadline=None)
+@settings(max_examples=100, derandomize=True, deadline=None)
 @given(
     reply=st.one_of(st.binary(max_size=24), st.binary(min_size=8, max_size=8).map(lambda rest: V3.bare_reply + rest))
 )
@@ -64,7 +64,7 @@ def test_whatever_comes_is_two_numbers_or_a_bad_reply(reply: bytes) -> None:
     assert all(map(isfinite, angles))
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=40, derandomize=True, deadline=None)
 @given(first=degrees, second=degrees, at=st.integers(0, 8))
 def test_a_reply_without_one_of_its_bytes_is_bad(first: float, second: float, at: int) -> None:
     reply = bytes((V3.id,)) + pack("<2f", first, second)

@@ -36,7 +36,7 @@ def usable(name: str, share: Pair) -> tuple[FiveBar, Pair, Pair]:
 
 
 @every_version
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=30, derandomize=True, deadline=None)
 @given(share=shares)
 def test_angles_and_tip_undo_each_other(name: str, share: Pair) -> None:
     bar, tip, angles = usable(name, share)
@@ -45,7 +45,7 @@ def test_angles_and_tip_undo_each_other(name: str, share: Pair) -> None:
 
 
 @every_version
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=30, derandomize=True, deadline=None)
 @given(share=shares)
 def test_the_tip_is_one_outer_link_from_either_elbow_and_the_upper_such_point(name: str, share: Pair) -> None:
     bar, _, angles = usable(name, share)
@@ -57,7 +57,7 @@ def test_the_tip_is_one_outer_link_from_either_elbow_and_the_upper_such_point(na
 
 
 @every_version
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=30, derandomize=True, deadline=None)
 @given(share=shares)
 def test_the_jacobian_is_the_derivative(name: str, share: Pair) -> None:
     bar, _, (first, second) = usable(name, share)
@@ -94,7 +94,7 @@ def test_the_jacobian_is_within_a_millionth_where_the_device_is_used() -> None:
 
 
 @every_version
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=30, derandomize=True, deadline=None)
 @given(share=shares, force=forces, turn=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
 def test_motors_and_tip_do_the_same_work(name: str, share: Pair, force: Pair, turn: Pair) -> None:
     bar, _, angles = usable(name, share)

