@@ -15,8 +15,9 @@ system:  ## Debian packages for tests of HID devices, which skip without them; n
 demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
 	$(BIN)/weberlink loopback --duration $(DURATION)
 
-test: $(DEV)  ## the whole test suite
-	$(BIN)/python -m pytest
+test: export PYTHONDONTWRITEBYTECODE :=
+test: $(DEV)  ## the whole test suite, on all processors; live sessions last, and each alone
+	$(BIN)/python -m pytest -n auto
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .

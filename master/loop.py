@@ -249,12 +249,12 @@ class MasterLoop:
         if reading.ended:
             self.stop(now, "completed")
         if self._watchdog.expired(now):
-            self._lose_device(complaint, now)
+            self._lose_device(f"{self.device.spec.name} {complaint}", now)
 
     def _lose_device(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
         self._gate.close()
-        self.failure = f"device fault: {self.device.spec.name} {complaint}"
+        self.failure = f"device fault: {complaint}"
         self.stop(now, self.failure)
 
     def _observe(self, elapsed: float) -> None:

@@ -254,11 +254,11 @@ class SlaveLoop:
             self._force = reading.force
             self._watchdog.feed(now)
         if self._watchdog.expired(now):
-            self._lose_robot(complaint, now)
+            self._lose_robot(f"{self.robot.spec.name} {complaint}", now)
 
     def _lose_robot(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
-        self.failure = f"robot fault: {self.robot.spec.name} {complaint}"
+        self.failure = f"robot fault: {complaint}"
         self.stop(now, self.failure)
 
     def _send(self, index: int, now: float) -> None:

@@ -35,11 +35,11 @@ class Friction(NamedTuple):
 
 def tip_force(posture: Posture, rates: Joints, torques: Joints, friction: Friction) -> Vector:
     """Force of the environment on the robot [N], from the torques of the motors [N m]."""
-    r1, r2, r3, r4 = [
-        weight + friction.torque(joint, rate) - torque
-        for joint, (weight, rate, torque) in enumerate(zip(posture.gravity, rates, torques, strict=True))
-    ]
-    return _pressing(posture, (r1, r2, r3, r4))
+    g1, g2, g3, g4 = posture.gravity
+    q1, q2, q3, q4 = rates
+    t1, t2, t3, t4 = torques
+    rub = friction.torque
+    return _pressing(posture, (g1 + rub(0, q1) - t1, g2 + rub(1, q2) - t2, g3 + rub(2, q3) - t3, g4 + rub(3, q4) - t4))
 
 
 def _pressing(posture: Posture, torques: Joints) -> Vector:
