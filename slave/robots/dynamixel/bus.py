@@ -24,6 +24,9 @@ STATUS_OVERHEAD: Final = 11
 SETTLE_S: Final = 0.003
 """How long the line has to be quiet after an answer went wrong, so that a late one is not taken for the next."""
 _SETTLE_MOST: Final = 8
+MARK_ADDRESS: Final = 120
+MARK_SIZES: Final = range(11, 27)
+"""Of reads that nothing else asks for; more of them than can be owed before the arm counts as lost."""
 ADAPTER_S: Final = 0.0002
 """What any adapter adds to the time on the wire, at least [s]."""
 _PRESENT: Final = Struct("<hii")
@@ -80,6 +83,7 @@ class Bus:
         self._pause = pause
         self._reader = StatusReader()
         self._unsettled = False
+        self._marks = 0
         self._ask_present = encode_packet(packet.sync_read(PRESENT_ADDRESS, PRESENT_SIZE, self.ids))
         self.sent_at = clock()
         """When the last instruction was sent [s]."""
@@ -153,6 +157,8 @@ class Bus:
     def _ask(self, request: bytes, ids: tuple[int, ...], size: int) -> list[Status]:
         """One answer of each motor in turn, each with `size` bytes."""
         self._settle()
+        if self._unsettled:
+            self._mark()
         self._unsettled = True
         reader = self._reader
         bad_before = reader.bad_crc
@@ -173,6 +179,22 @@ class Bus:
                     statuses.append(self._sized(status, size))
         self._unsettled = False
         return statuses
+
+    def _mark(self) -> None:
+        """Make sure that no answer is owed any more.
+
+        Answers come in the order of requests, and a late one looks like one in time. So something is asked for that is
+        told from all that may still be owed by its size: once its answer is there, whatever was owed before has come.
+        """
+        id_, size = self.ids[0], MARK_SIZES[self._marks % len(MARK_SIZES)]
+        self._marks += 1
+        request = encode_packet(packet.read(id_, MARK_ADDRESS, size))
+        self._send(request)
+        until = self.sent_at + (len(request) + STATUS_OVERHEAD + size) * self._byte_s + self._margin
+        while data := self._port.read(until):
+            if any(each.id == id_ and len(each.parameters) == size for each in self._reader.feed(data)):
+                return
+        raise BadReply(f"{self.label(id_)}: its answer was missing or late")
 
     def _sized(self, status: Status, size: int) -> Status:
         if len(status.parameters) != size and not status.error & ~ALERT:

@@ -14,9 +14,9 @@ from slave.robots.mjcf.plant import Plant
 from slave.robots.mjcf.posture import settle
 from slave.robots.mjcf.sensing import sensing
 
-RADIANS_MOST = 0.4
-"""Of the control's free oscillation per step. Its damper is explicit: at a ratio of 1 a step is stable below
-2 (sqrt(2) - 1) = 0.83, at a ratio of 2 below 2 (sqrt(5) - 2) = 0.47."""
+STABLE_SHARE = 0.5
+"""Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable
+up to 2 (sqrt(1 + r^2) - r) / w."""
 SUBSTEPS_MOST = 50
 STRETCH = 0.25
 """A step may be longer than meant by this share, so that a tick that is a little late takes no step more."""
@@ -105,12 +105,13 @@ class Simulation:
         Raises:
             ValueError: if even the most would not do.
         """
-        stiffness, mass = self._options.stiffness_n_m, self._impedance.masses_kg[0]
-        needed = sqrt(stiffness / mass) * tick_period / RADIANS_MOST
+        stiffness, ratio, mass = self._options.stiffness_n_m, self._options.damping_ratio, self._impedance.masses_kg[0]
+        radians = STABLE_SHARE * 2.0 * (sqrt(1.0 + ratio * ratio) - ratio)
+        needed = sqrt(stiffness / mass) * tick_period / radians
         if needed > SUBSTEPS_MOST:
             raise ValueError(
                 f"stiffness_n_m: {stiffness:g} is too much for the {mass:.2g} kg of the end effector; "
-                f"use at most {stiffness * (SUBSTEPS_MOST / needed) ** 2:.2g}"
+                f"use at most {0.95 * stiffness * (SUBSTEPS_MOST / needed) ** 2:.2g}"
             )
         return max(ceil(tick_period / timestep - 1e-6), ceil(needed))
 

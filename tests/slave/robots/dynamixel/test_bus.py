@@ -12,7 +12,7 @@ import pytest
 from hardware.fault import BadReply, HardwareFault
 from hardware.serial_port import SerialPort
 from slave.robots.dynamixel import packet, registers
-from slave.robots.dynamixel.bus import Bus, Present
+from slave.robots.dynamixel.bus import MARK_SIZES, Bus, Present
 from slave.robots.dynamixel.packet import ALERT, Packet, PacketReader, Status, encode_packet, encode_status
 
 IDS = (11, 12, 13, 14)
@@ -31,7 +31,11 @@ def measured(current: int, velocity: int, position: int) -> bytes:
     )
 
 
-def all_motors(_request: Packet) -> list[bytes]:
+def all_motors(request: Packet) -> list[bytes]:
+    """What they measure; to a read of one of them, as many bytes as were asked for."""
+    if request.instruction == packet.READ:
+        size = int.from_bytes(request.parameters[2:4], "little")
+        return [encode_status(Status(request.id, 0, bytes(size)))]
     return [encode_status(Status(id_, 0, measured(-id_, 10 * id_, 2048 - id_))) for id_ in IDS]
 
 
@@ -192,7 +196,8 @@ class ScriptedPort:
 
 def test_an_answer_that_is_still_under_way_is_awaited_before_the_next_request() -> None:
     old, new = (encode_status(Status(11, 0, bytes([value]))) for value in (1, 3))
-    bus = Bus(ScriptedPort(b"", old, b"", new), 1_000_000, IDS, 0.0, lambda: 0.0, lambda _: None)
+    mark = encode_status(Status(11, 0, bytes(MARK_SIZES[0])))
+    bus = Bus(ScriptedPort(b"", old, b"", mark, new), 1_000_000, IDS, 0.0, lambda: 0.0, lambda _: None)
     with pytest.raises(BadReply, match="late"):
         bus.read(11, registers.TORQUE_ENABLE)
     assert bus.read(11, registers.OPERATING_MODE) == 3

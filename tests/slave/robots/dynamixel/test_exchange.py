@@ -313,3 +313,21 @@ def test_a_wish_for_a_pitch_is_met_without_moving_the_tip() -> None:
     pitch = sum(sample.joints[1:])
     assert pitch == pytest.approx(0.698, abs=0.25)
     assert distance(sample.tip, AT_WORK) < 0.006
+
+
+@pytest.mark.parametrize("latency", [0.02, 0.03, 0.05, 0.1])
+def test_answers_that_are_all_late_are_never_taken_for_fresh_ones(latency: float) -> None:
+    bench = Bench()
+    bench.exchange.open()
+    bench.lead((0.18, 0.03, 0.18))
+    bench.port.latency = latency
+    bad = 0
+    while bad < 10:
+        try:
+            (sample,) = bench.run((0.18, -0.05, 0.18), 1.0 / bench.options.rate_hz)
+        except BadReply:
+            bad += 1
+        else:
+            assert distance(sample.tip, bench.emulator.tip) < 0.002
+            assert bench.time.now < 110.0, "never so many in a row"
+            bad = 0

@@ -32,11 +32,11 @@ def wall(normal: Vector = (0.0, 0.0, 1.0), distance: float = 0.0) -> str:
     )
 
 
-def gantry(surroundings: str = "", *, joints: str = SLIDES, timestep: float = TICK, extra: str = "") -> str:
+def gantry(surroundings: str = "", *, joints: str = SLIDES, tool: str = "", timestep: float = TICK) -> str:
     """A ball with the site `tip` in its middle, on slides, under a force sensor that is turned."""
     return f"""
     <mujoco>
-      <option timestep="{timestep}" cone="elliptic"/>
+      <option timestep="{timestep}" cone="elliptic" gravity="1 -2 -9.81"/>
       <worldbody>
         {surroundings}
         <body name="carriage">
@@ -46,20 +46,20 @@ def gantry(surroundings: str = "", *, joints: str = SLIDES, timestep: float = TI
             <geom name="ball" size="{RADIUS}" mass="{MASS / 3}" condim="1"/>
             <site name="flange" pos="0 0 0.02" euler="30 40 50"/>
             <site name="tip"/>
+            {tool}
           </body>
         </body>
       </worldbody>
       <sensor><force name="wrist" site="flange"/><accelerometer name="shaken" site="tip"/></sensor>
-      {extra}
     </mujoco>"""
 
 
-def chain(gravity_compensation: float = 0.0) -> str:
+def chain(gravity_compensation: float = 0.0, *, limit_deg: float = 100.0) -> str:
     """A redundant arm of five joints that hangs in gravity over a table at z = 0, with a servo that pulls elsewhere."""
     return f"""
     <mujoco>
       <default>
-        <joint axis="0 1 0" range="-100 100" damping="0.01" armature="0.001"/>
+        <joint axis="0 1 0" range="-{limit_deg} {limit_deg}" damping="0.01" armature="0.001"/>
         <geom type="capsule" size="0.01" contype="0" conaffinity="0"/>
       </default>
       <worldbody>
@@ -85,7 +85,7 @@ def chain(gravity_compensation: float = 0.0) -> str:
         </body>
       </worldbody>
       <actuator><position joint="servoed" kp="500"/></actuator>
-      <keyframe><key name="bent" qpos="0.1 -0.2 -0.1 0.3 -0.2" ctrl="1"/></keyframe>
+      <keyframe><key name="bent" qpos="0.1 -0.2 -0.1 0.3 -0.2" ctrl="1" qvel="1 2 3 4 5"/></keyframe>
     </mujoco>"""
 
 

@@ -74,10 +74,20 @@ def test_what_lies_on_it_weighs_on_it(tmp_path: Path, force: str) -> None:
 
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
 def test_nothing_is_felt_in_free_space(tmp_path: Path, force: str) -> None:
-    """The sensor of a robot that moves feels the inertia of what hangs on it, so this one rests."""
-    made = robot(tmp_path, gantry(), force=force)
+    """Not what other things do to each other, nor what the end effector does to itself.
+
+    The sensor of a robot that moves feels the inertia of what hangs on it, so this one rests.
+    """
+    weight = '<body pos="0.5 0 0"><freejoint/><geom size="0.005" mass="3"/></body>'
+    finger = (
+        '<body pos="0 0 -0.011"><joint type="slide" axis="0 0 1" stiffness="100" springref="0.02"/>'
+        '<geom size="0.005" mass="0.01"/></body>'
+    )
+    made = robot(tmp_path, gantry(wall(distance=0.05) + weight, tool=finger), force=force)
     made.open(0.0)
-    assert hold(made, ZERO, 50).force == pytest.approx(ZERO, abs=1e-9)
+    reading = hold(made, ZERO, 1000)
+    assert reading.force == pytest.approx(ZERO, abs=1e-3)
+    assert reading.position == pytest.approx(ZERO, abs=1e-4)
 
 
 def test_the_sensor_feels_the_inertia_of_what_hangs_on_it(tmp_path: Path) -> None:
