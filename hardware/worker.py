@@ -103,6 +103,8 @@ class Worker(Generic[Command, Sample]):
         self._left: tuple[Thread, int] | None = None
         self.fault: str | None = None
         """Why there are no more samples; None while there are."""
+        self.trouble: str | None = None
+        """What was wrong with the last exchange; None if nothing."""
         self.round_trip = 0.0
         """Time that the last exchange took [s]."""
         self.bad_count = 0
@@ -125,7 +127,7 @@ class Worker(Generic[Command, Sample]):
         self.stop()
         if self._hangs():
             raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
-        self.fault = None
+        self.fault = self.trouble = None
         self.bad_count = 0
         self._command = (self._rest, 0.0)
         wake = -1
@@ -237,8 +239,10 @@ class Worker(Generic[Command, Sample]):
                 ended = self._clock()
                 self.round_trip = ended - began
                 self._newest = (sample, ended)
+                self.trouble = None
                 return
             command = self._rest
+            self.trouble = str(fault)
             if bad >= self._bad_replies:
                 lost_at = began if lost_at is None else lost_at
                 self._return(fault, lost_at + self._reconnect)

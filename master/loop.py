@@ -11,7 +11,7 @@ from math import nan
 from codec import Decoder, Encoder, Update
 from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, MasterControl, Surface
-from master.devices.contract import Device, DeviceFault
+from master.devices.contract import Device, DeviceFault, Explaining
 from master.safety import ForceGate, ForceLimiter
 from protocol.endpoint import Endpoint
 from protocol.events import (
@@ -249,7 +249,9 @@ class MasterLoop:
         if reading.ended:
             self.stop(now, "completed")
         if self._watchdog.expired(now):
-            self._lose_device(f"{self.device.spec.name} {complaint}", now)
+            trouble = self.device.trouble if isinstance(self.device, Explaining) else None
+            why = f": {trouble}" if trouble else ""
+            self._lose_device(f"{self.device.spec.name} {complaint}{why}", now)
 
     def _lose_device(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)

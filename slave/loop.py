@@ -24,7 +24,7 @@ from protocol.events import (
 )
 from protocol.states import State
 from realtime.watchdog import Watchdog
-from slave.robots.contract import Robot, RobotFault
+from slave.robots.contract import Explaining, Robot, RobotFault
 from slave.safety import CommandGuard
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
@@ -254,7 +254,9 @@ class SlaveLoop:
             self._force = reading.force
             self._watchdog.feed(now)
         if self._watchdog.expired(now):
-            self._lose_robot(f"{self.robot.spec.name} {complaint}", now)
+            trouble = self.robot.trouble if isinstance(self.robot, Explaining) else None
+            why = f": {trouble}" if trouble else ""
+            self._lose_robot(f"{self.robot.spec.name} {complaint}{why}", now)
 
     def _lose_robot(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)

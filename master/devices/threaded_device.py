@@ -57,6 +57,10 @@ class ThreadedDevice:
         """Time that the last exchange took [s]."""
         return self._worker.round_trip
 
+    @property
+    def trouble(self) -> str | None:
+        return self._worker.trouble
+
     def open(self, now: float) -> None:  # noqa: ARG002
         self.close()
         try:

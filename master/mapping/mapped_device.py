@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 from codec.vector import ZERO, Vector, add, is_finite, norm, scale
-from master.devices.contract import Device, DeviceReading, DeviceSpec
+from master.devices.contract import Device, DeviceReading, DeviceSpec, Explaining
 from master.mapping.clutch import Clutch
 from master.mapping.frame import FrameMap
 from master.mapping.walls import Walls
@@ -64,6 +64,10 @@ class MappedDevice:
             workspace_m=frame.box(own.workspace_m) if walls is None else walls.box,
         )
         self._session = _Session()
+
+    @property
+    def trouble(self) -> str | None:
+        return self._device.trouble if isinstance(self._device, Explaining) else None
 
     def open(self, now: float) -> None:
         self._session = _Session()

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from pydantic import BaseModel
 
@@ -76,6 +76,16 @@ class Robot(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class Explaining(Protocol):
+    """A robot that knows more about samples that do not come than that they do not come."""
+
+    @property
+    def trouble(self) -> str | None:
+        """What was wrong with the last attempt; None if nothing."""
+        ...
 
 
 class RobotDriver(Protocol):

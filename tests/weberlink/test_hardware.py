@@ -134,7 +134,7 @@ def test_without_a_sign_check_there_is_no_current_and_a_line_says_so(tmp_path: P
             "--set",
             f"master.device.port={phantom.port}",
             "--set",
-            "slave.robot={driver: point}",
+            "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}",
         ]
         with Program("loopback", *arguments, "--duration", 2, "--json", "-") as program:
             status, output, errors = program.finish()

@@ -92,6 +92,10 @@ class DynamixelRobot:
             path = only(self.plugged(), NAME, "slave.robot.port").path
         return SerialPort(path, self._options.baud)
 
+    @property
+    def trouble(self) -> str | None:
+        return self._worker.trouble
+
     def open(self, now: float) -> None:  # noqa: ARG002
         self.close()
         self._exchange.hold_on_close = self._options.on_close is not OnClose.LIMP
