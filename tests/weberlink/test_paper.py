@@ -2,6 +2,8 @@
 
 import csv
 import re
+from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 
 import pytest
@@ -21,9 +23,18 @@ SMALLER = Scope(scenes=(SCENES[2],), webers=(0.10,), duration_s=1.5)
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory: pytest.TempPathFactory):
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The beginning of the shipped recording."""
+    path = tmp_path_factory.mktemp("recorded") / OPERATOR.name
+    with OPERATOR.open(encoding="utf-8") as whole:
+        path.write_text("".join(islice(whole, 2500)), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def study(recorded: Path, tmp_path_factory: pytest.TempPathFactory):
     told: list[tuple[int, int, str]] = []
-    found = run([OPERATOR], plots=True, workers=1, progress=lambda *state: told.append(state), scope=SMALL)
+    found = run([recorded], plots=True, workers=1, progress=lambda *state: told.append(state), scope=SMALL)
     folder = tmp_path_factory.mktemp("paper")
     found.draw(folder)
     return found, folder, told
@@ -40,9 +51,10 @@ def test_every_claim_is_measured_under_every_condition(study):
     assert told[-1][0] == told[-1][1]
 
 
-def test_the_recordings_numbers_are_those_of_the_codec(study):
+def test_the_recordings_numbers_are_those_of_the_codec(study, recorded):
     found, _, _ = study
-    rows = {(row.predictor, row.weber): row for row in STUDY.rows(Recording("operator", read_trace(OPERATOR)))}
+    asked = replace(STUDY, predictors=("hybrid", "zoh"), webers=(0.10,))
+    rows = {(row.predictor, row.weber): row for row in asked.rows(Recording("operator", read_trace(recorded)))}
     (claim,) = [
         claim
         for claim in found.document["conditions"][0]["claims"]
@@ -62,9 +74,9 @@ def test_geometry_saves_on_a_dome_with_the_whole_system(study):
     assert SCENE_STUDY.position_step < STUDY.position_step
 
 
-def test_the_same_seed_gives_the_same_numbers_whatever_the_number_of_workers():
+def test_the_same_seed_gives_the_same_numbers_whatever_the_number_of_workers(recorded):
     alone, shared = (
-        run([OPERATOR], plots=False, workers=workers, progress=lambda *_: None, scope=SMALLER).document["conditions"]
+        run([recorded], plots=False, workers=workers, progress=lambda *_: None, scope=SMALLER).document["conditions"]
         for workers in (1, 2)
     )
     assert shared == alone

@@ -72,7 +72,8 @@ def test_the_map_is_the_same_whatever_the_number_of_workers(tmp_path: Path) -> N
     told: list[tuple[int, int]] = []
     alone = compute(surveyed, mapped, 1, lambda done, total: told.append((done, total)))
     assert told == [(done, 7) for done in range(1, 8)]
-    assert repr(compute(surveyed, mapped, 2, no_progress)) == repr(alone)
+    some = slice(1, None, 3)
+    assert repr(compute(surveyed, mapped[some], 2, no_progress)) == repr((alone[0], alone[1][some]))
     assert [cell for cell, _ in alone[1]] == mapped
     result = assemble(*alone, full=False, run_time=1.0)
     document = json.loads(json.dumps(result.document, allow_nan=False))

@@ -1,7 +1,7 @@
 """The messages of the Haply board, values to bytes and back. Pure; knows no port, no linkage and no time.
 
-Facts, from the firmware of the board (2017 for the Arduino Due, 2018 for the M0) and three host libraries of the
-vendor, which all agree on the order of the bytes. Numbers are 32-bit floats, least significant byte first:
+Facts, from the firmware of the board (for the Arduino Due, 2017, and for the M0, 2018) and the libraries of the vendor
+in C++ and Python, which all agree on the order of the bytes. Numbers are 32-bit floats, least significant byte first:
 
 | message | bytes |
 |---|---|
@@ -37,6 +37,9 @@ _TORQUES = Struct("<2B2f")
 _REPLY = Struct("<B2f")
 REPLY_SIZE = _REPLY.size
 
+ROUNDING = 2e-6
+"""Of the board's arithmetic: a few units in the last place of a 32-bit float."""
+
 LEAST_ID, IDS = 16, 112
 """Below and above are the 5 of the vendor's programs and what a signed byte could not hold."""
 
@@ -62,11 +65,14 @@ class Board:
         motors: 1 and 2.
         encoders: 1 and 2.
         home_deg: angles of the encoders when it is set up [deg].
+        whole_counts: whether its answers are counts of the encoders times 360 over the counts per turn and nothing in
+            between, as both firmwares have it. Where bytes are lost or torn, they seldom are.
     """
 
     motors: tuple[Motor, Motor]
     encoders: tuple[Encoder, Encoder]
     home_deg: Pair
+    whole_counts: bool = True
     id: int = field(init=False)
     """Made from all the rest: only a board that was set up in just this way answers to it with angles."""
 
@@ -91,7 +97,7 @@ class Board:
         """Of encoders 1 and 2 [deg].
 
         Raises:
-            BadReply: bytes are missing or too many, the id is another, or an angle is not a number.
+            BadReply: bytes are missing or too many, the id is another, or an angle is none that an encoder has.
         """
         if len(reply) != REPLY_SIZE:
             raise BadReply(f"{len(reply)} bytes of {REPLY_SIZE} came in answer")
@@ -100,7 +106,11 @@ class Board:
             raise BadReply(f"an answer from device {id_} instead of {self.id}: bytes were lost")
         if not (isfinite(first) and isfinite(second)):
             raise BadReply(f"answered the angles {first} and {second} deg: bytes were lost")
-        return (first, second) if self.encoders[0].port < self.encoders[1].port else (second, first)
+        angles = (first, second) if self.encoders[0].port < self.encoders[1].port else (second, first)
+        for encoder, angle in zip(self.encoders, angles, strict=True):
+            if self.whole_counts and not _is_whole(angle * encoder.counts_per_turn / 360.0):
+                raise BadReply(f"answered {angle:g} deg, which is between two counts of an encoder: bytes were lost")
+        return angles
 
     def _setup(self, id_: int) -> bytes:
         motors = sorted(self.motors)
@@ -113,6 +123,12 @@ class Board:
             *(first_deg, first.counts_per_turn),
             *(second_deg, second.counts_per_turn),
         )
+
+
+def _is_whole(counts: float) -> bool:
+    """But for the rounding of the angle, which leaves 0 as it is."""
+    nearest = round(counts)
+    return counts == 0.0 if nearest == 0 else abs(counts - nearest) <= ROUNDING * max(1.0, abs(counts))
 
 
 def _bits(ports: Iterable[int]) -> int:

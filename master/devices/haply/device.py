@@ -20,7 +20,7 @@ NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
 NO_WATCHDOG = "no watchdog: if this host dies, its board holds the last force until it is switched off"
 FLAT_M = 0.001
 """Half the thickness of the workspace: z never moves, but a box has a thickness."""
-BAD_REPLIES = 20
+BAD_REPLIES = 10
 """In a row are a fault; there is no force from the first on."""
 
 Direction = Literal["cw", "ccw"]
@@ -51,6 +51,10 @@ class HaplyOptions(BaseModel):
     encoder_directions: Directions | None = Field(default=None, description="those of the version if not given")
     counts_per_turn: tuple[Counts, Counts] | None = Field(
         default=None, description="of the encoders; those of the version if not given"
+    )
+    whole_counts: bool = Field(
+        default=True,
+        description="only whole counts of the encoders are answers, as the known firmwares have it",
     )
     origin_m: tuple[float, float] | None = Field(
         default=None,
@@ -137,7 +141,9 @@ def _version(options: HaplyOptions) -> Version:
         Encoder(each.port, _direction(spin), count)
         for each, spin, count in zip(board.encoders, spins, counts, strict=True)
     ]
-    board = Board((motors[0], motors[1]), (encoders[0], encoders[1]), options.home_deg or board.home_deg)
+    board = Board(
+        (motors[0], motors[1]), (encoders[0], encoders[1]), options.home_deg or board.home_deg, options.whole_counts
+    )
     return replace(version, board=board)
 
 

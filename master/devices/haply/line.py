@@ -104,7 +104,8 @@ class Line:
         self._port.write(self._zero)
         self._owed += 1
         self._listen(LEAST_SIZE * self._owed, SETTLING_S)
-        forgotten = self._heard == self._board.bare_reply * self._owed
+        bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
+        forgotten = bare and self._heard != b""
         self._owed = 0
         if forgotten:
             raise Forgotten("the board does not know of this device")

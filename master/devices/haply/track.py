@@ -60,7 +60,8 @@ class Track:
             if step > FASTEST * elapsed + 1.5 * resolution:
                 raise BadReply(f"arm {number} jumped by {step:.2f} rad within {elapsed * 1e3:.1f} ms: bytes were lost")
         for mine, other in ((0, 1), (1, 0)):
-            self._travel[mine] = 0.0 if steps[mine] > 0.0 else self._travel[mine] + steps[other]
+            moved = steps[mine] > 0.5 * self._resolution[mine]
+            self._travel[mine] = 0.0 if moved else self._travel[mine] + steps[other]
 
     def _check_travel(self) -> None:
         for index, travel in enumerate(self._travel):

@@ -1,7 +1,8 @@
 """The messages of the board, byte by byte and under whatever bytes come."""
 
-from math import isfinite
-from struct import pack
+from dataclasses import replace
+from math import isfinite, log2
+from struct import pack, unpack
 
 import pytest
 from hypothesis import given, settings
@@ -12,6 +13,7 @@ from master.devices.haply.board import REPLY_SIZE, RESET, Board, Encoder, Motor
 from master.devices.haply.version import VERSIONS
 
 V2, V3 = VERSIONS["v2"].board, VERSIONS["v3"].board
+ANY = replace(V3, whole_counts=False)
 degrees = st.floats(-720.0, 720.0, width=32)
 
 
@@ -24,7 +26,7 @@ def test_the_setup_is_in_the_order_of_the_firmware() -> None:
 
 
 def test_directions_and_angles_go_with_their_port() -> None:
-    board = Board((Motor(1, 0), Motor(3, 1)), (Encoder(4, 1, 100.0), Encoder(2, 0, 200.0)), (10.0, 20.0))
+    board = Board((Motor(1, 0), Motor(3, 1)), (Encoder(4, 1, 100.0), Encoder(2, 0, 200.0)), (10.0, 20.0), False)
     assert board.setup[2:10] == bytes((0b0101, 0, 1, 0b1010, 0, 1, 0, 0))
     assert board.setup[10:] == pack("<4f", 20.0, 200.0, 10.0, 100.0)
     assert board.torques(0.5, 0.25) == bytes((2, board.id)) + pack("<2f", 0.5, 0.25)
@@ -46,7 +48,7 @@ def test_another_setup_has_another_id_and_none_is_that_of_the_vendors_programs()
 @settings(max_examples=40, derandomize=True, deadline=None)
 @given(first=degrees, second=degrees)
 def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
-    assert V3.angles(bytes((V3.id,)) + pack("<2f", first, second)) == (second, first)
+    assert ANY.angles(bytes((V3.id,)) + pack("<2f", first, second)) == (second, first)
 
 
 @settings(max_examples=100, derandomize=True, deadline=None)
@@ -55,7 +57,7 @@ def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
 )
 def test_whatever_comes_is_two_numbers_or_a_bad_reply(reply: bytes) -> None:
     try:
-        angles = V3.angles(reply)
+        angles = ANY.angles(reply)
     except BadReply as bad:
         assert "\n" not in str(bad)
         return
@@ -72,6 +74,38 @@ def test_a_reply_without_one_of_its_bytes_is_bad(first: float, second: float, at
         V3.angles(reply[:at] + reply[at + 1 :])
 
 
+counts = st.integers(-20_000, 20_000)
+
+
+@pytest.mark.parametrize("per_turn", [4880.0, 10752.0, 13824.0, 2048 * 2.5 * 1.0194 * 1.0154])
+@settings(max_examples=40, derandomize=True, deadline=None)
+@given(first=counts, second=counts)
+def test_every_count_is_an_answer(per_turn: float, first: int, second: int) -> None:
+    """However the board rounds: its numbers are of 32 bits."""
+    encoders = (Encoder(1, 0, per_turn), Encoder(2, 0, per_turn))
+    (told,) = unpack("<f", pack("<f", per_turn))
+    reply = pack("<2f", 360.0 * first / told, 360.0 * second / told)
+    board = Board(V3.motors, encoders, V3.home_deg)
+    angles = board.angles(board.bare_reply + reply)
+    assert [round(angle * per_turn / 360.0) for angle in angles] == [first, second]
+
+
+@settings(max_examples=100, derandomize=True, deadline=None)
+@given(first=counts, second=counts, flipped=st.integers(1, 255))
+def test_what_is_torn_in_the_middle_is_seen(first: int, second: int, flipped: int) -> None:
+    """Where it is the exponent that is torn, unless a count times a power of two comes out, or minus one."""
+    reply = bytearray(V3.bare_reply + pack("<2f", 360.0 * first / 4880.0, 360.0 * second / 4880.0))
+    reply[4] ^= flipped
+    try:
+        angles = V3.angles(bytes(reply))
+    except BadReply:
+        return
+    torn = angles[1] * 4880.0 / 360.0
+    assert torn == pytest.approx(round(torn), rel=1e-5)
+    assert first == 0 or torn != 0.0
+    assert first == 0 or log2(abs(torn / first)) == pytest.approx(round(log2(abs(torn / first))), abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("reply", "complaint"),
     [
@@ -79,7 +113,9 @@ def test_a_reply_without_one_of_its_bytes_is_bad(first: float, second: float, at
         (V3.bare_reply, "1 bytes of 9"),
         (bytes((V3.id + 1,)) + bytes(8), f"device {V3.id + 1} instead of {V3.id}"),
         (bytes((V3.id,)) + pack("<2f", float("nan"), 1.0), "nan"),
-        (bytes((V3.id,)) + pack("<2f", 1.0, float("-inf")), "-inf"),
+        (bytes((V3.id,)) + pack("<2f", 360.0 / 4880.0, float("-inf")), "-inf"),
+        (bytes((V3.id,)) + pack("<2f", 3600.0 / 4880.0, 1.0), "1 deg, which is between two counts"),
+        (bytes((V3.id,)) + pack("<2f", 1e-30, 0.0), "1e-30 deg, which is between two counts"),
     ],
 )
 def test_each_complaint_says_what_was_wrong(reply: bytes, complaint: str) -> None:

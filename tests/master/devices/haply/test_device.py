@@ -268,6 +268,14 @@ def test_a_fault_ends_the_force_and_says_why(tmp_path: Path, fault: Callable[[Be
         assert at.emulator.torques == (0.0, 0.0)
 
 
+def test_a_restarted_board_is_set_up_by_the_next_session(there: Bench) -> None:
+    there.emulator.inject("restart", 1)
+    there.run_into_fault(ZERO)
+    patiently(there.device.open)
+    assert there.emulator.setups == 2
+    assert distance(there.position, ZERO) < COUNT_M
+
+
 def test_an_unplugged_device_is_a_fault(there: Bench) -> None:
     there.run(lambda: there.emulator.force[1] > 0.7, PULL)
     there.port.unplug()
@@ -289,8 +297,16 @@ def test_bad_answers_that_pass_take_the_force_off_and_give_it_back(there: Bench,
             there.emulator.faults.garble = 2  # again: after a stall of this machine no jump is too large
         return False
 
+    forces: list[float] = []
+
+    def is_pushed() -> bool:
+        forces.append(there.emulator.force[1])
+        return forces[-1] > 0.7
+
     there.run(is_bad, PULL)
-    there.run(lambda: there.emulator.force[1] > 0.7, PULL)
+    wait_for(lambda: there.emulator.torques == (0.0, 0.0))
+    there.run(is_pushed, PULL)
+    assert any(0.05 < force < 0.6 for force in forces), "on the way up"
     assert distance(there.position, there.emulator.handle.position) < COUNT_M
     assert there.emulator.setups == 1
 

@@ -85,7 +85,7 @@ def test_the_posture_takes_nothing_from_the_stiffness(tmp_path: Path, posture: f
 
 
 def test_home_is_reached_within_the_limits_of_the_joints(tmp_path: Path) -> None:
-    plant = Plant(written(tmp_path, chain(limit_deg=20.0)), "tip", "bent")
+    plant = Plant(written(tmp_path, chain(limit_deg=10.0)), "tip", "bent")
     settle(plant, (0.03, -0.02, 0.05))
     assert tuple(plant.position) == pytest.approx((0.03, -0.02, 0.05), abs=1e-6)
     assert all(low <= q <= high for q, (low, high) in zip(plant.home, plant.model.jnt_range, strict=True))
