@@ -12,7 +12,7 @@ from weberlink.precision import Precision, codec
 
 
 def beginning(path: Path) -> Trace:
-    """Of the recording, up to the middle of its first contact; all of it is long at fifty pairs of predictor and Weber factor."""
+    """Up to the middle of the first contact; all of it is long at fifty pairs of predictor and Weber factor."""
     trace = read_trace(path)
     part = slice(0, 1500)
     return Trace(trace.time_s[part], trace.position_m[part], trace.force_n[part], trace.gaps_s)

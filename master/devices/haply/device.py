@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from hashlib import blake2s
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -13,6 +12,7 @@ from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, Board, Enco
 from master.devices.haply.exchange import Conduct, HaplyExchange
 from master.devices.haply.frame import Frame
 from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS, Version
+from master.devices.sign_check import fingerprint
 from master.devices.threaded_device import ThreadedDevice
 
 NAME = "haply_2diy"
@@ -116,7 +116,7 @@ class HaplyDevice(ThreadedDevice):
         """Of all that a wrong sign could come from, as 8 hexadecimal digits."""
         board = _version(options).board
         turns = [each.direction for each in (*board.motors, *board.encoders)]
-        return blake2s(f"{NAME} {options.version} {turns} {board.home_deg}".encode(), digest_size=4).hexdigest()
+        return fingerprint(f"{NAME} {options.version} {turns} {board.home_deg}")
 
     def open(self, now: float) -> None:
         self.close()

@@ -29,19 +29,24 @@ class Posture:
         self._omega = 2.0 * pi * frequency_hz
         self._inverse = np.ascontiguousarray(inverse_mass[dofs, dofs])
         self._mass = np.linalg.inv(self._inverse)
-        self._speed = plant.data.qvel[dofs]
-        self._away: Array = np.zeros(plant.model.nv)
         self._home = plant.home
+        self._away: Array = np.zeros(plant.model.nv)
+        self._away_of_robot = self._away[dofs]
+        self._speed = plant.data.qvel[dofs]
+        self._jacobian = plant.jacobian[:, dofs]
+        mobility = self._jacobian @ self._inverse @ self._jacobian.T
+        self._floor = 1e-9 * mobility.trace() * np.eye(3)  # for directions in which it cannot move
 
     def torque(self) -> Array:
         """Of the robot's joints [N m], or [N] where they slide."""
-        plant, omega = self._plant, self._omega
+        plant, omega, jacobian = self._plant, self._omega, self._jacobian
         mujoco.mj_differentiatePos(plant.model, self._away, 1.0, self._home, plant.data.qpos)
-        wanted = -omega * (omega * self._away[plant.dofs] + 2.0 * self._speed)
-        jacobian = plant.jacobian[:, plant.dofs]
-        mobility = jacobian @ self._inverse @ jacobian.T
-        mobility.flat[::4] += 1e-9 * mobility.trace()  # for directions in which it cannot move
-        torque: Array = self._mass @ wanted - jacobian.T @ np.linalg.solve(mobility, jacobian @ wanted)
+        wanted = self._away_of_robot * (-omega * omega)
+        wanted -= self._speed * (2.0 * omega)
+        mobility = jacobian.dot(self._inverse).dot(jacobian.T)
+        mobility += self._floor
+        torque: Array = self._mass.dot(wanted)
+        torque -= np.linalg.solve(mobility, jacobian.dot(wanted)).dot(jacobian)
         return torque
 
 
