@@ -32,9 +32,10 @@ format: $(DEV)
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
 
-bench: $(DEV)  ## run time of a tick's codec work, of a device's exchange, and what recording costs, beside their limits
+bench: $(DEV)  ## run time of a tick's codec work, of a device's exchange, of MuJoCo, and what recording costs, beside their limits
 	$(BIN)/python -m benchmarks.codec_tick
 	$(BIN)/python -m benchmarks.device_round_trip
+	$(BIN)/python -m benchmarks.mujoco_loopback
 	$(BIN)/python -m benchmarks.recording --minutes 1
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: recordings of people

@@ -116,9 +116,7 @@ class Plant:
 
     def _take_over(self) -> None:
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-        bodies = np.unique(self.model.dof_bodyid[self.dofs])
-        roots = self.model.body_rootid
-        self.model.body_gravcomp[np.isin(roots, roots[bodies])] = 0.0
+        self.model.body_gravcomp[self.model.body_treeid == self.model.dof_treeid[self.dofs.start]] = 0.0
 
 
 def _load(path: Path) -> Any:
