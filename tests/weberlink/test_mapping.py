@@ -1,8 +1,10 @@
 """The map between device and robot in a file: what it makes of a whole system, and what is refused."""
 
+import re
 from pathlib import Path
 
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from codec.vector import Vector, norm, scale
@@ -11,6 +13,7 @@ from tests.weberlink.systems import CONFIGS, configuration, output, raw, steps, 
 from weberlink.cli import app
 from weberlink.composition.master import build_device
 from weberlink.configuration import ConfigurationError
+from weberlink.configuration.model import MappingSettings
 
 BOX = "[[-0.05, 0.05], [-0.05, 0.05], [-0.05, 0.05]]"
 TURNED = "master.mapping={rotation_deg: [0, 0, 90], scale: 0.5, offset_m: [0.01, 0.0, 0.0]}"
@@ -84,3 +87,11 @@ def test_check_says_what_is_mapped() -> None:
     )
     assert shown.exit_code == 0
     assert "mapped: scale 0.5, walls of 500 N/m" in shown.output
+
+
+def test_the_example_of_the_page_is_a_map() -> None:
+    page = (CONFIGS.parent / "docs" / "devices" / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```yaml\n(.*?)```", page, re.S)
+    mapping = MappingSettings.model_validate(yaml.safe_load(example)["master"]["mapping"])
+    assert mapping.clutch is not None
+    assert mapping.walls is not None

@@ -102,7 +102,7 @@ class ArmExchange:
         self._pitch = 0.0
         self._cycle = 0
         self._missed = 0
-        self._weight: tuple[int, ...] = (0, 0, 0, 0)
+        self._weight: Joints = (0.0, 0.0, 0.0, 0.0)
         self._port: Port | None = None
         self._motors: Motors | None = None
         self._engaged = False
@@ -132,9 +132,9 @@ class ArmExchange:
         present = motors.first_present()
         self._check_zero(bus, present)
         arm = posture(_joints(present))
-        self._weight = self._counts(arm.gravity)
+        self._weight = arm.gravity
         self._engaged = True  # from here on there is something to leave safe
-        motors.engage(self._weight)
+        motors.engage(self._counts(self._weight))
         self._pitch = arm.pitch if settings.pitch is None else settings.pitch
         self._goal.place(arm.tip, now)
         self._filter.restart()
@@ -183,7 +183,7 @@ class ArmExchange:
         except BadReply:
             self._missed += 1
             if self._missed > 1:  # once, the motors go on as they were; then they carry the weight and press no more
-                motors.command(self._weight)
+                motors.command(self._counts(self._weight))
             raise
         self._missed = 0
         now = self._clock()
@@ -191,7 +191,7 @@ class ArmExchange:
         goal = self._goal.next(command, arm.tip, now)
         torques = joint_torques(arm, _rates(present), goal, self._pitch, settings.gains)
         motors.command(self._counts(torques))
-        self._weight = self._counts(arm.gravity)
+        self._weight = arm.gravity
         sample = self._sample(arm, present, 0.5 * (asked + now))
         self._interpolation.add(_flat(sample))
         return sample
@@ -213,7 +213,7 @@ class ArmExchange:
         engaged, self._engaged = self._engaged, False
         if motors is not None and engaged:
             with suppress(HardwareFault):
-                motors.command(self._weight)  # what pressed, presses no more
+                motors.command(self._counts(self._weight))  # what pressed, presses no more
             motors.leave(self.hold_on_close)
         port, self._port = self._port, None
         if port is not None:

@@ -86,7 +86,7 @@ class Motors:
         wanted = MODELS[OPENMANIPULATOR_X_MODEL].name
         model = MODELS.get(number)
         name = model.name if model is not None else f"model {number}"
-        reason = ", which cannot control its current" if model is not None and model.current_limit == 0 else ""
+        reason = ", which cannot control its current" if model is not None and not model.current_control else ""
         raise HardwareFault(
             f"{self._bus.label(id_)}: is a {name}{reason}; an OpenMANIPULATOR-X has {wanted}: check ids"
         )
@@ -99,14 +99,12 @@ class Motors:
         Raises:
             BadReply, HardwareFault: as of the bus.
         """
-        bus = self._bus
-        for id_ in bus.ids:
+        for id_, goal in zip(self._bus.ids, goals, strict=True):
             if self._read(id_, registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED:
                 self._write(id_, registers.BUS_WATCHDOG, 0)
             self._set_eeprom(id_, registers.RETURN_DELAY_TIME, 0)
             self._set_eeprom(id_, registers.OPERATING_MODE, registers.MODE_CURRENT)
             self._write(id_, registers.BUS_WATCHDOG, self._watchdog)
-        for id_, goal in zip(bus.ids, goals, strict=True):
             # A change of mode leaves the largest current as the goal: that it is gone must be sure before torque.
             self._write(id_, registers.GOAL_CURRENT, goal)
             self._write(id_, registers.TORQUE_ENABLE, 1)

@@ -27,9 +27,6 @@ CLEAR: Final = 0x10
 STATUS: Final = 0x55
 SYNC_READ: Final = 0x82
 SYNC_WRITE: Final = 0x83
-FAST_SYNC_READ: Final = 0x8A
-BULK_READ: Final = 0x92
-BULK_WRITE: Final = 0x93
 
 ALERT: Final = 0x80
 """Bit of the error byte: the hardware error register says more."""

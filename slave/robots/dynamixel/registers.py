@@ -25,41 +25,28 @@ class Register(NamedTuple):
 
 
 MODEL_NUMBER: Final = Register(0, 2)
-FIRMWARE_VERSION: Final = Register(6, 1)
 ID: Final = Register(7, 1)
 BAUD_RATE: Final = Register(8, 1)
 RETURN_DELAY_TIME: Final = Register(9, 1, unit="2 us")
 DRIVE_MODE: Final = Register(10, 1)
 OPERATING_MODE: Final = Register(11, 1)
 HOMING_OFFSET: Final = Register(20, 4, signed=True, unit="1/4096 rev")
-TEMPERATURE_LIMIT: Final = Register(31, 1, unit="degC")
 CURRENT_LIMIT: Final = Register(38, 2, unit="2.69 mA")
-SHUTDOWN: Final = Register(63, 1)
 TORQUE_ENABLE: Final = Register(64, 1)
-STATUS_RETURN_LEVEL: Final = Register(68, 1)
 HARDWARE_ERROR: Final = Register(70, 1)
 BUS_WATCHDOG: Final = Register(98, 1, signed=True, unit="20 ms")
 GOAL_CURRENT: Final = Register(102, 2, signed=True, unit="2.69 mA")
-GOAL_VELOCITY: Final = Register(104, 4, signed=True, unit="0.229 rpm")
 GOAL_POSITION: Final = Register(116, 4, signed=True, unit="1/4096 rev")
 PRESENT_CURRENT: Final = Register(126, 2, signed=True, unit="2.69 mA")
 PRESENT_VELOCITY: Final = Register(128, 4, signed=True, unit="0.229 rpm")
 PRESENT_POSITION: Final = Register(132, 4, signed=True, unit="1/4096 rev")
-PRESENT_INPUT_VOLTAGE: Final = Register(144, 2, unit="0.1 V")
-PRESENT_TEMPERATURE: Final = Register(146, 1, unit="degC")
-
-EEPROM_END: Final = 64
 
 PRESENT_ADDRESS: Final = PRESENT_CURRENT.address
 PRESENT_SIZE: Final = 10
 """Current, velocity and position lie side by side: one read of 10 bytes."""
 
 MODE_CURRENT: Final = 0
-MODE_VELOCITY: Final = 1
-MODE_POSITION: Final = 3
-MODE_EXTENDED_POSITION: Final = 4
 MODE_CURRENT_BASED_POSITION: Final = 5
-MODE_PWM: Final = 16
 
 DRIVE_MODE_REVERSE: Final = 0x01
 """Bit of the drive mode: counts, velocity and current run the other way round."""
@@ -87,8 +74,6 @@ RAD_PER_COUNT: Final = 2.0 * pi / COUNTS_PER_TURN
 RAD_S_PER_COUNT: Final = 0.229 * 2.0 * pi / 60.0
 A_PER_COUNT: Final = 2.69e-3
 """Of XM430-W350; "about", says the vendor."""
-RETURN_DELAY_UNIT_S: Final = 2e-6
-VOLT_PER_COUNT: Final = 0.1
 
 HARDWARE_ERRORS: Final = {
     0: "input voltage out of range: check the supply, 12 V",
@@ -105,19 +90,19 @@ class Model(NamedTuple):
 
     Args:
         name: as sold.
-        current_limit: largest value of the goal current [counts]; 0 where it has no current control.
+        current_control: whether its current can be set and is measured.
     """
 
     name: str
-    current_limit: int
+    current_control: bool
 
 
 MODELS: Final = {
-    1000: Model("XH430-W350", 1193),
-    1020: Model("XM430-W350", 1193),
-    1060: Model("XL430-W250", 0),
-    1080: Model("XC430-W240", 0),
-    1160: Model("2XC430-W250", 0),
+    1000: Model("XH430-W350", True),
+    1020: Model("XM430-W350", True),
+    1060: Model("XL430-W250", False),
+    1080: Model("XC430-W240", False),
+    1160: Model("2XC430-W250", False),
 }
 """By model number, those that the vendor's own software lists; 1020 is in every OpenMANIPULATOR-X."""
 
@@ -127,24 +112,6 @@ OPENMANIPULATOR_X_MODEL: Final = 1020
 def angle(counts: int) -> float:
     """Of a joint [rad], from the position of its motor."""
     return (counts - CENTRE) * RAD_PER_COUNT
-
-
-def counts_of_angle(radians: float) -> int:
-    return round(radians / RAD_PER_COUNT) + CENTRE
-
-
-def angular_velocity(counts: int) -> float:
-    """[rad/s]"""
-    return counts * RAD_S_PER_COUNT
-
-
-def counts_of_angular_velocity(radians_per_second: float) -> int:
-    return round(radians_per_second / RAD_S_PER_COUNT)
-
-
-def current(counts: int) -> float:
-    """[A]"""
-    return counts * A_PER_COUNT
 
 
 def counts_of_current(amperes: float) -> int:

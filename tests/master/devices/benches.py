@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
@@ -23,8 +23,8 @@ from master.devices.contract import Device
 from master.emulators import load as load_emulator
 from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
+from tests.pace import TICK, real_time, virtual_time
 
-TICK = 0.001
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
 
 
@@ -50,23 +50,6 @@ class Bench:
             now = self.tick()
             self.device.command(force, now)
             yield now
-
-
-def virtual_time(start: float = 100.0) -> Callable[[], float]:
-    count = iter(range(1_000_000))
-    return lambda: start + next(count) * TICK
-
-
-def real_time() -> Callable[[], float]:
-    due = monotonic()
-
-    def tick() -> float:
-        nonlocal due
-        due = max(due + TICK, monotonic())
-        sleep(max(0.0, due - monotonic()))
-        return monotonic()
-
-    return tick
 
 
 @contextmanager

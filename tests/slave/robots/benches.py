@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from time import monotonic, sleep
 
 from codec.vector import ZERO, Vector
 from hardware.pty_device import PtyDevice
@@ -18,8 +17,8 @@ from slave.robots.contract import Robot
 from slave.scenes.contact import SceneObject
 from slave.scenes.plane import Plane
 from slave.scenes.scene import Scene
+from tests.pace import TICK, real_time, virtual_time
 
-TICK = 0.001
 GROUND = 500.0  # [N/m]
 
 
@@ -53,23 +52,6 @@ class Bench:
             now = self.tick()
             self.robot.command(position, now)
             yield now
-
-
-def virtual_time(start: float = 100.0) -> Callable[[], float]:
-    count = iter(range(1_000_000))
-    return lambda: start + next(count) * TICK
-
-
-def real_time() -> Callable[[], float]:
-    due = monotonic()
-
-    def tick() -> float:
-        nonlocal due
-        due = max(due + TICK, monotonic())
-        sleep(max(0.0, due - monotonic()))
-        return monotonic()
-
-    return tick
 
 
 def ground() -> Scene:

@@ -45,14 +45,10 @@ def test_a_negative_current_and_a_tripped_watchdog_are_twos_complement() -> None
 def test_units() -> None:
     assert registers.angle(2048) == 0.0
     assert registers.angle(2048 + 1024) == pytest.approx(pi / 2)
-    assert registers.angular_velocity(100) == pytest.approx(22.9 * 2 * pi / 60)
+    assert registers.angle(2048 - 2048) == pytest.approx(-pi)
+    assert registers.RAD_S_PER_COUNT / (2 * pi / 60) == pytest.approx(0.229)
     assert registers.counts_of_current(1.0) == 372
-    assert registers.current(1193) == pytest.approx(3.21, abs=0.01)
-
-
-@given(st.integers(-100_000, 100_000))
-def test_angles_keep_every_count(counts: int) -> None:
-    assert registers.counts_of_angle(registers.angle(counts)) == counts
+    assert registers.counts_of_current(-3.209) == -1193
 
 
 def test_alarms_are_named_by_their_bits() -> None:
@@ -67,5 +63,5 @@ def test_alarms_are_named_by_their_bits() -> None:
 def test_the_motor_of_the_arm_is_known_and_controls_its_current() -> None:
     model = registers.MODELS[registers.OPENMANIPULATOR_X_MODEL]
     assert model.name == "XM430-W350"
-    assert model.current_limit == 1193
-    assert registers.MODELS[1060].current_limit == 0
+    assert model.current_control
+    assert not registers.MODELS[1060].current_control
