@@ -90,7 +90,9 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
     emulator = DynamixelEmulator(DynamixelOptions(scene=scene))
     with PtyDevice(emulator, folder / "arm") as wire:
         driver = load("dynamixel")
-        robot = driver(driver.Options(port=str(wire.path)), None, TICK)
+        # Patient with a machine that stalls; what it does then is the business of its own tests.
+        options = driver.Options(port=str(wire.path), bus_watchdog_ms=2000.0, timeout_ms=100.0)
+        robot = driver(options, None, TICK)
         faults = {
             "unplug": wire.unplug,
             "silent": lambda: setattr(emulator.faults, "silent", True),
