@@ -1,5 +1,7 @@
 """An emulated PHANTOM over a pty at 1 kHz: how long an exchange takes, how old a sample is, how soon a fault is zero.
 
+Beside it a bare echo over a pty, between two processes with the same rights: the limit of this machine at this time.
+
 The emulator is a process of its own, `weberlink emulate polhem_serial`; the driver runs here, in a loop on absolute
 deadlines. On a machine that does other things besides, it is these that are measured. Bounded: ends by itself.
 
@@ -11,9 +13,11 @@ import json
 import os
 import subprocess
 import sys
+import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from select import select
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import monotonic, sleep
@@ -117,6 +121,30 @@ def exchanges(seconds: float) -> tuple[list[float], list[float], int, int]:
     return trips, ages, len(trips), count
 
 
+def bare_echo(seconds: float) -> list[float]:
+    """Round trips of 16 bytes over a pty that another process gives back at once [us]: what no driver can beat here."""
+    near, far = os.openpty()
+    tty.setraw(far)
+    child = os.fork()
+    if child == 0:
+        while data := os.read(near, 64):
+            os.write(near, data)
+            if data.startswith(b"end"):
+                os._exit(0)
+    trips = []
+    for _ in ticks(seconds):
+        began = monotonic()
+        os.write(far, bytes(16))
+        select((far,), (), ())
+        os.read(far, 64)
+        trips.append((monotonic() - began) * 1e6)
+    os.write(far, b"end")
+    os.waitpid(child, 0)
+    os.close(near)
+    os.close(far)
+    return trips
+
+
 def time_to_zero(fault: str) -> float:
     """From the fault to the last moment with force on the hand [s], by the emulated device."""
     with emulated() as there:
@@ -155,7 +183,8 @@ def main() -> int:
     write = sys.stdout.write
     write(f"{count} ticks, {samples} fresh samples ({100 * samples / count:.1f} %); {rights.priority.detail}\n")
     write("                       p50      p99    p99.9      max us\n")
-    for name, values in (("exchange", trips), ("age of a sample", ages)):
+    rows = (("bare echo", bare_echo(asked.seconds)), ("exchange", trips), ("age of a sample", ages))
+    for name, values in rows:
         shares = (percentile(values, share) for share in (0.5, 0.99, 0.999))
         write(f"{name:17}{''.join(f'{value:9.0f}' for value in (*shares, max(values)))}\n")
     write(f"time to zero force, beside the device's own watchdog of {WATCHDOG_S * 1e3:.0f} ms:\n")
