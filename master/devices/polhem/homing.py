@@ -15,6 +15,9 @@ STEP_COUNTS = 40
 PAUSE_S = 0.002
 """Between two looks [s]; short against every watchdog."""
 
+LONGEST_S = 0.02
+"""Two looks farther apart than this [s] tell nothing: a hand may have gone through the home pose meanwhile."""
+
 Look = TypeVar("Look")
 
 
@@ -25,15 +28,15 @@ def await_press(look: Callable[[], Look], pressed: Callable[[Look, Look], bool],
         HardwareFault: nobody presses it within `patience` [s], or the device is gone.
     """
     until = monotonic() + patience
-    before: Look | None = None
-    while monotonic() < until:
+    before: tuple[Look, float] | None = None
+    while (began := monotonic()) < until:
         try:
             now = look()
         except BadReply:
             continue
-        if before is not None and pressed(before, now):
+        if before is not None and monotonic() - before[1] <= LONGEST_S and pressed(before[0], now):
             return now
-        before = now
+        before = (now, began)
         sleep(PAUSE_S)
     raise HardwareFault(
         f"nobody pressed the calibration button in {patience:g} s; put the handle in its home pose and press it after "

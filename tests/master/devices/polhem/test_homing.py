@@ -1,5 +1,7 @@
 """Waiting for the calibration button."""
 
+from time import sleep
+
 import pytest
 
 from hardware.fault import BadReply, HardwareFault
@@ -37,3 +39,15 @@ def test_bad_replies_are_looked_past_and_the_look_with_the_press_is_given() -> N
 def test_a_patience_has_an_end() -> None:
     with pytest.raises(HardwareFault, match=r"nobody pressed the calibration button in 0\.02 s"):
         await_press(lambda: 0, lambda before, now: False, 0.02)
+
+
+def test_looks_that_are_far_apart_are_no_press() -> None:
+    """A host that stalled has not seen how the handle got home."""
+    looks = iter([1000, 0])
+
+    def slowly() -> int:
+        sleep(0.05)
+        return next(looks)
+
+    with pytest.raises(HardwareFault, match="nobody pressed"):
+        await_press(slowly, lambda before, now: now == 0, 0.08)
