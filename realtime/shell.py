@@ -19,7 +19,7 @@ from realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
 from realtime.histogram import Histogram
 from realtime.ticker import Ticker
 
-_REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
+REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
 AfterTick = Callable[[int, float, float, float], None]
 
 
@@ -224,7 +224,7 @@ class _Shell:
         self._side.stop(now, reason)
 
     def _signal(self, number: Signals) -> None:
-        reason = _REASONS.get(number, "terminated")
+        reason = REASONS.get(number, "terminated")
         if self._signalled:
             if number == SIGHUP:
                 return

@@ -7,19 +7,21 @@ launcher with an `Order` as JSON; answers with a summary as JSON on standard out
 import json
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
-from signal import SIGHUP
+from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask, signal
 from time import monotonic, perf_counter
+from types import FrameType
 from typing import Any, Protocol
 
 from protocol.aio.udp import UdpShell
 from protocol.endpoint import Endpoint
 from realtime.garbage import GarbageSchedule
 from realtime.process import Grants, die_with_parent, prepare
-from realtime.shell import Run, run
+from realtime.shell import REASONS, Run, run
 from realtime.shell import Side as Ticking
 from telemetry.record import Record
 from telemetry.ring import RingWriter
@@ -30,6 +32,7 @@ from weberlink.configuration.model import split_address
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 """Exit statuses of every command."""
 
+STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 HEAD_START = 0.2
 """From the beginning of a side's composition to its first tick [s]."""
 RING_SECONDS = 10.0
@@ -54,6 +57,10 @@ class Side(Ticking, Protocol):
 
 class StartError(Exception):
     """The device or the robot could not be opened."""
+
+
+class Stopped(Exception):  # noqa: N818 - an end like any other
+    """A signal came while the device or the robot was being opened; says which, as an outcome does."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +126,11 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     transport = _transport(order.side, configuration, side.endpoint, epoch)
     capacity = int(RING_SECONDS * system.rate_hz)
     with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
-        return _summary(_drive(side, transport, configuration, order, epoch, ring), side, grants)
+        try:
+            run_ = _drive(side, transport, configuration, order, epoch, ring)
+        except Stopped as stopped:
+            return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+    return _summary(run_, side, grants)
 
 
 def _build(name: str, configuration: Configuration, epoch: float) -> Side:
@@ -166,9 +177,13 @@ def _drive(
 
     system = configuration.system
     try:
-        side.open(monotonic())
+        with _interruptible():
+            side.open(monotonic())
     except RuntimeError as fault:  # the device's or the robot's, by the contract of both
         raise StartError(str(fault)) from fault
+    except Stopped:
+        side.close()
+        raise
     try:
         return run(
             side,
@@ -181,6 +196,23 @@ def _drive(
         )
     finally:
         side.close()
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """A request to stop ends what takes long before the loop runs: a device may wait for a person to home it."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise Stopped(REASONS.get(Signals(number), "terminated"))
+
+    before = {number: signal(number, stop) for number in STOP_SIGNALS}
+    held_back = pthread_sigmask(SIG_UNBLOCK, STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        pthread_sigmask(SIG_SETMASK, held_back)  # from here on they wait for the loop
+        for number, handler in before.items():
+            signal(number, handler)
 
 
 def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:

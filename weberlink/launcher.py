@@ -41,8 +41,8 @@ from weberlink.recorder import Recorder
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
 """Between two looks at the telemetry."""
-STOP_LIMIT_S = 3.0
-"""From a request to stop to a kill."""
+STOP_LIMIT_S = 15.0
+"""From a request to stop to a kill: a robot may be on its way to its place of rest."""
 
 
 class Daemon:

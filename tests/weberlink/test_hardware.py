@@ -1,5 +1,6 @@
 """Real drivers on both ends against emulated hardware, the two daemons between: each of them a process of its own."""
 
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -144,6 +145,17 @@ def test_without_a_sign_check_there_is_no_current_and_a_line_says_so(tmp_path: P
         assert "signs not checked; run: weberlink device test polhem_serial" in errors
         assert document(output)["position"]["packets"] > 0
         assert phantom.status()["largest_current_ma"] == 0.0
+
+
+def test_a_signal_while_a_person_is_still_homing_the_device_is_an_orderly_end(tmp_path: Path) -> None:
+    with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
+        overrides = [f"master.device.port={phantom.port}", "master.device.homing=button", "link.slave=127.0.0.1:47999"]
+        arguments = [FILE, *(each for option in overrides for each in ("--set", option))]
+        with Program("master", *arguments, "--json", "-") as program:
+            until(lambda: phantom.status()["messages"] > 0, "the driver to wait for the button")
+            program.send(signal.SIGINT)
+            status, output, _ = program.finish()
+        assert (status, document(output)["outcome"]) == (0, "interrupted")
 
 
 def norm(parts: list[float]) -> float:
