@@ -5,6 +5,7 @@ and while one of them runs, no other worker runs anything.
 """
 
 import fcntl
+import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -41,6 +42,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.hookimpl(optionalhook=True)
+def pytest_collection_finish() -> None:
+    """What has been imported and collected stays: the collector need not look at it again and again."""
+    gc.collect()
+    gc.freeze()
+
+
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Hook of pytest-xdist, in the process that hands out the tests."""
     from tests.scheduling import FileByFile  # noqa: PLC0415 - pytest-xdist is there if this is called

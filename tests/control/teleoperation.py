@@ -29,6 +29,11 @@ class Hand:
     stiffness: float = 300.0
     damping: float = 8.0
 
+    @property
+    def parts(self) -> int:
+        """Of a tick, so that a light one is integrated well."""
+        return max(1, ceil(40.0 * TICK * max((self.stiffness / self.mass) ** 0.5, self.damping / self.mass)))
+
 
 @dataclass(frozen=True)
 class Link:
@@ -73,12 +78,12 @@ class Direction:
 
     def carry(self, tick: int, signal: float, credit: int) -> None:
         """Take what is told at this tick, and deliver what arrives at it."""
-        link = self._link
-        if self._random.random() >= link.loss:
-            delay = ceil((link.delay + link.jitter * self._random.random()) / TICK)
-            heappush(self._flying, (tick + delay, tick, (signal, credit)))
-        while self._flying and self._flying[0][0] <= tick:
-            _, told, (known, heard) = heappop(self._flying)
+        link, flying, chance = self._link, self._flying, self._random.random
+        if chance() >= link.loss:
+            delay = ceil((link.delay + link.jitter * chance()) / TICK)
+            heappush(flying, (tick + delay, tick, (signal, credit)))
+        while flying and flying[0][0] <= tick:
+            _, told, (known, heard) = heappop(flying)
             if told > self._newest:
                 self._newest, self.known, self.credit = told, known, max(self.credit, heard)
 
@@ -120,9 +125,10 @@ def operate(
     backward = Direction(link, random, (0.0, 0))
     quality = QUIET if link.delay == 0.0 else LinkQuality(2.0 * link.delay, link.jitter)
     course = Course([0.0], [0.0], [], [], [], [])
+    parts = hand.parts
     for tick in range(round(seconds / TICK)):
         moved = at
-        at, speed = _advance(hand, at, speed, felt, intention(tick * TICK))
+        at, speed = _advance(hand, parts, at, speed, felt, intention(tick * TICK))
         given = -felt * (at - moved)
         if learn is not None:
             learn(master, backward.known, at, tick)
@@ -145,12 +151,11 @@ def operate(
     return course
 
 
-def _advance(hand: Hand, at: float, speed: float, felt: float, intended: float) -> tuple[float, float]:
-    """A tick of the hand under a held force; in parts, so that a light one is integrated well."""
-    parts = max(1, ceil(40.0 * TICK * max((hand.stiffness / hand.mass) ** 0.5, hand.damping / hand.mass)))
-    step = TICK / parts
+def _advance(hand: Hand, parts: int, at: float, speed: float, felt: float, intended: float) -> tuple[float, float]:
+    """A tick of the hand under a held force."""
+    mass, stiffness, damping, step = hand.mass, hand.stiffness, hand.damping, TICK / parts
     for _ in range(parts):
-        force = felt + hand.stiffness * (intended - at) - hand.damping * speed
-        speed += force / hand.mass * step
+        force = felt + stiffness * (intended - at) - damping * speed
+        speed += force / mass * step
         at += speed * step
     return at, speed

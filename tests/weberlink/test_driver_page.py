@@ -201,7 +201,7 @@ def test_its_file_runs_a_session_in_which_the_wall_is_felt(folder: Path, file: P
 
     emulator.receive = listen
     patient = ("--set", "master.limits.device_ms=2000", "--set", "link.silence_ms=2000")  # the machine may stall
-    ended = weberlink(folder, "loopback", file, "--duration", "1", "--json", "-", *patient)
+    ended = weberlink(folder, "loopback", file, "--duration", "3", "--json", "-", *patient)
     assert (document(ended.output)["outcome"], ended.status, ended.errors) == ("completed", 0, "")
     assert max(felt) > 1.0, "at most 2 cm deep in a wall of 300 N/m"
     assert felt[-1] == 0.0
