@@ -51,7 +51,10 @@ else:
 json.dump(sorted(sys.modules), sys.stdout)
 """
 
-NEVER = {
+OBSERVERS = {"evaluation", "weberlink.cli", "weberlink.launcher", "telemetry.reader"}
+"""What only the command line, the offline evaluation and observers import."""
+
+NEVER = OBSERVERS | {
     "scipy",
     "matplotlib",
     "pandas",
@@ -63,12 +66,8 @@ NEVER = {
     "typer",
     "click",
     "rich",
-    "evaluation",
-    "weberlink.cli",
-    "weberlink.launcher",
-    "telemetry.reader",
 }
-"""Not even a package of the command line, of the offline evaluation or of an observer."""
+"""Not even one of their packages."""
 
 
 ALL_HARDWARE = {"serial", "hid", "hidraw", "hardware", "master.emulators", "slave.emulators"}
@@ -138,9 +137,9 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
         "numpy": mujoco or (side == "master" and system.master.device.driver == "replay"),  # reads the trace
     }
     assert {module: module in there for module in named} == named
-    # MuJoCo brings some of its own, which nobody here asked for.
-    assert not NEVER & there if not mujoco else not {"evaluation", "weberlink.cli", "weberlink.launcher"} & there
-    assert not ALL_HARDWARE & there if name != "phantom-arm.yaml" else True
+    # MuJoCo brings some packages of others, which nobody here asked for.
+    assert not (OBSERVERS if mujoco else NEVER) & there
+    assert there & ALL_HARDWARE == ({"serial", "hardware"} if named["serial"] else set())
 
 
 def test_the_shipped_files_between_them_name_what_is_optional(modules: Modules) -> None:
