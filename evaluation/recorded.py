@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from control.table import SCHEMES
 from evaluation.session import Records, SessionScore
 from telemetry.fault import Fault
-from telemetry.link import Counters
+from telemetry.link import COUNTERS as LINK_COUNTERS
 from telemetry.reader import DTYPE
 from telemetry.recording.reader import Recording, RecordingError
 
@@ -26,7 +26,7 @@ MARGIN_S = 1.0
 """How much of the slave's time before and after the master's belongs to their session."""
 ANOTHER_CLOCK_S = 0.1
 """A jump of the peer's clock by more than this is another peer, or the same one started anew."""
-COUNTERS = (*Counters._fields, "ticks_missed")
+COUNTERS = (*LINK_COUNTERS, "ticks_missed")
 LATEST_S = 1e10
 """No clock is beyond this [s], and no session as long: some centuries."""
 PIECE_S = 1.0

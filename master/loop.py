@@ -9,6 +9,7 @@ from collections.abc import Callable
 from math import nan
 
 from codec import Decoder, Encoder, Update
+from codec.fitted import UNFITTED, fitted
 from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, MasterControl, Surface
 from master.devices.contract import Device, DeviceFault, Explaining
@@ -90,7 +91,9 @@ class MasterLoop:
         self._last_now: float | None = None
         self._last_reading_at = nan
         self._position: Vector = ZERO
+        self._buttons = 0
         self._decoded: Vector = ZERO
+        self._fitted = UNFITTED
         self._output: Vector = ZERO
         self._tick = 0
         self._deadline = 0.0
@@ -159,31 +162,41 @@ class MasterLoop:
         """What happened in the tick just done, as telemetry writes it."""
         statistics = self.endpoint.statistics
         peer_at = self.endpoint.peer_time(self._deadline)
-        return Record(
-            self._deadline,
-            nan if peer_at is None else peer_at,
-            *self._position,
-            *self._position,
-            *self._decoded,
-            *(self.encoder.predicted or UNKNOWN),
-            *self._output,
-            self.encoder.bound,
-            self._tick,
-            missed,
-            *counters(statistics),
-            lateness_us,
-            work_us,
-            self._codec_time * 1e6,
-            *delays(statistics),
-            self.control.tank,
-            self.endpoint.state.value,
-            self._faults.active,
-            self.control.active,
-            self.decoder.selected,
-            self._sent,
-            self._received,
-            self._limiter.clipped,
-            self._gate.ramping,
+        model = self._fitted
+        return Record._make(  # a call with so many arguments costs three times as much
+            (
+                self._deadline,
+                nan if peer_at is None else peer_at,
+                *self._position,
+                *self._position,
+                *self._decoded,
+                *(self.encoder.predicted or UNKNOWN),
+                *self._output,
+                self.encoder.bound,
+                self._tick,
+                missed,
+                *counters(statistics),
+                lateness_us,
+                work_us,
+                self._codec_time * 1e6,
+                *delays(statistics),
+                self.control.tank,
+                *model.surface,
+                model.size,
+                model.stiffness,
+                self.endpoint.state.value,
+                self._faults.active,
+                self.control.active,
+                self.decoder.selected,
+                self._sent,
+                self._received,
+                self._limiter.clipped,
+                self._gate.ramping,
+                model.kind,
+                0,
+                self._buttons & 0xFF,
+                self.encoder.mirror.selected,
+            )
         )
 
     def _leave(self, now: float, reason: str) -> None:
@@ -202,6 +215,7 @@ class MasterLoop:
                 self._has_connected = True
                 self.encoder.reset()
                 self.decoder.reset()
+                self._fitted = UNFITTED
                 self.control.reset()
                 self._gate.close()
                 self._faults.active = Fault.NONE
@@ -224,6 +238,7 @@ class MasterLoop:
             self.decoder.apply(update)
             _, model, newest = self.decoder.state
             assert newest is not None
+            self._fitted = fitted(model)
             self.control.learn(model if isinstance(model, Surface) else None, newest.value, newest.position)
             self._received += 1
         except ValueError:  # from a peer that agreed on this channel and does not keep to it
@@ -245,6 +260,7 @@ class MasterLoop:
         elif reading.at != self._last_reading_at:
             self._last_reading_at = reading.at
             self._position = reading.position
+            self._buttons = reading.buttons
             self._watchdog.feed(now)
         if reading.ended:
             self.stop(now, "completed")

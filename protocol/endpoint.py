@@ -36,6 +36,7 @@ class Endpoint:
         "_address",
         "_agreement",
         "_dialer",
+        "_due",
         "_former",
         "_heard_at",
         "_lengths",
@@ -103,6 +104,7 @@ class Endpoint:
         self._session: Session | None = None
         self._former: Session | None = None
         self._heard_at = -inf
+        self._due: float | None = None  # asked for several times a tick; None when it may have changed
         self._mailbox = Mailbox(self._statistics)
 
     # --- what the owner reads
@@ -187,6 +189,7 @@ class Endpoint:
         Raises:
             StateError: if begun before.
         """
+        self._due = None
         if self._role is Role.INITIATOR:
             self._turn(Trigger.DIAL)
             self._call(now)
@@ -215,6 +218,7 @@ class Endpoint:
         """
         if self._session is None:
             return False
+        self._due = None
         self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous))
         return True
 
@@ -224,6 +228,7 @@ class Endpoint:
         Raises:
             StateError: if closed already.
         """
+        self._due = None
         self._turn(Trigger.CLOSE)
         if self._session is not None:
             self._post(self._session.sender.send_bye(now, reason))
@@ -234,16 +239,24 @@ class Endpoint:
 
     def next_timer(self) -> float | None:
         """When `handle_timer` has something to do [s]."""
+        if self._due is None:
+            self._due = self._find_due()
+        return None if self._due == inf else self._due
+
+    def _find_due(self) -> float:
         due = self._dialer.due
         if self._session is not None:
             is_engaged = self._state is State.ENGAGED
             due = min(due, self._session.sender.next_timer(is_engaged=is_engaged))
             if is_engaged:
                 due = min(due, self._heard_at + self._parameters.silence)
-        return None if due == inf else due
+        return due
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: silence, calls, repeats, heartbeats. Early calls do no harm."""
+        if self._due is not None and now < self._due:
+            return
+        self._due = None
         session = self._session
         if session is not None:
             if self._state is State.ENGAGED and now >= self._heard_at + self._parameters.silence:
@@ -268,6 +281,7 @@ class Endpoint:
 
     def receive_datagram(self, data: bytes, address: Address, now: float) -> None:
         """Take one datagram that has come from `address`, whatever its bytes."""
+        self._due = None
         if not data:
             self._mailbox.drop(DropReason.TRUNCATED)
             return

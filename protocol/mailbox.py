@@ -43,11 +43,14 @@ class Mailbox:
     def drop(self, reason: DropReason) -> None:
         """Count a datagram of no use; a flood of them gets half the queue, so that it pushes out nothing else."""
         self._statistics.dropped[reason] += 1
+        self._statistics.drops += 1
         if len(self._events) < QUEUED_EVENTS // 2:
             self._events.append(DatagramDropped(reason))
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
         """All datagrams, oldest first; the queue is empty then."""
+        if not self._datagrams:
+            return []
         datagrams = list(self._datagrams)
         self._datagrams.clear()
         return datagrams

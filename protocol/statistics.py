@@ -27,6 +27,8 @@ class Statistics:
     overflowed: int = 0
     """Datagrams of ours that the owner did not fetch in time."""
     dropped: Counter[DropReason] = field(default_factory=Counter)
+    """Received and refused, by reason; `drops` is their sum."""
+    drops: int = 0
     rtt: float | None = None
     """Round trip of the newest datagrams of the two directions [s]."""
     one_way: float | None = None

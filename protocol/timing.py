@@ -69,7 +69,15 @@ class SlidingMinimum:
 
 
 class Clock:
-    """Our clock, and the peer's as seen from here."""
+    """Our clock, and the peer's as seen from here.
+
+    Attributes:
+        late: by how much few datagrams of the outward direction exceed their least delay [s].
+        peer_latest: excess of the latest of them [s].
+        rtt: round trip of the latest datagrams of the two directions [s]; None until both are measured.
+        one_way: delay of the latest datagram of the peer [s]; None until both are measured.
+        jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
+    """
 
     __slots__ = (
         "_early_limit",
@@ -80,8 +88,11 @@ class Clock:
         "_offset",
         "_outward",
         "_variation",
+        "jitter",
         "late",
+        "one_way",
         "peer_latest",
+        "rtt",
     )
 
     def __init__(self, epoch: float, peer_clock: float, now: float) -> None:
@@ -102,6 +113,9 @@ class Clock:
         self.late = 0.0
         self._offset: float | None = None
         self._early_limit = _EARLY_LIMIT_UNMAPPED
+        self.rtt: float | None = None
+        self.one_way: float | None = None
+        self.jitter = 0.0
         self.record(peer_clock, now)
 
     def time(self, now: float) -> float:
@@ -139,6 +153,7 @@ class Clock:
         self._excess += (excess - self._excess) / 16
         if minimum != before:
             self._map()
+        self._measure()
 
     def report(self) -> tuple[float, float, float]:
         """For the peer [s]: least raw delay, and above it the latest and the one that few datagrams exceed."""
@@ -153,24 +168,13 @@ class Clock:
         self.peer_latest = latest
         self.late = min(late, LONGEST_RTT)
         self._map()
+        self._measure()
         return True
 
     @property
     def offset(self) -> float | None:
         """Peer's clock minus ours [s]; None until both directions are measured."""
         return self._offset
-
-    @property
-    def rtt(self) -> float | None:
-        """Round trip of the latest datagrams of the two directions [s]."""
-        if self._outward is None:
-            return None
-        return max(0.0, self._latest + self._outward + self.peer_latest)
-
-    @property
-    def one_way(self) -> float | None:
-        """Delay of the latest datagram of the peer [s]."""
-        return None if self._offset is None else max(0.0, self._latest + self._offset)
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock now [s]."""
@@ -179,11 +183,6 @@ class Clock:
     def heard_time(self, now: float) -> float | None:
         """The peer's clock at the departure of a datagram that comes now by the fastest way [s]."""
         return None if self._offset is None else now - self._epoch - self._inward.value
-
-    @property
-    def jitter(self) -> float:
-        """By how much few datagrams exceed their least delay, in the worse of the two directions [s]."""
-        return max(self.late, self.report()[2])
 
     def age(self, departure: float, now: float) -> float | None:
         """Time since then [s], not negative; None until both directions are measured."""
@@ -206,3 +205,10 @@ class Clock:
         else:  # two reports on either side of a stepped clock: no mapping until they agree again
             self._offset = None
             self._early_limit = _EARLY_LIMIT_UNMAPPED
+
+    def _measure(self) -> None:
+        """Work out what is asked for in every tick, and changes with a datagram only."""
+        latest = self._latest
+        self.rtt = None if self._outward is None else max(0.0, latest + self._outward + self.peer_latest)
+        self.one_way = None if self._offset is None else max(0.0, latest + self._offset)
+        self.jitter = max(self.late, self.report()[2])

@@ -1,7 +1,7 @@
 """What a real-time process asks of the kernel, and whether it was granted.
 
-Owns scheduling class, memory lock, CPU affinity, timer slack and the tie to the parent process. Knows no loop. A
-permission that is missing is an answer in words, not an error: the same program runs on a laptop and on a tuned
+Owns scheduling class, memory lock, CPU affinity, timer slack, idle latency and the tie to the parent process. Knows no
+loop. A permission that is missing is an answer in words, not an error: the same program runs on a laptop and on a tuned
 machine, and says which.
 """
 
@@ -17,6 +17,7 @@ _SET_PARENT_DEATH_SIGNAL = 1
 _SET_TIMER_SLACK = 29
 _LOCK_CURRENT = 1
 _LOCK_FUTURE = 2
+_LATENCY_REQUEST = "/dev/cpu_dma_latency"
 
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
@@ -45,14 +46,15 @@ class Grants:
     memory: Grant
     cpu: Grant
     timer_slack: Grant
+    wakeful: Grant
 
     def as_dict(self) -> dict[str, dict[str, bool | str]]:
         """For a report: field name to `granted` and `detail`."""
         return asdict(self)
 
 
-def prepare(priority: int, lock_memory: bool, cpu: int | None) -> Grants:
-    """Ask for SCHED_FIFO, locked memory, one CPU and exact timers.
+def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool = False) -> Grants:
+    """Ask for SCHED_FIFO, locked memory, one CPU, exact timers, and processors that do not sleep deeply.
 
     Call it early: threads started later inherit the scheduler and the CPU, and earlier ones keep theirs.
 
@@ -60,6 +62,8 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None) -> Grants:
         priority: of SCHED_FIFO, 1 to 99; 0 keeps the ordinary scheduler.
         lock_memory: keep all pages, present and future, out of swap, so that no tick waits for a page fault on disk.
         cpu: number of the only CPU to run on; None for any.
+        wakeful: while this process lives, no processor of the machine enters an idle state that takes time to leave.
+            Costs power.
 
     Raises:
         ValueError: priority or cpu is a number that no machine has.
@@ -74,6 +78,7 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None) -> Grants:
         memory=_asked(_lock_memory, "memory locked") if lock_memory else NOT_ASKED,
         cpu=NOT_ASKED if cpu is None else _pin(cpu),
         timer_slack=_asked(_sharpen_timers, "timer slack 1 ns"),
+        wakeful=_stay_awake() if wakeful else NOT_ASKED,
     )
 
 
@@ -121,6 +126,18 @@ def _pin(cpu: int) -> Grant:
 def _sharpen_timers() -> None:
     # The kernel may delay timers by 50 us to wake up less often; 1 ns is the least, as 0 means the default.
     _checked(_libc.prctl(_SET_TIMER_SLACK, 1, 0, 0, 0))
+
+
+def _stay_awake() -> Grant:
+    """Hold the kernel's request for the least wake-up latency (its PM QoS interface) until this process ends."""
+    try:
+        fd = os.open(_LATENCY_REQUEST, os.O_WRONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return Grant(False, f"not possible: this kernel has no {_LATENCY_REQUEST}")
+    except OSError as error:
+        return Grant(False, f"not permitted: needs write access to {_LATENCY_REQUEST} ({error.strerror})")
+    os.write(fd, (0).to_bytes(4, "little"))  # withdrawn by the kernel when the descriptor is closed: never, here
+    return Grant(True, "processors awake")
 
 
 def _asked(ask: Callable[[], None], detail: str, needs: str = "") -> Grant:

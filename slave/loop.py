@@ -9,6 +9,7 @@ from collections.abc import Callable
 from math import nan
 
 from codec import Decoder, Encoder, Update
+from codec.fitted import UNFITTED, fitted
 from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, SlaveControl
 from protocol.endpoint import Endpoint
@@ -86,6 +87,8 @@ class SlaveLoop:
         self._force: Vector = ZERO
         self._tick = 0
         self._deadline = 0.0
+        self._held: Vector | None = None
+        self._fitted = UNFITTED
         self._sent = 0
         self._received = 0
         self._codec_time = 0.0
@@ -130,6 +133,8 @@ class SlaveLoop:
         self._feel(now)
         if self.endpoint.state is State.ENGAGED:
             self._send(index, now)
+        else:
+            self._held = self.encoder.mirror.value(index, self._applied)
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session; the robot holds where it is."""
@@ -149,32 +154,42 @@ class SlaveLoop:
         """What happened in the tick just done, as telemetry writes it."""
         statistics = self.endpoint.statistics
         peer_at = self.endpoint.peer_time(self._deadline)
-        mirrored = self.encoder.mirror.value(self._tick, self._applied)
-        return Record(
-            self._deadline,
-            nan if peer_at is None else peer_at,
-            *self._commanded,
-            *self._force,
-            *(mirrored if mirrored is not None else ZERO),
-            *(self.encoder.predicted or UNKNOWN),
-            *self._applied,
-            self.encoder.bound,
-            self._tick,
-            missed,
-            *counters(statistics),
-            lateness_us,
-            work_us,
-            self._codec_time * 1e6,
-            *delays(statistics),
-            self.control.tank,
-            self.endpoint.state.value,
-            self._faults.active,
-            self.control.active,
-            self.encoder.mirror.selected,
-            self._sent,
-            self._received,
-            self._guard.clipped,
-            self._guard.ramping,
+        model = self._fitted
+        held = self._held
+        return Record._make(  # a call with so many arguments costs three times as much
+            (
+                self._deadline,
+                nan if peer_at is None else peer_at,
+                *self._commanded,
+                *self._force,
+                *(held if held is not None else ZERO),
+                *(self.encoder.predicted or UNKNOWN),
+                *self._applied,
+                self.encoder.bound,
+                self._tick,
+                missed,
+                *counters(statistics),
+                lateness_us,
+                work_us,
+                self._codec_time * 1e6,
+                *delays(statistics),
+                self.control.tank,
+                *model.surface,
+                model.size,
+                model.stiffness,
+                self.endpoint.state.value,
+                self._faults.active,
+                self.control.active,
+                self.encoder.mirror.selected,
+                self._sent,
+                self._received,
+                self._guard.clipped,
+                self._guard.ramping,
+                model.kind,
+                0,
+                0,
+                self.decoder.selected,
+            )
         )
 
     def _leave(self, now: float, reason: str) -> None:
@@ -191,6 +206,7 @@ class SlaveLoop:
                 self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
             case Connected():
                 self.encoder.reset()
+                self._fitted = UNFITTED
                 self.decoder.reset()
                 self.control.reset()
                 self._guard.release()
@@ -270,6 +286,11 @@ class SlaveLoop:
         began = self._stopwatch()
         update = self.encoder.encode(index, self._guard.shown(self._force), self._applied)
         self._codec_time += self._stopwatch() - began
+        self._held = self.encoder.predicted
         if update is not None:
+            newest = self.encoder.mirror.newest
+            assert newest is not None
+            self._held = newest.value
             self.endpoint.send_update(now, *update)
             self._sent = 1
+            self._fitted = fitted(self.encoder.mirror.state[1])

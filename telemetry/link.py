@@ -1,8 +1,7 @@
 """What a record says of the link: the part that both sides fill in alike, read off an endpoint's statistics."""
 
-from collections.abc import Mapping
 from math import nan
-from typing import Any, NamedTuple, Protocol
+from typing import Protocol
 
 
 class LinkStatistics(Protocol):
@@ -16,42 +15,31 @@ class LinkStatistics(Protocol):
     updates_received: int
     repeats: int
     heartbeats: int
+    drops: int
     rtt: float | None
     one_way: float | None
 
-    @property
-    def dropped(self) -> Mapping[Any, int]:
-        """Received and refused, by reason."""
-        ...
+COUNTERS = (
+    "datagrams_sent",
+    "datagrams_received",
+    "datagrams_lost",
+    "datagrams_dropped",
+    "bytes_sent",
+    "updates_sent",
+    "updates_received",
+    "repeats",
+    "heartbeats",
+)
+"""Fields of a record that `counters` fills in, in this order."""
 
 
-class Counters(NamedTuple):
-    """The counters of a record, in its order."""
-
-    datagrams_sent: int
-    datagrams_received: int
-    datagrams_lost: int
-    datagrams_dropped: int
-    bytes_sent: int
-    updates_sent: int
-    updates_received: int
-    repeats: int
-    heartbeats: int
-
-
-class Delays(NamedTuple):
-    """The delays of a record, in its order; NaN while unknown."""
-
-    rtt_us: float
-    one_way_us: float
-
-
-def counters(statistics: LinkStatistics) -> Counters:
-    return Counters(
+def counters(statistics: LinkStatistics) -> tuple[int, ...]:
+    """The values of `COUNTERS`; a plain tuple, since it is made in every tick."""
+    return (
         statistics.sent,
         statistics.received,
         statistics.lost,
-        sum(statistics.dropped.values()),
+        statistics.drops,
         statistics.bytes_sent,
         statistics.updates_sent,
         statistics.updates_received,
@@ -60,6 +48,7 @@ def counters(statistics: LinkStatistics) -> Counters:
     )
 
 
-def delays(statistics: LinkStatistics) -> Delays:
+def delays(statistics: LinkStatistics) -> tuple[float, float]:
+    """Round trip and one way of a record [us]; NaN while unknown."""
     rtt, one_way = statistics.rtt, statistics.one_way
-    return Delays(nan if rtt is None else rtt * 1e6, nan if one_way is None else one_way * 1e6)
+    return (nan if rtt is None else rtt * 1e6, nan if one_way is None else one_way * 1e6)

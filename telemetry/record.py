@@ -60,6 +60,13 @@ FIELDS = (
     Field("rtt_us", "<f4", 1, "us", "round trip, newest estimate; NaN while unknown"),
     Field("one_way_us", "<f4", 1, "us", "from the peer to here, newest estimate; NaN while unknown"),
     Field("tank", "<f4", 1, "J", "energy that this side may still spend; 0 without passivity control"),
+    Field(
+        "surface", "<f4", 3, "1 | m", "unit normal of the fitted plane, centre of the fitted sphere; NaN without either"
+    ),
+    Field(
+        "surface_size", "<f4", 1, "m", "offset d of the fitted plane, radius of the fitted sphere (concave: negative)"
+    ),
+    Field("surface_stiffness", "<f4", 1, "N/m", "of the fitted plane or sphere"),
     Field("state", "u1", 1, "", "of the side's state machine, as its own number"),
     Field("fault", "u1", 1, "", "the fault that is active, as its own number; 0 for none"),
     Field("control", "u1", 1, "", "control scheme at work, as its place in the table of schemes"),
@@ -70,6 +77,10 @@ FIELDS = (
     Field(
         "ramping", "u1", 1, "", "1 while a session begins or ends: force is faded (master), robot approaches (slave)"
     ),
+    Field("model", "u1", 1, "", "what the force update in use fitted: 0 none, 1 line, 2 plane, 3 sphere"),
+    Field("settings", "u1", 1, "", "how many live changes of settings are in force, modulo 256"),
+    Field("buttons", "u1", 1, "", "of the device, the lowest eight as bits (master)"),
+    Field("position_selected", "u1", 1, "", "predictor in use on the position channel, as its index in the bank"),
 )
 
 COLUMNS = tuple(
@@ -119,6 +130,11 @@ class Record(NamedTuple):
     rtt_us: float
     one_way_us: float
     tank: float
+    surface_x: float
+    surface_y: float
+    surface_z: float
+    surface_size: float
+    surface_stiffness: float
     state: int
     fault: int
     control: int
@@ -127,3 +143,7 @@ class Record(NamedTuple):
     received: int
     clipped: int
     ramping: int
+    model: int
+    settings: int
+    buttons: int
+    position_selected: int

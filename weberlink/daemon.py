@@ -122,7 +122,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     epoch = monotonic() + HEAD_START
     side = _build(order.side, configuration, epoch)
     # Not before: what a side imports may be large, and importing it with real-time rights holds up the other side.
-    grants = prepare(realtime.priority, realtime.lock_memory, cpu)
+    grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
     transport = _transport(order.side, configuration, side.endpoint, epoch)
     capacity = int(RING_SECONDS * system.rate_hz)
     with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:

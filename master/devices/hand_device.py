@@ -119,5 +119,7 @@ class HandDevice:
 
     def _within_stops(self, position: Vector) -> Vector:
         edge = self._options.workspace_m
-        x, y, z = (min(max(component, -edge), edge) for component in position)
-        return (x, y, z)
+        x, y, z = position
+        if -edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge:
+            return position
+        return (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))

@@ -38,8 +38,15 @@ class Tremor:
 
     def at(self, time: float) -> Vector:
         """Displacement [m] of the intention at `time` [s]."""
-        x, y, z = (sum(a * sin(omega * time + phase) for a, omega, phase in waves) for waves in self._axes)
-        return (x, y, z)
+        x, y, z = self._axes
+        return (_sum(x, time), _sum(y, time), _sum(z, time))
+
+
+def _sum(waves: list[Vector], time: float) -> float:
+    total = 0.0
+    for amplitude, omega, phase in waves:
+        total += amplitude * sin(omega * time + phase)
+    return total
 
 
 def gain(hand: HandOptions, omega: float) -> float:

@@ -28,12 +28,15 @@ _TYPES = {"<f8": "float64", "<f4": "float32", "<u8": "uint64", "u1": "uint8"}
 _LAYOUTS: dict[str, tuple[str, int]] = {
     **{name: (kind, 1) for kind, name in _TYPES.items()},
     **dict.fromkeys((_VECTOR, "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
+    f"float32[{len(AXES)}]": ("<f4", len(AXES)),
 }
 _SEPARATOR = "=" * 80
 
 
 def _line(field: Field) -> str:
-    kind = _TYPES[field.kind] if field.axes == 1 else _VECTOR
+    kind = _TYPES[field.kind]
+    if field.axes > 1:
+        kind = _VECTOR if field.kind == "<f8" else f"{kind}[{field.axes}]"
     unit = f"[{field.unit}] " if field.unit else ""
     return f"{kind} {field.name}  # {unit}{field.meaning}"
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from telemetry.link import COUNTERS
 from telemetry.reader import DTYPE
 from telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
 
@@ -21,7 +22,7 @@ records = st.tuples(*(KINDS[kind] for kind in kinds)).map(Record._make)
 
 
 def test_the_struct_and_the_numpy_type_have_the_same_size():
-    assert RECORD.size == DTYPE.itemsize == 264
+    assert RECORD.size == DTYPE.itemsize == 288
 
 
 def test_the_named_tuple_has_the_columns_of_the_table_in_order():
@@ -52,6 +53,11 @@ def test_there_is_no_padding_and_each_value_lies_on_its_own_boundary():
 def test_both_names_of_each_type_mean_the_same():
     for numpy_name, struct_name in CODES.items():
         assert np.dtype(numpy_name).itemsize == struct.calcsize("<" + struct_name)
+
+
+def test_what_the_link_counts_stands_together_in_its_order():
+    first = COLUMNS.index(COUNTERS[0])
+    assert COLUMNS[first : first + len(COUNTERS)] == COUNTERS
 
 
 def test_units_and_meanings_are_written_down():

@@ -162,6 +162,8 @@ class RealtimeSettings(Settings):
     """SCHED_FIFO priority; 0 for the normal scheduler."""
     lock_memory: bool = True
     """Keep all pages in memory."""
+    wakeful: bool = True
+    """Keep processors out of deep idle states while the daemon runs: they wake up sooner, and cost more power."""
     cpus: tuple[int, int] | None = None
     """Processors to pin the master and the slave to."""
 

@@ -1,0 +1,45 @@
+"""What a model knows of a surface, in numbers that telemetry can write down. Computes nothing."""
+
+from typing import NamedTuple
+
+from codec.predictors import Model
+from codec.predictors.linear import Line
+from codec.predictors.plane import Plane
+from codec.predictors.sphere import Sphere
+from codec.vector import Vector
+
+NONE, LINE, PLANE, SPHERE = 0, 1, 2, 3
+_UNKNOWN: Vector = (float("nan"),) * 3
+
+
+class Fitted(NamedTuple):
+    """A model in use.
+
+    Args:
+        kind: `NONE` (nothing received, or a held sample), `LINE`, `PLANE` or `SPHERE`.
+        surface: unit normal of a plane, centre of a sphere [m]; NaN of anything else.
+        size: d of a plane [m], radius of a sphere [m], negative where it is concave; NaN of anything else.
+        stiffness: of plane and sphere [N/m]; NaN of anything else.
+    """
+
+    kind: int
+    surface: Vector = _UNKNOWN
+    size: float = float("nan")
+    stiffness: float = float("nan")
+
+
+UNFITTED = Fitted(NONE)
+_EXTRAPOLATING = Fitted(LINE)
+
+
+def fitted(model: Model | None) -> Fitted:
+    """The numbers of a model; None is that of a decoder before its first update."""
+    match model:
+        case Plane():
+            return Fitted(PLANE, model.normal, model.offset, model.stiffness)
+        case Sphere():
+            return Fitted(SPHERE, model.centre, model.radius, model.stiffness)
+        case Line():
+            return _EXTRAPOLATING
+        case _:
+            return UNFITTED
