@@ -20,7 +20,8 @@ LARGEST_LEAD_S = 1e-4
 """A machine that takes longer than this to wake up is late, rather than kept busy."""
 LARGEST_LEAD_SHARE = 0.2
 """Of a period, likewise."""
-_REVISED_EVERY_S = 1.0
+_FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
+"""Wake-ups until the lead is first set, and the time between two revisions [s]."""
 _LATE_ENOUGH = 0.2
 """Share of wake-ups that come after their deadline: the lead covers the others. Fewer would cost more waiting than the
 few microseconds are worth."""
@@ -56,7 +57,7 @@ class Ticker:
         "_on_error",
         "_on_tick",
         "_period_ns",
-        "_revised_every",
+        "_revised_after",
         "_start_ns",
         "_stopped",
         "missed",
@@ -82,7 +83,7 @@ class Ticker:
         self._leads = leads
         self._lead_ns = 0
         self._latencies: list[int] = []
-        self._revised_every = max(20, round(_REVISED_EVERY_S / period_s))
+        self._revised_after = _FIRST_REVISION
         self._loop: asyncio.AbstractEventLoop | None = None
         self._fd = -1
         self._index = -1
@@ -163,11 +164,12 @@ class Ticker:
         """Take how long a wake-up took [ns]; now and then, set the timer ahead by what most of them took."""
         latencies = self._latencies
         latencies.append(latency)
-        if len(latencies) < self._revised_every:
+        if len(latencies) < self._revised_after:
             return
         latencies.sort()
         usual = latencies[int(len(latencies) * (1.0 - _LATE_ENOUGH))]
         latencies.clear()
+        self._revised_after = max(_FIRST_REVISION, round(_REVISED_EVERY_S / self.period_s))
         largest = min(LARGEST_LEAD_S * NANOSECONDS, LARGEST_LEAD_SHARE * self._period_ns)
         self._lead_ns = int(min(usual, largest))
         following = self._start_ns + (self._index + 1) * self._period_ns

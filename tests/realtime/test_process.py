@@ -100,6 +100,34 @@ def test_a_process_without_rights_is_told_what_it_lacks_and_goes_on():
     assert (seen["fifo"], seen["locked_kb"]) == (False, 0)
 
 
+AWAKE = """
+import json, os, sys
+from realtime import process
+process._LATENCY_REQUEST = sys.argv[1]
+grant = process.prepare(0, False, None, wakeful=json.loads(sys.argv[2])).wakeful
+opened = [os.path.realpath(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd")]
+held = [path for path in opened if path == os.path.realpath(sys.argv[1])]
+print(json.dumps([grant.granted, grant.detail, len(held)]))
+"""
+
+
+def awake(place, asked):
+    with python(AWAKE, str(place), json.dumps(asked), stdout=subprocess.PIPE, text=True) as child:
+        return json.loads(child.communicate()[0])
+
+
+def test_processors_are_kept_awake_by_a_request_that_is_held_to_the_end(tmp_path):
+    request = tmp_path / "latency"
+    request.touch()
+    assert awake(request, True) == [True, "processors awake", 1]
+    assert request.read_bytes() == bytes(4), "zero microseconds, as the kernel reads it"
+
+
+def test_a_request_that_cannot_be_made_is_an_answer(tmp_path):
+    assert awake(tmp_path / "none", True) == [False, f"not possible: this kernel has no {tmp_path / 'none'}", 0]
+    assert awake(tmp_path / "none", False) == [False, "not asked for", 0]
+
+
 def test_a_cpu_that_this_machine_lacks_is_an_answer_that_names_those_it_has():
     before = os.sched_getaffinity(0)
     answer = prepare(0, False, 100_000).cpu

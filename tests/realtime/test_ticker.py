@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import uvloop
 
-from realtime.ticker import Ticker
+from realtime.ticker import LARGEST_LEAD_SHARE, Ticker
 
 PERIOD = 0.001
 
@@ -85,6 +85,33 @@ def test_a_tick_that_blocks_costs_its_deadlines_and_no_burst_follows(loop_run):
     assert calls[3][2] - calls[2][2] >= 5.5 * PERIOD
     assert ticker.missed >= 4
     assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
+
+
+def test_the_timer_is_set_ahead_once_wake_ups_are_known_and_no_tick_is_early(loop_run):
+    calls, ticker = collect(loop_run, 200, period=0.0005)
+    assert 0.0 < ticker.lead_s <= LARGEST_LEAD_SHARE * 0.0005
+    assert all(now >= deadline for _, deadline, now in calls)
+    indices = [index for index, _, _ in calls]
+    assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
+
+
+def test_a_machine_that_is_always_late_is_not_waited_for_longer_than_a_share_of_the_period(loop_run):
+    def stall(index):
+        time.sleep(0.0003)
+
+    _, ticker = collect(loop_run, 120, period=0.0004, during=stall)
+    assert ticker.lead_s <= LARGEST_LEAD_SHARE * 0.0004
+
+
+def test_without_a_lead_the_timer_stays_at_the_deadlines(loop_run):
+    async def main():
+        done = asyncio.Event()
+        ticker = Ticker(0.0005, lambda index, deadline, now: index < 100 or done.set(), leads=False)
+        with ticker:
+            await done.wait()
+        assert ticker.lead_s == 0.0
+
+    loop_run(main)
 
 
 def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run):
