@@ -66,13 +66,16 @@ class Channel:
             return Sample(tick, value, value)
         return Sample(tick, value, self.position_quantizer.value(levels[self.value_quantizer.size :]))
 
-    def confine(self, predicted: Vector, newest: Sample) -> Vector:
+    def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction made safe to display: finite, and saturated as a measured value is.
 
         One box for both: else a sample in a corner of the range would be predicted elsewhere in the tick after it. An
         extrapolation that overflowed says nothing; the newest sample stands for it.
         """
-        return self.value_quantizer.confine(predicted) if is_finite(predicted) else newest.value
+        quantizer = self.value_quantizer
+        if quantizer.says(predicted):
+            return predicted
+        return quantizer.confine(predicted) if is_finite(predicted) else newest.value
 
     def place(self, position: Vector) -> Vector:
         """Where a model is evaluated: the position on the axes that travel, saturated as those of its samples are."""

@@ -1,7 +1,7 @@
 """When a prediction is wrong by more than a person could feel: the bound that decides whether a sample is sent."""
 
-from collections.abc import Callable
-from typing import Literal, Protocol
+from dataclasses import dataclass
+from typing import Literal, Protocol, get_args
 
 from codec.vector import Vector, distance, norm
 
@@ -26,72 +26,62 @@ class Deadband(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
 class ForceDeadband:
     """Weber's law with an absolute threshold: `max(k |f_ref|, floor)`.
 
     The law fails below about 1 N, and with `k` alone a sensor at rest sends its noise at every tick: the floor is the
     absolute detection threshold. A floor of 0 is the paper's decision function.
+
+    Args:
+        weber: Weber factor k, >= 0; the paper studies 0.025 to 0.30.
+        floor: absolute threshold [N], >= 0.
+        reference: which force k scales: the measured one (the paper), the displayed or the last one sent.
+
+    Raises:
+        ValueError: for a negative or non-finite number or an unknown reference.
     """
 
-    __slots__ = ("_floor", "_reference", "_weber")
+    weber: float
+    floor: float = 0.0
+    reference: Reference = "actual"
 
-    def __init__(self, weber: float, floor: float = 0.0, reference: Reference = "actual") -> None:
-        """Make the deadband.
-
-        Args:
-            weber: Weber factor k, >= 0; the paper studies 0.025 to 0.30.
-            floor: absolute threshold [N], >= 0.
-            reference: which force k scales: the measured one (the paper), the displayed or the last one sent.
-
-        Raises:
-            ValueError: for a negative or non-finite number or an unknown reference.
-        """
-        _check_not_negative("weber", weber)
-        _check_not_negative("floor", floor)
-        self._weber = weber
-        self._floor = floor
-        if reference not in _REFERENCES:
-            raise ValueError(f"reference must be one of {', '.join(_REFERENCES)}, not {reference!r}")
-        self._reference = _REFERENCES[reference]
+    def __post_init__(self) -> None:
+        _check_not_negative("weber", self.weber)
+        _check_not_negative("floor", self.floor)
+        if self.reference not in get_args(Reference):
+            raise ValueError(f"reference must be one of {', '.join(get_args(Reference))}, not {self.reference!r}")
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, last: Vector) -> float:  # noqa: ARG002
-        relative = self._weber * norm(self._reference(actual, displayed, sent))
-        return relative if relative > self._floor else self._floor
+        reference = actual if self.reference == "actual" else displayed if self.reference == "displayed" else sent
+        relative = self.weber * norm(reference)
+        return relative if relative > self.floor else self.floor
 
 
+@dataclass(frozen=True, slots=True)
 class PositionDeadband:
     """A bound in metres plus a Weber bound on velocity: `bound + k |v| T`, T one tick.
 
     `|v| T` is the way moved since the tick before, so the velocity needs no filter and adds no lag: a hand in fast
     motion is allowed the displacement that a velocity error of k |v| makes in one tick.
+
+    Args:
+        weber: Weber factor of velocity, >= 0.
+        least: position bound at rest [m], >= 0.
+
+    Raises:
+        ValueError: for a negative or non-finite number.
     """
 
-    __slots__ = ("_bound", "_weber")
+    weber: float
+    least: float
 
-    def __init__(self, weber: float, bound: float) -> None:
-        """Make the deadband.
-
-        Args:
-            weber: Weber factor of velocity, >= 0.
-            bound: position bound at rest [m], >= 0.
-
-        Raises:
-            ValueError: for a negative or non-finite number.
-        """
-        _check_not_negative("weber", weber)
-        _check_not_negative("bound", bound)
-        self._weber = weber
-        self._bound = bound
+    def __post_init__(self) -> None:
+        _check_not_negative("weber", self.weber)
+        _check_not_negative("bound", self.least)
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, last: Vector) -> float:  # noqa: ARG002
-        return self._bound + self._weber * distance(actual, last)
-
-
-_REFERENCES: dict[str, Callable[[Vector, Vector, Vector], Vector]] = {
-    "actual": lambda actual, _displayed, _sent: actual,
-    "displayed": lambda _actual, displayed, _sent: displayed,
-    "sent": lambda _actual, _displayed, sent: sent,
-}
+        return self.least + self.weber * distance(actual, last)
 
 
 def _check_not_negative(name: str, value: float) -> None:

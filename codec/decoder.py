@@ -56,7 +56,7 @@ class Decoder:
             raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
         newest = channel.sample(update.tick, update.newest)
         previous = channel.sample(update.tick - update.gap, update.previous) if update.previous else None
-        self._model = self._predictors[update.selector].fit(newest, previous, channel.trust)
+        self._model = self._predictors[update.selector].model(newest, previous, channel.trust)
         self._newest = newest
         self._selected = update.selector
 
@@ -73,10 +73,9 @@ class Decoder:
         Returns:
             Force [N] or position [m]; before the first update the channel's `rest`.
         """
-        newest = self._newest
-        if newest is None or self._model is None:
-            return self._channel.rest
+        newest, model, channel = self._newest, self._model, self._channel
+        if newest is None or model is None:
+            return channel.rest
         if tick == newest.tick:
             return newest.value
-        channel = self._channel
-        return channel.confine(self._model.at(tick, channel.place(position)), newest)
+        return channel.displayable(model.at(tick, channel.place(position)), newest)

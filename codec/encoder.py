@@ -1,8 +1,10 @@
 """The sending end: predicts what the decoder holds, and makes an update when that leaves the deadband."""
 
+from collections.abc import Sequence
 from math import inf
 
 from codec.channel import Channel
+from codec.deadband import Deadband
 from codec.decoder import Decoder
 from codec.sample import Sample
 from codec.update import MAX_GAP, Update
@@ -19,11 +21,16 @@ class Encoder:
 
     A bank of several is the paper's hybrid. It chooses when it sends: the predictor whose value *before* the update
     comes closest (after it, all would pass through the sample), and holds that choice until the next send.
+
+    Deadband and choice may be retuned while it runs. The other end needs to know of neither.
     """
 
     __slots__ = (
         "_bound",
         "_channel",
+        "_confine",
+        "_deadband",
+        "_forced",
         "_last",
         "_levels",
         "_mirror",
@@ -32,17 +39,21 @@ class Encoder:
         "_predictors",
         "_previous",
         "_rejected",
+        "_selectors",
     )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
         self._mirror = Decoder(channel)
+        self._confine = channel.value_quantizer.confine
+        self._deadband = channel.deadband
+        self._selectors = tuple(range(len(self._predictors)))
         self._rejected = 0
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal, so that the next sample is sent: the other end started anew."""
+        """Forget the signal, so that the next sample is sent: the other end started anew. The tuning stays."""
         self._mirror.reset()
         self._newest: Sample | None = None
         self._previous: Sample | None = None
@@ -50,6 +61,27 @@ class Encoder:
         self._last: Vector | None = None
         self._bound = 0.0
         self._predicted: Vector | None = None
+        self._forced = False
+
+    def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
+        """Change what is sent, from the next sample on.
+
+        If the model in use is of a predictor that is no longer chosen, the next sample is sent whatever its error: the
+        change takes effect at that very tick.
+
+        Args:
+            deadband: the bound on an unsent error.
+            selectors: indices in the bank of the predictors to choose among.
+
+        Raises:
+            ValueError: if they name none, or one that is not in the bank; nothing is changed then.
+        """
+        count = len(self._predictors)
+        if not selectors or not all(0 <= selector < count for selector in selectors):
+            raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
+        self._deadband = deadband
+        self._selectors = tuple(sorted(set(selectors)))
+        self._forced = self._newest is not None and self._mirror.selected not in self._selectors
 
     @property
     def mirror(self) -> Decoder:
@@ -86,13 +118,14 @@ class Encoder:
         if not (is_finite(value) and is_finite(position)):
             self._rejected += 1
             return None
-        actual = self._channel.value_quantizer.confine(value)
+        actual = self._confine(value)
         last, self._last = self._last if self._last is not None else actual, actual
         displayed = self._predicted = self._mirror.value(tick, position)
         compared = displayed if displayed is not None else actual
-        sent = self._newest.value if self._newest is not None else compared
-        self._bound = self._channel.deadband.bound(actual, compared, sent, last)
-        error = distance(displayed, actual) if displayed is not None else inf
+        newest = self._newest
+        sent = newest.value if newest is not None else compared
+        self._bound = self._deadband.bound(actual, compared, sent, last)
+        error = distance(displayed, actual) if displayed is not None and not self._forced else inf
         if error <= self._bound:
             return None
         levels = self._channel.levels(actual, position)
@@ -103,18 +136,18 @@ class Encoder:
 
     def _choose(self, tick: int, actual: Vector, position: Vector) -> int:
         """The paper's smallest w_i = |f_pred,i - f| / |f|; |f| is common to all and left out."""
-        newest = self._newest
-        if newest is None or len(self._predictors) == 1:
-            return 0
-        channel = self._channel
-        place = channel.place(position)
+        newest, previous, selectors = self._newest, self._previous, self._selectors
+        if newest is None or len(selectors) == 1:
+            return selectors[0]
+        channel, predictors = self._channel, self._predictors
+        place, trust = channel.place(position), channel.trust
         errors = [
             distance(
-                channel.confine(predictor.fit(newest, self._previous, channel.trust).at(tick, place), newest), actual
+                channel.displayable(predictors[selector].model(newest, previous, trust).at(tick, place), newest), actual
             )
-            for predictor in self._predictors
+            for selector in selectors
         ]
-        return errors.index(min(errors))
+        return selectors[errors.index(min(errors))]
 
     def _send(self, sample: Sample, levels: tuple[int, ...], selector: int) -> Update:
         tick, earlier = sample.tick, self._newest
@@ -125,5 +158,6 @@ class Encoder:
         else:
             update = Update(tick, selector, levels)
         self._newest, self._previous, self._levels = sample, usable, levels
+        self._forced = False
         self._mirror.apply(update)
         return update

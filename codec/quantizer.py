@@ -1,6 +1,7 @@
 """The wire's number grid: SI values to integer levels and back."""
 
 from math import isfinite
+from typing import Final
 
 from codec.vector import Vector
 
@@ -17,7 +18,7 @@ class Quantizer:
     code path exists for it.
     """
 
-    __slots__ = ("_highest", "_indices", "_limit", "_lowest", "_step")
+    __slots__ = ("_indices", "highest", "limit", "lowest", "step")
 
     def __init__(self, step: float, axes: str = "xyz", *, largest_level: float = INT16_MAX) -> None:
         """Make the grid.
@@ -34,32 +35,30 @@ class Quantizer:
             raise ValueError(f"quantizer step must be positive and finite, not {step!r}")
         if not axes or axes != "".join(axis for axis in "xyz" if axis in axes):
             raise ValueError(f"axes must be a non-empty part of 'xyz' in that order, not {axes!r}")
-        self._step = step
         self._indices = tuple(_AXIS_INDEX[axis] for axis in axes)
-        self._limit = min(step * min(largest_level, LARGEST), LARGEST)
-        self._highest = _corner(self._limit, axes)
-        self._lowest = _corner(-self._limit, axes)
-
-    @property
-    def step(self) -> float:
-        return self._step
-
-    @property
-    def limit(self) -> float:
+        self.step: Final = step
+        self.limit: Final = min(step * min(largest_level, LARGEST), LARGEST)
         """Largest magnitude on one axis that a level can say, in the unit of the step."""
-        return self._limit
+        self.highest: Final = _corner(self.limit, axes)
+        self.lowest: Final = _corner(-self.limit, axes)
+        """With `highest` the corners of the box of all values that can be said."""
 
     @property
     def size(self) -> int:
         """How many levels one vector takes."""
         return len(self._indices)
 
+    def says(self, value: Vector) -> bool:
+        """Whether `confine` would leave a value as it is; False for what is not finite."""
+        low, high = self.lowest, self.highest
+        return low[0] <= value[0] <= high[0] and low[1] <= value[1] <= high[1] and low[2] <= value[2] <= high[2]
+
     def confine(self, value: Vector) -> Vector:
         """The nearest value that the wire can say but for its step: unused axes at 0, the others within the limit.
 
         What is not a number on a used axis stays so.
         """
-        low, high = self._lowest, self._highest
+        low, high = self.lowest, self.highest
         if low[0] <= value[0] <= high[0] and low[1] <= value[1] <= high[1] and low[2] <= value[2] <= high[2]:
             return value
         return (_clip(value[0], low[0], high[0]), _clip(value[1], low[1], high[1]), _clip(value[2], low[2], high[2]))
@@ -67,14 +66,26 @@ class Quantizer:
     def levels(self, value: Vector) -> tuple[int, ...]:
         """Wire levels of a finite value, saturated at the limit; error at most half a step per axis within it."""
         confined = self.confine(value)
-        return tuple(round(confined[index] / self._step) for index in self._indices)
+        step = self.step
+        return tuple([level(confined[index], step) for index in self._indices])
 
     def value(self, levels: tuple[int, ...]) -> Vector:
         """SI value of `size` levels; one beyond the limit, -32768 on the wire, which no encoder sends, counts as it."""
         components = [0.0, 0.0, 0.0]
-        for index, level in zip(self._indices, levels, strict=True):
-            components[index] = level * self._step
+        for index, each in zip(self._indices, levels, strict=True):
+            components[index] = each * self.step
         return self.confine((components[0], components[1], components[2]))
+
+    def rounded(self, value: Vector) -> Vector:
+        """What the other end makes of the levels of a finite value."""
+        x, y, z = self.confine(value)
+        step = self.step
+        return self.confine((level(x, step) * step, level(y, step) * step, level(z, step) * step))
+
+
+def level(component: float, step: float) -> int:
+    """The nearest level of a finite component, the even one of two."""
+    return round(component / step)
 
 
 def _corner(limit: float, axes: str) -> Vector:

@@ -45,6 +45,10 @@ class AutoMaster:
     def credit(self) -> int:
         return self._tdpa.credit
 
+    def impose(self, scheme: int | None) -> None:
+        """Hold one scheme from now on, whatever the delay; None to choose by the delay again."""
+        self._choice.imposed = scheme
+
     def reset(self) -> None:
         for scheme in self._schemes:
             scheme.reset()
@@ -106,6 +110,10 @@ class AutoSlave:
     @property
     def credit(self) -> int:
         return self._tdpa.credit
+
+    def impose(self, scheme: int | None) -> None:
+        """Hold one scheme from now on, whatever the delay; None to choose by the delay again."""
+        self._choice.imposed = scheme
 
     def reset(self) -> None:
         self._tdpa.reset()

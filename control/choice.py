@@ -23,7 +23,7 @@ DWELL = 1.0
 class SchemeChoice:
     """The scheme that the link asks for. Starts with `TDPA`, which is passive whatever the delay turns out to be."""
 
-    __slots__ = ("_asked", "_beyond_for", "_calm_for", "_debt_limit", "active")
+    __slots__ = ("_asked", "_beyond_for", "_calm_for", "_debt_limit", "active", "imposed")
 
     def __init__(self, debt_limit: float) -> None:
         """Make the choice.
@@ -32,6 +32,8 @@ class SchemeChoice:
             debt_limit: energy that may be owed without control before the loop counts as active [J].
         """
         self._debt_limit = debt_limit
+        self.imposed: int | None = None
+        """A scheme that holds whatever the link asks for; None for none."""
         self.reset()
 
     def reset(self) -> None:
@@ -43,6 +45,9 @@ class SchemeChoice:
     def follow(self, quality: LinkQuality, tank: float, elapsed: float) -> int:
         """The scheme after `elapsed` [s] more of a link of this quality, with this much in the tank [J]."""
         self._calm_for += elapsed
+        if self.imposed is not None:
+            self.active = self.imposed
+            return self.active
         if self.active == NONE and tank < -self._debt_limit:
             self.active = TDPA
             self._calm_for = self._beyond_for = 0.0

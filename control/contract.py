@@ -64,6 +64,15 @@ class Control(Protocol):
         ...
 
 
+@runtime_checkable
+class Imposable(Protocol):
+    """A scheme that chooses among others, and can be told which."""
+
+    def impose(self, scheme: int | None) -> None:
+        """Hold the scheme of this place in `control.table.SCHEMES`; None to choose again."""
+        ...
+
+
 class MasterControl(Control, Protocol):
     """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
 

@@ -5,17 +5,20 @@ device's own position. Knows no clock, socket or file: `now` comes in, and the e
 whoever carries them, in real time or in virtual time.
 """
 
-from collections.abc import Callable
-from math import nan
+from collections.abc import Callable, Mapping
+from math import ceil, nan
 
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
 from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, MasterControl, Surface
+from control.tuning import Tuning
 from master.devices.contract import Device, DeviceFault, Explaining
 from master.safety import ForceGate, ForceLimiter
 from protocol.endpoint import Endpoint
 from protocol.events import (
+    ChangeAnswered,
+    ChangeProposed,
     Connected,
     DatagramDropped,
     Event,
@@ -46,6 +49,7 @@ class MasterLoop:
         encoder: of the forward (position) channel.
         decoder: of the backward (force) channel.
         control: the operator's side of the scheme that keeps a delayed loop stable.
+        tuning: the settings that may change while a session lives.
         endpoint: the initiator's end of the session.
         gate: fades the force in and out.
         limiter: bounds the force.
@@ -62,6 +66,7 @@ class MasterLoop:
         encoder: Encoder,
         decoder: Decoder,
         control: MasterControl,
+        tuning: Tuning,
         endpoint: Endpoint,
         gate: ForceGate,
         limiter: ForceLimiter,
@@ -75,6 +80,7 @@ class MasterLoop:
         self.encoder = encoder
         self.decoder = decoder
         self.control = control
+        self.tuning = tuning
         self._gate = gate
         self._limiter = limiter
         self._tick_period = tick_period
@@ -136,6 +142,7 @@ class MasterLoop:
         elapsed = min(LONGEST_STEP, now - self._last_now) if self._last_now is not None else 0.0
         self._last_now = now
         self._hear(now)
+        self._retune(index, deadline)
         self._read(now)
         self._observe(elapsed)
         if self.endpoint.state is State.ENGAGED:
@@ -144,6 +151,18 @@ class MasterLoop:
         if self._stopping is not None and self._gate.gain == 0.0 and not self._stopped:
             self._leave(now, self._stopping)
             self._stopped = True
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        """Ask the peer for other settings from one tick on; why not, or None and `tuning.verdict` follows."""
+        why_not = self.tuning.complaint(change)
+        if why_not is not None:
+            return why_not
+        if self.endpoint.state is not State.ENGAGED:
+            return "no session: the other side is not there"
+        tick = self._tick + ceil(self.tuning.lead(self.endpoint.rtt) / self._tick_period)
+        if not self.endpoint.propose_change(now, tick, self.tuning.ask(change)):
+            raise AssertionError("one change at a time is what the tuning sees to")
+        return None
 
     def stop(self, now: float, reason: str) -> None:
         """Begin to fade the force out; the session is closed when it is at zero."""
@@ -193,11 +212,16 @@ class MasterLoop:
                 self._limiter.clipped,
                 self._gate.ramping,
                 model.kind,
-                0,
+                self.tuning.generation & 0xFF,
                 self._buttons & 0xFF,
                 self.encoder.mirror.selected,
             )
         )
+
+    def _retune(self, index: int, deadline: float) -> None:
+        if self.tuning.pending is not None:
+            peer_time = self.endpoint.peer_time(deadline)
+            self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
 
     def _leave(self, now: float, reason: str) -> None:
         if self.endpoint.state is not State.CLOSED:  # which a refusal has brought about already
@@ -217,6 +241,7 @@ class MasterLoop:
                 self.decoder.reset()
                 self._fitted = UNFITTED
                 self.control.reset()
+                self.tuning.reset()
                 self._gate.close()
                 self._faults.active = Fault.NONE
             case PeerSilent():
@@ -229,6 +254,10 @@ class MasterLoop:
                 self.stop(now, "refused")
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE)
+            case ChangeProposed(tick, body):
+                self.endpoint.answer_change(self.tuning.hear(tick, body))
+            case ChangeAnswered(tick, body, why_not):
+                self.tuning.settle(tick, body, why_not)
             case DatagramDropped():
                 pass  # counted by the endpoint; the session lives on
 

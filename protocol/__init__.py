@@ -7,6 +7,8 @@ suites are imported where they are chosen: `protocol.psk` or `protocol.checksum`
 from protocol.endpoint import Endpoint
 from protocol.events import (
     Address,
+    ChangeAnswered,
+    ChangeProposed,
     Connected,
     DatagramDropped,
     Event,
@@ -23,6 +25,8 @@ from protocol.statistics import Statistics
 
 __all__ = [
     "Address",
+    "ChangeAnswered",
+    "ChangeProposed",
     "Connected",
     "DatagramDropped",
     "DropReason",

@@ -16,10 +16,10 @@ from protocol.mailbox import Mailbox
 from protocol.reasons import DropReason
 from protocol.roles import Role
 from protocol.security import Protection, Security
-from protocol.session import Opened, Parameters, Session
+from protocol.session import Opened, Outcome, Parameters, Session
 from protocol.states import State, Trigger, next_state
 from protocol.statistics import Statistics
-from protocol.wire import LONGEST_DATAGRAM, Kind, UpdateLayout, kind_of, length_fault
+from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, Kind, UpdateLayout, kind_of, length_fault
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 
@@ -222,6 +222,33 @@ class Endpoint:
         self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous))
         return True
 
+    def propose_change(self, now: float, tick: int, body: bytes) -> bool:
+        """Propose that both ends change something at one moment; `ChangeAnswered` follows.
+
+        Args:
+            tick: of ours, at which the change is to be made; far enough ahead for the answer to come back.
+            body: what is to change, 1 to `LONGEST_CHANGE` bytes.
+
+        Returns:
+            False, and nothing is proposed, without an engaged peer or while an earlier proposal waits for its answer.
+
+        Raises:
+            ValueError: the body is empty or too long.
+        """
+        if not 1 <= len(body) <= LONGEST_CHANGE:
+            raise ValueError(f"a change takes 1 to {LONGEST_CHANGE} bytes, not {len(body)}")
+        if self._session is None or self._state is not State.ENGAGED or self._session.sender.accord.is_proposing:
+            return False
+        self._session.sender.accord.propose(tick, body, now)
+        self._due = None
+        return True
+
+    def answer_change(self, why_not: str | None) -> None:
+        """Answer the change that the peer has proposed last: None to make it at its tick, or in short why not."""
+        if self._session is not None:
+            self._session.sender.accord.answer(why_not)
+            self._due = None
+
     def close(self, now: float, reason: str) -> None:
         """Leave for good, and tell the peer why; the datagrams to send still hold the farewell.
 
@@ -307,7 +334,7 @@ class Endpoint:
             self._receive_hello(data, address, now)
 
     def _receive_hello(self, data: bytes, address: Address, now: float) -> None:
-        reply = self._listener.receive(data, now)
+        reply = self._listener.receive(data, now, is_engaged=self._state is State.ENGAGED)
         if isinstance(reply, DropReason):
             self._mailbox.drop(reply)
             return
@@ -366,7 +393,7 @@ class Endpoint:
             return DropReason.WRONG_SESSION
         return DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG
 
-    def _take(self, outcome: UpdateReceived | PeerClosed | DropReason | None, now: float) -> None:
+    def _take(self, outcome: Outcome, now: float) -> None:
         if isinstance(outcome, DropReason):
             self._mailbox.drop(outcome)
         elif isinstance(outcome, UpdateReceived):
@@ -377,6 +404,8 @@ class Endpoint:
             self._end_session()
             self._mailbox.tell(outcome)
             self.connect(now)
+        elif outcome is not None:
+            self._mailbox.tell(outcome)
 
     def _open_session(self, protection: Protection, peer_clock: float, now: float) -> Session:
         return Session(protection, self._parameters, self._statistics, peer_clock, now)

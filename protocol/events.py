@@ -56,10 +56,46 @@ class Refused(NamedTuple):
     message: str
 
 
+class ChangeProposed(NamedTuple):
+    """The peer proposes a change; the owner must answer (`Endpoint.answer_change`).
+
+    Args:
+        tick: of the peer, at which both are to make it.
+        body: what is to change, not interpreted here.
+    """
+
+    tick: int
+    body: bytes
+
+
+class ChangeAnswered(NamedTuple):
+    """The peer has answered our proposal.
+
+    Args:
+        tick: of ours, as proposed.
+        body: as proposed.
+        why_not: None if it makes the change.
+    """
+
+    tick: int
+    body: bytes
+    why_not: str | None
+
+
 class DatagramDropped(NamedTuple):
     """A received datagram was of no use."""
 
     reason: DropReason
 
 
-Event = Connected | UpdateReceived | PeerSilent | PeerReturned | PeerClosed | Refused | DatagramDropped
+Event = (
+    Connected
+    | UpdateReceived
+    | PeerSilent
+    | PeerReturned
+    | PeerClosed
+    | Refused
+    | ChangeProposed
+    | ChangeAnswered
+    | DatagramDropped
+)

@@ -7,6 +7,7 @@ nothing else.
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Mapping
+from math import inf
 from typing import NamedTuple
 
 from protocol.handshake import (
@@ -29,7 +30,11 @@ from protocol.wire import Kind
 
 PENDING_LIMIT = 4
 """Sessions on paper; more than one, so that played-back HELLOs do not push a real one out at once."""
-REMEMBERED_NONCES = 256
+REMEMBERED_NONCES = 4096
+EXCHANGE_PACE = 0.005
+"""Least time between two key exchanges, each of which takes some 0.2 ms [s]."""
+EXCHANGE_PACE_ENGAGED = 0.1
+"""The same while there is a session whose peer is heard: who else calls can wait [s]."""
 _SPENT = 1 << 64
 
 
@@ -49,7 +54,17 @@ class _Pending(NamedTuple):
 class Listener:
     """Answers HELLOs and keeps the sessions that they may become."""
 
-    __slots__ = ("_agreement", "_entropy", "_epoch", "_known", "_open_session", "_pending", "_security", "_version")
+    __slots__ = (
+        "_agreement",
+        "_entropy",
+        "_epoch",
+        "_exchanged_at",
+        "_known",
+        "_open_session",
+        "_pending",
+        "_security",
+        "_version",
+    )
 
     def __init__(
         self,
@@ -76,6 +91,7 @@ class Listener:
         self._open_session = open_session
         self._pending: OrderedDict[bytes, _Pending] = OrderedDict()
         self._known: OrderedDict[bytes, int] = OrderedDict()
+        self._exchanged_at = -inf
 
     @property
     def pending(self) -> Iterable[Session]:
@@ -88,8 +104,14 @@ class Listener:
             self._known[nonce] = _SPENT
         self._pending.clear()
 
-    def receive(self, data: bytes, now: float) -> Reply | DropReason:
-        """Take a HELLO: the answer to send, never longer than the HELLO, or why there is none."""
+    def receive(self, data: bytes, now: float, *, is_engaged: bool = False) -> Reply | DropReason:
+        """Take a HELLO: the answer to send, never longer than the HELLO, or why there is none.
+
+        Args:
+            data: the datagram.
+            now: [s].
+            is_engaged: whether there is a session whose peer is heard.
+        """
         frame = open_frame(data, self._security)
         if frame is None:
             return DropReason.UNPROVEN
@@ -106,9 +128,14 @@ class Listener:
         agreement = None if hello is None else read_map(hello.agreement)
         if hello is None or agreement is None:
             return DropReason.MALFORMED
-        return self._answer(hello, agreement, len(data), now)
+        return self._answer(hello, agreement, len(data), now, EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE)
 
-    def _answer(self, hello: Hello, agreement: dict[str, object], limit: int, now: float) -> Reply | DropReason:
+    def _answer(
+        self, hello: Hello, agreement: dict[str, object], limit: int, now: float, pace: float
+    ) -> Reply | DropReason:
+        is_new = hello.nonce not in self._known
+        if is_new and now < self._exchanged_at + pace:
+            return DropReason.OVERLOADED
         if not self._is_fresh(hello):
             return DropReason.REPLAYED
         if message := differences(Role.RESPONDER, self._agreement, agreement):
@@ -117,6 +144,7 @@ class Listener:
         departure = hello.clock_us * 1e-6
         pending = self._pending.get(hello.nonce)
         if pending is None:
+            self._exchanged_at = now
             pending = self._agree(hello, departure, now)
         else:
             pending.session.retime(departure, now)

@@ -17,6 +17,8 @@ class DropReason(StrEnum):
     """A handshake datagram that this role does not take, or not now."""
     UNPROVEN = "unproven"
     """A handshake datagram whose sender did not prove the key, or that was damaged on the way."""
+    OVERLOADED = "overloaded"
+    """A call that comes sooner after another than keys are exchanged; it will be repeated."""
     MALFORMED = "malformed"
     """Authentic, but its content is not what its layout says."""
     NO_SESSION = "no_session"

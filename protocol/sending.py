@@ -7,6 +7,7 @@ receiving half tells it: what was delivered, what was acknowledged, and what the
 from math import inf
 from typing import NamedTuple
 
+from protocol.accord import Accord
 from protocol.credit import Credit
 from protocol.heartbeat import CLEAN_INTERVAL, HeartbeatSchedule
 from protocol.loss import LossMeter, copies_needed
@@ -15,7 +16,7 @@ from protocol.security import Protection
 from protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
 from protocol.statistics import Statistics
 from protocol.timing import Clock
-from protocol.wire import TICK_BITS, Report, UpdateLayout, pack_bye, pack_heartbeat
+from protocol.wire import TICK_BITS, Report, UpdateLayout, pack_bye, pack_change, pack_heartbeat
 
 SLACK = 0.001
 """On top of the measured bound on delays: the ends work in ticks [s]."""
@@ -36,6 +37,7 @@ class Sender:
 
     Attributes:
         heartbeats: when one is due.
+        accord: the changes that this end proposes and answers.
         delivered: number of the newest update that came from the peer, which every datagram acknowledges.
         is_confirmed: whether the peer was heard under the keys of this session.
     """
@@ -51,6 +53,7 @@ class Sender:
         "_repetition",
         "_statistics",
         "_update",
+        "accord",
         "delivered",
         "heartbeats",
         "is_confirmed",
@@ -87,6 +90,7 @@ class Sender:
         self._credit = credit
         self._loss = loss
         self.heartbeats = heartbeats
+        self.accord = Accord()
         self._repetition = Repetition()
         self._update: _Update | None = None
         self._last_ack = 0
@@ -137,6 +141,21 @@ class Sender:
         clear = pack_bye(sequence & SEQUENCE_MASK, self._ack(), self._clock.stamp(now), reason)
         return self._protection.seal(sequence, clear)
 
+    def send_change(self, now: float) -> bytes:
+        rtt = self._clock.rtt
+        change = self.accord.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
+        sequence = self._number(now)
+        clear = pack_change(
+            sequence & SEQUENCE_MASK,
+            self._ack(),
+            self._clock.stamp(now),
+            change.tick & _TICK_MASK,
+            change.number,
+            change.body,
+            is_answer=change.is_answer,
+        )
+        return self._protection.seal(sequence, clear)
+
     def _seal_update(self, update: _Update, now: float) -> tuple[int, bytes]:
         if self._next_sequence & ACKNOWLEDGEMENT_MASK == self._last_ack:
             self._next_sequence += 1  # else an acknowledgement 2^16 datagrams old would look like one of this update
@@ -166,12 +185,14 @@ class Sender:
     def next_timer(self, *, is_engaged: bool) -> float:
         """When something is due [s]."""
         due = self.heartbeats.due(is_engaged=is_engaged)
-        return min(due, self._repeat_due()) if is_engaged else due
+        return min(due, self._repeat_due(), self.accord.due) if is_engaged else due
 
     def handle_timer(self, now: float, *, is_engaged: bool) -> bytes | None:
-        """The next datagram that is due, if any; updates are not repeated to a peer that has fallen silent."""
+        """The next datagram that is due, if any; a peer that has fallen silent gets nothing but heartbeats."""
         if is_engaged and now >= self._repeat_due():
             return self.send_repeat(now)
+        if is_engaged and now >= self.accord.due:
+            return self.send_change(now)
         return self.send_heartbeat(now) if now >= self.heartbeats.due(is_engaged=is_engaged) else None
 
     def _repeat_due(self) -> float:

@@ -8,7 +8,7 @@ from math import inf
 from typing import NamedTuple
 
 from protocol.credit import Credit
-from protocol.events import PeerClosed, UpdateReceived
+from protocol.events import ChangeAnswered, ChangeProposed, PeerClosed, UpdateReceived
 from protocol.heartbeat import HeartbeatSchedule
 from protocol.loss import LossMeter
 from protocol.reasons import DropReason
@@ -27,6 +27,7 @@ from protocol.wire import (
     read_head,
     sequence_of,
     unpack_bye,
+    unpack_change,
     unpack_credit,
     unpack_report,
 )
@@ -34,9 +35,16 @@ from protocol.wire import (
 TICK_LEAD = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
 
+CHANGE_LEAD = 30.0
+"""How far ahead of its datagram a proposed change may lie [s]."""
+
 FADE_SHARE = 0.6
 """Share of the silence limit after which owners begin to fade force out and hold motion."""
-_HEARTBEAT, _BYE = int(Kind.HEARTBEAT), int(Kind.BYE)  # looking a member up costs more than comparing it
+_HEARTBEAT, _BYE, _CHANGE = (
+    int(Kind.HEARTBEAT),
+    int(Kind.BYE),
+    int(Kind.CHANGE),
+)  # looking a member up costs more than comparing it
 
 
 class Parameters(NamedTuple):
@@ -54,6 +62,10 @@ class Parameters(NamedTuple):
     epoch: float
     tick_period: float
     silence: float
+
+
+Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | DropReason | None
+"""What an authentic datagram says, or why it is of no use; None where nobody need be told."""
 
 
 class Opened(NamedTuple):
@@ -147,8 +159,8 @@ class Session:
         """Whether no datagram sent after this one has been accepted."""
         return opened.sequence > self._replay.newest
 
-    def accept(self, opened: Opened, now: float) -> UpdateReceived | PeerClosed | DropReason | None:
-        """Take an authentic datagram: what it says, why it is of no use, or None for a heartbeat."""
+    def accept(self, opened: Opened, now: float) -> Outcome:
+        """Take an authentic datagram."""
         sequence, first, body = opened
         if not self._replay.is_new(sequence):
             return DropReason.REPLAYED
@@ -167,13 +179,13 @@ class Session:
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(sequence, head, departure, body, now)
         is_untrue = outcome is DropReason.IMPLAUSIBLE or outcome is DropReason.MALFORMED
-        if self._incoming.carries_credit and not is_untrue:  # what is late is still true of a growing count
+        if (
+            self._incoming.carries_credit and not is_untrue and head.kind != _CHANGE
+        ):  # what is late is still true of a growing count
             self.credit.learn(sequence, *unpack_credit(head.kind, body))
         return outcome
 
-    def _deliver(
-        self, sequence: int, head: Head, departure: float, body: bytes, now: float
-    ) -> UpdateReceived | DropReason | None:
+    def _deliver(self, sequence: int, head: Head, departure: float, body: bytes, now: float) -> Outcome:
         age = self.clock.age(departure, now)
         if age is not None and age > self._parameters.silence:
             return DropReason.STALE
@@ -185,6 +197,8 @@ class Session:
             return None
         if age is None:
             return DropReason.UNTIMED
+        if head.kind == _CHANGE:
+            return self._deliver_change(head, departure, body)
         if sequence < self.sender.delivered:
             return DropReason.SUPERSEDED
         return self._deliver_update(sequence, head, departure, body, age)
@@ -201,6 +215,18 @@ class Session:
             return DropReason.IMPLAUSIBLE
         self.sender.delivered = sequence
         return UpdateReceived(tick, head.selector, newest, gap, previous, age)
+
+    def _deliver_change(
+        self, head: Head, departure: float, body: bytes
+    ) -> ChangeProposed | ChangeAnswered | DropReason | None:
+        accord, content = self.sender.accord, unpack_change(body)
+        if head.has_previous:
+            return accord.heard_answer(head.selector, content)
+        sent_tick = departure / self._parameters.tick_period
+        tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
+        if abs(tick - sent_tick) * self._parameters.tick_period > CHANGE_LEAD:
+            return DropReason.IMPLAUSIBLE
+        return accord.heard_proposal(head.selector, tick, content)
 
     def _take_report(self, sequence: int, report: Report) -> bool:
         if sequence < self._newest_report:

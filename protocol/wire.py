@@ -19,8 +19,10 @@ All fields are little endian; n is the number of values that the two ends agreed
 | heartbeat | loss | H | 2 | share of datagrams of the other direction that never came, in 1/65535 |
 | heartbeat_credit | count | I | 4 | low 32 bits of the sender's credit; last of a heartbeat, likewise |
 | bye | reason | 0-64s | 0-64 | why, UTF-8 |
+| change | body | 1-200s | 1-200 | what is to change at the head's tick, or the answer: 1 for yes, 0 and why not |
 
-The mark of an update: a previous sample follows. Of a heartbeat: an answer is wanted at once.
+The mark of an update: a previous sample follows. Of a heartbeat: an answer is wanted at once. Of a change: it is an
+answer; the selector numbers the proposal.
 
 After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
 encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.
@@ -38,6 +40,7 @@ CLEAR_BYTES = 4
 HEAD_BYTES = 12
 TICK_BITS = 24
 LONGEST_REASON = 64
+LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
 """Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
 MAX_GAP = 0xFFFF
@@ -65,6 +68,7 @@ class Kind(IntEnum):
     UPDATE = 3
     HEARTBEAT = 4
     BYE = 5
+    CHANGE = 6
 
 
 _UPDATE, _HEARTBEAT_KIND, _BYE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.BYE)
@@ -154,6 +158,16 @@ def pack_bye(sequence: int, ack: int, sent: int, reason: str) -> bytes:
     return (Kind.BYE | sequence << 8).to_bytes(4, "little") + _WORD.pack(ack | sent << 16) + text
 
 
+def pack_change(sequence: int, ack: int, sent: int, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
+    """Datagram of a proposed change or of the answer to one, without tag."""
+    first = Kind.CHANGE | is_answer * _MARK | number << _SELECTOR_SHIFT | sequence << 8
+    return first.to_bytes(4, "little") + _WORD.pack(ack | sent << 16 | tick << 40) + body[:LONGEST_CHANGE]
+
+
+def unpack_change(body: bytes) -> bytes:
+    return body[_WORD.size :]
+
+
 def unpack_bye(body: bytes) -> str:
     return body[_WORD.size :].decode(errors="replace")
 
@@ -193,6 +207,8 @@ class UpdateLayout:
             Kind.HEARTBEAT: (heartbeat + tag_size,) * 2,
             Kind.HEARTBEAT | _MARK: (heartbeat + tag_size,) * 2,
             Kind.BYE: (bye, bye + LONGEST_REASON),
+            Kind.CHANGE: (bye + 1, bye + LONGEST_CHANGE),
+            Kind.CHANGE | _MARK: (bye + 1, bye + LONGEST_CHANGE),
         }
 
     def pack(

@@ -5,15 +5,18 @@ if it must be sent. Knows no clock, socket or file: `now` comes in, and the endp
 carries them, in real time or in virtual time.
 """
 
-from collections.abc import Callable
-from math import nan
+from collections.abc import Callable, Mapping
+from math import ceil, nan
 
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
 from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, SlaveControl
+from control.tuning import Tuning
 from protocol.endpoint import Endpoint
 from protocol.events import (
+    ChangeAnswered,
+    ChangeProposed,
     Connected,
     DatagramDropped,
     Event,
@@ -43,6 +46,7 @@ class SlaveLoop:
         encoder: of the backward (force) channel.
         decoder: of the forward (position) channel.
         control: the teleoperator's side of the scheme that keeps a delayed loop stable.
+        tuning: the settings that may change while a session lives.
         endpoint: the responder's end of the session.
         guard: bounds what the robot is commanded.
         tick_period: of both sides, as agreed [s].
@@ -58,6 +62,7 @@ class SlaveLoop:
         encoder: Encoder,
         decoder: Decoder,
         control: SlaveControl,
+        tuning: Tuning,
         endpoint: Endpoint,
         guard: CommandGuard,
         tick_period: float,
@@ -70,6 +75,7 @@ class SlaveLoop:
         self.encoder = encoder
         self.decoder = decoder
         self.control = control
+        self.tuning = tuning
         self._guard = guard
         self._tick_period = tick_period
         self._horizon = horizon
@@ -129,12 +135,25 @@ class SlaveLoop:
         elapsed = min(LONGEST_STEP, now - self._last_now) if self._last_now is not None else 0.0
         self._last_now = now
         self._hear()
+        self._retune(index, deadline)
         self._move(now, elapsed)
         self._feel(now)
         if self.endpoint.state is State.ENGAGED:
             self._send(index, now)
         else:
             self._held = self.encoder.mirror.value(index, self._applied)
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        """Ask the peer for other settings from one tick on; why not, or None and `tuning.verdict` follows."""
+        why_not = self.tuning.complaint(change)
+        if why_not is not None:
+            return why_not
+        if self.endpoint.state is not State.ENGAGED:
+            return "no session: the other side is not there"
+        tick = self._tick + ceil(self.tuning.lead(self.endpoint.rtt) / self._tick_period)
+        if not self.endpoint.propose_change(now, tick, self.tuning.ask(change)):
+            raise AssertionError("one change at a time is what the tuning sees to")
+        return None
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session; the robot holds where it is."""
@@ -186,11 +205,16 @@ class SlaveLoop:
                 self._guard.clipped,
                 self._guard.ramping,
                 model.kind,
-                0,
+                self.tuning.generation & 0xFF,
                 0,
                 self.decoder.selected,
             )
         )
+
+    def _retune(self, index: int, deadline: float) -> None:
+        if self.tuning.pending is not None:
+            peer_time = self.endpoint.peer_time(deadline)
+            self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
 
     def _leave(self, now: float, reason: str) -> None:
         if self.endpoint.state is not State.CLOSED:  # which a refusal has brought about already
@@ -209,6 +233,7 @@ class SlaveLoop:
                 self._fitted = UNFITTED
                 self.decoder.reset()
                 self.control.reset()
+                self.tuning.reset()
                 self._guard.release()
                 self._faults.active = Fault.NONE
             case PeerSilent():
@@ -220,6 +245,10 @@ class SlaveLoop:
                 self._faults.meet(Fault.REFUSED)
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE)
+            case ChangeProposed(tick, body):
+                self.endpoint.answer_change(self.tuning.hear(tick, body))
+            case ChangeAnswered(tick, body, why_not):
+                self.tuning.settle(tick, body, why_not)
             case DatagramDropped():
                 pass  # counted by the endpoint; the session lives on
 

@@ -7,7 +7,7 @@ launcher with an `Order` as JSON; answers with a summary as JSON on standard out
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,17 +17,21 @@ from time import monotonic, perf_counter
 from types import FrameType
 from typing import Any, Protocol
 
+from control.tuning import Tuning
 from protocol.aio.udp import UdpShell
 from protocol.endpoint import Endpoint
 from realtime.garbage import GarbageSchedule
 from realtime.process import Grants, die_with_parent, prepare
-from realtime.shell import REASONS, Run, run
+from realtime.shell import REASONS, Run, Transport, run
 from realtime.shell import Side as Ticking
 from telemetry.record import Record
 from telemetry.ring import RingWriter
+from weberlink import description
 from weberlink.composition.link import build_security
+from weberlink.composition.live import permitted
 from weberlink.configuration import MASTER, Configuration, ConfigurationError, load
 from weberlink.configuration.model import split_address
+from weberlink.live_change import Door, WithDoor
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
 """Exit statuses of every command."""
@@ -43,6 +47,7 @@ class Side(Ticking, Protocol):
     """What a daemon asks of a loop beyond its ticks; both sides are one."""
 
     endpoint: Endpoint
+    tuning: Tuning
     failure: str | None
 
     @property
@@ -51,6 +56,8 @@ class Side(Ticking, Protocol):
     def open(self, now: float) -> None: ...
 
     def close(self) -> None: ...
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
 
     def record(self, *, lateness_us: float, work_us: float, missed: int) -> Record: ...
 
@@ -123,13 +130,18 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     side = _build(order.side, configuration, epoch)
     # Not before: what a side imports may be large, and importing it with real-time rights holds up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
-    transport = _transport(order.side, configuration, side.endpoint, epoch)
+    transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
+    if permitted(system):
+        transport = WithDoor(transport, Door(order.ring, side))
     capacity = int(RING_SECONDS * system.rate_hz)
-    with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
-        try:
+    described = description.publish(order.ring, description.describe(configuration, order.side))
+    try:
+        with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
             run_ = _drive(side, transport, configuration, order, epoch, ring)
-        except Stopped as stopped:
-            return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+    except Stopped as stopped:
+        return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+    finally:
+        described.unlink(missing_ok=True)
     return _summary(run_, side, grants)
 
 
@@ -164,7 +176,7 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
 
 
 def _drive(
-    side: Side, transport: UdpShell, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
+    side: Side, transport: Transport, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
 ) -> Run:
     missed = 0
     last_index: int | None = None

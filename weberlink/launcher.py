@@ -33,6 +33,7 @@ import numpy as np
 from evaluation.session import Records, SessionScore
 from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path
+from weberlink import description, live_change
 from weberlink.composition.link import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
@@ -103,10 +104,15 @@ class Daemon:
         return summary | {"status": status}
 
     def release(self) -> None:
-        """Let go of the ring; removes the file that a killed daemon left."""
+        """Let go of the ring; removes the files that a killed daemon left."""
         if self._reader is not None:
             self._reader.close()
-        Path(self._order.ring).unlink(missing_ok=True)
+        for left in (
+            Path(self._order.ring),
+            description.path_beside(self._order.ring),
+            live_change.path_beside(self._order.ring),
+        ):
+            left.unlink(missing_ok=True)
 
 
 @dataclass

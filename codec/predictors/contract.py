@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from codec.predictors.hold import Hold
 from codec.sample import Sample
 from codec.vector import Vector, distance, norm
 
@@ -76,11 +77,16 @@ class Predictor:
     """One line of the table of predictors.
 
     Args:
-        fit: the newest sample and the one before (None where there is none) to a model; never raises.
+        fit: the newest sample and the one before (None where there is none) to a model, or to None where no model of
+            them can be trusted; never raises.
         needs_previous: whether the fit reads the sample before, so that an update must carry it.
         geometric: whether it reads the position, and so predicts forces only.
     """
 
-    fit: Callable[[Sample, Sample | None, Trust], Model]
+    fit: Callable[[Sample, Sample | None, Trust], Model | None]
     needs_previous: Callable[[Sample, Sample], bool]
     geometric: bool = False
+
+    def model(self, newest: Sample, previous: Sample | None, trust: Trust) -> Model:
+        """The fit, or the newest sample held where there is none."""
+        return self.fit(newest, previous, trust) or Hold(newest.value)

@@ -3,16 +3,14 @@
 It extrapolates without end when nothing arrives; the silence ramp and the force limiter bound what the operator feels.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
-from codec.predictors.contract import Model, Predictor, Trust
-from codec.predictors.zoh import Hold
+from codec.predictors.contract import Predictor, Trust
 from codec.sample import Sample
 from codec.vector import Vector
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(NamedTuple):
     value: Vector
     slope: Vector
     """Per tick."""
@@ -24,12 +22,16 @@ class Line:
         return (value[0] + slope[0] * ahead, value[1] + slope[1] * ahead, value[2] + slope[2] * ahead)
 
 
-def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:  # noqa: ARG001
+def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Line | None:  # noqa: ARG001
     if previous is None or newest.tick <= previous.tick:
-        return Hold(newest.value)
+        return None
     gap = newest.tick - previous.tick
     a, b = newest.value, previous.value
     return Line(a, ((a[0] - b[0]) / gap, (a[1] - b[1]) / gap, (a[2] - b[2]) / gap), newest.tick)
 
 
-LINEAR = Predictor(fit, needs_previous=lambda _newest, _previous: True)
+def needs_previous(newest: Sample, previous: Sample) -> bool:  # noqa: ARG001
+    return True
+
+
+LINEAR = Predictor(fit, needs_previous)

@@ -4,17 +4,15 @@ With n = f_1/|f_1|, d and c = 1/s solve n.p_i + d + |f_i| c = 0 over the two new
 height of p over the wall is h = n.p + d, and the force -s h n where h < 0.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from codec.predictors.contact import same_contact
-from codec.predictors.contract import Model, Predictor, Trust
-from codec.predictors.zoh import Hold
+from codec.predictors.contract import Predictor, Trust
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, dot, norm, subtract, unit
 
 
-@dataclass(frozen=True, slots=True)
-class Plane:
+class Plane(NamedTuple):
     normal: Vector
     """Unit vector out of the wall."""
     offset: float
@@ -31,18 +29,18 @@ class Plane:
         return (force * normal[0], force * normal[1], force * normal[2])
 
 
-def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
+def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Plane | None:
     if previous is None or not same_contact(newest, previous):
-        return Hold(newest.value)
+        return None
     force = norm(newest.value)
     normal = unit(newest.value)
     pressed = -dot(normal, subtract(newest.position, previous.position))
     difference = force - norm(previous.value)
     if difference == 0.0:
-        return Hold(newest.value)
+        return None
     compliance = pressed / difference
     if not trust.believes_compliance(compliance):
-        return Hold(newest.value)
+        return None
     return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
 
 

@@ -7,18 +7,15 @@ r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, for r and c, with o the mean of what 
 solved by orthogonal projection, not by normal equations, whose condition number is the square.
 """
 
-from dataclasses import dataclass
-from math import hypot
+from typing import NamedTuple
 
 from codec.predictors.contact import same_contact
-from codec.predictors.contract import Model, Predictor, Trust
-from codec.predictors.zoh import Hold
+from codec.predictors.contract import Predictor, Trust
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
 
-@dataclass(frozen=True, slots=True)
-class Sphere:
+class Sphere(NamedTuple):
     centre: Vector
     radius: float
     """r [m]: positive convex, negative concave."""
@@ -30,7 +27,7 @@ class Sphere:
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
         centre = self.centre
         x, y, z = position[0] - centre[0], position[1] - centre[1], position[2] - centre[2]
-        length = hypot(x, y, z)
+        length = norm((x, y, z))
         depth = self.radius - length if self.radius > 0.0 else length + self.radius
         if depth <= 0.0:
             return ZERO
@@ -40,10 +37,9 @@ class Sphere:
         return (outward * x, outward * y, outward * z)
 
 
-def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
-    hold = Hold(newest.value)
+def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Sphere | None:
     if previous is None or not same_contact(newest, previous):
-        return hold
+        return None
     direction, earlier = unit(newest.value), unit(previous.value)
     solution = _solve(
         subtract(direction, earlier),
@@ -52,10 +48,10 @@ def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
         trust.least_angle_sine,
     )
     if solution is None:
-        return hold
+        return None
     radius, compliance = solution
     if not (trust.believes_compliance(compliance) and trust.believes_radius(radius)):
-        return hold
+        return None
     centre = scale(
         add(
             _centre(newest, direction, radius, compliance),
@@ -64,7 +60,7 @@ def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
         0.5,
     )
     sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
-    return sphere if trust.believes_fit(sphere, newest) else hold
+    return sphere if trust.believes_fit(sphere, newest) else None
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:

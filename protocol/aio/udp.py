@@ -1,7 +1,13 @@
-"""A UDP socket and an event loop around one endpoint. Decides nothing about the protocol.
+"""A UDP port and an event loop around one endpoint. Decides nothing about the protocol.
 
-The owner ticks: it calls `service(now)` before its work and `flush(now)` after it. Between ticks the socket wakes the
-loop by itself, and one timer covers whatever is due first, so an owner that ticks slowly, or not at all, loses nothing.
+The owner ticks: it calls `service(now)` before its work and `flush(now)` after it. Between ticks the sockets wake the
+loop by themselves, and one timer covers whatever is due first, so an owner that ticks slowly, or not at all, loses
+nothing.
+
+Once a peer has proved itself, a second socket on the same port is connected to its address. The kernel puts the peer's
+datagrams into that one's buffer and everybody else's into the other, so a flood from elsewhere neither pushes out what
+the peer sends nor is worth more than a small share of the processor. Everything is sent from the first socket, whose
+own address may change under way.
 """
 
 import asyncio
@@ -10,12 +16,16 @@ from collections.abc import Callable
 from errno import EADDRINUSE
 from math import inf
 
+from protocol.aio.queue import ReceiveQueue
 from protocol.emulation import EmulatedLink
 from protocol.endpoint import Endpoint
 from protocol.events import Address
-from protocol.wire import LONGEST_DATAGRAM
+from protocol.states import State
 
-_READS_PER_WAKEUP = 64
+PEER_SHARE = 0.3
+"""Of a processor, for what comes from the peer's address, or from anywhere while there is no peer."""
+STRANGER_SHARE = 0.05
+"""Of a processor, for what comes from elsewhere while there is a peer: it may have moved, or started anew."""
 _ANY_PORT: Address = ("", 0)
 
 
@@ -24,12 +34,7 @@ class AddressInUseError(OSError):
 
 
 class UdpShell:
-    """Drives one endpoint over UDP.
-
-    Attributes:
-        socket_errors: sends and reads that the system refused (peer not there, buffer full, no route); each is as good
-            as a lost datagram, which the protocol stands.
-    """
+    """Drives one endpoint over UDP."""
 
     __slots__ = (
         "_endpoint",
@@ -39,10 +44,12 @@ class UdpShell:
         "_names",
         "_now",
         "_numeric",
-        "_socket",
+        "_open",
+        "_peer",
+        "_peer_address",
+        "_send_errors",
         "_timer",
         "_timer_at",
-        "socket_errors",
     )
 
     def __init__(
@@ -65,19 +72,29 @@ class UdpShell:
         self._listen = listen
         self._link = link
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._socket: socket.socket | None = None
+        self._open: ReceiveQueue | None = None
+        self._peer: ReceiveQueue | None = None
+        self._peer_address: Address | None = None
         self._names: dict[Address, Address] = {}
         self._numeric: dict[Address, Address] = {}
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = inf
-        self.socket_errors = 0
+        self._send_errors = 0
 
     @property
     def address(self) -> Address:
         """Own address, once open."""
-        assert self._socket is not None
-        host, port = self._socket.getsockname()[:2]
+        assert self._open is not None
+        host, port = self._open.socket.getsockname()[:2]
         return host, port
+
+    @property
+    def socket_errors(self) -> int:
+        """Sends and reads that the system refused (peer not there, buffer full, no route).
+
+        Each is as good as a lost datagram, which the protocol stands.
+        """
+        return self._send_errors + sum(queue.errors for queue in (self._open, self._peer) if queue is not None)
 
     async def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Resolve names, claim the port and listen.
@@ -95,8 +112,10 @@ class UdpShell:
                 _, local = await self._resolve(loop, self._listen, family, passive=True)
             self._names[peer] = self._endpoint.peer
             self._numeric[self._endpoint.peer] = peer
-        self._socket = self._bind(family, local)
-        loop.add_reader(self._socket.fileno(), self._on_readable)
+        bound = self._bind(family, local)
+        # Set only now: the port was ours alone when it was claimed, and stays so for who does not ask to share it.
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        self._open = self._queue(bound, PEER_SHARE)
         self.flush(self._now())
 
     async def _resolve(
@@ -134,14 +153,13 @@ class UdpShell:
         if self._timer is not None:
             self._timer.cancel()
             self._timer, self._timer_at = None, inf
-        if self._socket is None:
+        if self._open is None:
             return
         for data, address in self._endpoint.datagrams_to_send():
             self._send(data, address)
-        if self._loop is not None and not self._loop.is_closed():
-            self._loop.remove_reader(self._socket.fileno())
-        self._socket.close()
-        self._socket = None
+        self._leave_peer()
+        self._open.close()
+        self._open = None
 
     def service(self, now: float) -> None:
         """Take what has arrived, and let the endpoint do what is due."""
@@ -165,7 +183,7 @@ class UdpShell:
         due = self._endpoint.next_timer()
         if self._link is not None and (arrival := self._link.next_due()) is not None:
             due = arrival if due is None else min(due, arrival)
-        if due is None or due >= self._timer_at or self._loop is None or self._socket is None:
+        if due is None or due >= self._timer_at or self._loop is None or self._open is None:
             return  # a timer that fires too early only arms the next one
         if self._timer is not None:
             self._timer.cancel()
@@ -179,28 +197,59 @@ class UdpShell:
         self._endpoint.handle_timer(now)
         self.flush(now)
 
-    def _on_readable(self) -> None:
-        self._read()
+    def _on_datagrams(self) -> None:
+        self._follow_peer()
         self.flush(self._now())
 
     def _read(self) -> None:
-        for _ in range(_READS_PER_WAKEUP):
-            if self._socket is None:
-                return
-            try:
-                data, source = self._socket.recvfrom(LONGEST_DATAGRAM + 1)
-            except BlockingIOError:
-                return
-            except OSError:  # an ICMP error of an earlier send, told here
-                self.socket_errors += 1
-                continue
-            address = (source[0], source[1])
-            self._endpoint.receive_datagram(data, self._names.get(address, address), self._now())
+        """Take what has come from the peer; the loop is woken for what others send."""
+        queue = self._peer or self._open
+        if queue is not None and queue.read():
+            self._follow_peer()
+
+    def _take(self, data: bytes, source: Address, now: float) -> None:
+        self._endpoint.receive_datagram(data, self._names.get(source, source), now)
+
+    def _follow_peer(self) -> None:
+        """See that the peer has a socket of its own, connected to where it is."""
+        peer = self._endpoint.peer
+        if peer is None or self._endpoint.state is not State.ENGAGED or self._open is None:
+            return
+        address = self._numeric.get(peer, peer)
+        if address == self._peer_address:
+            return
+        self._leave_peer()
+        self._peer_address = address
+        connected = socket.socket(self._open.socket.family, socket.SOCK_DGRAM)
+        try:
+            connected.setblocking(False)
+            connected.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+            connected.bind(self._open.socket.getsockname())
+            connected.connect(address)
+        except OSError:  # without it the session goes on, only less protected
+            connected.close()
+            return
+        self._peer = self._queue(connected, PEER_SHARE)
+        self._open.limit(STRANGER_SHARE)
+
+    def _leave_peer(self) -> None:
+        if self._peer is None or self._open is None:
+            return
+        self._send_errors += self._peer.errors
+        self._peer.close()
+        self._peer = None
+        self._open.limit(PEER_SHARE)
+
+    def _queue(self, bound: socket.socket, share: float) -> ReceiveQueue:
+        assert self._loop is not None
+        return ReceiveQueue(
+            bound, loop=self._loop, now=self._now, take=self._take, on_datagrams=self._on_datagrams, share=share
+        )
 
     def _send(self, data: bytes, address: Address) -> None:
-        if self._socket is None:
+        if self._open is None:
             return
         try:
-            self._socket.sendto(data, self._numeric.get(address, address))
+            self._open.socket.sendto(data, self._numeric.get(address, address))
         except OSError:
-            self.socket_errors += 1
+            self._send_errors += 1

@@ -1,4 +1,5 @@
 from math import inf, isnan, nan
+from operator import eq
 
 import pytest
 from hypothesis import given
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 from codec.quantizer import Quantizer
 
 values = st.floats(-30.0, 30.0)
+anything = st.floats()
 
 
 @given(value=st.tuples(values, values, values), step=st.floats(1e-3, 1.0))
@@ -62,3 +64,19 @@ def test_refuses_a_step_that_is_none(step: float) -> None:
 def test_refuses_axes_that_are_none(axes: str) -> None:
     with pytest.raises(ValueError, match="axes"):
         Quantizer(1.0, axes)
+
+
+@given(
+    value=st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3), axes=st.sampled_from(["xyz", "xz", "z"])
+)
+def test_a_value_is_rounded_to_what_its_levels_say(value: tuple[float, float, float], axes: str) -> None:
+    for quantizer in (Quantizer(1e-3, axes), Quantizer(1e-9, axes, largest_level=inf)):
+        assert quantizer.rounded(value) == quantizer.value(quantizer.levels(value))
+
+
+@given(value=st.tuples(anything, anything, anything), axes=st.sampled_from(["xyz", "xz", "z"]))
+def test_a_value_that_can_be_said_is_confined_to_itself(value: tuple[float, float, float], axes: str) -> None:
+    for quantizer in (Quantizer(1e-3, axes), Quantizer(1e200, axes, largest_level=inf)):
+        assert quantizer.says(value) == all(map(eq, quantizer.confine(value), value))
+        if quantizer.says(value):
+            assert all(component - component == 0.0 for component in value)

@@ -9,6 +9,7 @@ from protocol import Connected, DropReason, PeerClosed, Refused, Role, State, St
 from protocol.checksum import Checksum
 from protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL
 from protocol.emulation import Emulation
+from protocol.listener import EXCHANGE_PACE, EXCHANGE_PACE_ENGAGED
 from protocol.psk import PresharedKey
 from protocol.security import Security
 from protocol.wire import Kind, kind_of
@@ -176,6 +177,50 @@ def test_a_call_gets_through_a_flood_of_recorded_hellos() -> None:
             pair.slave.endpoint.receive_datagram(hello, ("203.0.113.9", 9), pair.now)
         pair.run(0.001)
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
+
+
+def recorded_hellos(count: int) -> list[bytes]:
+    hellos = []
+    for seed in range(count):
+        endpoint = make_endpoint(Role.INITIATOR, seed=1000 + seed)
+        endpoint.connect(0.0)
+        hellos.append(endpoint.datagrams_to_send()[0][0])
+    return hellos
+
+
+@pytest.mark.parametrize(("is_engaged", "pace"), [(False, EXCHANGE_PACE), (True, EXCHANGE_PACE_ENGAGED)])
+def test_keys_are_exchanged_at_a_pace_however_many_calls_come(is_engaged: bool, pace: float) -> None:
+    pair = Pair().connect()
+    if is_engaged:
+        pair.run(0.2)
+    endpoint, began = pair.slave.endpoint, pair.now
+    answered = 0
+    for number, hello in enumerate(recorded_hellos(200)):
+        now = began + 1.0 + number * 0.001  # 200 calls in 0.2 s
+        if is_engaged:
+            pair.run(max(0.0, now - pair.now))
+        endpoint.datagrams_to_send()
+        endpoint.receive_datagram(hello, ("203.0.113.9", 9), now)
+        answered += sum(data[0] == Kind.WELCOME for data, _ in endpoint.datagrams_to_send())
+    assert 1 <= answered <= 1 + 0.2 / pace
+    assert endpoint.statistics.dropped[DropReason.OVERLOADED] == 200 - answered
+
+
+def test_a_call_that_came_too_soon_is_answered_when_it_is_repeated() -> None:
+    pair = Pair().engage()
+    pair.slave.endpoint.receive_datagram(recorded_hellos(1)[0], ("203.0.113.9", 9), pair.now)
+    newcomer = make_endpoint(Role.INITIATOR, seed=7)
+    newcomer.connect(pair.now)
+    hello = newcomer.datagrams_to_send()[0][0]
+    pair.slave.endpoint.datagrams_to_send()
+    pair.slave.endpoint.receive_datagram(hello, MASTER, pair.now)
+    assert pair.slave.endpoint.statistics.dropped[DropReason.OVERLOADED] == 1
+    assert not pair.slave.endpoint.datagrams_to_send()
+    pair.run(2 * EXCHANGE_PACE_ENGAGED)
+    newcomer.handle_timer(pair.now)
+    pair.slave.endpoint.datagrams_to_send()
+    pair.slave.endpoint.receive_datagram(newcomer.datagrams_to_send()[0][0], MASTER, pair.now)
+    assert [data[0] for data, _ in pair.slave.endpoint.datagrams_to_send()] == [Kind.WELCOME]
 
 
 def test_a_call_on_paper_survives_a_few_recorded_ones() -> None:

@@ -555,7 +555,7 @@ def test_an_owner_that_does_not_come_loses_the_oldest() -> None:
     assert len(waiting) == 64
     assert pair.master.endpoint.statistics.overflowed == 1000 - 64
     for _ in range(1000):
-        pair.slave.endpoint.receive_datagram(b"\x06", MASTER, pair.now)
+        pair.slave.endpoint.receive_datagram(b"\x07", MASTER, pair.now)
     pair.slave.endpoint.receive_datagram(waiting[-1][0], MASTER, pair.now)
     pair.slave.collect(pair.now)
     assert len(pair.slave.faults()) < 1000

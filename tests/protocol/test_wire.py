@@ -24,6 +24,9 @@ def documented(values: int) -> dict[str, int]:
         if part == "bye":
             assert size == f"0-{wire.LONGEST_REASON}"
             continue
+        if part == "change":
+            assert size == f"1-{wire.LONGEST_CHANGE}"
+            continue
         stated = values * int(size[:-1]) if size.endswith("n") else int(size)
         assert calcsize("<" + re.sub(r"^n", str(values), form)) == stated
         sizes[part] = sizes.get(part, 0) + stated
@@ -48,6 +51,8 @@ def test_the_table_is_the_code(values: int, carries_credit: bool) -> None:
     assert len(heartbeat) == sizes["head"] + sizes["heartbeat"] + sizes["heartbeat_credit"]
     assert {len(data) for data in (plain, paired, heartbeat)} <= {low for low, _ in layout.lengths(0).values()}
     assert len(wire.pack_bye(1, 2, 3, "x" * 100)) == sizes["head"] + wire.LONGEST_REASON
+    changed = wire.pack_change(1, 2, 3, 4, 5, b"x" * 300, is_answer=True)
+    assert len(changed) == sizes["head"] + wire.LONGEST_CHANGE == layout.lengths(0)[changed[0] & 0xF][1]
 
 
 @pytest.mark.parametrize(("carries_credit", "plain", "paired"), [(False, 32, 46), (True, 34, 48)])

@@ -21,6 +21,7 @@ from weberlink.composition.link import (
     control_settings,
     located,
 )
+from weberlink.composition.live import build_master_tuning
 from weberlink.composition.mapping import build_mapping
 from weberlink.configuration import Configuration, ConfigurationError, System
 
@@ -42,11 +43,13 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = channels(system)
     force_limit = _force_limit(system, device)
+    control = build_master_control(system.control.scheme, control_settings(system, force_limit))
     return MasterLoop(
         device=device,
         encoder=Encoder(forward),
         decoder=Decoder(backward),
-        control=build_master_control(system.control.scheme, control_settings(system, force_limit)),
+        control=control,
+        tuning=build_master_tuning(system, control),
         endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer),
         gate=ForceGate(
             ramp=system.master.limits.ramp_ms * 1e-3,

@@ -21,6 +21,7 @@ from weberlink.composition.link import (
     control_settings,
     located,
 )
+from weberlink.composition.live import build_slave_tuning
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 
@@ -40,11 +41,14 @@ def build_slave(
     system, robot = configuration.system, build_robot(configuration)
     forward, backward = channels(system)
     limits = system.slave.limits
+    encoder = Encoder(backward)
+    control = build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n))
     return SlaveLoop(
         robot=robot,
-        encoder=Encoder(backward),
+        encoder=encoder,
         decoder=Decoder(forward),
-        control=build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n)),
+        control=control,
+        tuning=build_slave_tuning(system, control, encoder),
         endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None),
         guard=CommandGuard(
             workspace=workspace_of(configuration, robot),

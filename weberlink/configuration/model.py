@@ -153,6 +153,8 @@ class ControlSettings(Settings):
     """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""
     damping_n_s_m: float = Field(default=5.0, gt=0, le=100)
     """Strongest drag that fills an empty tank [N s/m]."""
+    live_changes: bool = True
+    """Whether Weber factor, predictor (of a hybrid's bank) and scheme (under `auto`) may be changed in a session."""
 
 
 class RealtimeSettings(Settings):

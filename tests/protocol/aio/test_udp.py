@@ -213,3 +213,59 @@ def test_ipv6() -> None:
         slave_shell.close()
 
     run(main)
+
+
+def test_strangers_fill_a_buffer_of_their_own() -> None:
+    """What the peer sends while others have filled their buffer to the brim arrives at once."""
+
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master_shell, master, slave_shell, slave = await engage(loop)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            for _ in range(5000):
+                stranger.sendto(b"\x03" + bytes(60), slave_shell.address)
+            assert master.send_update(monotonic(), *update_fields(1))
+            master_shell.flush(monotonic())
+            before = sum(slave.statistics.dropped.values())
+            slave_shell.service(monotonic())  # of the peer alone; the loop is woken for the others
+            assert sum(slave.statistics.dropped.values()) == before
+            events: list[Event] = []
+            while (event := slave.next_event()) is not None:
+                events.append(event)
+            assert [event.tick for event in events if isinstance(event, UpdateReceived)] == [1]
+        for shell in (master_shell, slave_shell):
+            shell.close()
+
+    run(main)
+
+
+def test_a_peer_that_moves_is_followed() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master_shell, master, slave_shell, slave = await engage(loop)
+        moved = UdpShell(master, now=monotonic, listen=("127.0.0.1", 0))
+        master_shell.close()
+        await moved.open(loop)
+        for tick in range(1, 4):
+            assert master.send_update(monotonic(), *update_fields(tick))
+            moved.flush(monotonic())
+            found = await until(slave, UpdateReceived, [])
+            assert isinstance(found, UpdateReceived)
+            assert found.tick == tick
+        assert slave.peer == moved.address
+        assert slave.state is State.ENGAGED
+        for shell in (moved, slave_shell):
+            shell.close()
+
+    run(main)
+
+
+def test_a_second_copy_finds_the_port_taken_also_once_a_peer_has_its_own_socket() -> None:
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master_shell, _, slave_shell, _ = await engage(loop)
+        copy = UdpShell(make(Role.RESPONDER), now=monotonic, listen=slave_shell.address)
+        with pytest.raises(AddressInUseError, match="is in use"):
+            await copy.open(loop)
+        copy.close()
+        for shell in (master_shell, slave_shell):
+            shell.close()
+
+    run(main)

@@ -1,0 +1,162 @@
+"""The settings of a session that may change while it lives, and the moment from which they hold.
+
+Owns what is in force, what is permitted, and what has been agreed for a tick to come. Knows no wire and no codec: what
+makes a change is handed in, and what two ends say to each other about it is carried by others.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from math import inf
+from typing import NamedTuple
+
+LEAD = 0.1
+"""A change is proposed for this much later [s], and for so many round trips more, which leaves time for repeats."""
+ROUND_TRIPS = 6.0
+BUSY = "another change is on its way"
+
+
+class Settings(NamedTuple):
+    """What can be changed.
+
+    Args:
+        weber: Weber factor k of the force channel, 0 to 1.
+        predictor: name of the predictor of the force channel, or "hybrid".
+        scheme: name of the control scheme.
+    """
+
+    weber: float
+    predictor: str
+    scheme: str
+
+
+class Verdict(NamedTuple):
+    """What came of a change that this side asked for: its tick here, or why it was not made."""
+
+    tick: int
+    why_not: str | None
+
+
+class Tuning:
+    """The settings of one side. Both sides of a session count the same changes.
+
+    Args:
+        settings: those of the file, to which every session returns when it begins.
+        permitted: settings that may be changed, and to which names; k to any number from 0 to 1.
+        apply: makes a change on this side.
+    """
+
+    __slots__ = (
+        "_apply",
+        "_asked",
+        "_at",
+        "_initial",
+        "_next",
+        "_of_peer",
+        "generation",
+        "permitted",
+        "settings",
+        "verdict",
+    )
+
+    def __init__(
+        self, settings: Settings, permitted: Mapping[str, Sequence[str]], apply: Callable[[Settings], None]
+    ) -> None:
+        self._initial = self.settings = settings
+        self.permitted = permitted
+        self._apply = apply
+        self.generation = 0
+        """Changes made since the session began."""
+        self.verdict: Verdict | None = None
+        """On what this side asked for last; None while it waits, or has never asked."""
+        self._asked = False
+        self._next: Settings | None = None
+        self._at = inf
+        self._of_peer = False
+
+    @property
+    def pending(self) -> Settings | None:
+        """Agreed, and not yet in force."""
+        return self._next
+
+    def reset(self) -> None:
+        """A new session: the settings of the file hold, and what was under way is void."""
+        if self._asked or (self._next is not None and not self._of_peer):
+            self.verdict = Verdict(0, "the session ended")
+        self._asked, self._next, self._at = False, None, inf
+        if self.settings != self._initial:
+            self._apply(self._initial)
+        self.settings, self.generation = self._initial, 0
+
+    def complaint(self, change: Mapping[str, object]) -> str | None:
+        """Why a change cannot be made; None if it can."""
+        if not change:
+            return "nothing to change; name weber, predictor or scheme"
+        for name, value in change.items():
+            if name not in Settings._fields:
+                return f"{name} is no setting; there are {', '.join(Settings._fields)}"
+            if name not in self.permitted:
+                return f"{name} is fixed in this session: {_FIXED[name]}"
+            if (why_not := self._doubt(name, value)) is not None:
+                return why_not
+        return BUSY if self._asked or self._next is not None else None
+
+    def _doubt(self, name: str, value: object) -> str | None:
+        if name == "weber":
+            if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
+                return None
+            return f"weber must be a number from 0 to 1, not {value!r}"
+        names = self.permitted[name]
+        return None if value in names else f"{name} must be one of {', '.join(names)}, not {value!r}"
+
+    def lead(self, rtt: float | None) -> float:
+        """How far ahead a change is to be proposed over a link of this round trip [s]."""
+        return LEAD if rtt is None else LEAD + ROUND_TRIPS * rtt
+
+    def ask(self, change: Mapping[str, object]) -> bytes:
+        """The content of a proposal without complaint; a verdict follows."""
+        self._asked, self.verdict = True, None
+        return json.dumps(dict(change), separators=(",", ":")).encode()
+
+    def hear(self, tick: int, body: bytes) -> str | None:
+        """Take a proposal of the peer for a tick of its clock: None to agree, or why not."""
+        change = _read(body)
+        why_not = "not a change" if change is None else self.complaint(change)
+        if why_not is None and change is not None:
+            self._agree(change, tick, of_peer=True)
+        return why_not
+
+    def settle(self, tick: int, body: bytes, why_not: str | None) -> None:
+        """Take the peer's answer to what this side asked for."""
+        self._asked = False
+        self.verdict = Verdict(tick, why_not)
+        change = _read(body)
+        if why_not is None and change is not None:
+            self._agree(change, tick, of_peer=False)
+
+    def advance(self, tick: int, peer_tick: float | None) -> None:
+        """Make the change that is due at this tick; `peer_tick` is the same moment in ticks of the peer."""
+        now = peer_tick if self._of_peer else tick
+        if self._next is None or now is None or now < self._at:
+            return
+        self.settings, self._next = self._next, None
+        self.generation += 1
+        self._apply(self.settings)
+
+    def _agree(self, change: Mapping[str, object], tick: int, *, of_peer: bool) -> None:
+        self._next = self.settings._replace(**change)  # type: ignore[arg-type]
+        self._at, self._of_peer = tick, of_peer
+
+
+_FIXED = {
+    "weber": "control.live_changes is off",
+    "predictor": "control.live_changes is off, or codec.force.predictor is not hybrid",
+    "scheme": "control.live_changes is off, or control.scheme is not auto",
+}
+
+
+def _read(body: bytes) -> dict[str, object] | None:
+    try:
+        change = json.loads(body)
+    except ValueError:
+        return None
+    return change if isinstance(change, dict) else None

@@ -1,0 +1,122 @@
+"""One socket's incoming datagrams, taken in bounded time however many there are.
+
+Owns the socket, and the share of a processor that it may cost. While the budget is used up the loop is not woken for
+it: what comes meanwhile waits in the kernel, and is dropped there when its buffer is full. Knows no protocol.
+"""
+
+import asyncio
+import socket
+from collections.abc import Callable
+
+from protocol.aio.budget import WorkBudget
+from protocol.events import Address
+from protocol.wire import LONGEST_DATAGRAM
+
+SLICE_S = 2e-4
+"""Longest piece of work before the loop sees to other things; a single datagram may take longer [s]."""
+MOST_S = 2e-3
+"""Work that can be saved up in quiet times [s]: some fifty datagrams of a peer after a stall."""
+
+Take = Callable[[bytes, Address, float], None]
+
+
+class ReceiveQueue:
+    """Reads one socket.
+
+    Attributes:
+        socket: non-blocking and bound; closed with the queue.
+        errors: reads that the system refused, such as for an ICMP error of an earlier send.
+    """
+
+    __slots__ = ("_budget", "_loop", "_now", "_on_datagrams", "_resume", "_take", "errors", "socket")
+
+    def __init__(
+        self,
+        bound: socket.socket,
+        *,
+        loop: asyncio.AbstractEventLoop,
+        now: Callable[[], float],
+        take: Take,
+        on_datagrams: Callable[[], None],
+        share: float,
+    ) -> None:
+        """Listen.
+
+        Args:
+            now: the clock of the owner [s].
+            take: receives each datagram, its sender and the time.
+            on_datagrams: called after the loop was woken by the socket and datagrams were taken.
+            share: of a processor that reading may cost, in (0, 1].
+        """
+        self.socket = bound
+        self.errors = 0
+        self._loop = loop
+        self._now = now
+        self._take = take
+        self._on_datagrams = on_datagrams
+        self._budget = WorkBudget(share, MOST_S, now())
+        self._resume: asyncio.TimerHandle | None = None
+        loop.add_reader(bound.fileno(), self._on_readable)
+
+    def limit(self, share: float) -> None:
+        """Change the share of a processor."""
+        self._budget.limit(share)
+
+    def read(self) -> bool:
+        """Take what has come, as far as the budget goes; whether there was anything."""
+        if self._resume is not None:
+            return False
+        spent = self._drain()
+        if spent is None:
+            return False
+        self._budget.spend(spent)
+        if self.is_open and self._budget.left(self._now()) < 0.0:
+            self._pause()
+        return True
+
+    @property
+    def is_open(self) -> bool:
+        return self.socket.fileno() >= 0
+
+    def _drain(self) -> float | None:
+        """Take datagrams until there are none or a slice is over; the time that took, None if there were none."""
+        began: float | None = None
+        now = 0.0
+        while self.is_open:
+            try:
+                data, source = self.socket.recvfrom(LONGEST_DATAGRAM + 1)
+            except BlockingIOError:
+                break
+            except OSError:
+                self.errors += 1
+                continue
+            if began is None:
+                began = now = self._now()
+            self._take(data, (source[0], source[1]), now)
+            now = self._now()
+            if now - began > SLICE_S:
+                break
+        return None if began is None else now - began
+
+    def _pause(self) -> None:
+        self._loop.remove_reader(self.socket.fileno())
+        self._resume = self._loop.call_later(self._budget.wait(), self._go_on)
+
+    def _go_on(self) -> None:
+        self._resume = None
+        self._loop.add_reader(self.socket.fileno(), self._on_readable)
+
+    def _on_readable(self) -> None:
+        if self.read():
+            self._on_datagrams()
+
+    def close(self) -> None:
+        """Stop listening and release the socket; may be repeated, also from within `take`."""
+        if self._resume is not None:
+            self._resume.cancel()
+            self._resume = None
+        if not self.is_open:
+            return
+        if not self._loop.is_closed():
+            self._loop.remove_reader(self.socket.fileno())
+        self.socket.close()

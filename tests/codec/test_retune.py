@@ -1,0 +1,139 @@
+"""Another deadband and other predictors while it runs: the law holds across it, and the other end knows of none."""
+
+from math import sqrt
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec import Decoder, Encoder, Update, force_channel, position_channel
+from codec.deadband import ForceDeadband, PositionDeadband
+from codec.predictors import PREDICTORS
+from codec.vector import ZERO, distance
+from tests.codec.signals import contact_stream
+
+BANK = tuple(PREDICTORS)
+HALF_STEP = 0.5e-3 * sqrt(3.0) * (1.0 + 1e-9)
+ZOH, LINEAR, PLANE, SPHERE = range(4)
+
+selections = st.sets(st.integers(0, 3), min_size=1).map(sorted)
+changes = st.dictionaries(
+    st.integers(0, 299), st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.1), selections), min_size=1, max_size=6
+)
+
+
+def ramp(tick: int) -> tuple[float, float, float]:
+    return (0.0, 0.0, 1.0 + 0.05 * tick)
+
+
+@given(seed=st.integers(0, 2**32 - 1), changes=changes)
+@settings(max_examples=150, deadline=None)
+def test_the_law_holds_across_changes_and_only_what_is_selected_is_chosen(
+    seed: int, changes: dict[int, tuple[float, float, list[int]]]
+) -> None:
+    channel = force_channel(bank=BANK)
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    allowed = [ZOH, LINEAR, PLANE, SPHERE]
+    for tick, (force, position) in enumerate(contact_stream(seed, ticks=300)):
+        if tick in changes:
+            weber, floor, allowed = changes[tick]
+            deadband = ForceDeadband(weber, floor)
+            encoder.retune(deadband, allowed)
+        update = encoder.encode(tick, force, position)
+        if update is not None:
+            assert update.selector in allowed
+            decoder.apply(Update(*update))
+        if decoder.newest is not None:
+            assert decoder.selected in allowed
+        assert decoder.state == encoder.mirror.state
+        held = decoder.value(tick, position)
+        assert held is not None
+        actual = channel.value_quantizer.confine(force)
+        assert distance(held, actual) <= max(encoder.bound, HALF_STEP)
+        if changes and tick >= min(changes):
+            assert encoder.bound == deadband.bound(actual, held, ZERO, ZERO)
+
+
+def test_the_bound_is_another_from_the_next_sample_on() -> None:
+    encoder = Encoder(force_channel(predictor="zoh", weber=0.10, floor=0.0))
+    assert encoder.encode(0, (0.0, 0.0, 1.0)) is not None
+    assert encoder.encode(1, (0.0, 0.0, 1.05)) is None
+    encoder.retune(ForceDeadband(0.02), [0])
+    assert encoder.bound == pytest.approx(0.105)
+    assert encoder.encode(2, (0.0, 0.0, 1.05)) is not None
+    assert encoder.bound == pytest.approx(0.021)
+
+
+def test_a_position_may_be_retuned_too() -> None:
+    encoder = Encoder(position_channel(bound=1e-2))
+    encoder.encode(0, ZERO)
+    assert encoder.encode(1, (0.0, 0.0, 1e-3)) is None
+    encoder.retune(PositionDeadband(0.0, 1e-4), [0])
+    assert encoder.encode(2, (0.0, 0.0, 1e-3)) is not None
+
+
+def test_a_predictor_that_is_no_longer_chosen_is_left_at_the_very_next_sample() -> None:
+    encoder = Encoder(force_channel(bank=["zoh", "linear"]))
+    for tick in range(100):
+        encoder.encode(tick, ramp(tick))
+    assert encoder.mirror.selected == LINEAR
+    assert encoder.encode(100, ramp(100)) is None
+    encoder.retune(ForceDeadband(0.10, 0.02), [ZOH])
+    update = encoder.encode(101, ramp(101))
+    assert update is not None
+    assert (update.selector, update.previous) == (ZOH, ())
+    assert encoder.encode(102, ramp(102)) is None
+
+
+def test_the_change_waits_for_a_sample_that_can_be_coded() -> None:
+    encoder = Encoder(force_channel(bank=["zoh", "linear"], weber=0.5))
+    encoder.encode(0, ramp(0))
+    encoder.retune(ForceDeadband(0.5), [LINEAR])
+    assert encoder.encode(1, (0.0, 0.0, float("nan"))) is None
+    assert encoder.encode(2, ramp(0)) is not None
+    assert encoder.encode(3, ramp(0)) is None
+
+
+def test_a_change_that_is_taken_back_sends_nothing() -> None:
+    encoder = Encoder(force_channel(bank=["zoh", "linear"], weber=0.5))
+    encoder.encode(0, ramp(0))
+    for selectors in ([LINEAR], [ZOH]):
+        encoder.retune(ForceDeadband(0.5), selectors)
+    assert encoder.encode(1, ramp(0)) is None
+
+
+@pytest.mark.parametrize("selectors", [[ZOH, LINEAR], (LINEAR, ZOH, ZOH)])
+def test_nothing_is_sent_for_a_model_that_may_stay(selectors: list[int]) -> None:
+    encoder = Encoder(force_channel(bank=BANK))
+    encoder.encode(0, ramp(0))
+    encoder.retune(ForceDeadband(0.10, 0.02), selectors)
+    assert encoder.encode(1, ramp(0)) is None
+
+
+def test_at_rest_nothing_is_sent_for_a_change_and_the_first_sample_is_of_what_is_selected() -> None:
+    encoder = Encoder(force_channel(bank=BANK))
+    encoder.retune(ForceDeadband(0.10, 0.02), [SPHERE, PLANE])
+    assert encoder.encode(0, ZERO) is None
+    update = encoder.encode(1, ramp(0))
+    assert update is not None
+    assert update.selector == PLANE
+
+
+def test_a_reset_keeps_the_tuning_and_forces_nothing() -> None:
+    encoder = Encoder(force_channel(bank=BANK))
+    encoder.encode(0, ramp(0))
+    encoder.retune(ForceDeadband(0.30, 0.5), [SPHERE])
+    encoder.reset()
+    assert encoder.encode(1, (0.0, 0.0, 0.4)) is None
+    update = encoder.encode(2, ramp(0))
+    assert update is not None
+    assert update.selector == SPHERE
+
+
+@pytest.mark.parametrize("selectors", [[], [4], [-1], [0, 9]])
+def test_refuses_selectors_that_are_none_and_stays_as_it_was(selectors: list[int]) -> None:
+    encoder, other = Encoder(force_channel(bank=BANK)), Encoder(force_channel(bank=BANK))
+    with pytest.raises(ValueError, match="selectors"):
+        encoder.retune(ForceDeadband(0.5, 5.0), selectors)
+    for tick in range(50):
+        assert encoder.encode(tick, ramp(tick)) == other.encode(tick, ramp(tick))

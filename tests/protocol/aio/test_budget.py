@@ -1,0 +1,96 @@
+"""Bounded work on what others send: the budget, and a socket that is flooded."""
+
+import asyncio
+import socket
+import time
+
+import pytest
+
+from protocol.aio.budget import WorkBudget
+from protocol.aio.queue import ReceiveQueue
+from protocol.events import Address
+
+
+def test_what_is_spent_comes_back_at_the_rate_of_the_share() -> None:
+    budget = WorkBudget(0.25, 0.002, 10.0)
+    assert budget.left(10.0) == 0.002
+    budget.spend(0.004)
+    assert budget.left(10.0) == pytest.approx(-0.002)
+    assert budget.wait() == pytest.approx(0.008)
+    assert budget.left(10.008) == pytest.approx(0.0, abs=1e-12)
+    assert budget.left(11.0) == 0.002, "no more is saved up than the limit"
+    budget.limit(0.5)
+    budget.spend(0.003)
+    assert budget.wait() == pytest.approx(0.002)
+
+
+def test_a_clock_that_stands_gives_nothing() -> None:
+    budget = WorkBudget(0.5, 1.0, 5.0)
+    budget.spend(1.0)
+    assert budget.left(4.0) == 0.0
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_a_flooded_socket_costs_its_share_and_loses_in_the_kernel(share: float) -> None:
+    """By the queue's own measure, work over time cannot exceed the share and what was saved up."""
+
+    async def flooded() -> tuple[float, float, int]:
+        loop = asyncio.get_running_loop()
+        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        bound.bind(("127.0.0.1", 0))
+        bound.setblocking(False)
+        work = taken = 0.0
+
+        def take(data: bytes, source: Address, now: float) -> None:
+            nonlocal work, taken
+            began = time.monotonic()
+            while time.monotonic() - began < 50e-6:
+                pass
+            work += time.monotonic() - began
+            taken += 1
+
+        queue = ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=share)
+        began = time.monotonic()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.connect(bound.getsockname())
+            while time.monotonic() - began < 0.5:
+                for _ in range(50):
+                    sender.send(b"flood")
+                await asyncio.sleep(0)
+        elapsed = time.monotonic() - began
+        queue.close()
+        queue.close()
+        return work, elapsed, int(taken)
+
+    work, elapsed, taken = asyncio.run(flooded())
+    assert taken > 10
+    # One datagram may overrun, by however long the machine held it up: generous, yet far below what was sent.
+    assert work < share * elapsed + 0.002 + 0.12
+
+
+def test_a_queue_that_has_paused_goes_on() -> None:
+    async def scenario() -> int:
+        loop = asyncio.get_running_loop()
+        bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        bound.bind(("127.0.0.1", 0))
+        bound.setblocking(False)
+        taken: list[bytes] = []
+        done = asyncio.Event()
+
+        def take(data: bytes, source: Address, now: float) -> None:
+            taken.append(data)
+            time.sleep(0.02)
+            if len(taken) == 6:
+                done.set()
+
+        queue = ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=0.1)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for number in range(6):
+                sender.sendto(bytes([number]), bound.getsockname())
+        assert queue.read()
+        assert not queue.read(), "the budget is used up"
+        await asyncio.wait_for(done.wait(), 30.0)
+        queue.close()
+        return len(taken)
+
+    assert asyncio.run(scenario()) == 6

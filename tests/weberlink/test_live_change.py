@@ -1,0 +1,127 @@
+"""Settings changed while a session lives: at one tick on both sides, and through the door of a daemon."""
+
+from pathlib import Path
+from signal import SIGINT
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control.table import SCHEMES
+from evaluation.simulation import Simulation
+from telemetry.ring import default_path
+from tests.weberlink.processes import ENGAGED, Program, until
+from tests.weberlink.systems import Step, steps, system
+from weberlink import description
+from weberlink.live_change import LiveChangeError, ask, path_beside
+
+
+def changed(simulation: Simulation, change: dict[str, Any], asker: str, seconds: float = 1.0) -> list[Step]:
+    """The steps of a system in which one side asks for a change after half a second."""
+    before = list(steps(simulation, 0.5))
+    side = getattr(simulation, asker)
+    assert side.propose(change, 0.5) is None
+    return before + list(steps(simulation, seconds))
+
+
+@pytest.mark.parametrize("asker", ["master", "slave"])
+@pytest.mark.parametrize("delay_ms", [0, 60])
+def test_both_ends_make_a_change_at_the_tick_that_was_agreed(asker: str, delay_ms: int) -> None:
+    simulation = system(f"link.emulate={{delay_ms: {delay_ms}, seed: 3}}", "link.silence_ms=400")
+    seen = changed(simulation, {"weber": 0.3}, asker)
+    first = [
+        next(i for i, step in enumerate(seen) if getattr(step, side).settings == 1) for side in ("master", "slave")
+    ]
+    verdict = getattr(simulation, asker).tuning.verdict
+    assert verdict.why_not is None
+    assert first[("master", "slave").index(asker)] == verdict.tick
+    assert abs(first[0] - first[1]) <= 1
+    assert simulation.slave.tuning.settings.weber == 0.3
+
+
+def test_a_larger_weber_factor_widens_the_deadband_from_that_tick_on() -> None:
+    simulation = system("slave.scene=[{shape: plane, stiffness_n_m: 500}]", "codec.force.floor_n=0")
+    seen = changed(simulation, {"weber": 0.3}, "master", 3.0)
+    ratios = [
+        (step.slave.settings, step.slave.bound / np.linalg.norm([step.slave.raw_x, step.slave.raw_y, step.slave.raw_z]))
+        for step in seen
+        if step.slave.state == ENGAGED and not step.slave.ramping and abs(step.slave.raw_z) > 0.2
+    ]
+    assert {round(ratio, 6) for settings, ratio in ratios if settings == 0} <= {0.1}
+    assert {round(ratio, 6) for settings, ratio in ratios if settings == 1} == {0.3}
+
+
+def test_another_predictor_is_in_use_at_both_ends_from_the_first_send_on() -> None:
+    simulation = system()
+    seen = changed(simulation, {"predictor": "zoh"}, "slave", 4.0)
+    after = [step for step in seen if step.slave.settings == 1]
+    assert {step.slave.selected for step in after} == {0}, "the bank's first, at the very tick"
+    assert {step.master.selected for step in after[200:]} == {0}
+    assert any(step.slave.sent for step in after)
+
+
+def test_a_scheme_is_imposed_on_both_sides_and_taken_back() -> None:
+    simulation = system("control.scheme=auto")
+    seen = changed(simulation, {"scheme": "mmt"}, "master")
+    place = list(SCHEMES).index("mmt")
+    assert {step.master.control for step in seen if step.master.settings == 1} == {place}
+    assert simulation.master.propose({"scheme": "auto"}, 1.5) is None
+    later = list(steps(simulation, 4.0))
+    assert later[-1].master.control == later[-1].slave.control == list(SCHEMES).index("none"), "by the delay again"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "change", "complaint"),
+    [
+        (["control.live_changes=false"], {"weber": 0.2}, "control.live_changes is off"),
+        (["codec.force.predictor=plane"], {"predictor": "zoh"}, "codec.force.predictor is not hybrid"),
+        (["control.scheme=tdpa"], {"scheme": "none"}, "control.scheme is not auto"),
+    ],
+)
+def test_what_the_file_fixes_stays(overrides: list[str], change: dict[str, Any], complaint: str) -> None:
+    simulation = system(*overrides)
+    list(steps(simulation, 0.3))
+    for side in (simulation.master, simulation.slave):
+        assert complaint in (side.propose(change, 0.3) or "")
+
+
+def test_before_there_is_a_session_there_is_nothing_to_change() -> None:
+    simulation = system()
+    assert simulation.master.propose({"weber": 0.2}, 0.0) == "no session: the other side is not there"
+
+
+def test_ends_that_do_not_permit_the_same_do_not_meet() -> None:
+    from weberlink.composition.link import agreement  # noqa: PLC0415
+    from weberlink.configuration import load  # noqa: PLC0415
+
+    file = Path(__file__).parents[2] / "configs" / "loopback.yaml"
+    free, fixed = (agreement(load(file, [f"control.live_changes={on}"]).system) for on in ("true", "false"))
+    assert free != fixed
+
+
+@pytest.mark.realtime
+def test_a_running_daemon_is_asked_through_its_door() -> None:
+    with Program("loopback", "--duration", "30") as program:
+        slave, master = program.telemetry("slave"), program.telemetry("master")
+        until(lambda: master.last["state"] == ENGAGED, "a session")
+        ring = default_path(f"{program.pid}-slave")
+        described = description.read(ring)
+        assert described is not None
+        assert (described["side"], described["changes"]) == ("slave", ["predictor", "weber"])
+        assert "key_file" not in described["system"]["link"]
+        assert path_beside(ring).stat().st_mode & 0o777 == 0o600
+        assert ask(ring, {})["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+        answer = ask(ring, {"weber": 0.25}, patience_s=60.0)
+        assert answer["accepted"]
+        until(lambda: slave.last["settings"] == 1 and master.last["settings"] == 1, "the change on both sides")
+        records = slave.records
+        assert records["tick"][records["settings"] == 1][0] >= answer["tick"]
+        assert ask(ring, {"weber": 2.0}) | {"accepted": False, "generation": 1} == ask(ring, {"weber": 2.0})
+        program.send(SIGINT)
+        assert program.finish()[0] == 0
+    assert not list(ring.parent.glob(f"weberlink-{program.pid}-*")), "nothing is left behind"
+
+
+def test_nobody_there_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(LiveChangeError, match="no daemon answers there"):
+        ask(tmp_path / "none.ring", {})

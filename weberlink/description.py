@@ -1,0 +1,60 @@
+"""What a running daemon says of itself to whoever watches: a small file beside its ring.
+
+Telemetry says what happens in a tick; this says what it is about: the configuration, and the names behind its numbers.
+Written before the ring appears and removed after it, so that whoever finds a ring finds its description.
+"""
+
+import json
+import os
+from pathlib import Path
+from tempfile import mkstemp
+from typing import Any
+
+from control.table import SCHEMES
+from weberlink.composition.link import channels
+from weberlink.composition.live import permitted
+from weberlink.configuration import Configuration
+
+
+def path_beside(ring: str | Path) -> Path:
+    return Path(ring).with_suffix(".json")
+
+
+def describe(configuration: Configuration, side: str) -> dict[str, Any]:
+    """The description of one side's daemon, which is this process. Says where the key is to nobody."""
+    system = configuration.system
+    forward, backward = channels(system)
+    return {
+        "side": side,
+        "file": str(configuration.path),
+        "pid": os.getpid(),
+        "rate_hz": system.rate_hz,
+        "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
+        "bank": list(backward.bank),
+        "position_bank": list(forward.bank),
+        "schemes": list(SCHEMES),
+        "changes": sorted(permitted(system)),
+    }
+
+
+def publish(ring: str | Path, description: dict[str, Any]) -> Path:
+    """Write a description beside a ring, whole or not at all, readable by this user only."""
+    path = path_beside(ring)
+    fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(fd, "w", encoding="utf-8") as file:
+            json.dump(description, file)
+        Path(draft).replace(path)
+    except BaseException:
+        Path(draft).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def read(ring: str | Path) -> dict[str, Any] | None:
+    """The description beside a ring; None if there is none, or none that can be read."""
+    try:
+        found = json.loads(path_beside(ring).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
