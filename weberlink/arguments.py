@@ -39,6 +39,12 @@ Record = Annotated[
     Path | None,
     typer.Option("--record", metavar="OUT", help="Record every tick as MCAP (extra: weberlink[recording])."),
 ]
+Log = Annotated[
+    Path | None,
+    typer.Option(
+        "--log", metavar="OUT", help="Append what happens, a JSON object a line; - for standard output, alone."
+    ),
+]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Processes; as many as processors if not given.")

@@ -37,6 +37,7 @@ from weberlink import description, live_change
 from weberlink.composition.link import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
+from weberlink.journal import Journal
 from weberlink.recorder import Recorder
 
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
@@ -74,6 +75,12 @@ class Daemon:
     @property
     def running(self) -> bool:
         return self._process.poll() is None
+
+    @property
+    def wall_offset_s(self) -> float:
+        """From the clock of the records to the wall clock [s]; 0 while there are none."""
+        reader = self._reader
+        return 0.0 if reader is None else reader.started_wall_s - reader.started_monotonic_s
 
     def records(self) -> Records:
         """What it has written since the last look."""
@@ -126,6 +133,7 @@ class Session:
         duration_s: length of the run; None until it is stopped.
         watch: called about ten times a second with the newest records and the figures so far.
         record: where to record the session, as MCAP; None to record nothing.
+        journal: told what happens; None for no log.
     """
 
     configuration: Configuration
@@ -134,6 +142,7 @@ class Session:
     duration_s: float | None = None
     watch: Callable[[dict[str, Any], dict[str, Any]], None] | None = None
     record: Path | None = None
+    journal: Journal | None = None
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
@@ -178,7 +187,10 @@ class Session:
         summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
         self._look()
         recording = {} if self._recorder is None else {"recording": self._recorder.finish()}
-        return self._report(summaries) | recording
+        report = self._report(summaries) | recording
+        if self.journal is not None:
+            self.journal.end(report)
+        return report
 
     @property
     def _first(self) -> Daemon:
@@ -207,6 +219,9 @@ class Session:
         empty = np.empty(0, DTYPE)
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
         self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
+        if self.journal is not None:
+            for side, daemon in self._in_order():
+                self.journal.look(side, records[side], daemon.wall_offset_s)
         if self.watch is not None:
             recording = {} if self._recorder is None else {"recording": {"running": self._recorder.running}}
             self.watch(self.score.state, self.score.summary() | recording)

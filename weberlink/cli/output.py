@@ -83,14 +83,16 @@ def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
         raise failed
 
 
-def finish(summary: dict[str, Any], title: str, json_out: Path | None, problem: str | None = None) -> None:
-    """Print and write the figures of a session, then what else went wrong, and exit."""
+def finish(
+    summary: dict[str, Any], title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
+) -> None:
+    """Print and write the figures of a session, then what else went wrong, and exit; nothing is printed if `quiet`."""
     from evaluation.environment import environment  # noqa: PLC0415
     from weberlink.report import session_report  # noqa: PLC0415
 
     status = summary.pop("status", COMPLETED)
     summary["environment"] = environment()
-    write(summary, json_out, lambda console: session_report(summary, title, console))
+    write(summary, json_out, lambda console: None if quiet else session_report(summary, title, console))
     if problem is not None:
         fail(problem, status or FAILED)
     raise typer.Exit(status)

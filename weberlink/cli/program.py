@@ -3,7 +3,7 @@
 import typer
 
 from weberlink.arguments import OneLineErrors
-from weberlink.cli import hardware, sessions, studies
+from weberlink.cli import hardware, monitor, operation, sessions, studies
 
 app = typer.Typer(
     name="weberlink",
@@ -14,7 +14,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (*sessions.COMMANDS, *hardware.COMMANDS, *studies.COMMANDS):
+for command in (
+    *sessions.COMMANDS,
+    *monitor.COMMANDS,
+    *hardware.COMMANDS,
+    *operation.COMMANDS,
+    *studies.COMMANDS,
+):
     app.command()(command)
 app.add_typer(hardware.device)
 

@@ -1,6 +1,8 @@
 """Commands that run a system, or one side of it, or look at its file."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,10 +12,12 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from weberlink.arguments import Duration, File, Json, OptionalFile, Record, Set
+from weberlink.arguments import Duration, File, Json, Log, OptionalFile, Record, Set
 from weberlink.cli.output import attempt, errors, fail, finish
 from weberlink.configuration import MASTER, SIDES, SLAVE, load
 from weberlink.daemon import MISCONFIGURED
+
+STANDARD_OUTPUT = Path("-")
 
 
 def loopback(
@@ -21,26 +25,37 @@ def loopback(
     duration: Duration = None,
     json_out: Json = None,
     record: Record = None,
+    log: Log = None,
     set_: Set = None,
 ) -> None:
     """Run master and slave as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("configs") / "loopback.yaml"))
     overrides = [*(set_ or ()), *free_port(path, set_ or ())]
-    _live("loopback", path, overrides, SIDES, duration, json_out, record)
+    _live("loopback", path, overrides, SIDES, duration, json_out, record, log)
 
 
 def master(
-    file: File, duration: Duration = None, json_out: Json = None, record: Record = None, set_: Set = None
+    file: File,
+    duration: Duration = None,
+    json_out: Json = None,
+    record: Record = None,
+    log: Log = None,
+    set_: Set = None,
 ) -> None:
     """Run the operator's side."""
-    _live("master", file, set_ or (), [MASTER], duration, json_out, record)
+    _live("master", file, set_ or (), [MASTER], duration, json_out, record, log)
 
 
 def slave(
-    file: File, duration: Duration = None, json_out: Json = None, record: Record = None, set_: Set = None
+    file: File,
+    duration: Duration = None,
+    json_out: Json = None,
+    record: Record = None,
+    log: Log = None,
+    set_: Set = None,
 ) -> None:
     """Run the teleoperator's side."""
-    _live("slave", file, set_ or (), [SLAVE], duration, json_out, record)
+    _live("slave", file, set_ or (), [SLAVE], duration, json_out, record, log)
 
 
 def check(file: File, set_: Set = None) -> None:
@@ -90,6 +105,7 @@ def _live(
     duration: float | None,
     json_out: Path | None,
     record: Path | None,
+    log: Path | None,
 ) -> None:
     from weberlink.composition.trial import try_out  # noqa: PLC0415
     from weberlink.launcher import Session  # noqa: PLC0415
@@ -104,15 +120,34 @@ def _live(
     for note in notes:
         typer.echo(f"weberlink: note: {note}", err=True)
     console = Console(stderr=True)
-    with Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live:
+    with (
+        journal_to(log, json_out, configuration.system.rate_hz) as journal,
+        Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live,
+    ):
 
         def watch(records: dict[str, Any], summary: dict[str, Any]) -> None:
             live.update(Text(status_line(records, summary)))
 
         watcher = watch if console.is_terminal else None
-        with Session(configuration, overrides, sides, duration, watcher, record) as session:
+        with Session(configuration, overrides, sides, duration, watcher, record, journal) as session:
             summary = session.run()
-    finish(summary, f"weberlink {name}", json_out)
+    finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+
+
+@contextmanager
+def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Iterator[Any]:
+    """The log of a session, as long as it lasts; None where none was asked for."""
+    if log is None:
+        yield None
+        return
+    from weberlink.journal import Journal, LogFile  # noqa: PLC0415
+
+    if log == json_out == STANDARD_OUTPUT:
+        fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
+    with errors():
+        file = LogFile(log)
+    with file:
+        yield Journal(file.write, rate_hz)
 
 
 def free_port(path: Path, overrides: list[str] | tuple[()]) -> list[str]:

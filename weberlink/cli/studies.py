@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
@@ -59,6 +60,9 @@ def evaluate(
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Processes; as many as pay if not given.")
     ] = None,
+    engine: Annotated[
+        str, typer.Option(metavar="E", help="What codes: python, compiled (extra: weberlink[compiled]), or auto.")
+    ] = "auto",
     dask: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster for the work (extra: weberlink[dask])."),
@@ -74,7 +78,8 @@ def evaluate(
         with errors(), progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
-                jnd=jnd, wire=wire, plots=plots is not None, place=place, progress=progress,
+                jnd=jnd, wire=wire, plots=plots is not None, engine=engine, place=place,
+                progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)
@@ -101,6 +106,35 @@ def stability(
 
     with errors(), progress_bar() as progress:
         result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
+    publish(result, json_out, plots)
+
+
+def bench(
+    duration: Annotated[
+        float | None,
+        typer.Option("--duration", metavar="S", min=1.0, callback=finite, help="Of a live run [s]; 20 if not given."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A glance at everything, in half a minute.")] = False,
+    baseline: Annotated[
+        Path | None, typer.Option("--baseline", metavar="FILE", help="Put an earlier --json beside it.")
+    ] = None,
+    json_out: Json = None,
+    plots: Plots = None,
+    set_: Set = None,
+) -> None:
+    """Put real-time and throughput figures beside the limits of this machine, all in one run."""
+    from weberlink.bench.arrangement import BenchError  # noqa: PLC0415
+    from weberlink.bench.study import run  # noqa: PLC0415
+
+    file = Path(str(files("configs") / "loopback.yaml"))
+    try:
+        with errors(), progress_bar() as progress:
+            result = run(
+                file, set_ or (), lambda overrides: free_port(file, overrides), duration=duration, quick=quick,
+                baseline=baseline, plots=plots is not None, progress=progress,
+            )  # fmt: skip
+    except BenchError as error:
+        fail(str(error), FAILED)
     publish(result, json_out, plots)
 
 
@@ -184,4 +218,4 @@ def paper(
     publish(result, json_out, plots)
 
 
-COMMANDS = (info, export, evaluate, precision, stability, experiment, ratings, paper)
+COMMANDS = (info, export, evaluate, precision, stability, bench, experiment, ratings, paper)

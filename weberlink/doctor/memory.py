@@ -1,0 +1,67 @@
+"""Memory: what could send a page away, and the shared memory that telemetry is written to."""
+
+import re
+from collections.abc import Iterator
+
+from telemetry.record import RECORD
+from telemetry.ring import RECORDS_AT
+from weberlink.daemon import RING_SECONDS
+from weberlink.doctor.finding import Check, Finding, advice, ok, problem
+from weberlink.doctor.host import Host
+from weberlink.doctor.needs import Needs
+
+HUGE_PAGES = "/sys/kernel/mm/transparent_hugepage/enabled"
+SHARED = "/dev/shm"  # noqa: S108 - nothing is written
+MEGABYTE = 1e6
+
+
+def swap(host: Host, needs: Needs) -> Iterator[Finding]:
+    """Whether pages may go to disk."""
+    areas = host.read("/proc/swaps").splitlines()[1:]
+    size = sum(int(line.split()[2]) for line in areas) * 1024
+    if not areas:
+        yield ok("swap", "no swap")
+    elif needs.lock_memory:
+        yield ok("swap", f"{size / MEGABYTE:.0f} MB of swap; daemons lock their memory where that is granted")
+    else:
+        yield advice(
+            "swap",
+            f"{size / MEGABYTE:.0f} MB of swap, and the file does not lock memory",
+            "in the file: realtime: {lock_memory: true}, or: sudo swapoff -a",
+        )
+
+
+def huge_pages(host: Host, _needs: Needs) -> Iterator[Finding]:
+    """Whether the kernel rearranges pages behind a daemon's back."""
+    chosen = re.search(r"\[(\w+)\]", host.read(HUGE_PAGES))
+    name = chosen[1] if chosen else "unknown"
+    if name == "always":
+        yield advice(
+            "huge pages",
+            "transparent huge pages always: the kernel moves pages while daemons run",
+            f"echo madvise | sudo tee {HUGE_PAGES}",
+        )
+    else:
+        yield ok("huge pages", f"transparent huge pages {name}")
+
+
+def shared_memory(host: Host, needs: Needs) -> Iterator[Finding]:
+    """Whether there is room for the rings of telemetry."""
+    ring = RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * RECORD.size
+    wanted = ring * len(needs.sides)
+    if not host.has(SHARED):
+        yield problem("shared memory", f"there is no {SHARED}", f"sudo mount -t tmpfs tmpfs {SHARED}")
+        return
+    total, free = host.space(host.root / SHARED.lstrip("/"))
+    found = (
+        f"{SHARED}: {free / MEGABYTE:.0f} of {total / MEGABYTE:.0f} MB free, telemetry takes {wanted / MEGABYTE:.1f} MB"
+    )
+    if free >= wanted:
+        yield ok("shared memory", found)
+    elif host.in_container:
+        yield problem("shared memory", found, "podman/docker run --shm-size=256m ...")
+    else:
+        yield problem("shared memory", found, f"sudo mount -o remount,size=256M {SHARED}")
+
+
+CHECKS: tuple[Check, ...] = (swap, huge_pages, shared_memory)
