@@ -7,10 +7,15 @@ BIN := $(VENV)/bin
 RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 
-.PHONY: system demo test lint format fuzz bench figures lock schema clean
+MINUTES ?= 60
 
-system:  ## Debian packages for tests of HID devices, which skip without them; needs root
+.PHONY: system demo test lint format fuzz soak bench figures lock schema clean
+
+system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
+	command -v chromedriver >/dev/null || apt-get install -y -q --no-install-recommends chromium chromium-driver
+	command -v cyclictest >/dev/null || apt-get install -y -q --no-install-recommends rt-tests
+	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
 
 demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
 	$(BIN)/weberlink loopback --duration $(DURATION)
@@ -31,6 +36,9 @@ format: $(DEV)
 
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
+
+soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
+	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
 bench: $(DEV)  ## run time of a tick's codec work, of a device's exchange, of MuJoCo, and what recording costs, beside their limits
 	$(BIN)/python -m benchmarks.codec_tick

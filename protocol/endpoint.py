@@ -281,7 +281,9 @@ class Endpoint:
 
     def handle_timer(self, now: float) -> None:
         """Do what is due: silence, calls, repeats, heartbeats. Early calls do no harm."""
-        if self._due is not None and now < self._due:
+        if self._due is None:
+            self._due = self._find_due()
+        if now < self._due:
             return
         self._due = None
         session = self._session
