@@ -1,6 +1,6 @@
 """When a prediction is wrong by more than a person could feel: the bound that decides whether a sample is sent."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Protocol, get_args
 
 from codec.vector import Vector, distance, norm
@@ -45,15 +45,19 @@ class ForceDeadband:
     weber: float
     floor: float = 0.0
     reference: Reference = "actual"
+    which: int = field(init=False, repr=False, compare=False)
+    """Of `reference` among those there are: quicker to compare than its name."""
 
     def __post_init__(self) -> None:
         _check_not_negative("weber", self.weber)
         _check_not_negative("floor", self.floor)
         if self.reference not in get_args(Reference):
             raise ValueError(f"reference must be one of {', '.join(get_args(Reference))}, not {self.reference!r}")
+        object.__setattr__(self, "which", get_args(Reference).index(self.reference))
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, last: Vector) -> float:  # noqa: ARG002
-        reference = actual if self.reference == "actual" else displayed if self.reference == "displayed" else sent
+        which = self.which
+        reference = actual if which == 0 else displayed if which == 1 else sent
         relative = self.weber * norm(reference)
         return relative if relative > self.floor else self.floor
 

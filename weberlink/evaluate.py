@@ -6,14 +6,15 @@ in `evaluation.coding`, and does not depend on where.
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, get_args
 
 from rich.table import Table
 
 from codec.predictors import HYBRID, PREDICTORS
+from evaluation.coding.engine import Engine, fitting, prepare
 from evaluation.coding.naming import names
 from evaluation.coding.row import Row
 from evaluation.coding.sweep import Recording, Study, Task, length, rows_of
@@ -28,6 +29,7 @@ from weberlink.extras import need
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
 """Steps far below any sensor's noise, without a range."""
 PAPER = "paper"
+AUTO = "auto"
 WORTH_PROCESSES = 100_000.0
 """Coded samples from which other processes are done sooner than this one alone, which need not start."""
 
@@ -84,10 +86,11 @@ def run(
     jnd: float = 0.10,
     wire: bool = True,
     plots: bool = False,
+    engine: str = AUTO,
     place: Place = Place(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
-    """Evaluate every combination. Where the work is done changes no row, but for the measured run time.
+    """Evaluate every combination. What does the work and where changes no row, but for the measured run time.
 
     Args:
         traces: recorded signals, each once.
@@ -97,6 +100,7 @@ def run(
         jnd: a person's just noticeable difference, as a share of the force.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be wanted.
+        engine: what codes, "python" or "compiled"; "auto" for what is done soonest on this machine.
         place: where the work is done.
         progress: told of it.
 
@@ -111,8 +115,11 @@ def run(
     if not 0.0 < jnd <= 1.0:
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     exactness: dict[str, Any] = {} if wire else UNQUANTIZED
+    named = _engine(engine)
     study = Study(_predictors(predictors), _webers(webers), floor, jnd=jnd, **exactness)
     recordings = read_recordings(traces)
+    samples = sum(map(length, study.tasks(recordings)))
+    study = replace(study, engine=named or ("python" if place.dask is not None else fitting(samples)))
     rows = compute(study, recordings, place, progress)
     return assemble(study, recordings, rows, wire=wire, run_time=perf_counter() - began)
 
@@ -125,6 +132,8 @@ def compute(study: Study, recordings: Sequence[Recording], place: Place, progres
         EvaluationError: if a worker died.
     """
     tasks = study.tasks(recordings)
+    if place.dask is None:
+        prepare(study.engine)
     results: dict[int, list[Row]] = {}
     for index, rows in _on_cluster(tasks, place.dask) if place.dask is not None else _here(tasks, place.workers):
         results[index] = rows
@@ -140,6 +149,7 @@ def assemble(study: Study, recordings: list[Recording], rows: list[Row], *, wire
         "floor_n": study.floor,
         "jnd": study.jnd,
         "wire": wire,
+        "engine": study.engine,
         "rows": [row.as_json() for row in rows],
         "run_time_s": run_time,
         "environment": facts,
@@ -167,6 +177,8 @@ def _on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[int, list
         raise ConfigurationError(f"--dask: {error}") from None
     except LostClusterError as error:
         raise EvaluationError(f"--dask: {error}") from None
+    except ModuleNotFoundError as error:
+        raise EvaluationError(f"--engine compiled: a worker of the cluster has no {error.name}") from None
 
 
 def _check_place(place: Place) -> None:
@@ -192,6 +204,18 @@ def read_recordings(paths: Sequence[Path]) -> list[Recording]:
         return [Recording(name, read_trace(path)) for name, path in zip(names(paths), paths, strict=True)]
     except TraceError as error:
         raise ConfigurationError(str(error)) from None
+
+
+def _engine(text: str) -> Engine | None:
+    """None where it is to be chosen."""
+    if text == AUTO:
+        return None
+    for known in get_args(Engine):
+        if text == known:
+            if known == "compiled":
+                need("numba", "compiled", "--engine compiled")
+            return known  # type: ignore[no-any-return]
+    raise ConfigurationError(f"--engine: {text!r} is none of {', '.join((AUTO, *get_args(Engine)))}")
 
 
 def _predictors(text: str) -> list[str]:

@@ -1,61 +1,95 @@
 """One recorded signal through a fresh encoder and decoder, sample by sample as a daemon would.
 
 Owns the loop and what it leaves behind. The run time of a tick is that of encode and decode and of nothing else;
-what can be worked out afterwards is.
+what can be worked out afterwards is. The same without the live objects, and faster, is `evaluation.coding.compiled`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import dist
+from functools import cached_property
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from codec import Channel, Decoder, Encoder, Update
-from codec.vector import ZERO, Vector
+from codec.vector import ZERO, Vector, distance
 from master.trace import Trace
 from protocol.psk import PresharedKey
 from protocol.wire import UpdateLayout
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 
-class Signal(NamedTuple):
-    """A trace as the codec takes it: lists of plain tuples, whose floats are faster than those of arrays."""
+@dataclass(frozen=True)
+class Signal:
+    """A trace as the codec takes it.
 
-    forces: list[Vector]
-    positions: list[Vector]
+    Args:
+        force_n: shape (n, 3) [N].
+        position_m: shape (n, 3) [m].
+        period_s: time between samples.
+    """
+
+    force_n: Array
+    position_m: Array
     period_s: float
-    """Time between samples."""
+
+    def __len__(self) -> int:
+        return len(self.force_n)
+
+    @cached_property
+    def samples(self) -> list[tuple[Vector, Vector]]:
+        """Force and position of each tick as plain tuples, whose floats are faster than those of arrays."""
+        return list(zip(_vectors(self.force_n), _vectors(self.position_m), strict=True))
 
     @property
     def duration_s(self) -> float:
         """Every sample stands for one period."""
-        return len(self.forces) * self.period_s
+        return len(self) * self.period_s
+
+    def middle(self, count: int) -> "Signal":
+        """So many samples at most, from the middle: a hand comes to the matter after a while."""
+        first = max(0, (len(self) - count) // 2)
+        part = slice(first, first + count)
+        return Signal(self.force_n[part], self.position_m[part], self.period_s)
 
 
 @dataclass(frozen=True)
 class Replay:
-    """What came of a signal, per tick.
+    """What came of a signal.
 
     Args:
-        error_n: distance of the decoded force from the measured one, shape (n,) [N].
-        bound_n: the deadband, shape (n,) [N].
+        error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
+        bound_n: the deadband at each tick, shape (n,) [N].
         updates: those that were sent.
-        tick_us: median run time of encode plus decode.
+        selected: the predictor that each of them chose, by its index in the bank, shape (packets,).
+        paired: how many of them carry the sample before.
+        tick_us: median run time of encode plus decode by the live codec.
     """
 
     error_n: Array
     bound_n: Array
     updates: Sequence[Update]
+    selected: Integers
+    paired: int
     tick_us: float
+
+    def payload_bytes(self, channel: Channel) -> int:
+        """UDP payload of all updates on a secured link without delay control: each with its history or without, and
+        its tag.
+        """
+        layout, packets = UpdateLayout(channel.level_count), len(self.updates)
+        return (
+            self.paired * layout.size(with_previous=True)
+            + (packets - self.paired) * layout.size(with_previous=False)
+            + packets * PresharedKey.tag_size
+        )
 
 
 def signal_of(trace: Trace) -> Signal:
-    """Convert once what many replays take."""
-    return Signal(_vectors(trace.force_n), _vectors(trace.position_m), trace.period_s)
+    return Signal(trace.force_n, trace.position_m, trace.period_s)
 
 
 def replay(signal: Signal, channel: Channel) -> Replay:
@@ -66,7 +100,7 @@ def replay(signal: Signal, channel: Channel) -> Replay:
     bounds: list[float] = []
     updates: list[Update] = []
     times: list[float] = []
-    for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(zip(signal.forces, signal.positions, strict=True)):
+    for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(signal.samples):
         # Made here, as a daemon has just made them: a vector from afar would cost the tick its way to the processor.
         force, position = (fx, fy, fz), (px, py, pz)
         began = perf_counter()
@@ -77,22 +111,17 @@ def replay(signal: Signal, channel: Channel) -> Replay:
         times.append(perf_counter() - began)
         # As the encoder computes it, to the last bit: an error on the bound must not count as one beyond it. At once,
         # since vectors that are kept would make every tick take fresh memory, which no daemon does.
-        errors.append(dist(held or ZERO, force))
+        errors.append(distance(held or ZERO, force))
         bounds.append(encoder.bound)
         if update is not None:
             updates.append(update)
-    return Replay(np.array(errors), np.array(bounds), updates, 1e6 * float(np.median(times)))
-
-
-def payload_bytes(updates: Sequence[Update], channel: Channel) -> int:
-    """UDP payload of updates on a secured link without delay control: each with its history or without, and its tag."""
-    layout = UpdateLayout(channel.level_count)
-    paired = sum(bool(update.previous) for update in updates)
-    plain = len(updates) - paired
-    return (
-        paired * layout.size(with_previous=True)
-        + plain * layout.size(with_previous=False)
-        + len(updates) * PresharedKey.tag_size
+    return Replay(
+        np.array(errors),
+        np.array(bounds),
+        updates,
+        np.array([update.selector for update in updates], np.int64),
+        sum(bool(update.previous) for update in updates),
+        1e6 * float(np.median(times)),
     )
 
 

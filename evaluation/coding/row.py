@@ -1,12 +1,14 @@
 """The figures of one trace with one predictor at one Weber factor. Owns what they are called and mean."""
 
-from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from codec import Channel
+from evaluation.coding.engine import Engine, coding
 from evaluation.coding.perception import in_units, longest_run, noticed, rms
-from evaluation.coding.replay import Array, Signal, payload_bytes, replay
+from evaluation.coding.replay import Array, Signal
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Row:
     noticeable_fraction: float
     noticeable_longest_s: float
     tick_us: float
-    """Median run time of encode plus decode."""
+    """Median run time of encode plus decode by the live codec; on a part of the trace where compiled code codes it."""
     selected: dict[str, int] | None = None
     """Sends per predictor; hybrid only."""
     clairvoyant_packets: int | None = None
@@ -67,6 +69,7 @@ def code(
     channel: Channel,
     threshold_n: Array,
     clairvoyant_packets: int | None = None,
+    engine: Engine = "python",
 ) -> Row:
     """Run one signal through a fresh encoder and decoder.
 
@@ -78,10 +81,11 @@ def code(
         channel: a force channel.
         threshold_n: a person's, for each tick, shape (n,) [N].
         clairvoyant_packets: for the row.
+        engine: what codes.
     """
-    run = replay(signal, channel)
+    run = coding(engine)(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
-    sends = Counter(update.selector for update in run.updates)
+    sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
     outside = run.error_n > run.bound_n
     return Row(
         trace=name,
@@ -91,7 +95,7 @@ def code(
         packets=packets,
         packets_per_s=packets / duration,
         reduction=1.0 - packets / samples,
-        bytes_per_s=payload_bytes(run.updates, channel) / duration,
+        bytes_per_s=run.payload_bytes(channel) / duration,
         error_rms_n=rms(run.error_n),
         error_max_n=float(run.error_n.max()),
         jnd_max=float(in_units(run.error_n, run.bound_n).max(initial=0.0)),
@@ -99,6 +103,6 @@ def code(
         violation_longest_s=longest_run(outside) * signal.period_s,
         **noticed(run.error_n, threshold_n, signal.period_s)._asdict(),
         tick_us=run.tick_us,
-        selected={one: sends[index] for index, one in enumerate(channel.bank)} if len(channel.bank) > 1 else None,
+        selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         clairvoyant_packets=clairvoyant_packets,
     )

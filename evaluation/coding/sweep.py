@@ -12,6 +12,7 @@ from typing import NamedTuple
 from codec import Channel, force_channel
 from codec.predictors import HYBRID
 from evaluation.coding.clairvoyant import clairvoyant_sends
+from evaluation.coding.engine import Engine
 from evaluation.coding.perception import Threshold
 from evaluation.coding.replay import signal_of
 from evaluation.coding.row import Row, code
@@ -37,6 +38,7 @@ class Study:
         position_step: wire step [m].
         saturates: whether the int16 range applies.
         jnd: a person's just noticeable difference, as a share of the force.
+        engine: what codes; the rows are the same.
     """
 
     predictors: Sequence[str] = ("zoh", "linear", "plane", "sphere", "hybrid")
@@ -46,6 +48,7 @@ class Study:
     position_step: float = 1e-5
     saturates: bool = True
     jnd: float = 0.10
+    engine: Engine = "python"
 
     def channel(self, predictor: str, weber: float) -> Channel:
         return force_channel(
@@ -98,9 +101,12 @@ def rows_of(task: Task) -> list[Row]:
     threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
     fewest = _clairvoyant(trace, study, weber)
     return [
-        code(name, signal, predictor, weber, study.channel(predictor, weber), threshold_n, fewest.get(predictor))
+        code(
+            name, signal, predictor, weber, study.channel(predictor, weber), threshold_n,
+            fewest.get(predictor), study.engine,
+        )
         for predictor in study.predictors
-    ]
+    ]  # fmt: skip
 
 
 def length(task: Task) -> float:

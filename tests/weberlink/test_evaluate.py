@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -136,6 +137,35 @@ def test_a_process_that_dies_is_one_line(monkeypatch: pytest.MonkeyPatch) -> Non
     assert complaint(invoke(OPERATOR, "--weber", "0.1,0.2", "--workers", 2), 1) == (
         "weberlink: a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
     )
+
+
+# --- what codes
+
+
+@pytest.mark.skipif(find_spec("numba") is None, reason="numba (extra: compiled) is not installed")
+def test_rows_are_the_same_whatever_codes(traces: list[Path]) -> None:
+    rows = []
+    for engine in ("python", "compiled"):
+        document = run(traces, "zoh,hybrid", "0.05,0.2", 0.02, engine=engine).document
+        assert document["engine"] == engine
+        rows.append([{key: value for key, value in row.items() if key != "tick_us"} for row in document["rows"]])
+    assert rows[0] == rows[1]
+
+
+def test_little_work_is_done_by_the_live_codec() -> None:
+    assert run([OPERATOR], "zoh", "0.1", 0.02).document["engine"] == "python"
+
+
+def test_an_engine_that_there_is_not_is_one_line() -> None:
+    line = complaint(invoke(OPERATOR, "--engine", "steam"), 2)
+    assert line == "weberlink: --engine: 'steam' is none of auto, python, compiled"
+
+
+def test_compiling_without_numba_is_one_line() -> None:
+    hidden = "import sys; sys.modules['numba'] = None; import importlib.util as u; found = u.find_spec; "
+    hidden += "u.find_spec = lambda name, *more: None if name == 'numba' else found(name, *more); "
+    line = complaint(program(OPERATOR, "--engine", "compiled", before=hidden), 2)
+    assert line == ('weberlink: --engine compiled: needs numba; install it with: pip install "weberlink[compiled]"')
 
 
 # --- a cluster

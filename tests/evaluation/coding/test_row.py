@@ -10,7 +10,7 @@ import pytest
 from codec import Channel, Decoder, Encoder, force_channel
 from codec.vector import Vector
 from evaluation.coding.perception import Threshold
-from evaluation.coding.replay import payload_bytes, replay, signal_of
+from evaluation.coding.replay import replay, signal_of
 from evaluation.coding.row import Row, code
 from evaluation.coding.sweep import Recording, Study
 from master.trace import Trace
@@ -88,11 +88,10 @@ def test_a_step_is_one_packet_and_no_error() -> None:
 
 def test_updates_with_history_are_longer() -> None:
     channel = force_channel(predictor="linear", weber=0.10)
-    updates = replay(signal_of(wall()), channel).updates
-    with_history = [update for update in updates if update.previous]
-    assert 0 < len(with_history) < len(updates)
-    assert payload_bytes(with_history, channel) == 46 * len(with_history)
-    assert payload_bytes(updates, channel) == 46 * len(with_history) + 32 * (len(updates) - len(with_history))
+    run = replay(signal_of(wall()), channel)
+    with_history = [update for update in run.updates if update.previous]
+    assert 0 < len(with_history) < len(run.updates)
+    assert run.payload_bytes(channel) == 46 * len(with_history) + 32 * (len(run.updates) - len(with_history))
 
 
 def test_the_hybrid_says_what_it_chose() -> None:

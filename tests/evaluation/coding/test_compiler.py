@@ -1,0 +1,62 @@
+"""What numba is told of the codec, and what is kept of what it made."""
+
+import pkgutil
+from collections.abc import Callable
+from importlib import import_module
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+pytest.importorskip("numba", reason="numba (extra: compiled) is not installed")
+
+import codec
+from codec import force_channel
+from codec.deadband import ForceDeadband
+from codec.predictors import Trust
+from codec.quantizer import Quantizer
+from evaluation.coding.compiled import compiler
+
+LIVE_ONLY = {"codec.decoder", "codec.encoder", "codec.fitted"}
+"""Nothing of these is compiled."""
+PACKAGES = {"codec.predictors"}
+
+
+def modules() -> dict[str, ModuleType]:
+    names = {found.name for found in pkgutil.walk_packages(codec.__path__, "codec.")}
+    return {name: import_module(name) for name in names - LIVE_ONLY - PACKAGES}
+
+
+def test_what_is_kept_is_known_by_all_the_source_of_the_codec() -> None:
+    """Or another codec would leave yesterday's machine code in use."""
+    assert set(modules().values()) == set(compiler.SOURCES) - {compiler.loop}
+
+
+def test_fields_are_those_of_the_object() -> None:
+    channel = force_channel(weber=0.2, floor=0.1, reference="sent", axes="xz", trust=Trust((2.0, 3.0), (4.0, 5.0), 0.5))
+    found = compiler.fields_of(channel)
+    pairs: list[tuple[Any, object]] = [
+        (found.trust, channel.trust),
+        (found.deadband, channel.deadband),
+        (found.value_quantizer, channel.value_quantizer),
+        (found.position_quantizer, channel.position_quantizer),
+    ]
+    for fields, original in pairs:
+        assert fields._asdict() == {name: getattr(original, name) for name in fields._fields}
+    assert set(compiler.TrustFields._fields) == set(Trust.__dataclass_fields__)
+    assert set(compiler.DeadbandFields._fields) == set(ForceDeadband.__dataclass_fields__) - {"reference"}
+    assert set(compiler.QuantizerFields._fields) < set(Quantizer.__slots__)
+
+
+def test_where_nothing_can_be_kept_it_is_compiled_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[bool] = []
+
+    def njit(*, cache: bool, error_model: str) -> Callable[[Any], Any]:
+        asked.append(cache)
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return lambda function: function
+
+    monkeypatch.setattr(compiler.numba, "njit", njit)
+    compiler.compiled.__wrapped__()
+    assert asked == [True, False]
