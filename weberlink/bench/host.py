@@ -1,0 +1,86 @@
+"""The facts of this host that decide how late a process is woken. Reads the kernel's files; changes nothing."""
+
+import os
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+WORDS = (
+    "isolcpus",
+    "nohz_full",
+    "rcu_nocbs",
+    "irqaffinity",
+    "idle",
+    "preempt",
+    "threadirqs",
+    "mitigations",
+    "skew_tick",
+    "intel_idle.max_cstate",
+    "processor.max_cstate",
+    "intel_pstate",
+    "tsc",
+    "clocksource",
+)
+"""Of the kernel's command line; the others say nothing about time."""
+
+CPUS = "sys/devices/system/cpu"
+
+
+def host(root: Path = Path("/")) -> dict[str, Any]:
+    """What a reader needs to judge lateness on this machine; None where the kernel does not say.
+
+    Args:
+        root: of the kernel's files.
+    """
+    return {
+        "kernel": platform.release(),
+        "preemption": preemption(platform.version(), root),
+        "command_line": [word for word in _read(root / "proc/cmdline").split() if word.partition("=")[0] in WORDS],
+        "governors": sorted({_read(path) for path in (root / CPUS).glob("cpu[0-9]*/cpufreq/scaling_governor")}) or None,
+        "idle_driver": _read(root / CPUS / "cpuidle/current_driver") or None,
+        "isolated_cpus": _read(root / CPUS / "isolated") or None,
+        "nohz_full_cpus": _read(root / CPUS / "nohz_full") or None,
+        "clock_source": _read(root / "sys/devices/system/clocksource/clocksource0/current_clocksource") or None,
+        "virtual_machine": "hypervisor" in _read(root / "proc/cpuinfo"),
+        "realtime_share": _realtime_share(root),
+        "load_average": list(os.getloadavg()),
+    }
+
+
+def preemption(version: str, root: Path) -> str:
+    """Of the kernel: PREEMPT_RT, PREEMPT_DYNAMIC, PREEMPT or none."""
+    if _read(root / "sys/kernel/realtime") == "1":
+        return "PREEMPT_RT"
+    words = [word for word in version.split() if word.startswith("PREEMPT")]
+    return words[0] if words else "none"
+
+
+def in_words(facts: Mapping[str, Any]) -> str:
+    """One line of them."""
+    load = "/".join(f"{value:.2f}" for value in facts["load_average"])
+    governors = ", ".join(facts["governors"]) if facts["governors"] else "not said"
+    parts = [
+        f"kernel {facts['preemption']}" + (" in a virtual machine" if facts["virtual_machine"] else ""),
+        f"governor {governors}",
+        f"idle {facts['idle_driver'] or 'not said'}",
+        f"isolated CPUs {facts['isolated_cpus'] or 'none'}",
+        f"clock {facts['clock_source'] or 'not said'}",
+        f"load before {load}",
+    ]
+    return "; ".join(parts)
+
+
+def _realtime_share(root: Path) -> float | None:
+    """Of a second that real-time processes may have; None for all of it, or where the kernel does not say."""
+    runtime, period = (_read(root / f"proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
+    if not runtime or not period or int(runtime) < 0:
+        return None
+    return int(runtime) / int(period)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""
