@@ -129,9 +129,7 @@ class Endpoint:
 
     @property
     def statistics(self) -> Statistics:
-        """Counters, which go on counting, and measurements as of this call."""
-        if self._session is not None:
-            self._session.measure()
+        """Counters and measurements, which go on."""
         return self._statistics
 
     def peer_time(self, now: float) -> float | None:
@@ -358,6 +356,7 @@ class Endpoint:
             return
         session = self._open_session(answer.protection, answer.peer_clock, now)
         session.clock.learn(answer.outward_delay, 0.0, 0.0)
+        session.measure()
         self._establish(session, address, now)
         self._post(session.sender.send_heartbeat(now))
 
@@ -373,6 +372,7 @@ class Endpoint:
         self._mailbox.count(data)
         is_newest = session.is_newest(opened)
         outcome = session.accept(opened, now)
+        session.measure()
         self._heard_at = session.heard_at
         if session.heard_at == now:  # what is old or cannot be true moves nothing
             if is_newest:

@@ -85,3 +85,12 @@ class GarbageSchedule:
             self.forced += 1
         passes.run(FULL if full else YOUNG)
         self._waited = 0
+
+    def summary(self) -> dict[str, float]:
+        """For a report: passes of each kind, those that had to be forced, and the longest of all [us]."""
+        return {
+            "young": self.young.count,
+            "full": self.full.count,
+            "forced": self.forced,
+            "longest_us": 1e6 * max(self.young.worst_s, self.full.worst_s),
+        }

@@ -62,7 +62,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a run was: ticks done and missed, lateness and work of each [us], and how it ended."""
+    """What a run was: ticks done and missed, lateness and work of each [us], passes of the collector, how it ended."""
 
     ticks: int
     missed: int
@@ -70,6 +70,7 @@ class Run:
     work: Histogram
     outcome: str | None
     orderly: bool
+    garbage: GarbageSchedule | None = None
 
 
 def run(
@@ -168,6 +169,7 @@ class _Shell:
             work=self._work,
             outcome=self._side.outcome or self._reason,
             orderly=not self._failed,
+            garbage=self._garbage,
         )
 
     async def _open(self, loop: asyncio.AbstractEventLoop) -> None:

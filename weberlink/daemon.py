@@ -234,6 +234,7 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
         "faults": side.faults,
         "drops": {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()},
         "realtime": grants.as_dict(),
+        "garbage": None if run_.garbage is None else run_.garbage.summary(),
     }
 
 
