@@ -1,0 +1,34 @@
+// Numbers as a person reads them. The exact one stands beside, in data-value.
+
+const UNKNOWN = "–";
+const MINUS = "\u2212";
+
+const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
+const fixed = (value, digits) => value.toFixed(digits).replace("-", MINUS);
+
+// Three digits that matter, none of them an exponent.
+export function three(value) {
+  if (!known(value)) return UNKNOWN;
+  const size = Math.abs(value);
+  return fixed(value, size >= 99.95 ? 0 : size >= 9.995 ? 1 : 2);
+}
+
+export const AS = {
+  count: (v) => (known(v) ? v.toLocaleString("en").replace(/,/g, "\u202f") : UNKNOWN),
+  number1: (v) => (known(v) ? fixed(v, 1) : UNKNOWN),
+  pace: (v) => (known(v) ? fixed(v, v < 9.95 ? 1 : 0) : UNKNOWN),
+  rate: (v) => (known(v) ? `${fixed(v, 1)} /s` : UNKNOWN),
+  percent: (v) => (known(v) ? `${fixed(100 * v, 1)} %` : UNKNOWN),
+  jnd: (v) => (known(v) ? `${fixed(v, 2)} JND` : UNKNOWN),
+  ms: (v) => (known(v) ? `${three(v / 1000)} ms` : UNKNOWN),
+  us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
+  mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),
+  newton: (v) => (known(v) ? `${fixed(v, 3)} N` : UNKNOWN),
+};
+
+// Text and exact value of an element; touches the document only where something is new.
+export function show(element, text, value) {
+  if (element.textContent !== text) element.textContent = text;
+  const exact = value === null || value === undefined || value !== value ? "" : String(value);
+  if (element.dataset.value !== exact) element.dataset.value = exact;
+}

@@ -1,0 +1,112 @@
+// The strip that is understood in five seconds: state, packets, felt error, round trip, faults.
+
+import { AS, show, three } from "./format.js";
+import { FAULTS, STATES, word } from "./names.js";
+
+const by = (id) => document.getElementById(id);
+
+export class Headline {
+  constructor(store) {
+    this.store = store;
+    this.connection = "connecting";
+  }
+
+  draw() {
+    this.#state();
+    this.#packets();
+    this.#felt();
+    this.#delay();
+    this.#faults();
+  }
+
+  #state() {
+    const { store } = this;
+    const states = store.present.map((side) => word(STATES, store.rings[side].last("state")));
+    const [name, detail] = this.#word(states);
+    const tile = by("tile-state");
+    if (tile.dataset.state !== name) tile.dataset.state = name;
+    show(by("state"), name === "lost" ? "no monitor" : name, name);
+    show(by("state-detail"), detail, detail);
+    const seconds = store.ended ? store.figures.figures.duration_s : store.newest;
+    show(by("duration"), seconds > 0 ? `${seconds.toFixed(1)} s` : "", seconds || null);
+  }
+
+  #word(states) {
+    const { store, connection } = this;
+    if (connection === "gone") return ["lost", "the monitor is gone; trying again"];
+    if (store.ended) return ["ended", "these are the final figures"];
+    if (!store.hello?.session) return ["connecting", "waiting for a session to begin"];
+    if (!states.length) return ["connecting", "waiting for the first tick"];
+    const where = store.present.length === 2 ? "master and slave" : `${store.present[0]} only`;
+    const sides = new Set(states);
+    if (sides.size === 1) return [states[0], `${where}${store.hello.remote ? ", over the network" : ""}`];
+    const order = ["silent", "closed", "connecting", "listening", "idle", "engaged"];
+    const worst = order.find((state) => sides.has(state)) ?? states[0];
+    return [worst, store.present.map((side, k) => `${side} ${states[k]}`).join(", ")];
+  }
+
+  #packets() {
+    const { figures, ended } = this.store;
+    const now = ended ? figures?.figures?.force?.packets_per_s : figures?.packets_per_s_now?.force;
+    const saved = ended ? figures?.figures?.force?.reduction : figures?.reduction_now?.force;
+    show(by("force-packets-now"), AS.pace(now), now);
+    show(by("force-reduction-now"), AS.percent(saved), saved);
+    show(by("rate"), AS.count(this.store.rate), this.store.rate);
+    by("packets-bar").style.transform = `scaleX(${Math.min(1, Math.max(0, 1 - (saved ?? 1)))})`;
+  }
+
+  #felt() {
+    const { store } = this;
+    const jnd = store.ended ? (store.figures.figures?.force?.violation_p99_jnd ?? NaN) : store.feltNow();
+    show(by("felt-of"), store.ended ? "JND, p99" : "of 1 JND", null);
+    show(by("felt-jnd-now"), Number.isFinite(jnd) ? jnd.toFixed(2) : "–", jnd);
+    const bar = by("felt-bar");
+    bar.style.transform = `scaleX(${Number.isFinite(jnd) ? Math.min(1, jnd / 2) : 0})`;
+    bar.classList.toggle("over", jnd > 1);
+  }
+
+  #delay() {
+    const { rings, ended, figures } = this.store;
+    const ring = rings.master.empty ? rings.slave : rings.master;
+    const rtt = ended ? figures.figures?.link?.rtt_us?.p50 : ring.last("rtt_us");
+    show(by("rtt-now"), three(rtt === null ? NaN : rtt / 1000), rtt);
+  }
+
+  #faults() {
+    const { rings, figures, present } = this.store;
+    const active = present.map((side) => [side, rings[side].last("fault")]).filter(([, fault]) => fault > 0);
+    const met = counts(figures?.faults);
+    const total = Object.values(met).reduce((sum, count) => sum + count, 0);
+    by("tile-faults").dataset.level = active.length ? "bad" : total ? "warn" : "good";
+    const text = active.length ? word(FAULTS, active[0][1]) : total ? `${total} over` : "none";
+    show(by("faults"), text, Math.max(total, active.length));
+    const told = Object.entries(met)
+      .map(([name, count]) => `${name} ${count}`)
+      .join(", ");
+    const now = active.map(([side, fault]) => `${side}: ${word(FAULTS, fault)}`).join(", ");
+    show(by("faults-detail"), now || told || "\u00a0", now || told);
+  }
+}
+
+// {"master": {"silence": 1}} as one list, without what was never met.
+function counts(faults) {
+  const flat = {};
+  for (const [side, named] of Object.entries(faults ?? {})) {
+    for (const [name, count] of Object.entries(named ?? {})) if (count) flat[`${side} ${name}`] = count;
+  }
+  return flat;
+}
+
+// Every element that names a figure of the report gets it.
+export function fillFigures(message) {
+  for (const place of document.querySelectorAll("[data-figure]")) {
+    const value = place.dataset.figure.split(".").reduce((inner, key) => inner?.[key], message?.figures);
+    show(place, AS[place.dataset.as](value), value);
+  }
+  const late = message && message.seen_from_start === false;
+  show(
+    by("seen-from-start"),
+    late ? "; since the monitor began" : "",
+    message ? String(message.seen_from_start !== false) : null,
+  );
+}

@@ -1,0 +1,253 @@
+// What each chart shows: one table. A value is a function of the columns of a ring and a row.
+
+import { AS, three } from "./format.js";
+
+const norm = (v) => (c, i) => {
+  const x = c[`${v}_x`],
+    y = c[`${v}_y`],
+    z = c[`${v}_z`];
+  return x ? Math.sqrt(x[i] * x[i] + y[i] * y[i] + z[i] * z[i]) : NaN;
+};
+const axis =
+  (v, name, factor = 1) =>
+  (c, i) =>
+    c[`${v}_${name}`] ? factor * c[`${v}_${name}`][i] : NaN;
+const column =
+  (name, factor = 1) =>
+  (c, i) =>
+    c[name] ? factor * c[name][i] : NaN;
+const component = (v, which, factor = 1) => (which === "norm" ? norm(v) : axis(v, which, factor));
+const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
+const sent = (c, i) => c.sent && c.sent[i] > 0;
+// From 10 up, where the chart begins: 0 has no logarithm.
+const logarithmic = (name) => (c, i) => (c[name] ? Math.max(10, c[name][i]) : NaN);
+const missed = (c, i) => c.ticks_missed && i > 0 && c.ticks_missed[i] > c.ticks_missed[i - 1];
+
+// Bounds that are round and seldom move: at least `least`, the data with room to spare, from 0 where nothing is below.
+function roundUp(value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((f) => f * power).find((step) => step >= value * 0.999);
+}
+const upward = (least) => (low, high) => [0, roundUp(Math.max(least, 1.04 * high))];
+const around = (least) => (low, high) => {
+  const top = roundUp(Math.max(least, 1.04 * Math.max(Math.abs(low), Math.abs(high))));
+  return [low < 0 ? -top : 0, high > 0 || low >= 0 ? top : 0];
+};
+
+const PANELS = [
+  {
+    name: "force",
+    title: "Force",
+    unit: "N",
+    choices: ["norm", "x", "y", "z"],
+    choice: "norm",
+    help:
+      "Measured at the robot, and felt by the operator. Within the green deadband around the measured force a " +
+      "difference is too small to be noticed, so nothing is sent; each dot is a packet.",
+    empty: "needs a session in contact",
+    // The measured force lies beneath and is wider, so that both are seen where they agree.
+    sources: (which) => [
+      {
+        ring: "slave",
+        series: [
+          { name: "measured", colour: "slave", width: 5, alpha: 0.5, of: component("raw", which), unit: "N" },
+          { name: "", hidden: true, of: (c, i) => component("raw", which)(c, i) + column("bound")(c, i) },
+          {
+            name: "",
+            hidden: true,
+            of: (c, i) => {
+              const low = component("raw", which)(c, i) - column("bound")(c, i);
+              return which === "norm" ? Math.max(0, low) : low;
+            },
+          },
+        ],
+      },
+      {
+        ring: "master",
+        series: [{ name: "felt", colour: "master", width: 1.75, of: component("output", which), unit: "N" }],
+      },
+      {
+        ring: "slave",
+        series: [{ name: "packet", colour: "packets", dots: 8, of: where(sent, component("raw", which)) }],
+      },
+    ],
+    band: [2, 3],
+    range: (which) => (which === "norm" ? upward(1) : around(0.5)),
+    axis: (v) => `${v} N`,
+  },
+  {
+    name: "felt",
+    title: "Felt error",
+    unit: "JND",
+    help:
+      "What the operator feels against what the robot measured, in units of the deadband, which stands for one " +
+      "just-noticeable difference (JND): in the green zone it should go unnoticed.",
+    empty: "needs both sides of the session on this host",
+    sources: () => [
+      { ring: "felt", series: [{ name: "error", colour: "third", width: 1.5, of: column("jnd"), unit: "JND" }] },
+    ],
+    zone: [0, 1],
+    range: () => (low, high) => [0, Math.min(6, roundUp(Math.max(2, 1.04 * high)))],
+    axis: (v) => `${v} JND`,
+  },
+  {
+    name: "position",
+    title: "Position",
+    unit: "mm",
+    choices: ["x", "y", "z"],
+    choice: "z",
+    help: "Where the operator's hand is, and where the robot was sent. Each stroke at the bottom is a packet.",
+    empty: "no samples yet",
+    sources: (which) => [
+      {
+        ring: "slave",
+        series: [
+          {
+            name: "robot",
+            colour: "slave",
+            width: 5,
+            alpha: 0.5,
+            of: component("output", which, 1e3),
+            unit: "mm",
+            digits: 1,
+          },
+        ],
+      },
+      {
+        ring: "master",
+        series: [
+          { name: "hand", colour: "master", width: 1.75, of: component("position", which, 1e3), unit: "mm", digits: 1 },
+          { name: "packet", colour: "packets", poles: 0.07, of: where(sent, () => 0), mark: true },
+        ],
+      },
+    ],
+    range: () => (low, high) => padded(low, high, 5),
+    axis: (v) => `${v} mm`,
+  },
+  {
+    name: "packets",
+    title: "Packets",
+    unit: "/s, % saved",
+    help:
+      "Samples that crossed the network in the last second; the right scale is what that saves against one packet " +
+      "per sample. The dotted lines are all datagrams of each side, heartbeats included.",
+    empty: "no samples yet",
+    sources: () => [
+      {
+        ring: "slaveRates",
+        series: [
+          { name: "force", colour: "slave", width: 2, of: column("updates"), unit: "/s", digits: 0 },
+          { name: "", colour: "quiet", width: 1, of: column("datagrams"), dash: [2, 3] },
+        ],
+      },
+      {
+        ring: "masterRates",
+        series: [
+          { name: "position", colour: "master", width: 2, of: column("updates"), unit: "/s", digits: 0 },
+          { name: "all", colour: "quiet", width: 1, of: column("datagrams"), dash: [2, 3] },
+        ],
+      },
+    ],
+    range: () => upward(20),
+    axis: (v) => `${v} /s`,
+    right: (v, store) => `${+(100 * (1 - v / store.rate)).toFixed(1)} %`,
+  },
+  {
+    name: "delay",
+    title: "Delay",
+    unit: "ms",
+    help: "Round trip, one way, and jitter: the standard deviation of the one-way time over the last second.",
+    empty: "no round trip measured yet",
+    sources: () => [
+      {
+        ring: "master",
+        series: [
+          { name: "round trip", colour: "master", width: 1.75, of: column("rtt_us", 1e-3), unit: "ms" },
+          { name: "one way", colour: "third", width: 1.5, of: column("one_way_us", 1e-3), unit: "ms" },
+        ],
+      },
+      {
+        ring: "masterRates",
+        series: [
+          { name: "jitter", colour: "quiet", width: 1.25, dash: [4, 3], of: column("jitter_us", 1e-3), unit: "ms" },
+        ],
+      },
+    ],
+    alone: { ring: "slave", rates: "slaveRates" },
+    range: () => upward(0.5),
+    axis: (v) => `${v} ms`,
+  },
+  {
+    name: "ticks",
+    title: "Ticks",
+    unit: "",
+    help:
+      "How late a tick of the loop began and how long it worked, the worst of each tenth of a second, of the ticks " +
+      "that the page is told of; logarithmic. The level line is the time between two ticks; red is a missed tick.",
+    empty: "no samples yet",
+    log: true,
+    sources: () =>
+      ["master", "slave"].flatMap((side) => [
+        {
+          ring: `${side}Rates`,
+          series: [
+            { name: "late", colour: side, width: 1.75, of: logarithmic("late_us"), unit: "µs", digits: 0 },
+            {
+              name: "work",
+              colour: side,
+              width: 1.25,
+              alpha: 0.6,
+              dash: [4, 3],
+              of: logarithmic("work_us"),
+              faint: true,
+            },
+          ],
+        },
+        {
+          ring: side,
+          series: [
+            { name: side === "slave" ? "missed" : "", colour: "bad", poles: 1, of: where(missed, () => 1), mark: true },
+          ],
+        },
+      ]),
+    line: (store) => 1e6 / store.rate,
+    range: () => () => [10, 1e4],
+    axis: (v) => (v >= 1000 ? `${v / 1000} ms` : `${v} µs`),
+    splits: [10, 100, 1000, 10000],
+  },
+  {
+    name: "energy",
+    title: "Energy tanks",
+    unit: "mJ",
+    help:
+      "Energy that each side may still spend. The passivity controller brakes when a tank is empty, which keeps a " +
+      "delayed link stable. Without such a control scheme there is no tank.",
+    empty: "no samples yet",
+    sources: () =>
+      ["master", "slave"].map((side) => ({
+        ring: side,
+        series: [{ name: side, colour: side, width: 1.75, of: column("tank", 1e3), unit: "mJ" }],
+      })),
+    quietNote: (store, value) =>
+      value === 0 && ["none", "mmt"].includes(store.settings.scheme)
+        ? `no tank: the control scheme is ${store.settings.scheme}`
+        : "",
+    range: () => upward(1),
+    axis: (v) => `${v} mJ`,
+  },
+];
+
+function padded(low, high, least) {
+  const middle = (low + high) / 2;
+  const half = Math.max(least, (high - low) / 2) * 1.1;
+  const step = roundUp(half / 4);
+  return [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
+}
+
+export function amount(value, { digits, unit }) {
+  if (!Number.isFinite(value)) return "–";
+  const number = digits === 0 ? AS.count(Math.round(value)) : digits === 1 ? AS.number1(value) : three(value);
+  return `${number} ${unit}`;
+}
+
+export { PANELS };

@@ -1,0 +1,295 @@
+// The 3-D view: the scene, the hand and the robot with their trail, the force, and the surface that the predictor
+// believes in.
+
+import * as THREE from "../vendor/three.module.min.js";
+import { OrbitControls } from "../vendor/orbit_controls.js";
+import { MODELS, word } from "./names.js";
+import { PLANE, RINGS, SPHERE, SPOKES, patch, ribs, triangles } from "./patch.js";
+import { extent, solids } from "./solids.js";
+import { theme } from "./theme.js";
+
+const MM = 1000;
+const TRAIL_S = 4;
+const TRAIL_POINTS = 1400;
+const LEAST_REACH_MM = 55;
+const MM_PER_N = 7;
+const ORBIT_STEP = 0.08;
+const SOFT_INTERVAL_MS = 120; // without a graphics processor the picture takes the time of the loop's own
+const ON_TOP = { depthTest: false, depthWrite: false, transparent: true };
+
+export class View {
+  // `redraw()` is called when the view was turned. Throws where there is no WebGL.
+  constructor(place, store, redraw) {
+    Object.assign(this, { place, store, redraw, reach: LEAST_REACH_MM });
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.localClippingEnabled = true;
+    this.interval = software(this.renderer.getContext()) ? SOFT_INTERVAL_MS : 0;
+    this.drawn = -Infinity;
+    place.prepend(this.renderer.domElement);
+    this.world = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(32, 1, 1, 5000);
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, this.renderer.domElement);
+    this.controls.addEventListener("change", () => this.redraw());
+    place.addEventListener("keydown", (event) => this.#key(event));
+    const sun = new THREE.DirectionalLight(0xffffff, 2.6);
+    sun.position.set(-200, -20, 110);
+    this.world.add(sun, new THREE.HemisphereLight(0xffffff, 0x8899aa, 0.9));
+    this.solids = new THREE.Group();
+    this.world.add(this.solids);
+    this.#actors();
+    this.#resize();
+    this.#look();
+    new ResizeObserver(() => {
+      this.#resize();
+      this.redraw();
+    }).observe(place);
+  }
+
+  // Takes the scene of the greeting.
+  setScene() {
+    const scene = this.store.hello?.scene ?? [];
+    const drawn = JSON.stringify(scene);
+    if (drawn === this.shown) return; // told again: whoever turned the view keeps it
+    this.shown = drawn;
+    this.reach = Math.max(LEAST_REACH_MM, 1.15 * extent(scene));
+    this.#rebuild();
+    this.#look();
+  }
+
+  restyle() {
+    this.#rebuild();
+    this.#colour();
+  }
+
+  // Says whether it did; it is to be asked again where it did not.
+  draw(to, now) {
+    if (now - this.drawn < this.interval) return false;
+    this.drawn = now;
+    const { master, slave } = this.store.rings;
+    const hand = point(master, to, "position") ?? null;
+    const robot = point(slave, to, "output") ?? null;
+    const here = hand ?? robot;
+    place(this.hand, hand);
+    place(this.robot, robot);
+    this.#arrow(here, hand ? point(master, to, "output", 1) : point(slave, to, "raw", 1));
+    this.#belief(master.empty ? slave : master, to, here);
+    this.#trail(master.empty ? slave : master, master.empty ? "output" : "position", slave, to);
+    this.renderer.render(this.world, this.camera);
+    return true;
+  }
+
+  #actors() {
+    const ball = (radius, order) => {
+      const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 18), new THREE.MeshLambertMaterial(ON_TOP));
+      mesh.renderOrder = order;
+      return mesh;
+    };
+    this.hand = ball(1.9, 8);
+    this.robot = ball(2.9, 6);
+    this.robot.material.opacity = 0.5;
+    const shaft = new THREE.Mesh(
+      new THREE.CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0),
+      new THREE.MeshBasicMaterial(ON_TOP),
+    );
+    const head = new THREE.Mesh(new THREE.ConeGeometry(1.5, 3.6, 16).translate(0, 1.8, 0), shaft.material);
+    shaft.renderOrder = head.renderOrder = 9;
+    this.shaft = shaft;
+    this.head = head;
+    this.arrow = new THREE.Group().add(shaft, head);
+    const surface = new THREE.BufferGeometry();
+    this.vertices = new Float32Array(3 * (RINGS + 1) * SPOKES);
+    surface.setAttribute("position", new THREE.BufferAttribute(this.vertices, 3));
+    surface.setIndex(triangles());
+    this.belief = new THREE.Mesh(
+      surface,
+      new THREE.MeshBasicMaterial({ ...ON_TOP, side: THREE.DoubleSide, opacity: 0.3 }),
+    );
+    const net = new THREE.BufferGeometry().setAttribute("position", surface.attributes.position).setIndex(ribs());
+    this.rim = new THREE.LineSegments(net, new THREE.LineBasicMaterial({ ...ON_TOP, opacity: 0.75 }));
+    this.belief.renderOrder = 2;
+    this.rim.renderOrder = 3;
+    this.trail = new THREE.Line(
+      cloud(TRAIL_POINTS, true),
+      new THREE.LineBasicMaterial({ ...ON_TOP, vertexColors: true }),
+    );
+    this.trail.renderOrder = 4;
+    this.packets = new THREE.Points(
+      cloud(TRAIL_POINTS),
+      new THREE.PointsMaterial({ ...ON_TOP, size: 8, sizeAttenuation: false, map: disc(), alphaTest: 0.4 }),
+    );
+    this.packets.renderOrder = 5;
+    for (const actor of [this.belief, this.rim, this.trail, this.packets]) actor.frustumCulled = false;
+    this.world.add(this.hand, this.robot, this.arrow, this.belief, this.rim, this.trail, this.packets);
+    this.#colour();
+  }
+
+  #colour() {
+    this.hand.material.color.set(theme.master);
+    this.robot.material.color.set(theme.slave);
+    this.shaft.material.color.set(theme.text);
+    this.belief.material.color.set(theme.model);
+    this.rim.material.color.set(theme.model);
+    this.packets.material.color.set(theme.packets);
+  }
+
+  #rebuild() {
+    this.world.remove(this.solids);
+    this.solids.traverse((thing) => {
+      thing.geometry?.dispose();
+      thing.material?.dispose();
+    });
+    this.solids = solids(this.store.hello?.scene ?? [], this.reach);
+    this.world.add(this.solids);
+  }
+
+  #look() {
+    const away = this.reach * Math.max(1, 1.02 / this.camera.aspect);
+    this.camera.position.set(-0.85 * away, -2.1 * away, 1.3 * away);
+    this.controls.target.set(0, 0, 0);
+    this.controls.minDistance = 0.3 * this.reach;
+    this.controls.maxDistance = 20 * this.reach;
+    this.controls.update();
+  }
+
+  #arrow(at, force) {
+    const size = at && force ? Math.hypot(...force) : 0;
+    this.arrow.visible = size > 0.02;
+    this.place.dataset.force = size; // [N]
+    if (!this.arrow.visible) return;
+    const length = Math.max(0.1, MM_PER_N * size);
+    this.arrow.position.set(...at);
+    this.arrow.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), new THREE.Vector3(...force).normalize());
+    this.shaft.scale.y = length;
+    this.head.position.y = length;
+  }
+
+  #belief(ring, to, here) {
+    const row = Math.min(ring.at(to), ring.end - 1);
+    const kind = ring.empty || !ring.has("model") ? NaN : ring.columns.model[row];
+    const surface = kind === PLANE || kind === SPHERE ? point(ring, to, "surface", kind === PLANE ? 1 : MM) : null;
+    const size = surface ? MM * ring.columns.surface_size[row] : NaN;
+    const known = surface && here ? patch({ kind, surface, size }, here, 0.3 * this.reach, this.vertices) : null;
+    this.belief.visible = this.rim.visible = known !== null;
+    if (known) this.belief.geometry.attributes.position.needsUpdate = true;
+    caption(kind, size, known ? ring.columns.surface_stiffness?.[row] : NaN);
+  }
+
+  #trail(ring, name, slave, to) {
+    const from = to - TRAIL_S;
+    const { r, g, b } = this.hand.material.color;
+    const { position, color } = this.trail.geometry.attributes;
+    const count = along(ring, name, from, to, (k, x, y, z, age) => {
+      position.setXYZ(k, x, y, z);
+      color.setXYZW(k, r, g, b, 1 - 0.9 * (age / TRAIL_S));
+    });
+    position.needsUpdate = color.needsUpdate = true;
+    this.trail.geometry.setDrawRange(0, count);
+    const dots = this.packets.geometry.attributes.position;
+    const sent = slave.columns.sent;
+    const marked = sent
+      ? along(
+          slave,
+          "output",
+          from,
+          to,
+          (k, x, y, z) => dots.setXYZ(k, x, y, z),
+          (row) => sent[row] > 0,
+        )
+      : 0;
+    dots.needsUpdate = true;
+    this.packets.geometry.setDrawRange(0, marked);
+  }
+
+  #key(event) {
+    const turn = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (!turn) return;
+    event.preventDefault();
+    const arm = this.camera.position.clone().sub(this.controls.target);
+    const angles = new THREE.Spherical().setFromVector3(
+      arm.clone().applyAxisAngle(new THREE.Vector3(1, 0, 0), -Math.PI / 2),
+    );
+    angles.theta += ORBIT_STEP * turn[0];
+    angles.phi += ORBIT_STEP * turn[1];
+    angles.makeSafe();
+    arm.setFromSpherical(angles).applyAxisAngle(new THREE.Vector3(1, 0, 0), Math.PI / 2);
+    this.camera.position.copy(this.controls.target).add(arm);
+    this.controls.update();
+    this.redraw();
+  }
+
+  #resize() {
+    const width = Math.max(1, this.place.clientWidth);
+    const height = Math.max(1, this.place.clientHeight);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(width, height);
+  }
+}
+
+function software(gl) {
+  const facts = gl.getExtension("WEBGL_debug_renderer_info");
+  return facts !== null && /swiftshader|llvmpipe|software/i.test(gl.getParameter(facts.UNMASKED_RENDERER_WEBGL));
+}
+
+// A vector of a ring at a time, scaled; null while unknown.
+function point(ring, to, name, scale = MM) {
+  if (ring.empty || !ring.has(`${name}_z`)) return null;
+  const row = Math.min(ring.at(to), ring.end - 1);
+  const found = ["x", "y", "z"].map((axis) => scale * ring.columns[`${name}_${axis}`][row]);
+  return found.every(Number.isFinite) ? found : null;
+}
+
+// Calls `put(k, x, y, z, age)` for the rows between two times, evenly left out where there are too many.
+function along(ring, name, from, to, put, wanted = null) {
+  const { t, [`${name}_x`]: x, [`${name}_y`]: y, [`${name}_z`]: z } = ring.columns;
+  if (!z) return 0;
+  const end = Math.min(ring.end, ring.at(to) + 1);
+  const begin = ring.at(from);
+  const step = wanted ? 1 : Math.max(1, Math.ceil((end - begin) / TRAIL_POINTS));
+  let k = 0;
+  for (let row = begin; row < end && k < TRAIL_POINTS; row += step) {
+    if ((wanted && !wanted(row)) || z[row] !== z[row]) continue;
+    put(k, MM * x[row], MM * y[row], MM * z[row], to - t[row]);
+    k += 1;
+  }
+  return k;
+}
+
+function place(ball, at) {
+  ball.visible = at !== null;
+  if (at) ball.position.set(...at);
+}
+
+function cloud(count, coloured = false) {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  if (coloured) geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(4 * count), 4));
+  geometry.setDrawRange(0, 0);
+  return geometry;
+}
+
+function disc() {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 32;
+  const ctx = canvas.getContext("2d");
+  ctx.fillStyle = "#fff";
+  ctx.arc(16, 16, 15, 0, 2 * Math.PI);
+  ctx.fill();
+  return new THREE.CanvasTexture(canvas);
+}
+
+function caption(kind, size, stiffness) {
+  const text =
+    {
+      [SPHERE]: `believed: a ${size < 0 ? "hollow " : ""}sphere, radius ${Math.abs(size).toFixed(1)} mm`,
+      [PLANE]: "believed: a plane",
+      1: "believed: force goes on along a line",
+      0: "believed: force stays as it was",
+    }[kind] ?? "\u00a0";
+  const known = Number.isFinite(stiffness) ? `, ${stiffness.toFixed(0)} N/m` : "";
+  const element = document.getElementById("model");
+  element.textContent = text + known;
+  element.dataset.value = kind === kind ? word(MODELS, kind) : "";
+}

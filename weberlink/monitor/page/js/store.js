@@ -1,0 +1,185 @@
+// All that the page knows of one session: what the server said, and what follows from it. Draws nothing.
+
+import { Ring } from "./ring.js";
+
+const LONGEST_WINDOW_S = 60;
+const ROWS_PER_S = 330; // 250 and those that are kept because something was sent
+const RATE_SPAN_S = 1;
+const RATE_STEP_S = 0.1;
+const NEAR_S = 1.5; // a change and the first record under it
+const COUNTED = ["updates_sent", "datagrams_sent", "one_way_us", "lateness_us", "work_us"];
+
+export class Store {
+  constructor() {
+    const rows = LONGEST_WINDOW_S * ROWS_PER_S;
+    this.rings = { master: new Ring(rows), slave: new Ring(rows), felt: new Ring(rows) };
+    for (const side of ["master", "slave"]) this.rings[`${side}Rates`] = new Ring((2 * LONGEST_WINDOW_S) / RATE_STEP_S);
+    this.forget();
+  }
+
+  forget() {
+    for (const ring of Object.values(this.rings)) ring.clear();
+    this.hello = null;
+    this.figures = null;
+    this.changes = []; // {t, label}: live changes, as marks in the charts
+    this.switched = -Infinity; // when the records last said that other settings hold
+    this.settings = {};
+    this.ended = false;
+  }
+
+  get newest() {
+    return Math.max(0, this.rings.master.newest, this.rings.slave.newest);
+  }
+  get rate() {
+    return this.hello?.rate_hz ?? 1000;
+  }
+  get bank() {
+    return this.#description()?.bank ?? (this.hello?.predictors ?? []).filter((name) => name !== "hybrid");
+  }
+  get schemes() {
+    return this.#description()?.schemes ?? this.hello?.schemes ?? [];
+  }
+  #description() {
+    return this.hello?.sides?.master ?? this.hello?.sides?.slave;
+  }
+
+  // The sides that have said anything.
+  get present() {
+    return ["master", "slave"].filter((side) => !this.rings[side].empty);
+  }
+
+  // Takes one message of the server; says whether it was one that the page knows.
+  take(message) {
+    switch (message.type) {
+      case "hello":
+        this.#greet(message);
+        break;
+      case "samples":
+        this.#samples(message);
+        break;
+      case "felt":
+        this.rings.felt.push(message.t, { jnd: message.jnd, error_n: message.error_n, bound_n: message.bound_n });
+        break;
+      case "figures":
+        this.figures = message;
+        this.ended = Boolean(message.ended);
+        if (message.settings) this.#adopt(message.settings);
+        break;
+      case "answer":
+        if (message.accepted && message.settings) this.#adopt(message.settings);
+        break;
+      default:
+        return false;
+    }
+    return true;
+  }
+
+  #greet(hello) {
+    const same = this.hello && !this.ended && this.hello.session === hello.session;
+    if (!same) this.forget();
+    this.hello = hello;
+    this.ended = false;
+    if (hello.settings) same ? this.#adopt(hello.settings) : (this.settings = { ...hello.settings });
+  }
+
+  #samples({ side, t, columns }) {
+    const ring = this.rings[side];
+    if (!ring || !t.length) return;
+    if (t[t.length - 1] < ring.newest - 1) {
+      // the clock of the session began anew
+      for (const each of Object.values(this.rings)) each.clear();
+    }
+    ring.push(t, columns);
+    this.#switch(ring, t.length);
+    this.#rates(ring, this.rings[`${side}Rates`]);
+  }
+
+  // Ten times a second: packets and datagrams per second over the last second, from the counters, so that rows left out
+  // do not matter; jitter over the same second; the worst tick since the last time.
+  #rates(ring, rates) {
+    const { t } = ring.columns;
+    if (!COUNTED.every((name) => ring.has(name))) return;
+    const {
+      updates_sent: updates,
+      datagrams_sent: datagrams,
+      one_way_us: oneWay,
+      lateness_us: late,
+      work_us: work,
+    } = ring.columns;
+    let time = Math.max(rates.newest + RATE_STEP_S, ring.oldest + RATE_STEP_S);
+    for (; time <= ring.newest; time += RATE_STEP_S) {
+      const end = Math.min(ring.at(time), ring.end - 1);
+      const begin = ring.at(Math.max(ring.oldest, t[end] - RATE_SPAN_S));
+      const span = t[end] - t[begin];
+      if (!(span > 0.2)) continue;
+      rates.push([time], {
+        updates: [(updates[end] - updates[begin]) / span],
+        datagrams: [(datagrams[end] - datagrams[begin]) / span],
+        jitter_us: [deviation(oneWay, begin, end)],
+        late_us: [largest(late, ring.at(time - RATE_STEP_S), end)],
+        work_us: [largest(work, ring.at(time - RATE_STEP_S), end)],
+      });
+    }
+  }
+
+  // A change is known before or after the first record under it, which says exactly when.
+  #switch(ring, count) {
+    const { t, settings } = ring.columns;
+    if (!settings) return;
+    for (let i = Math.max(ring.begin + 1, ring.end - count); i < ring.end; i += 1) {
+      if (settings[i] === settings[i - 1] || t[i] - this.switched < NEAR_S) continue;
+      this.switched = t[i];
+      const change = this.changes.at(-1);
+      if (change && !change.exact && Math.abs(change.t - t[i]) < NEAR_S)
+        Object.assign(change, { t: t[i], exact: true });
+    }
+  }
+
+  #adopt(settings) {
+    const changed = Object.entries(settings).filter(
+      ([name, value]) => this.settings[name] !== undefined && this.settings[name] !== value,
+    );
+    this.settings = { ...this.settings, ...settings };
+    if (!changed.length) return;
+    const label = changed.map(([name, value]) => (name === "weber" ? `k = ${value}` : `${value}`)).join(", ");
+    const exact = this.newest - this.switched < NEAR_S && this.changes.at(-1)?.t !== this.switched;
+    this.changes.push({ t: exact ? this.switched : this.newest, label, exact });
+  }
+
+  // Root mean square of the felt error over the last second, in JND; NaN while unknown.
+  feltNow(span = 1) {
+    const { felt } = this.rings;
+    if (felt.empty || felt.newest < this.newest - 2 * span) return NaN;
+    const { jnd } = felt.columns;
+    let sum = 0;
+    let count = 0;
+    for (let i = felt.at(felt.newest - span); i < felt.end; i += 1) {
+      if (jnd[i] === jnd[i]) {
+        sum += jnd[i] * jnd[i];
+        count += 1;
+      }
+    }
+    return count ? Math.sqrt(sum / count) : NaN;
+  }
+}
+
+function largest(values, begin, end) {
+  let found = NaN;
+  for (let i = begin; i <= end; i += 1) if (values[i] === values[i] && !(values[i] <= found)) found = values[i];
+  return found;
+}
+
+function deviation(values, begin, end) {
+  let count = 0;
+  let mean = 0;
+  let squares = 0;
+  for (let i = begin; i <= end; i += 1) {
+    const value = values[i];
+    if (value !== value) continue;
+    count += 1;
+    const before = value - mean;
+    mean += before / count;
+    squares += before * (value - mean);
+  }
+  return count > 1 ? Math.sqrt(squares / (count - 1)) : NaN;
+}
