@@ -79,10 +79,8 @@ class ForceGate:
         """
         step = elapsed / self._ramp
         heard = (self._silence - silent_for) / (self._silence - self._fade_from)
-        if engaged:
-            self._gain = max(0.0, min(1.0, self._gain + step, heard))
-        else:
-            self._gain = max(0.0, self._gain - step)
+        wanted = min(1.0, self._gain + step) if engaged else self._gain - step
+        self._gain = max(0.0, min(wanted, heard))
         self.ramping = not engaged or self._gain < min(1.0, heard)
         gain = self._gain
         return (force[0] * gain, force[1] * gain, force[2] * gain)

@@ -5,10 +5,11 @@ Owns the child processes and the terminal. The daemons do not wait for it; if it
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from signal import (
@@ -24,7 +25,7 @@ from signal import (
     pthread_sigmask,
     signal,
 )
-from time import sleep
+from time import sleep, time
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -32,7 +33,7 @@ import numpy as np
 
 from evaluation.session import Records, SessionScore
 from telemetry.reader import DTYPE, RingReader
-from telemetry.ring import default_path
+from telemetry.ring import default_path, process_started
 from weberlink import description, live_change
 from weberlink.composition.link import channels
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
@@ -43,6 +44,9 @@ from weberlink.recorder import Recorder
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
 """Between two looks at the telemetry."""
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)-(?:master|slave)\.(?:ring|json|ask)")
+LEFT_FOR_S = 3600.0
+"""Until what nobody writes any more is removed [s]: its last records may be of use to somebody."""
 STOP_LIMIT_S = 15.0
 """From a request to stop to a kill: a robot may be on its way to its place of rest."""
 
@@ -149,6 +153,7 @@ class Session:
     _recorder: Recorder | None = None
 
     def __enter__(self) -> Self:
+        sweep()
         system = self.configuration.system
         self.score = SessionScore(system.rate_hz, channels(system)[1].bank)
         for number in STOP_SIGNALS:
@@ -239,6 +244,15 @@ class Session:
 
     def _signal(self, number: int, _frame: FrameType | None) -> None:
         self._signals.append(Signals(number))
+
+
+def sweep() -> None:
+    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while."""
+    for path in Path(_ring(MASTER)).parent.glob("weberlink-*"):
+        found = LEFT_BEHIND.fullmatch(path.name)
+        with suppress(OSError):  # of another user, or gone by now
+            if found and time() - path.stat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
+                path.unlink()
 
 
 def _ring(side: str) -> str:

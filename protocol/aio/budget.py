@@ -4,11 +4,12 @@
 class WorkBudget:
     """Time that may be spent: a share of the time that passes, saved up to a limit.
 
-    A budget of work and not of datagrams: one of the peer costs ten times one of nobody.
+    A budget of work and not of datagrams: one of the peer costs ten times one of nobody. What is owed is bounded as what
+    is saved up is: a machine that stands still would otherwise not hear the peer for several times as long.
 
     Args:
         share: of one processor, in (0, 1].
-        most: that can be saved up [s].
+        most: that can be saved up, and owed [s].
         now: [s].
     """
 
@@ -26,8 +27,9 @@ class WorkBudget:
         self._updated_at = now
         return self._left
 
-    def spend(self, seconds: float) -> None:
-        self._left -= seconds
+    def spend(self, seconds: float, now: float) -> None:
+        """Take what has been worked until now [s]."""
+        self._left = max(self.left(now) - seconds, -self._most)
 
     def limit(self, share: float) -> None:
         """Change the share from now on."""

@@ -69,8 +69,9 @@ class ReceiveQueue:
         spent = self._drain()
         if spent is None:
             return False
-        self._budget.spend(spent)
-        if self.is_open and self._budget.left(self._now()) < 0.0:
+        now = self._now()
+        self._budget.spend(spent, now)
+        if self.is_open and self._budget.left(now) < 0.0:
             self._pause()
         return True
 

@@ -59,6 +59,16 @@ def test_gate_is_shut_when_the_silence_limit_is_reached_and_untouched_before_the
     assert outputs[100] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_gate_is_shut_at_the_limit_also_where_ticks_were_missed_before_it() -> None:
+    gate = ForceGate(ramp=0.1, silence=0.1, fade_share=0.6)
+    for _ in range(300):
+        gate.pass_through((1.0, 0.0, 0.0), engaged=True, silent_for=0.001, elapsed=0.001)
+    gate.pass_through((1.0, 0.0, 0.0), engaged=True, silent_for=0.08, elapsed=0.02)
+    assert gate.gain == pytest.approx(0.5)
+    gate.pass_through((1.0, 0.0, 0.0), engaged=False, silent_for=0.1, elapsed=0.02)
+    assert gate.gain == 0.0
+
+
 def test_a_force_that_returns_after_silence_fades_in() -> None:
     returning = opened()
     returning.pass_through(FORCE, engaged=False, silent_for=5.0, elapsed=0.1)

@@ -4,6 +4,7 @@ import os
 import random
 import signal
 import socket
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -20,6 +21,7 @@ from protocol.states import State
 from telemetry.fault import Fault
 from tests.weberlink.processes import ENGAGED, Program, Records, Telemetry, document, until
 from weberlink.cli import app
+from weberlink.launcher import sweep
 
 realtime = pytest.mark.realtime
 
@@ -423,3 +425,18 @@ def test_a_key_that_cannot_be_used_is_one_line(
     assert str(key) in errors
     assert "link.key_file" in errors
     assert complaint in errors
+
+
+def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("weberlink.launcher.default_path", lambda name: tmp_path / f"weberlink-{name}.ring")
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    names = [f"weberlink-{pid}-{side}" for pid in (dead.pid, os.getpid()) for side in ("master.ring", "slave.ask")]
+    fresh = tmp_path / f"weberlink-{dead.pid}-slave.json"
+    other = tmp_path / "weberlink-mine.ring"
+    for path in (*(tmp_path / name for name in names), fresh, other):
+        path.touch()
+        if path != fresh:
+            os.utime(path, (0, 0))
+    sweep()
+    assert {path.name for path in tmp_path.iterdir()} == {*names[2:], fresh.name, other.name}

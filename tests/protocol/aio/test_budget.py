@@ -14,19 +14,25 @@ from protocol.events import Address
 def test_what_is_spent_comes_back_at_the_rate_of_the_share() -> None:
     budget = WorkBudget(0.25, 0.002, 10.0)
     assert budget.left(10.0) == 0.002
-    budget.spend(0.004)
-    assert budget.left(10.0) == pytest.approx(-0.002)
-    assert budget.wait() == pytest.approx(0.008)
-    assert budget.left(10.008) == pytest.approx(0.0, abs=1e-12)
+    budget.spend(0.003, 10.0)
+    assert budget.left(10.0) == pytest.approx(-0.001)
+    assert budget.wait() == pytest.approx(0.004)
+    assert budget.left(10.004) == pytest.approx(0.0, abs=1e-12)
     assert budget.left(11.0) == 0.002, "no more is saved up than the limit"
     budget.limit(0.5)
-    budget.spend(0.003)
+    budget.spend(0.003, 11.0)
     assert budget.wait() == pytest.approx(0.002)
+
+
+def test_a_stall_while_reading_is_not_paid_back_in_deafness() -> None:
+    budget = WorkBudget(0.3, 0.002, 0.0)
+    budget.spend(0.1, 0.0)
+    assert budget.wait() == pytest.approx(0.002 / 0.3), "far below any limit of silence"
 
 
 def test_a_clock_that_stands_gives_nothing() -> None:
     budget = WorkBudget(0.5, 1.0, 5.0)
-    budget.spend(1.0)
+    budget.spend(1.0, 5.0)
     assert budget.left(4.0) == 0.0
 
 

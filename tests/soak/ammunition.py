@@ -1,0 +1,80 @@
+"""What a flood consists of: the kinds of datagrams that somebody without the key, or with a recording, can send.
+
+Pure, but for the key of the one kind that stands for a long recording. Knows no socket and no rate.
+"""
+
+from collections.abc import Sequence
+from random import Random
+
+from protocol.dialer import Dialer
+from protocol.handshake import PROTOCOL_VERSION, open_frame, read_map
+from protocol.psk import PresharedKey
+from protocol.wire import CLEAR_BYTES, Kind, kind_of
+
+KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
+"""
+- forged: the shape of genuine datagrams, newer numbers, other contents
+- replayed: genuine ones
+- truncated: genuine ones cut short
+- random: any bytes, up to what a network carries
+- handshake: HELLOs without proof of the key
+- calls: HELLOs with it, as someone has who recorded very many calls
+"""
+ROUNDS = 1024
+_LONGEST_RANDOM = 1400
+_PROOF = 16
+_AHEAD = 200
+
+
+def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes) -> list[bytes]:
+    """Datagrams of a kind, to be sent over and over.
+
+    Args:
+        kind: one of `KINDS`.
+        genuine: what the peer has sent lately, oldest first.
+        key: that the two ends share.
+
+    Raises:
+        ValueError: there is no such kind, or nothing genuine to make it of.
+    """
+    sealed = [data for data in genuine if kind_of(data) in (Kind.UPDATE, Kind.HEARTBEAT)]
+    if kind in ("forged", "replayed", "truncated") and not sealed:
+        raise ValueError(f"{kind}: nothing genuine was recorded to make it of")
+    match kind:
+        case "forged":
+            newest = int.from_bytes(sealed[-1][1:CLEAR_BYTES], "little")
+            return [_forge(random.choice(sealed), newest + random.randint(1, _AHEAD), random) for _ in range(ROUNDS)]
+        case "replayed":
+            return list(sealed[-ROUNDS:])
+        case "truncated":
+            return [cut[: random.randrange(1, len(cut))] for cut in random.choices(sealed, k=ROUNDS)]
+        case "random":
+            return [random.randbytes(random.randint(1, _LONGEST_RANDOM)) for _ in range(ROUNDS)]
+        case "handshake":
+            return [call[:-_PROOF] + random.randbytes(_PROOF) for call in _calls(genuine, key, random)]
+        case "calls":
+            return _calls(genuine, key, random)
+    raise ValueError(f"there is no kind {kind!r}; there are {', '.join(KINDS)}")
+
+
+def _forge(like: bytes, sequence: int, random: Random) -> bytes:
+    head = like[:1] + (sequence & 0xFFFFFF).to_bytes(3, "little")
+    return head + random.randbytes(len(like) - len(head))
+
+
+def _calls(genuine: Sequence[bytes], key: bytes, random: Random) -> list[bytes]:
+    """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
+    security = PresharedKey(key)
+    hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
+    frame = None if hello is None else open_frame(hello, security)
+    body = None if frame is None else read_map(frame[1])
+    if body is None:
+        raise ValueError("no genuine HELLO was recorded to make others of")
+    agreement = body["agreement"]
+    assert isinstance(agreement, bytes)
+    calls = []
+    for _ in range(ROUNDS):
+        dialer = Dialer(security, random.randbytes, agreement, PROTOCOL_VERSION, 0.0)
+        dialer.start(0.0)
+        calls.append(dialer.hello(1.0))
+    return calls

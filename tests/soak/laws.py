@@ -1,0 +1,219 @@
+"""What must hold whatever is done to a session: each law looks at telemetry and books, and names what breaks it.
+
+Pure. Each returns one line for each violation, and nothing where all is well; each can be broken by made-up telemetry,
+which its tests do.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from evaluation.session import Records
+from protocol.states import State
+from telemetry.reader import DTYPE
+from tests.soak.books import Book
+from tests.soak.processes import Footprint
+
+COUNTERS = (
+    "ticks_missed",
+    "datagrams_sent",
+    "datagrams_received",
+    "datagrams_dropped",
+    "bytes_sent",
+    "updates_sent",
+    "updates_received",
+    "repeats",
+    "heartbeats",
+)
+SLACK = 12
+"""Datagrams that two books may differ by, because they are not read at the same instant."""
+GRID_S = 1e-5
+"""By how much a deadline may be off its grid, of float rounding [s]."""
+SPARE_DESCRIPTORS = 2
+ENGAGED = State.ENGAGED.value
+
+
+class Reading(NamedTuple):
+    """What the three books said at one moment.
+
+    Args:
+        master, slave: a record of each.
+        forward, backward: of the relay.
+        drops: datagrams that the kernel has dropped before the socket of (master, slave), so far.
+    """
+
+    master: Any
+    slave: Any
+    forward: Book
+    backward: Book
+    drops: tuple[int, int]
+
+
+def engaged(records: Records) -> Any:
+    """Which ticks were in a session."""
+    return records["state"] == ENGAGED
+
+
+def force_rests(records: Records) -> list[str]:
+    """The master gives no force in a tick without a session."""
+    outside = records[~engaged(records)]
+    forces = np.linalg.norm(outside["output"], axis=1)
+    wrong = forces > 0.0
+    if not wrong.any():
+        return []
+    first = outside[wrong][0]
+    return [
+        f"the force was {forces.max():.3g} N without a session, in {wrong.sum()} ticks from tick {first['tick']} on, "
+        f"state {State(int(first['state'])).name}"
+    ]
+
+
+def counters_grow(records: Records) -> list[str]:
+    """No counter of a daemon ever falls."""
+    return [
+        f"{name} fell from {values[:-1][fell][0]} to {values[1:][fell][0]}"
+        for name in COUNTERS
+        for values in [records[name]]
+        for fell in [values[1:] < values[:-1]]
+        if fell.any()
+    ]
+
+
+def deadlines_hold(records: Records, period: float) -> list[str]:
+    """Ticks only go on, and their deadlines stay on one grid of the monotonic clock, whatever the wall clock does."""
+    if len(records) < 2:
+        return []
+    if not (records["tick"][1:] > records["tick"][:-1]).all():
+        return ["the number of the tick fell"]
+    passed = (records["tick"] - records["tick"][0]).astype(np.float64) * period
+    error = float(np.abs(records["at"] - records["at"][0] - passed).max())
+    return [f"a deadline is {error * 1e3:.3f} ms off the grid"] if error > GRID_S else []
+
+
+def stays(sides: dict[str, Records]) -> list[str]:
+    """No side leaves the session."""
+    found = []
+    for side, records in sides.items():
+        outside = records[~engaged(records)]
+        if len(outside):
+            states = sorted({State(int(state)).name for state in outside["state"]})
+            found.append(f"the {side} left the session for {len(outside)} ticks ({', '.join(states)})")
+    return found
+
+
+def nothing_stale(records: Records, released: int) -> list[str]:
+    """What arrives older than the silence limit moves nothing: not the session, not the robot.
+
+    Args:
+        records: of the slave, from before the first stale datagram arrived until after the last one.
+        released: how many there were.
+    """
+    if not released or len(records) < 2:
+        return ["nothing stale could be delivered, so nothing was shown"]
+    found = []
+    if engaged(records).any():
+        found.append("stale datagrams brought the session back")
+    applied = int(records["updates_received"][-1] - records["updates_received"][0])
+    if applied or records["received"][1:].any():
+        found.append(f"{applied} stale updates were applied")
+    for name in ("position", "output"):
+        moved = float(np.abs(records[name] - records[name][0]).max())
+        if moved > 0.0:
+            found.append(f"{name} moved by {moved * 1e3:.3g} mm while all that arrived was stale")
+    dropped = int(records["datagrams_dropped"][-1] - records["datagrams_dropped"][0])
+    if dropped < released:
+        found.append(f"{released} stale datagrams were delivered, and only {dropped} counted as dropped")
+    return found
+
+
+def books_agree(earlier: Reading, later: Reading) -> list[str]:
+    """Of one session: what an end sent, the relay got; what the relay passed on, the other end received or refused."""
+    found = []
+    ways = (
+        ("master", "slave", later.forward - earlier.forward, later.drops[1] - earlier.drops[1]),
+        ("slave", "master", later.backward - earlier.backward, later.drops[0] - earlier.drops[0]),
+    )
+    for sender, receiver, book, drops in ways:
+        sent = _grown(earlier, later, sender, "datagrams_sent")
+        came = _grown(earlier, later, receiver, "datagrams_received")
+        refused = _grown(earlier, later, receiver, "datagrams_dropped")
+        lost = _grown(earlier, later, receiver, "datagrams_lost")
+        applied = _grown(earlier, later, receiver, "updates_received")
+        updates = _grown(earlier, later, sender, "updates_sent") + _grown(earlier, later, sender, "repeats")
+        if abs(sent - book.arrived - book.kernel_drops) > SLACK:
+            found.append(f"the {sender} sent {sent} datagrams, of which the relay saw {book.arrived}")
+        whole = book.passed - book.corrupted - drops
+        if abs(came - whole) > SLACK + book.handshakes:
+            found.append(f"{whole} whole datagrams were passed to the {receiver}, which received {came}")
+        if came + refused < book.passed - drops - SLACK:
+            found.append(
+                f"{book.passed} datagrams were passed to the {receiver}, which received {came} and refused {refused}"
+            )
+        missing = book.lost + book.corrupted + book.discarded + book.orphaned + book.refused + drops + book.kernel_drops
+        if abs(lost - missing) > SLACK + book.released + book.duplicated + sent // 65_536:
+            found.append(f"{missing} datagrams never reached the {receiver}, which counted {lost} as lost")
+        if applied > updates + SLACK:
+            found.append(f"the {sender} sent {updates} updates, the {receiver} applied {applied}")
+    return found
+
+
+def _grown(earlier: Reading, later: Reading, side: str, name: str) -> int:
+    before, after = (getattr(reading, side)[name] for reading in (earlier, later))
+    return int(after) - int(before)
+
+
+def balanced(book: Book) -> list[str]:
+    """The relay has lost track of nothing."""
+    return [f"the relay's own book is off by {book.balance}"] if book.balance else []
+
+
+def returned(seconds: float | None, limit: float) -> list[str]:
+    """Both are back in a session within the stated time after the fault."""
+    if seconds is None:
+        return [f"no session within {limit:g} s after the fault"]
+    return []
+
+
+def away_for(sides: dict[str, Records], ended: float, period: float) -> float:
+    """From the end of a fault to the first tick of a session of both that lasts until now [s]."""
+    lasts = [records["at"][~engaged(records)] for records in sides.values()]
+    return max([float(outside[-1]) + period - ended for outside in lasts if len(outside)] + [0.0])
+
+
+def same_session(calls: int, answers: int) -> list[str]:
+    """No handshake was needed."""
+    if calls or answers:
+        return [f"the session was not kept: {calls} HELLOs and {answers} WELCOMEs"]
+    return []
+
+
+def holds_no_more(first: Footprint, now: Footprint) -> list[str]:
+    """Descriptors and threads of a process stay as many as in its first quiet moment."""
+    found = []
+    if now.descriptors > first.descriptors + SPARE_DESCRIPTORS:
+        found.append(f"descriptors rose from {first.descriptors} to {now.descriptors}")
+    if now.threads > first.threads:
+        found.append(f"threads rose from {first.threads} to {now.threads}")
+    return found
+
+
+def queue_drains(waiting: Sequence[int]) -> list[str]:
+    """A socket's queue is empty at some look of several in a quiet moment."""
+    if waiting and min(waiting) > 0:
+        return [f"{min(waiting)} bytes or more wait in the socket all the time"]
+    return []
+
+
+def longest_gap(records: Records, period: float) -> float:
+    """Longest time without a tick [s]: a machine that stalls is no fault of the link."""
+    if len(records) < 2:
+        return 0.0
+    # Both that a tick was left out and that one came late.
+    done = records["at"] + records["lateness_us"].astype(np.float64) * 1e-6
+    return max(0.0, float(np.diff(done).max()) - period)
+
+
+def nothing() -> Records:
+    """No records."""
+    return np.empty(0, DTYPE)

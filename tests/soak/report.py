@@ -1,0 +1,105 @@
+"""What a soak has to say at the end: what was done, what broke, what grew, and whether that is a failure."""
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from math import inf, isfinite
+from typing import Any
+
+from tests.soak.growth import Growth, fit
+from tests.soak.rig import SIDES
+from tests.soak.watch import Samples
+
+BOUNDS_PER_HOUR = {"rss_kib": 1024.0, "dirty_kib": 1024.0, "descriptors": 1.0, "threads": 1.0, "pss_kib": inf}
+"""Growth of a daemon beyond which a soak has failed, per hour. PSS is told and not judged: it rises when others end."""
+
+
+@dataclass
+class Kind:
+    """One kind of fault."""
+
+    count: int = 0
+    together: int = 0
+    """Of them, under another fault."""
+    worst_return_s: float = 0.0
+    """From the end of the fault to a session of both."""
+    stalls: int = 0
+    """Times that the machine stood still for longer than the session can bear, so that nothing is held against it."""
+    violations: list[str] = field(default_factory=list)
+    notes: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass
+class Report:
+    """Everything, in the order in which it is read."""
+
+    seed: int
+    minutes: float
+    kinds: dict[str, Kind] = field(default_factory=dict)
+    violations: list[str] = field(default_factory=list)
+    """That belong to no fault in particular."""
+    rounds: int = 0
+    lives: dict[str, int] = field(default_factory=dict)
+    ticks: int = 0
+    overruns: int = 0
+    pages: int = 0
+    checks: int = 0
+    datagrams: int = 0
+    longest_queue_bytes: dict[str, int] = field(default_factory=dict)
+    growth: dict[str, dict[str, Growth | None]] = field(default_factory=dict)
+    held: dict[str, list[dict[str, list[int]]]] = field(default_factory=dict)
+    """Of each life of each process: what it held at first and in the end, in the order of a footprint."""
+    summaries: dict[str, Any] = field(default_factory=dict)
+    relay: dict[str, Any] = field(default_factory=dict)
+
+    def kind(self, name: str) -> Kind:
+        return self.kinds.setdefault(name, Kind())
+
+    def measure(self, samples: Iterable[Samples]) -> None:
+        """Fit growth to the lives of each process; say where it is beyond its bound."""
+        lives: dict[str, list[Samples]] = {}
+        for of in samples:
+            lives.setdefault(of.name, []).append(of)
+        for name, of_name in sorted(lives.items()):
+            taken = [life.taken for life in of_name if life.taken]
+            self.held[name] = [{"first": list(life[0][1]), "last": list(life[-1][1])} for life in taken]
+            self.growth[name] = {
+                quantity: fit([life.series(quantity) for life in of_name]) for quantity in BOUNDS_PER_HOUR
+            }
+            for quantity, grown in self.growth[name].items():
+                bound = BOUNDS_PER_HOUR[quantity]
+                if grown is not None and grown.exceeds(bound) and name in SIDES:
+                    self.violations.append(
+                        f"{name}: {quantity} grew by {grown.per_hour:.0f} +- {grown.uncertainty:.0f} an hour, "
+                        f"more than {bound:.0f}"
+                    )
+
+    def failures(self) -> list[str]:
+        """Everything that was violated."""
+        return self.violations + [f"{name}: {text}" for name, kind in self.kinds.items() for text in kind.violations]
+
+    def lines(self) -> list[str]:
+        """For a person."""
+        shown = [f"{'fault':15} {'count':>5} {'together':>8} {'worst return':>12} {'stalls':>6} {'violations':>10}"]
+        for name, kind in self.kinds.items():
+            shown.append(
+                f"{name:15} {kind.count:5} {kind.together:8} {kind.worst_return_s:10.2f} s {kind.stalls:6} "
+                f"{len(kind.violations):10}"
+            )
+            shown += [f"  {text}: {count}" for text, count in kind.notes.items()]
+        for name in SIDES:
+            quantities = self.growth.get(name, {})
+            fitted = {quantity: grown for quantity, grown in quantities.items() if grown is not None}
+            if fitted:
+                told = ", ".join(f"{q} {g.per_hour:+.0f} +- {g.uncertainty:.0f}" for q, g in fitted.items())
+                shown.append(f"{name} per hour: {told}")
+            else:
+                shown.append(f"{name}: too short to tell growth")
+        shown.append(
+            f"{self.ticks} ticks seen, {self.overruns} not; {self.datagrams} datagrams in {self.pages} sessions "
+            f"accounted for, in {self.checks} checks"
+        )
+        return shown + [f"VIOLATED {text}" for text in self.failures()]
+
+    def to_dict(self) -> dict[str, Any]:
+        bounds = {name: bound for name, bound in BOUNDS_PER_HOUR.items() if isfinite(bound)}
+        return asdict(self) | {"failures": self.failures(), "bounds_per_hour": bounds}

@@ -1,0 +1,159 @@
+"""The soak itself: fault after fault, in an order drawn from the seed, and after each the laws.
+
+Owns the schedule and the judgement. The first round has every kind once; later ones lay some upon another.
+"""
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from random import Random
+from time import monotonic
+
+from protocol.emulation import Emulation
+from tests.soak import laws
+from tests.soak.faults import FAULTS, Fault
+from tests.soak.field import Field
+from tests.soak.ledger import Ledger
+from tests.soak.report import Kind, Report
+from tests.soak.rig import SIDES, SILENCE_MS, Rig
+from tests.soak.underlays import ALONE, UNDERLAYS
+from tests.soak.watch import Watch
+
+QUIET_S = 0.5
+"""After a fault, before the books are compared: until what was lost is known to be lost."""
+LONG_QUIET_S = 4.0
+SETTLE_S = 0.5
+LAST_HOPE_S = 60.0
+"""After which a session that has not come back is not waited for."""
+RARE_EVERY = 3
+TOGETHER = 0.4
+SHORT_MINUTES = 3.0
+MOST_VIOLATIONS = 50
+_STALL_SHARE = 0.5
+
+Tell = Callable[[Report, str, float], None]
+
+
+class Soak:
+    """One run.
+
+    Args:
+        minutes: how long; every kind of fault is seen once in any case.
+        seed: of the order, the durations and the relay.
+        tell: called with the report, the fault that begins and the seconds that are left.
+        silence_ms: limit of silence of the session.
+    """
+
+    def __init__(self, minutes: float, seed: int, tell: Tell, silence_ms: float = SILENCE_MS) -> None:
+        self._random = Random(seed)
+        self._tell = tell
+        self._short = minutes <= SHORT_MINUTES
+        self._silence_ms = silence_ms
+        self.report = Report(seed, minutes)
+
+    def run(self) -> Report:
+        """Soak; whatever ends it, the report is what was seen until then.
+
+        Raises:
+            RigError: a daemon has ended by itself, or there was no session to begin with.
+        """
+        report = self.report
+        until = monotonic() + report.minutes * 60.0
+        with Rig(seed=report.seed, steps=True, silence_ms=self._silence_ms) as rig:
+            self._watch = watch = Watch(rig, self._say)
+            watch.extra["relay"] = rig.wire.pid
+            if not watch.until(watch.engaged, LAST_HOPE_S):
+                report.violations.append(f"no session within {LAST_HOPE_S:g} s of the start")
+                return report
+            watch.wait(LONG_QUIET_S / 2)
+            ledger = Ledger(rig, watch)
+            report.violations += ledger.check() + watch.rest()
+            try:
+                while not self._is_over(until):
+                    self._round(Field(rig, watch, ledger, self._random, self._short), until)
+                    report.rounds += 1
+                report.summaries = rig.stop()
+                self._judge_end()
+            finally:
+                self._sum_up(watch, ledger, rig)
+        return report
+
+    def _is_over(self, until: float) -> bool:
+        if len(self.report.failures()) >= MOST_VIOLATIONS:
+            return True
+        has_seen_all = set(self.report.kinds) >= set(FAULTS)
+        return has_seen_all and (self._short or monotonic() >= until)
+
+    def _round(self, field: Field, until: float) -> None:
+        rare = self.report.rounds % RARE_EVERY == 0
+        names = [name for name, fault in FAULTS.items() if rare or not fault.rare]
+        self._random.shuffle(names)
+        for name in names:
+            if self.report.rounds and monotonic() >= until:
+                return
+            under = ""
+            if self.report.rounds and self._random.random() < TOGETHER:
+                under = self._random.choice([other for other in UNDERLAYS if name not in ALONE[other]])
+            self._tell(self.report, name + (f" under {under}" if under else ""), until - monotonic())
+            self._torment(name, FAULTS[name], under, field)
+
+    def _torment(self, name: str, fault: Fault, under: str, field: Field) -> None:
+        """One fault, the way back, and the laws."""
+        kind, watch = self.report.kind(name), field.watch
+        kind.count += 1
+        kind.together += bool(under)
+        field.notes.clear()
+        field.ended_at = None
+        with UNDERLAYS[under](field) if under else nullcontext():
+            watch.wait(SETTLE_S if under else 0.0)
+            watch.begin()
+            found = fault.inject(field)
+            field.rig.wire.emulate(Emulation())
+            ended = field.ended_at or monotonic()
+            stalled = watch.stall() > _STALL_SHARE * field.rig.silence
+            if fault.keeps and not stalled:
+                found += laws.stays(watch.both())
+            kind.stalls += fault.keeps and stalled
+            found += self._way_back(fault, kind, ended, field)
+        if watch.until(lambda: watch.engaged(ended), LAST_HOPE_S):
+            found += self._rest(field)
+        for note, count in field.notes.items():
+            kind.notes[note] = kind.notes.get(note, 0) + count
+        kind.violations += found
+
+    def _way_back(self, fault: Fault, kind: Kind, ended: float, field: Field) -> list[str]:
+        watch = field.watch
+        is_back = watch.until(lambda: watch.engaged(max(ended, monotonic() - 1.0)), fault.limit_s)
+        seconds = laws.away_for(watch.both(), ended, 1.0 / field.rig.rate_hz) if is_back else None
+        kind.worst_return_s = max(kind.worst_return_s, fault.limit_s if seconds is None else seconds)
+        return laws.returned(seconds, fault.limit_s)
+
+    def _rest(self, field: Field) -> list[str]:
+        """A quiet moment: the session stays, the books agree, nothing has piled up."""
+        watch = field.watch
+        watch.wait(QUIET_S)
+        watch.begin()
+        watch.wait(QUIET_S if self._short else self._random.uniform(1.0, LONG_QUIET_S))
+        records = watch.both()
+        stalled = watch.stall() > _STALL_SHARE * field.rig.silence
+        found = [] if stalled else [f"in the quiet afterwards {text}" for text in laws.stays(records)]
+        return found + field.ledger.check() + watch.rest()
+
+    def _judge_end(self) -> None:
+        for side, summary in self.report.summaries.items():
+            if summary["failed"] or summary["status"] != 0:
+                self.report.violations.append(f"the {side} did not end in order: {summary['outcome']}")
+
+    def _say(self, text: str) -> None:
+        if len(self.report.violations) < MOST_VIOLATIONS:
+            self.report.violations.append(text)
+
+    def _sum_up(self, watch: Watch, ledger: Ledger, rig: Rig) -> None:
+        report = self.report
+        report.ticks, report.overruns = watch.ticks, watch.overruns
+        if watch.overruns:
+            report.violations.append(f"{watch.overruns} records were overwritten before the soak could read them")
+        report.pages, report.checks, report.datagrams = ledger.pages, ledger.checks, ledger.datagrams
+        report.longest_queue_bytes = watch.longest_queue
+        report.relay = rig.wire.books().to_dict()
+        report.lives = {side: sum(of.name == side for of in watch.samples.values()) for side in SIDES}
+        report.measure(watch.samples.values())

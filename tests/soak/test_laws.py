@@ -1,0 +1,191 @@
+"""Each law holds for telemetry of a healthy session, and is broken by made-up telemetry of a sick one."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from evaluation.session import Records
+from protocol.states import State
+from telemetry.reader import DTYPE
+from tests.soak import laws
+from tests.soak.books import Book
+from tests.soak.laws import SLACK, Reading
+from tests.soak.processes import Footprint
+
+PERIOD = 0.001
+
+
+def healthy(count: int = 50, *, state: State = State.ENGAGED) -> Records:
+    records = np.zeros(count, DTYPE)
+    records["tick"] = np.arange(count)
+    records["at"] = 100.0 + np.arange(count) * PERIOD
+    records["state"] = state.value
+    records["datagrams_sent"] = np.arange(count) // 20
+    return records
+
+
+def test_force_rests_without_a_session() -> None:
+    records = healthy()
+    records["output"][:, 2] = 1.5
+    assert laws.force_rests(records) == []
+    records["state"][10:] = State.SILENT.value
+    records["output"][12:] = 0.0
+    (told,) = laws.force_rests(records)
+    assert "1.5 N without a session, in 2 ticks from tick 10 on, state SILENT" in told
+
+
+@pytest.mark.parametrize("name", laws.COUNTERS)
+def test_counters_grow(name: str) -> None:
+    records = healthy()
+    records[name] = np.arange(50)
+    assert laws.counters_grow(records) == []
+    records[name][30:] = 7
+    assert laws.counters_grow(records) == [f"{name} fell from 29 to 7"]
+
+
+def test_deadlines_hold() -> None:
+    records = healthy()
+    gaps = np.delete(records, [5, 6, 20])  # missed ticks are no fault here
+    assert laws.deadlines_hold(gaps, PERIOD) == []
+    stepped = records.copy()
+    stepped["at"][25:] += 3600.0
+    assert laws.deadlines_hold(stepped, PERIOD) == ["a deadline is 3600000.000 ms off the grid"]
+    back = records.copy()
+    back["tick"][25:] = 3
+    assert laws.deadlines_hold(back, PERIOD) == ["the number of the tick fell"]
+
+
+def test_stays() -> None:
+    master, slave = healthy(), healthy()
+    assert laws.stays({"master": master, "slave": slave}) == []
+    slave["state"][7:9] = State.SILENT.value
+    assert laws.stays({"master": master, "slave": slave}) == ["the slave left the session for 2 ticks (SILENT)"]
+
+
+def stale(released: int = 5) -> Records:
+    records = healthy(state=State.SILENT)
+    records["position"] = records["output"] = (0.01, 0.0, -0.02)
+    records["datagrams_dropped"][20:] = released
+    return records
+
+
+def test_nothing_stale() -> None:
+    assert laws.nothing_stale(stale(), 5) == []
+    assert laws.nothing_stale(stale(), 6) == ["6 stale datagrams were delivered, and only 5 counted as dropped"]
+    assert laws.nothing_stale(stale(), 0) == ["nothing stale could be delivered, so nothing was shown"]
+
+
+def test_a_robot_that_follows_what_is_stale_is_seen() -> None:
+    for name in ("position", "output"):
+        records = stale()
+        records[name][30:, 1] += 0.002
+        assert laws.nothing_stale(records, 5) == [f"{name} moved by 2 mm while all that arrived was stale"]
+    applied = stale()
+    applied["received"][22] = 1
+    applied["updates_received"][22:] = 1
+    assert laws.nothing_stale(applied, 5) == ["1 stale updates were applied"]
+    returned = stale()
+    returned["state"][22:] = State.ENGAGED.value
+    assert laws.nothing_stale(returned, 5) == ["stale datagrams brought the session back"]
+
+
+def record(**values: int) -> Any:
+    made = np.zeros(1, DTYPE)[0]
+    for name, value in values.items():
+        made[name] = value
+    return made
+
+
+START = Reading(record(), record(), Book(), Book(), (0, 0))
+
+
+def reading(master: dict[str, int], slave: dict[str, int], forward: dict[str, int], **backward: int) -> Reading:
+    """1000 datagrams each way, but for what is changed."""
+    ways = {"arrived": 1000, "passed": 1000}
+    ends = {"datagrams_sent": 1000, "datagrams_received": 1000, "updates_sent": 800, "updates_received": 700}
+    return Reading(
+        record(**{**ends, **master}),
+        record(**{**ends, **slave}),
+        Book(**{**ways, **forward}),
+        Book(**{**ways, **backward}),
+        (0, 0),
+    )
+
+
+def test_books_agree_with_what_a_link_may_do() -> None:
+    assert laws.books_agree(START, reading({}, {}, {})) == []
+    harmed = reading(
+        {},
+        {"datagrams_received": 880, "datagrams_lost": 120, "datagrams_dropped": 50},
+        {"lost": 70, "corrupted": 50, "passed": 930},
+    )
+    assert laws.books_agree(START, harmed) == []
+    replayed = reading({}, {"datagrams_received": 1300, "datagrams_dropped": 300}, {"replayed": 300, "passed": 1300})
+    assert laws.books_agree(START, replayed) == []
+    full = reading({}, {"datagrams_received": 900, "datagrams_lost": 100}, {})._replace(drops=(0, 100))
+    assert laws.books_agree(START, full) == []
+
+
+@pytest.mark.parametrize(
+    ("off", "told"),
+    [
+        (reading({"datagrams_sent": 1100}, {}, {}), "the master sent 1100 datagrams, of which the relay saw 1000"),
+        (reading({}, {"datagrams_received": 1100}, {}), "1000 whole datagrams were passed to the slave, which rec"),
+        (reading({"datagrams_received": 900}, {}, {}), "1000 datagrams were passed to the master, which received 900"),
+        (reading({}, {"datagrams_lost": 100}, {}), "0 datagrams never reached the slave, which counted 100 as lost"),
+        (reading({}, {}, {"lost": 100}), "100 datagrams never reached the slave, which counted 0 as lost"),
+        (reading({}, {"updates_received": 900}, {}), "the master sent 800 updates, the slave applied 900"),
+        (reading({}, {}, {"corrupted": 100}), "900 whole datagrams were passed to the slave, which received 1000"),
+    ],
+)  # fmt: skip
+def test_books_that_do_not_add_up(off: Reading, told: str) -> None:
+    assert any(told in text for text in laws.books_agree(START, off))
+
+
+def test_books_are_read_at_slightly_different_times() -> None:
+    assert laws.books_agree(START, reading({"datagrams_sent": 1000 + SLACK}, {}, {})) == []
+    assert laws.books_agree(START, reading({"datagrams_sent": 1001 + SLACK}, {}, {})) != []
+
+
+def test_the_relay_loses_track_of_nothing() -> None:
+    assert laws.balanced(Book(arrived=5, duplicated=1, passed=3, lost=1, under_way=2)) == []
+    assert laws.balanced(Book(arrived=5, passed=3)) == ["the relay's own book is off by 2"]
+
+
+def test_the_way_back() -> None:
+    assert laws.returned(2.9, 3.0) == []
+    assert laws.returned(None, 3.0) == ["no session within 3 s after the fault"]
+    master, slave = healthy(), healthy()
+    assert laws.away_for({"master": master, "slave": slave}, 100.01, PERIOD) == 0.0
+    slave["state"][:40] = State.SILENT.value
+    assert laws.away_for({"master": master, "slave": slave}, 100.01, PERIOD) == pytest.approx(0.03)
+
+
+def test_a_session_that_needed_a_handshake_was_not_kept() -> None:
+    assert laws.same_session(0, 0) == []
+    assert laws.same_session(2, 1) == ["the session was not kept: 2 HELLOs and 1 WELCOMEs"]
+
+
+def test_holds_no_more() -> None:
+    first = Footprint(1, 1, 1, 10, 2)
+    assert laws.holds_no_more(first, Footprint(9, 9, 9, 12, 2)) == []
+    assert laws.holds_no_more(first, Footprint(1, 1, 1, 13, 3)) == [
+        "descriptors rose from 10 to 13",
+        "threads rose from 2 to 3",
+    ]
+
+
+def test_queue_drains() -> None:
+    assert laws.queue_drains([]) == []
+    assert laws.queue_drains([4000, 0, 900]) == []
+    assert laws.queue_drains([4000, 300, 900]) == ["300 bytes or more wait in the socket all the time"]
+
+
+def test_a_stall_of_the_machine_is_measured() -> None:
+    records = healthy()
+    assert laws.longest_gap(records, PERIOD) == pytest.approx(0.0)
+    assert laws.longest_gap(np.delete(records, slice(10, 30)), PERIOD) == pytest.approx(0.02)
+    late = healthy()
+    late["lateness_us"][20:] = 5000.0
+    assert laws.longest_gap(late, PERIOD) == pytest.approx(0.005)

@@ -1,0 +1,68 @@
+"""What lasts while other faults happen: a faulty link, a busy core, a recording; and what cannot come together."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+
+from protocol.emulation import Emulation
+from tests.soak import disk
+from tests.soak.field import Field
+
+NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
+DELAY = Emulation(delay_s=0.06, jitter_s=0.02)
+LONGEST_BURN_S = 40.0
+_BURN = """
+import os, sys, time
+cpus = sorted(os.sched_getaffinity(0))
+os.sched_setaffinity(0, cpus[-1:])
+end = time.monotonic() + float(sys.argv[1])
+while time.monotonic() < end:
+    sum(range(10_000))
+"""
+
+
+@contextmanager
+def burner(seconds: float) -> Iterator[None]:
+    """Another program takes a whole core, at normal priority; it ends by itself after so long."""
+    process = subprocess.Popen([sys.executable, "-c", _BURN, str(seconds)], start_new_session=True)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+@contextmanager
+def _link(at: Field, emulation: Emulation) -> Iterator[None]:
+    at.rig.wire.emulate(emulation)
+    yield
+
+
+@contextmanager
+def _burning(at: Field, seconds: float) -> Iterator[None]:
+    with burner(seconds):
+        yield
+
+
+@contextmanager
+def _recorded(at: Field) -> Iterator[None]:
+    with disk.recording(at.rig, at.watch):
+        yield
+
+
+Under = Callable[[Field], AbstractContextManager[None]]
+UNDERLAYS: dict[str, Under] = {
+    "noise": lambda at: _link(at, NOISE),
+    "delay": lambda at: _link(at, DELAY),
+    "busy_core": lambda at: _burning(at, LONGEST_BURN_S),
+    "recording": _recorded,
+}
+"""What others happen under, when several come together."""
+ALONE = {
+    "noise": {"noise", "delay", "bursts", "blackout"},
+    "delay": {"noise", "delay", "bursts", "blackout"},
+    "busy_core": {"busy_core"},
+    "recording": {"stalled_disk", "full_disk", "killed_master", "killed_slave"},
+}
+"""What cannot come together: it would replace what lies under it, or wait for it."""
