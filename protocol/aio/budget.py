@@ -4,8 +4,8 @@
 class WorkBudget:
     """Time that may be spent: a share of the time that passes, saved up to a limit.
 
-    A budget of work and not of datagrams: one of the peer costs ten times one of nobody. What is owed is bounded as what
-    is saved up is: a machine that stands still would otherwise not hear the peer for several times as long.
+    A budget of work and not of datagrams: one of the peer costs ten times one of nobody. What is owed is bounded as
+    what is saved up is: a machine that stands still would otherwise not hear the peer for several times as long.
 
     Args:
         share: of one processor, in (0, 1].

@@ -13,6 +13,7 @@ from tests.weberlink.monitor.scripted_server import Message, ScriptedServer
 
 UNKNOWN = "\N{EN DASH}"
 PANELS = ["force", "felt", "position", "packets", "delay", "ticks", "energy", "timeline"]
+SETTINGS = {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
 REPORT: Message = {
     "duration_s": 6.0,
     "ticks": {
@@ -147,9 +148,25 @@ def test_change_is_asked_of_the_server_and_its_answer_shown(page: Browser, serve
     def answer(asked: Message) -> Message:
         if asked.get("predictor") == "zoh":
             return {"type": "answer", "accepted": False, "why": "the bank has no zoh"}
-        settings = {"weber": 0.1, "predictor": "hybrid", "scheme": "none"} | asked
-        settings.pop("type")
-        return {"type": "answer", "accepted": True, "settings": settings, "generation": 1, "tick": 12345}
+        changed = SETTINGS | {name: setting for name, setting in asked.items() if name != "type"}
+        if asked.get("weber") == 0.15:
+            before = SETTINGS | {"weber": 0.05}
+            return {
+                "type": "answer",
+                "accepted": True,
+                "settings": before,
+                "pending": changed,
+                "generation": 1,
+                "tick": 2,
+            }
+        return {
+            "type": "answer",
+            "accepted": True,
+            "settings": changed,
+            "pending": None,
+            "generation": 1,
+            "tick": 12345,
+        }
 
     server.answer = answer
     visit(page, server, session.hello(), *told())
@@ -162,11 +179,18 @@ def test_change_is_asked_of_the_server_and_its_answer_shown(page: Browser, serve
     assert page.text("answer") == "from tick 12345 on, both ends"
     assert page.text("weber-value") == "5 % = 1 JND"
     page.wait(lambda: page.run("return document.querySelector('#panel-felt canvas').toDataURL()") != before, "the mark")
+    page.choose("weber", "0.15")  # agreed, but in force from a later tick on
+    page.wait(lambda: page.text("weber-value") == "15 % = 1 JND", "what was agreed")
+    server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.05}, generation=1))
+    page.wait(lambda: page.data("force-packets") == "24", "figures from before it")
+    assert page.text("weber-value") == "15 % = 1 JND"
+    server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.16}, generation=2))
+    page.wait(lambda: page.text("weber-value") == "16 % = 1 JND", "what is in force")
     page.choose("predictor", "zoh")
     page.wait(lambda: page.data("answer") == "refused", "the refusal")
     assert page.text("answer") == "not changed: the bank has no zoh"
     assert page.picked("predictor") == "hybrid"
-    assert server.asked[1:] == [{"type": "change", "predictor": "zoh"}]
+    assert server.asked[2:] == [{"type": "change", "predictor": "zoh"}]
     clean(page, server)
 
 

@@ -87,7 +87,7 @@ def test_weber_factor_set_on_the_page_holds_on_both_ends(page: Browser, tmp_path
         assert page.data("answer") == "accepted", page.text("answer")
         tick = int(page.data("answer", "tick"))
         assert f"from tick {tick} on" in page.text("answer")
-        assert page.text("weber-value") == "20 % = 1 JND"
+        page.wait(lambda: page.text("weber-value") == "20 % = 1 JND", "what was agreed to be shown")
 
         def pressed() -> Any:
             """Of the last ticks, those in contact after the change."""

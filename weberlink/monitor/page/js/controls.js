@@ -18,7 +18,7 @@ export class Controls {
 
   // After a greeting, a change, an end, or when the connection came or went.
   refresh(connected, reset = false) {
-    const { hello, settings, ended } = this.store;
+    const { hello, wanted: settings, ended } = this.store;
     fill(by("predictor"), hello?.predictors ?? [], settings.predictor, reset);
     fill(by("scheme"), hello?.schemes ?? [], settings.scheme, reset);
     if (typeof settings.weber === "number" && (reset || document.activeElement !== by("weber")))

@@ -3,19 +3,18 @@
 
 import * as THREE from "../vendor/three.module.min.js";
 import { OrbitControls } from "../vendor/orbit_controls.js";
+import { TRAIL_POINTS, actors } from "./actors.js";
 import { MODELS, word } from "./names.js";
-import { PLANE, RINGS, SPHERE, SPOKES, patch, ribs, triangles } from "./patch.js";
+import { PLANE, SPHERE, patch } from "./patch.js";
 import { extent, solids } from "./solids.js";
 import { theme } from "./theme.js";
 
 const MM = 1000;
 const TRAIL_S = 4;
-const TRAIL_POINTS = 1400;
 const LEAST_REACH_MM = 55;
 const MM_PER_N = 7;
 const ORBIT_STEP = 0.08;
 const SOFT_INTERVAL_MS = 120; // without a graphics processor the picture takes the time of the loop's own
-const ON_TOP = { depthTest: false, depthWrite: false, transparent: true };
 
 export class View {
   // `redraw()` is called when the view was turned. Throws where there is no WebGL.
@@ -38,7 +37,9 @@ export class View {
     this.world.add(sun, new THREE.HemisphereLight(0xffffff, 0x8899aa, 0.9));
     this.solids = new THREE.Group();
     this.world.add(this.solids);
-    this.#actors();
+    Object.assign(this, actors());
+    this.world.add(this.hand, this.robot, this.arrow, this.belief, this.rim, this.trail, this.packets);
+    this.#colour();
     this.#resize();
     this.#look();
     new ResizeObserver(() => {
@@ -78,51 +79,6 @@ export class View {
     this.#trail(master.empty ? slave : master, master.empty ? "output" : "position", slave, to);
     this.renderer.render(this.world, this.camera);
     return true;
-  }
-
-  #actors() {
-    const ball = (radius, order) => {
-      const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 18), new THREE.MeshLambertMaterial(ON_TOP));
-      mesh.renderOrder = order;
-      return mesh;
-    };
-    this.hand = ball(1.9, 8);
-    this.robot = ball(2.9, 6);
-    this.robot.material.opacity = 0.5;
-    const shaft = new THREE.Mesh(
-      new THREE.CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0),
-      new THREE.MeshBasicMaterial(ON_TOP),
-    );
-    const head = new THREE.Mesh(new THREE.ConeGeometry(1.5, 3.6, 16).translate(0, 1.8, 0), shaft.material);
-    shaft.renderOrder = head.renderOrder = 9;
-    this.shaft = shaft;
-    this.head = head;
-    this.arrow = new THREE.Group().add(shaft, head);
-    const surface = new THREE.BufferGeometry();
-    this.vertices = new Float32Array(3 * (RINGS + 1) * SPOKES);
-    surface.setAttribute("position", new THREE.BufferAttribute(this.vertices, 3));
-    surface.setIndex(triangles());
-    this.belief = new THREE.Mesh(
-      surface,
-      new THREE.MeshBasicMaterial({ ...ON_TOP, side: THREE.DoubleSide, opacity: 0.3 }),
-    );
-    const net = new THREE.BufferGeometry().setAttribute("position", surface.attributes.position).setIndex(ribs());
-    this.rim = new THREE.LineSegments(net, new THREE.LineBasicMaterial({ ...ON_TOP, opacity: 0.75 }));
-    this.belief.renderOrder = 2;
-    this.rim.renderOrder = 3;
-    this.trail = new THREE.Line(
-      cloud(TRAIL_POINTS, true),
-      new THREE.LineBasicMaterial({ ...ON_TOP, vertexColors: true }),
-    );
-    this.trail.renderOrder = 4;
-    this.packets = new THREE.Points(
-      cloud(TRAIL_POINTS),
-      new THREE.PointsMaterial({ ...ON_TOP, size: 8, sizeAttenuation: false, map: disc(), alphaTest: 0.4 }),
-    );
-    this.packets.renderOrder = 5;
-    for (const actor of [this.belief, this.rim, this.trail, this.packets]) actor.frustumCulled = false;
-    this.world.add(this.hand, this.robot, this.arrow, this.belief, this.rim, this.trail, this.packets);
-    this.#colour();
   }
 
   #colour() {
@@ -260,24 +216,6 @@ function along(ring, name, from, to, put, wanted = null) {
 function place(ball, at) {
   ball.visible = at !== null;
   if (at) ball.position.set(...at);
-}
-
-function cloud(count, coloured = false) {
-  const geometry = new THREE.BufferGeometry();
-  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
-  if (coloured) geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(4 * count), 4));
-  geometry.setDrawRange(0, 0);
-  return geometry;
-}
-
-function disc() {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 32;
-  const ctx = canvas.getContext("2d");
-  ctx.fillStyle = "#fff";
-  ctx.arc(16, 16, 15, 0, 2 * Math.PI);
-  ctx.fill();
-  return new THREE.CanvasTexture(canvas);
 }
 
 function caption(kind, size, stiffness) {

@@ -23,7 +23,8 @@ export class Store {
     this.figures = null;
     this.changes = []; // {t, label}: live changes, as marks in the charts
     this.switched = -Infinity; // when the records last said that other settings hold
-    this.settings = {};
+    this.settings = {}; // in force
+    this.agreed = null; // {generation, settings}: agreed by both ends, and in force from a later tick on
     this.ended = false;
   }
 
@@ -41,6 +42,11 @@ export class Store {
   }
   #description() {
     return this.hello?.sides?.master ?? this.hello?.sides?.slave;
+  }
+
+  // What holds or is about to.
+  get wanted() {
+    return { ...this.settings, ...this.agreed?.settings };
   }
 
   // The sides that have said anything.
@@ -63,10 +69,13 @@ export class Store {
       case "figures":
         this.figures = message;
         this.ended = Boolean(message.ended);
-        if (message.settings) this.#adopt(message.settings);
+        if (message.settings) this.#adopt(message.settings, message.generation);
         break;
       case "answer":
-        if (message.accepted && message.settings) this.#adopt(message.settings);
+        if (message.accepted && message.pending) {
+          this.agreed = { generation: message.generation, settings: message.pending };
+        }
+        if (message.settings) this.#adopt(message.settings, message.generation);
         break;
       default:
         return false;
@@ -79,7 +88,7 @@ export class Store {
     if (!same) this.forget();
     this.hello = hello;
     this.ended = false;
-    if (hello.settings) same ? this.#adopt(hello.settings) : (this.settings = { ...hello.settings });
+    if (hello.settings) same ? this.#adopt(hello.settings, hello.generation) : (this.settings = { ...hello.settings });
   }
 
   #samples({ side, t, columns }) {
@@ -135,7 +144,8 @@ export class Store {
     }
   }
 
-  #adopt(settings) {
+  #adopt(settings, generation) {
+    if (this.agreed && generation !== this.agreed.generation) this.agreed = null;
     const changed = Object.entries(settings).filter(
       ([name, value]) => this.settings[name] !== undefined && this.settings[name] !== value,
     );

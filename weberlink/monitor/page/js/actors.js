@@ -1,0 +1,70 @@
+// What moves in the 3-D view, as it is before anything is known: balls, arrow, believed surface, trail, packets.
+
+import * as THREE from "../vendor/three.module.min.js";
+import { RINGS, SPOKES, ribs, triangles } from "./patch.js";
+
+export const TRAIL_POINTS = 1400;
+const ON_TOP = { depthTest: false, depthWrite: false, transparent: true };
+
+export function actors() {
+  const made = {};
+  const ball = (radius, order) => {
+    const mesh = new THREE.Mesh(new THREE.SphereGeometry(radius, 24, 18), new THREE.MeshLambertMaterial(ON_TOP));
+    mesh.renderOrder = order;
+    return mesh;
+  };
+  made.hand = ball(1.9, 8);
+  made.robot = ball(2.9, 6);
+  made.robot.material.opacity = 0.5;
+  const shaft = new THREE.Mesh(
+    new THREE.CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0),
+    new THREE.MeshBasicMaterial(ON_TOP),
+  );
+  const head = new THREE.Mesh(new THREE.ConeGeometry(1.5, 3.6, 16).translate(0, 1.8, 0), shaft.material);
+  shaft.renderOrder = head.renderOrder = 9;
+  made.shaft = shaft;
+  made.head = head;
+  made.arrow = new THREE.Group().add(shaft, head);
+  const surface = new THREE.BufferGeometry();
+  made.vertices = new Float32Array(3 * (RINGS + 1) * SPOKES);
+  surface.setAttribute("position", new THREE.BufferAttribute(made.vertices, 3));
+  surface.setIndex(triangles());
+  made.belief = new THREE.Mesh(
+    surface,
+    new THREE.MeshBasicMaterial({ ...ON_TOP, side: THREE.DoubleSide, opacity: 0.3 }),
+  );
+  const net = new THREE.BufferGeometry().setAttribute("position", surface.attributes.position).setIndex(ribs());
+  made.rim = new THREE.LineSegments(net, new THREE.LineBasicMaterial({ ...ON_TOP, opacity: 0.75 }));
+  made.belief.renderOrder = 2;
+  made.rim.renderOrder = 3;
+  made.trail = new THREE.Line(
+    cloud(TRAIL_POINTS, true),
+    new THREE.LineBasicMaterial({ ...ON_TOP, vertexColors: true }),
+  );
+  made.trail.renderOrder = 4;
+  made.packets = new THREE.Points(
+    cloud(TRAIL_POINTS),
+    new THREE.PointsMaterial({ ...ON_TOP, size: 8, sizeAttenuation: false, map: disc(), alphaTest: 0.4 }),
+  );
+  made.packets.renderOrder = 5;
+  for (const actor of [made.belief, made.rim, made.trail, made.packets]) actor.frustumCulled = false;
+  return made;
+}
+
+function cloud(count, coloured = false) {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * count), 3));
+  if (coloured) geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(4 * count), 4));
+  geometry.setDrawRange(0, 0);
+  return geometry;
+}
+
+function disc() {
+  const canvas = document.createElement("canvas");
+  canvas.width = canvas.height = 32;
+  const ctx = canvas.getContext("2d");
+  ctx.fillStyle = "#fff";
+  ctx.arc(16, 16, 15, 0, 2 * Math.PI);
+  ctx.fill();
+  return new THREE.CanvasTexture(canvas);
+}
