@@ -16,7 +16,6 @@ from typing import Any, Protocol
 import uvloop
 
 from realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
-from realtime.histogram import Histogram
 from realtime.ticker import Ticker
 
 REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
@@ -62,12 +61,13 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a run was: ticks done and missed, lateness and work of each [us], passes of the collector, how it ended."""
+    """What a run was: ticks done and missed, passes of the collector, how it ended.
+
+    Lateness and work of each tick are the business of `after_tick`.
+    """
 
     ticks: int
     missed: int
-    lateness: Histogram
-    work: Histogram
     outcome: str | None
     orderly: bool
     garbage: GarbageSchedule | None = None
@@ -135,8 +135,7 @@ class _Shell:
         self._stop_by = inf
         self._after_tick = after_tick
         self._garbage = garbage
-        self._lateness = Histogram()
-        self._work = Histogram()
+        self._ticks = 0
         self._reason: str | None = None
         self._error: BaseException | None = None
         self._failed = False
@@ -163,10 +162,8 @@ class _Shell:
         if self._error is not None:
             raise self._error
         return Run(
-            ticks=self._lateness.count,
+            ticks=self._ticks,
             missed=self._ticker.missed,
-            lateness=self._lateness,
-            work=self._work,
             outcome=self._side.outcome or self._reason,
             orderly=not self._failed,
             garbage=self._garbage,
@@ -210,11 +207,9 @@ class _Shell:
         self._transport.service(now)
         self._side.tick(index, deadline, now)
         self._transport.flush(now)
-        work_us = (monotonic() - now) * 1e6
-        self._lateness.add((now - deadline) * 1e6)
-        self._work.add(work_us)
+        self._ticks += 1
         if self._after_tick is not None:
-            self._after_tick(index, deadline, now, work_us)
+            self._after_tick(index, deadline, now, (monotonic() - now) * 1e6)
         if self._side.stopped:
             self._finish()
         elif self._garbage is not None:

@@ -22,7 +22,7 @@ LARGEST_LEAD_SHARE = 0.2
 """Of a period, likewise."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the lead is first set, and the time between two revisions [s]."""
-_LATE_ENOUGH = 0.2
+_LATE_ENOUGH = 0.5
 """Share of wake-ups that come after their deadline: the lead covers the others. Fewer would cost more waiting than the
 few microseconds are worth."""
 

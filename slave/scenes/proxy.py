@@ -5,6 +5,7 @@ solid and moves to the locally closest point to the probe. Its only state is its
 """
 
 from collections.abc import Sequence
+from math import inf
 
 from codec.vector import Vector, distance, dot, scale, subtract
 from slave.scenes.active_set import displacement, smallest_push
@@ -46,9 +47,14 @@ class Proxy:
         """Moves toward the probe at `target` as far as the solids allow; nothing holds it back where it arrives."""
         shapes = self._shapes
         here = target if self.at is None else self.at
-        touching = [index for index, shape in enumerate(shapes) if shape.clearance(here) < TOUCHING]
-        presses: Sequence[Press] = ()
+        clear = [shape.clearance(here) for shape in shapes]
         self.parts = ()
+        nearest = min(clear, default=inf)
+        if nearest >= TOUCHING and nearest >= distance(here, target):
+            self.at = target  # nothing is as near as the target: most ticks of a session
+            return target, ()
+        touching = [index for index, clearance in enumerate(clear) if clearance < TOUCHING]
+        presses: Sequence[Press] = ()
         last: Step | None = None
         iterations = 0
         while iterations < ITERATIONS:
