@@ -12,9 +12,13 @@ class Decoder:
 
     Its whole state is a function of the newest update that arrived, so no loss, reordering or late start can leave
     it in disagreement with the encoder for longer than until the next one. Only the chosen predictor is computed.
+
+    Attributes:
+        newest: the newest sample received; None before the first.
+        selected: index in the bank of the predictor in use.
     """
 
-    __slots__ = ("_channel", "_model", "_newest", "_predictors", "_selected")
+    __slots__ = ("_channel", "_model", "_predictors", "newest", "selected")
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -24,23 +28,13 @@ class Decoder:
     def reset(self) -> None:
         """Forget the signal: `value` is the channel's rest until the first update."""
         self._model: Model | None = None
-        self._newest: Sample | None = None
-        self._selected = 0
+        self.newest: Sample | None = None
+        self.selected = 0
 
     @property
     def state(self) -> tuple[int, Model | None, Sample | None]:
         """All that a prediction depends on: selected predictor, its fitted model, the newest sample."""
-        return self._selected, self._model, self._newest
-
-    @property
-    def newest(self) -> Sample | None:
-        """The newest sample received; None before the first."""
-        return self._newest
-
-    @property
-    def selected(self) -> int:
-        """Index in the bank of the predictor in use."""
-        return self._selected
+        return self.selected, self._model, self.newest
 
     def apply(self, update: Update) -> None:
         """Take over the state that an update carries.
@@ -57,8 +51,8 @@ class Decoder:
         newest = channel.sample(update.tick, update.newest)
         previous = channel.sample(update.tick - update.gap, update.previous) if update.previous else None
         self._model = self._predictors[update.selector].model(newest, previous, channel.trust)
-        self._newest = newest
-        self._selected = update.selector
+        self.newest = newest
+        self.selected = update.selector
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
         """The value now: finite, and within the range of the wire.
@@ -73,7 +67,7 @@ class Decoder:
         Returns:
             Force [N] or position [m]; before the first update the channel's `rest`.
         """
-        newest, model, channel = self._newest, self._model, self._channel
+        newest, model, channel = self.newest, self._model, self._channel
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:

@@ -23,44 +23,50 @@ class Encoder:
     comes closest (after it, all would pass through the sample), and holds that choice until the next send.
 
     Deadband and choice may be retuned while it runs. The other end needs to know of neither.
+
+    Attributes:
+        mirror: what the other end holds if nothing was lost.
+        bound: the deadband of the sample coded last, in the unit of the values.
+        predicted: what the other end held of that sample before any update of it; None while it held nothing.
+        rejected: samples that were not finite and so were not coded.
     """
 
     __slots__ = (
-        "_bound",
         "_channel",
         "_confine",
         "_deadband",
         "_forced",
         "_last",
         "_levels",
-        "_mirror",
         "_newest",
-        "_predicted",
         "_predictors",
         "_previous",
-        "_rejected",
         "_selectors",
+        "bound",
+        "mirror",
+        "predicted",
+        "rejected",
     )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
-        self._mirror = Decoder(channel)
+        self.mirror = Decoder(channel)
         self._confine = channel.value_quantizer.confine
         self._deadband = channel.deadband
         self._selectors = tuple(range(len(self._predictors)))
-        self._rejected = 0
+        self.rejected = 0
         self.reset()
 
     def reset(self) -> None:
         """Forget the signal, so that the next sample is sent: the other end started anew. The tuning stays."""
-        self._mirror.reset()
+        self.mirror.reset()
         self._newest: Sample | None = None
         self._previous: Sample | None = None
         self._levels: tuple[int, ...] = ()
         self._last: Vector | None = None
-        self._bound = 0.0
-        self._predicted: Vector | None = None
+        self.bound = 0.0
+        self.predicted: Vector | None = None
         self._forced = False
 
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
@@ -81,27 +87,7 @@ class Encoder:
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         self._deadband = deadband
         self._selectors = tuple(sorted(set(selectors)))
-        self._forced = self._newest is not None and self._mirror.selected not in self._selectors
-
-    @property
-    def mirror(self) -> Decoder:
-        """What the other end holds if nothing was lost."""
-        return self._mirror
-
-    @property
-    def bound(self) -> float:
-        """The deadband of the sample coded last, in the unit of the values."""
-        return self._bound
-
-    @property
-    def predicted(self) -> Vector | None:
-        """What the other end held of the sample coded last before any update of it; None while it held nothing."""
-        return self._predicted
-
-    @property
-    def rejected(self) -> int:
-        """Samples that were not finite and so were not coded."""
-        return self._rejected
+        self._forced = self._newest is not None and self.mirror.selected not in self._selectors
 
     def encode(self, tick: int, value: Vector, position: Vector = ZERO) -> Update | None:
         """Code the sample of one tick.
@@ -116,17 +102,17 @@ class Encoder:
             counted and otherwise as if it had not come.
         """
         if not (is_finite(value) and is_finite(position)):
-            self._rejected += 1
+            self.rejected += 1
             return None
         actual = self._confine(value)
         last, self._last = self._last if self._last is not None else actual, actual
-        displayed = self._predicted = self._mirror.value(tick, position)
+        displayed = self.predicted = self.mirror.value(tick, position)
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
-        self._bound = self._deadband.bound(actual, compared, sent, last)
+        self.bound = self._deadband.bound(actual, compared, sent, last)
         error = distance(displayed, actual) if displayed is not None and not self._forced else inf
-        if error <= self._bound:
+        if error <= self.bound:
             return None
         levels = self._channel.levels(actual, position)
         sample = self._channel.sample(tick, levels)
@@ -159,5 +145,5 @@ class Encoder:
             update = Update(tick, selector, levels)
         self._newest, self._previous, self._levels = sample, usable, levels
         self._forced = False
-        self._mirror.apply(update)
+        self.mirror.apply(update)
         return update

@@ -30,6 +30,11 @@ class Endpoint:
     The life of an initiator: `connect`, then `Connected` (or `Refused`, which is final), updates, `PeerSilent` and
     `PeerReturned` in the same session or `Connected` in a new one. It calls again by itself whenever the peer is gone.
     A responder does the same from the other side and goes on listening, until `close`.
+
+    Attributes, which the owner reads:
+        state: where the conversation stands.
+        heard_at: when the last fresh authentic datagram came from the peer [s]; -inf before the first.
+        statistics: counters and measurements, which go on.
     """
 
     __slots__ = (
@@ -38,15 +43,15 @@ class Endpoint:
         "_dialer",
         "_due",
         "_former",
-        "_heard_at",
         "_lengths",
         "_listener",
         "_mailbox",
         "_parameters",
         "_role",
         "_session",
-        "_state",
-        "_statistics",
+        "heard_at",
+        "state",
+        "statistics",
     )
 
     def __init__(
@@ -95,17 +100,17 @@ class Endpoint:
         self._agreement: dict[str, object] = read_map(packed) or {}
         self._role = role
         self._address = peer
-        self._state = State.IDLE
-        self._statistics = Statistics()
+        self.state = State.IDLE
+        self.statistics = Statistics()
         self._parameters = Parameters(outgoing, incoming, epoch, tick_period, silence)
         self._lengths = self._parameters.incoming.lengths(security.tag_size)
         self._dialer = Dialer(security, entropy, packed, version, epoch)
         self._listener = Listener(security, entropy, self._agreement, version, epoch, self._open_session)
         self._session: Session | None = None
         self._former: Session | None = None
-        self._heard_at = -inf
+        self.heard_at = -inf
         self._due: float | None = None  # asked for several times a tick; None when it may have changed
-        self._mailbox = Mailbox(self._statistics)
+        self._mailbox = Mailbox(self.statistics)
 
     # --- what the owner reads
 
@@ -114,23 +119,9 @@ class Endpoint:
         return self._role
 
     @property
-    def state(self) -> State:
-        return self._state
-
-    @property
     def peer(self) -> Address | None:
         """Where the peer is, or was last; None for a responder that nobody has called."""
         return self._address
-
-    @property
-    def heard_at(self) -> float:
-        """When the last fresh authentic datagram came from the peer [s]; -inf before the first."""
-        return self._heard_at
-
-    @property
-    def statistics(self) -> Statistics:
-        """Counters and measurements, which go on."""
-        return self._statistics
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
@@ -235,7 +226,7 @@ class Endpoint:
         """
         if not 1 <= len(body) <= LONGEST_CHANGE:
             raise ValueError(f"a change takes 1 to {LONGEST_CHANGE} bytes, not {len(body)}")
-        if self._session is None or self._state is not State.ENGAGED or self._session.sender.accord.is_proposing:
+        if self._session is None or self.state is not State.ENGAGED or self._session.sender.accord.is_proposing:
             return False
         self._session.sender.accord.propose(tick, body, now)
         self._due = None
@@ -271,10 +262,10 @@ class Endpoint:
     def _find_due(self) -> float:
         due = self._dialer.due
         if self._session is not None:
-            is_engaged = self._state is State.ENGAGED
+            is_engaged = self.state is State.ENGAGED
             due = min(due, self._session.sender.next_timer(is_engaged=is_engaged))
             if is_engaged:
-                due = min(due, self._heard_at + self._parameters.silence)
+                due = min(due, self.heard_at + self._parameters.silence)
         return due
 
     def handle_timer(self, now: float) -> None:
@@ -286,9 +277,9 @@ class Endpoint:
         self._due = None
         session = self._session
         if session is not None:
-            if self._state is State.ENGAGED and now >= self._heard_at + self._parameters.silence:
+            if self.state is State.ENGAGED and now >= self.heard_at + self._parameters.silence:
                 self._fall_silent(now)
-            is_engaged = self._state is State.ENGAGED
+            is_engaged = self.state is State.ENGAGED
             while (datagram := session.sender.handle_timer(now, is_engaged=is_engaged)) is not None:
                 self._post(datagram)
         if now >= self._dialer.due:
@@ -324,7 +315,7 @@ class Endpoint:
 
     def _receive_handshake(self, kind: int, data: bytes, address: Address, now: float) -> None:
         is_initiator = self._role is Role.INITIATOR
-        if self._state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not is_initiator:
+        if self.state in (State.IDLE, State.CLOSED) or (kind == Kind.WELCOME) is not is_initiator:
             self._mailbox.drop(DropReason.UNEXPECTED)
         elif len(data) > LONGEST_DATAGRAM:
             self._mailbox.drop(DropReason.WRONG_LENGTH)
@@ -334,7 +325,7 @@ class Endpoint:
             self._receive_hello(data, address, now)
 
     def _receive_hello(self, data: bytes, address: Address, now: float) -> None:
-        reply = self._listener.receive(data, now, is_engaged=self._state is State.ENGAGED)
+        reply = self._listener.receive(data, now, is_engaged=self.state is State.ENGAGED)
         if isinstance(reply, DropReason):
             self._mailbox.drop(reply)
             return
@@ -373,11 +364,11 @@ class Endpoint:
         is_newest = session.is_newest(opened)
         outcome = session.accept(opened, now)
         session.measure()
-        self._heard_at = session.heard_at
+        self.heard_at = session.heard_at
         if session.heard_at == now:  # what is old or cannot be true moves nothing
             if is_newest:
                 self._address = address
-            if self._state is State.SILENT:
+            if self.state is State.SILENT:
                 self._turn(Trigger.HEAR)
                 self._dialer.stop()
                 self._mailbox.tell(PeerReturned())
@@ -399,7 +390,7 @@ class Endpoint:
         if isinstance(outcome, DropReason):
             self._mailbox.drop(outcome)
         elif isinstance(outcome, UpdateReceived):
-            self._statistics.updates_received += 1
+            self.statistics.updates_received += 1
             self._mailbox.tell(outcome)
         elif isinstance(outcome, PeerClosed):
             self._turn(Trigger.LEAVE)
@@ -410,14 +401,14 @@ class Endpoint:
             self._mailbox.tell(outcome)
 
     def _open_session(self, protection: Protection, peer_clock: float, now: float) -> Session:
-        return Session(protection, self._parameters, self._statistics, peer_clock, now)
+        return Session(protection, self._parameters, self.statistics, peer_clock, now)
 
     def _establish(self, session: Session, address: Address, now: float) -> None:
         self._turn(Trigger.ESTABLISH)
         self._end_session()
         self._session = session
         self._address = address
-        self._heard_at = now
+        self.heard_at = now
         self._mailbox.tell(Connected(address, self._agreement))
 
     def _end_session(self) -> None:
@@ -426,7 +417,7 @@ class Endpoint:
             self._former, self._session = self._session, None
 
     def _turn(self, trigger: Trigger) -> None:
-        self._state = next_state(self._state, trigger)
+        self.state = next_state(self.state, trigger)
 
     def _post(self, datagram: bytes) -> None:
         assert self._address is not None
