@@ -9,7 +9,7 @@ DEV := $(VENV)/.dev
 
 MINUTES ?= 60
 
-.PHONY: system demo test lint format fuzz soak bench figures lock schema clean
+.PHONY: system demo test lint format fuzz soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
@@ -40,7 +40,8 @@ fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
 
-bench: $(DEV)  ## run time of a tick's codec work, of a device's exchange, of MuJoCo, and what recording costs, beside their limits
+bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; then device, MuJoCo and recording beside theirs
+	$(BIN)/weberlink bench
 	$(BIN)/python -m benchmarks.codec_tick
 	$(BIN)/python -m benchmarks.device_round_trip
 	$(BIN)/python -m benchmarks.mujoco_loopback
@@ -51,9 +52,14 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
+	$(BIN)/weberlink bench --plots docs/bench --json docs/bench/bench.json
+	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/weberlink/monitor/test_page_live.py -k picture
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.configuration.schema configs/weberlink.schema.json
+
+vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums of their manifest
+	$(BIN)/python weberlink/monitor/page/vendor/fetch.py
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
