@@ -33,6 +33,11 @@ class Limit:
     name: str
     lateness_us: Series
 
+    def missed_share(self, rate_hz: float) -> float:
+        """Of the deadlines, what it slept through: a wake-up that is late by whole periods has missed as many."""
+        missed = float(np.floor(self.lateness_us * rate_hz * 1e-6).sum())
+        return missed / (len(self.lateness_us) + missed)
+
 
 @dataclass(frozen=True)
 class Lateness:
@@ -80,7 +85,12 @@ class Lateness:
                 for name, side in self.sides.items()
             },
             "lateness_us": summary(self.lateness_us),
-            "limit": {"name": self.limit.name, "cycles": len(self.limit.lateness_us), "lateness_us": limit},
+            "limit": {
+                "name": self.limit.name,
+                "cycles": len(self.limit.lateness_us),
+                "missed_share": self.limit.missed_share(self.rate_hz),
+                "lateness_us": limit,
+            },
             "ratio": ratios(summary(self.lateness_us), limit),
         }
 

@@ -39,7 +39,8 @@ def _lateness(document: Mapping[str, Any]) -> Table:
         for side, daemon in rate["daemons"].items():
             missed = f"{100 * daemon['missed_share']:.3f} %"
             table.add_row(f"{khz} {side}", *_microseconds(daemon["lateness_us"]), missed)
-        table.add_row(f"{khz} {rate['limit']['name']}", *_microseconds(rate["limit"]["lateness_us"]), "")
+        missed = f"{100 * rate['limit']['missed_share']:.3f} %"
+        table.add_row(f"{khz} {rate['limit']['name']}", *_microseconds(rate["limit"]["lateness_us"]), missed)
         table.add_row(f"{khz} both, x limit", *_ratios(rate["ratio"]), "", end_section=True)
     return table
 

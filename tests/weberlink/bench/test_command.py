@@ -56,6 +56,7 @@ def test_a_glance_at_everything(tmp_path: Path) -> None:
     for rate in found["lateness"]:
         assert rate["limit"]["name"] == (cyclictest.version() or "timerfd in Python")
         assert rate["limit"]["cycles"] > 0
+        assert 0.0 <= rate["limit"]["missed_share"] < 1.0
         for side in SIDES:
             daemon = rate["daemons"][side]
             assert daemon["ticks"] + daemon["missed"] > 0.5 * rate["rate_hz"] * found["duration_s"]
