@@ -29,8 +29,8 @@ class Implicit:
 
         E' - E <= v' . m (v' - v) + dU(x') . (x' - x) = -h (power of the dampers at the end) <= 0
 
-    That is for flat contact. In a hollow, with a step far too long for its stiffness (10 ms, a kilogram, 1e5 N/m), energy was
-    seen to grow by a quarter in rare trials; at 2 ms and less by no more than 0.12 % in 60 steps.
+    That is for flat contact. In a hollow, with a step far too long for its stiffness (10 ms, a kilogram, 1e5 N/m),
+    energy was seen to grow by a quarter in rare trials; at 2 ms and less by no more than 0.12 % in 60 steps.
 
     Its local error h^2 is what the kink of the force costs any scheme that does not locate it, so the order stays 2.
 
