@@ -22,7 +22,7 @@ def report(document: Mapping[str, Any], comparison: Table | None = None) -> Tabl
         comparison: with an earlier run, if there is one.
     """
     whole = Table.grid()
-    parts: list[Table | Text] = [_lateness(document), _latency(document), _ticks(document)]
+    parts: list[Table | Text] = [_lateness(document), _latency(document), _update(document), _ticks(document)]
     parts += [Text("\n".join(_lines(document)))]
     parts += [] if comparison is None else [comparison]
     for part in (*parts, _targets(document)):
@@ -57,6 +57,14 @@ def _latency(document: Mapping[str, Any]) -> Table:
     if fast is not None:
         table.add_row(f"round trip, {fast['version']}", *_microseconds(fast["round_trip_us"]))
         table.add_row("round trip, x sockperf", *_ratios(latency["ratio_to_sockperf"]["round_trip"]))
+    return table
+
+
+def _update(document: Mapping[str, Any]) -> Table:
+    table = _table("code of an update, us", *HEADINGS)
+    for step, states in document["update_cost_us"].items():
+        for caches, summary in states.items():
+            table.add_row(f"{step}, caches {caches}", *_microseconds(summary))
     return table
 
 

@@ -15,7 +15,7 @@ from rich.table import Table
 from evaluation.environment import environment, footer
 from protocol.keys import generate
 from weberlink.bench import baseline as baseline_
-from weberlink.bench import codec_rate, latency, lateness, rights, start_up, tick_cost
+from weberlink.bench import codec_rate, latency, lateness, rights, start_up, tick_cost, update_cost
 from weberlink.bench.arrangement import (
     DURATION_S,
     MAIN_RATE_HZ,
@@ -35,10 +35,11 @@ from weberlink.bench.rights import Rights
 from weberlink.bench.start_up import StartUp
 from weberlink.bench.targets import targets
 from weberlink.bench.tick_cost import TickCost
+from weberlink.bench.update_cost import UpdateCost
 from weberlink.configuration import ConfigurationError
 from weberlink.extras import need
 
-PARTS = len(RATES_HZ) + 4
+PARTS = len(RATES_HZ) + 5
 Progress = Callable[[int, int, str], None]
 """Told how many of how many parts are done, and which comes next."""
 
@@ -50,6 +51,7 @@ class Findings:
     Args:
         rates: lateness by rate [Hz].
         way: of an update.
+        update: what its code costs at each end.
         cost: of a tick.
         codec: samples per second.
         start: of the program.
@@ -60,6 +62,7 @@ class Findings:
 
     rates: Mapping[float, Lateness]
     way: Latency
+    update: UpdateCost
     cost: TickCost
     codec: CodecRate
     start: StartUp
@@ -144,8 +147,10 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings:
     for done, rate_hz in enumerate(RATES_HZ):
         progress(done, PARTS, f"lateness at {rate_hz / 1e3:g} kHz")
         rates[rate_hz] = lateness.measure(arrangement, rate_hz, granted)
-    progress(PARTS - 4, PARTS, "way of an update")
+    progress(PARTS - 5, PARTS, "way of an update")
     way = latency.measure(arrangement, granted)
+    progress(PARTS - 4, PARTS, "cost of an update")
+    update = update_cost.measure(arrangement, granted)
     progress(PARTS - 3, PARTS, "cost of a tick")
     cost = tick_cost.measure(arrangement)
     progress(PARTS - 2, PARTS, "codec")
@@ -153,7 +158,7 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings:
     progress(PARTS - 1, PARTS, "start")
     start = start_up.measure(arrangement)
     progress(PARTS, PARTS, "")
-    return Findings(rates, way, cost, codec, start, granted, about, monotonic() - began)
+    return Findings(rates, way, update, cost, codec, start, granted, about, monotonic() - began)
 
 
 def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> Bench:
@@ -169,6 +174,7 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
         "rights": findings.granted.as_json(),
         "lateness": [rate.as_json() for rate in findings.rates.values()],
         "latency": findings.way.as_json(),
+        "update_cost_us": findings.update.as_json(),
         "cpu": cpu(main),
         "tick_cost": findings.cost.as_json(),
         "codec": findings.codec.as_json(),

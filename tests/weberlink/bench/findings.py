@@ -19,6 +19,7 @@ from weberlink.bench.rights import Rights
 from weberlink.bench.start_up import StartUp
 from weberlink.bench.study import Findings
 from weberlink.bench.tick_cost import PARTS, TickCost
+from weberlink.bench.update_cost import UpdateCost
 
 ARRANGEMENT = Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: [])
 RIGHTS = Rights(priority=50, lock_memory=True, wakeful=True, cpus=(2, 3))
@@ -74,6 +75,12 @@ def findings(
     return Findings(
         rates={hz: lateness(hz) for hz in RATES_HZ} if rates is None else rates,
         way=latency() if way is None else way,
+        update=UpdateCost(
+            {
+                "send": {"warm": np.full(9, 12.0), "cold": np.full(9, 57.0)},
+                "receive": {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)},
+            }
+        ),
         cost=TickCost(parts, {"master": 36.0, "slave": 36.0}, 1000, Overhead(200.0, 300.0)),
         codec=codec() if rate is None else rate,
         start=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),

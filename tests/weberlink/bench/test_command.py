@@ -65,6 +65,8 @@ def test_a_glance_at_everything(tmp_path: Path) -> None:
     for way in ("position", "force", "round_trip"):
         assert all(found["latency"]["weberlink_us"][way][name] > 0.0 for name in NAMES)
     assert (found["latency"]["sockperf"] is None) is (sockperf.version() is None)
+    for step in ("send", "receive"):
+        assert all(found["update_cost_us"][step][caches]["p50"] > 0.0 for caches in ("warm", "cold"))
     assert list(found["tick_cost"]["parts_us"]["master"]) == list(PARTS)
     assert found["cpu"]["slave"]["cpu_us_per_tick"] > 0.0
     assert found["memory"]["master"]["first_kib"] > 1000

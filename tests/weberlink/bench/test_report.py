@@ -29,6 +29,7 @@ def test_every_figure_stands_beside_its_limit() -> None:
     assert row(lines, "4 kHz both, x limit") == ["0.75", "1.5", "1.5", "1.5", "1.5"]
     assert row(lines, "force, x plain") == ["2.4"] * 5
     assert row(lines, "round trip, x sockperf") == ["5.5"] * 5
+    assert row(lines, "receive, caches cold") == ["88.0"] * 5
     assert row(lines, "security") == ["5.0", "5.0"]
     assert row(lines, "sum") == ["36.0", "36.0"]
     assert row(lines, "live: CPU, share of a core") == ["5.0", "%", "10.0", "%"]
