@@ -19,6 +19,7 @@ class LinkStatistics(Protocol):
     rtt: float | None
     one_way: float | None
 
+
 COUNTERS = (
     "datagrams_sent",
     "datagrams_received",
