@@ -37,8 +37,10 @@ format: $(DEV)
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
 
-soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
+soak: $(DEV)  ## an hour of faults, then floods, against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
+	for kind in forged replayed truncated random handshake calls; do \
+		$(BIN)/python -m tests.soak.flood --rate 50000 --seconds 5 --kind $$kind --target slave || exit 1; done
 
 bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; then device, MuJoCo and recording beside theirs
 	$(BIN)/weberlink bench

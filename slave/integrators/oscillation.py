@@ -78,7 +78,7 @@ class Oscillation:
         a, b, _, _ = self.transition(end)
         if rest + a * (value - rest) + b * rate > 0.0:
             return None
-        return self._zero(value - rest, rate, rest, start, end)
+        return min(end, self._zero(value - rest, rate, rest, start, end))  # which may pass it by a rounding
 
     def _turn(self, offset: float, rate: float) -> float:
         """When the rate next changes its sign [s], after now; infinite if never."""

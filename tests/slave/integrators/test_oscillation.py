@@ -66,6 +66,7 @@ def test_far_overdamped_both_rates_keep_their_digits() -> None:
     assert moved(motion, 1.0, 0.0, 0.0, 100.0)[0] == pytest.approx(exp(-0.1), rel=2e-9)
 
 
+@example(0.25, 42903.0, 1.0, 2.2250738585072014e-308, 0.0, 0.0, 0.09767273993961592)  # passed its horizon by a rounding
 @given(masses, st.floats(1.0, 1e6), ratios, values, rates, values, times)
 @example(1.0, 100.0, 0.0, 0.01, 0.0, 0.0, 0.1)
 @example(1.0, 100.0, 1.0, 0.0, 0.5, -0.001, 0.1)
