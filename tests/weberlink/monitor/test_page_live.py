@@ -58,7 +58,8 @@ def test_numbers_on_the_page_are_those_of_the_report(page: Browser, tmp_path: Pa
             name = str(program.pid)
             page.wait(lambda: name in page.text("session").split(), "the session")
             page.choose("session", name)
-            page.wait(lambda: page.data("state") == "engaged", "the rows")
+            # A page that the machine holds up may see no more of three seconds than their end.
+            page.wait(lambda: page.data("state") in ("engaged", "ended"), "the rows")
             assert program.finish()[0] == 0
         page.wait(lambda: page.data("state") == "ended", "the end")
         assert page.data("seen-from-start") == "true"
