@@ -22,9 +22,8 @@ LARGEST_LEAD_SHARE = 0.2
 """Of a period, likewise."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the lead is first set, and the time between two revisions [s]."""
-_WOKEN_BY = 0.1
-"""Share of wake-ups that come within the lead. More would shorten the lateness by microseconds, and each microsecond is
-waited for in every tick."""
+_WOKEN_BY = 0.5
+"""Share of wake-ups that come within the lead. Of one that comes sooner the rest is waited for, which costs CPU time."""
 
 
 class Ticker:
@@ -36,7 +35,7 @@ class Ticker:
     before the first wake-up belong to nobody: opening a device may take as long as a person needs to home it.
 
     A processor takes some 20 to 100 us from a timer to the first line of Python. So the timer is set ahead of the
-    deadlines by what nearly every wake-up lately took, and the rest of the way is waited for with open eyes: `lead_s`,
+    deadlines by the median of what wake-ups lately took, and the rest of the way is waited for with open eyes: `lead_s`,
     revised once a second, never longer than `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE` of a period.
 
     Args:
@@ -161,16 +160,16 @@ class Ticker:
             self._learn(latency)
 
     def _learn(self, latency: int) -> None:
-        """Take how long a wake-up took [ns]; now and then, set the timer ahead by what nearly all of them took."""
+        """Take how long a wake-up took [ns]; now and then, set the timer ahead by the median of them."""
         latencies = self._latencies
         latencies.append(latency)
         if len(latencies) < self._revised_after:
             return
         latencies.sort()
-        least = latencies[int(len(latencies) * _WOKEN_BY)]
+        usual = latencies[int(len(latencies) * _WOKEN_BY)]
         latencies.clear()
         self._revised_after = max(_FIRST_REVISION, round(_REVISED_EVERY_S / self.period_s))
         largest = min(LARGEST_LEAD_S * NANOSECONDS, LARGEST_LEAD_SHARE * self._period_ns)
-        self._lead_ns = int(min(least, largest))
+        self._lead_ns = int(min(usual, largest))
         following = self._start_ns + (self._index + 1) * self._period_ns
         timerfd.arm(self._fd, following - self._lead_ns, self._period_ns)
