@@ -23,7 +23,7 @@ LARGEST_LEAD_SHARE = 0.2
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the lead is first set, and the time between two revisions [s]."""
 _WOKEN_BY = 0.5
-"""Share of wake-ups that come within the lead. Of one that comes sooner the rest is waited for, which costs CPU time."""
+"""Share of wake-ups that come within the lead. Who comes sooner waits for the rest, which costs CPU time."""
 
 
 class Ticker:
@@ -35,8 +35,8 @@ class Ticker:
     before the first wake-up belong to nobody: opening a device may take as long as a person needs to home it.
 
     A processor takes some 20 to 100 us from a timer to the first line of Python. So the timer is set ahead of the
-    deadlines by the median of what wake-ups lately took, and the rest of the way is waited for with open eyes: `lead_s`,
-    revised once a second, never longer than `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE` of a period.
+    deadlines by the median of what wake-ups lately took, and the rest of the way is waited for with open eyes:
+    `lead_s`, revised once a second, never longer than `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE` of a period.
 
     Args:
         period_s: time between deadlines [s], rounded to 1 ns.
