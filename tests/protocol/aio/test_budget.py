@@ -38,21 +38,20 @@ def test_a_clock_that_stands_gives_nothing() -> None:
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
 def test_a_flooded_socket_costs_its_share_and_loses_in_the_kernel(share: float) -> None:
-    """By the queue's own measure, work over time cannot exceed the share and what was saved up."""
+    """Every datagram costs at least 50 us, so their number is bounded by the share and by what was saved up."""
 
-    async def flooded() -> tuple[float, float, int]:
+    async def flooded() -> tuple[float, int]:
         loop = asyncio.get_running_loop()
         bound = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         bound.bind(("127.0.0.1", 0))
         bound.setblocking(False)
-        work = taken = 0.0
+        taken = 0
 
         def take(data: bytes, source: Address, now: float) -> None:
-            nonlocal work, taken
+            nonlocal taken
             began = time.monotonic()
             while time.monotonic() - began < 50e-6:
                 pass
-            work += time.monotonic() - began
             taken += 1
 
         queue = ReceiveQueue(bound, loop=loop, now=time.monotonic, take=take, on_datagrams=lambda: None, share=share)
@@ -66,12 +65,11 @@ def test_a_flooded_socket_costs_its_share_and_loses_in_the_kernel(share: float) 
         elapsed = time.monotonic() - began
         queue.close()
         queue.close()
-        return work, elapsed, int(taken)
+        return elapsed, taken
 
-    work, elapsed, taken = asyncio.run(flooded())
+    elapsed, taken = asyncio.run(flooded())
     assert taken > 10
-    # One datagram may overrun, by however long the machine held it up: generous, yet far below what was sent.
-    assert work < share * elapsed + 0.002 + 0.12
+    assert taken * 50e-6 < share * elapsed + 0.01
 
 
 def test_a_queue_that_has_paused_goes_on() -> None:
