@@ -83,7 +83,7 @@ def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterat
         yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
         yield from _measured(robot.spec)
     for thing in system.slave.scene:
-        extras = [name for name in ("friction", "damping_n_s_m") if getattr(thing, name) is not None]
+        extras = [name for name in ("friction", "damping_n_s_m", "motion") if getattr(thing, name) is not None]
         with_extras = f" with {', '.join(extras)}" if extras else ""
         yield f"scene     {thing.shape}, {thing.stiffness_n_m:g} N/m{with_extras}"
 

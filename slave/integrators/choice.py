@@ -42,8 +42,14 @@ def chosen(
         substeps: Steps per tick, in place of the number worked out here.
 
     Raises:
-        ValueError: The semi-implicit scheme was asked for by name, and would be unstable.
+        ValueError: The semi-implicit scheme was asked for by name, and would be unstable; or an object of the scene
+            moves by itself, which no scheme here knows of.
     """
+    if scene is not None and scene.moves:
+        raise ValueError(
+            "scene: a robot with a mass cannot touch an object with motion (no integrator knows the velocity of its "
+            "surface); expected robot: {driver: point}, or objects without motion"
+        )
     stiffness = body.stiffness + (0.0 if scene is None else scene.stiffness_n_m)
     damping = body.damping + (0.0 if scene is None else scene.damping_n_s_m)
     angle = period * max(sqrt(stiffness / body.mass), damping / body.mass)

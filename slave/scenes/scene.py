@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from codec.vector import ZERO, Vector, distance, is_finite
-from slave.scenes.contact import SceneObject, Touch, contact_of
+from slave.scenes.contact import Contact, SceneObject, Touch, contact_of
 from slave.scenes.proxy import Press, Proxy
 
 NOTHING: frozenset[int] = frozenset()
@@ -28,6 +28,7 @@ class SceneState(NamedTuple):
     touched: frozenset[int]
     contacts: tuple[object, ...]
     penetration_depth: float
+    time: float = 0.0
 
 
 class Scene:
@@ -51,9 +52,12 @@ class Scene:
         "stiffness_n_m",
     )
 
+    moves = False
+    """Whether any object moves by itself."""
+
     def __init__(self, objects: Sequence[SceneObject]) -> None:
         self._objects = tuple(objects)
-        self._contacts = [contact_of(thing) for thing in objects]
+        self._contacts: list[Contact] = [contact_of(thing) for thing in objects]
         self._remembering = [contact for contact in self._contacts if contact.state is not None]
         self._proxy = Proxy([thing.shape for thing in objects])
         self._touched: frozenset[int] = NOTHING
@@ -84,7 +88,7 @@ class Scene:
 
         Args:
             position: Where the probe is, scene frame [m].
-            dt: Time since the last call [s]; only damping uses it.
+            dt: Time since the last call [s]; only damping and objects that move use it.
 
         Returns:
             Force on the probe [N], scene frame.
@@ -134,7 +138,7 @@ class Scene:
 
     def restore(self, state: SceneState) -> None:
         """Goes back to where `state` was read. The counter `rejected` stays."""
-        self._proxy.at, self._touched, contacts, self.penetration_depth = state
+        self._proxy.at, self._touched, contacts, self.penetration_depth, _ = state
         for contact, remembered in zip(self._remembering, contacts, strict=True):
             contact.restore(remembered)
 

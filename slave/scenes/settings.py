@@ -16,7 +16,11 @@ from slave.scenes.plane import Plane
 from slave.scenes.scene import Scene
 from slave.scenes.shape import Shape
 from slave.scenes.sphere import Sphere, SphereCavity
+from slave.scenes.sway import Sway, Wave
 from slave.scenes.turned import Turned
+
+FASTEST_M_S = 10.0
+"""Of an object that moves: a centimetre a tick, beyond any robot and any hand."""
 
 
 def unit(vector: Vector) -> Vector:
@@ -54,6 +58,31 @@ class FrictionSettings(Settings):
         if self.dynamic > self.static:
             raise ValueError(f"dynamic: expected at most static ({self.static}), got {self.dynamic}")
         return self
+
+
+class MotionSettings(Settings):
+    """The object moves to and fro about where it is written, whatever the probe does. Time is that of the robot."""
+
+    direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="any length, it is normalised")
+    amplitude_m: float = Field(gt=0.0, le=10.0, description="from the middle to either end")
+    frequency_hz: float = Field(gt=0.0, le=50.0)
+    phase_deg: float = Field(default=0.0, ge=-360.0, le=360.0, description="at 0 it begins in the middle, going along")
+    wave: Wave = Field(
+        default="sine",
+        description="sine: at most 2 pi frequency amplitude fast; triangle: always 4 frequency amplitude",
+    )
+
+    @model_validator(mode="after")
+    def check_speed(self) -> Self:
+        speed = self.sway().speed
+        if speed > FASTEST_M_S:
+            raise ValueError(
+                f"amplitude_m, frequency_hz: expected a peak speed of at most {FASTEST_M_S:g} m/s, got {speed:.3g} m/s"
+            )
+        return self
+
+    def sway(self) -> Sway:
+        return Sway(self.direction, self.amplitude_m, self.frequency_hz, self.phase_deg / 360.0, self.wave)
 
 
 class PlaneShape(Settings):
@@ -169,6 +198,7 @@ class Surface(Settings):
     stiffness_n_m: float = Field(gt=0.0, le=1e7)
     friction: FrictionSettings | None = None
     damping_n_s_m: float | None = Field(default=None, ge=0.0, description="along the normal; never pulls")
+    motion: MotionSettings | None = None
     carve: tuple[Annotated["PlaneShape | SphereShape | BoxShape", Field(discriminator="shape")], ...] = Field(
         default=(), description="shapes cut out of this one"
     )
@@ -204,7 +234,12 @@ def build(objects: Sequence[ObjectSettings]) -> Scene:
     Raises:
         ValueError: A height field file is missing, not numeric or not rectangular.
     """
-    return Scene([scene_object(settings) for settings in objects])
+    things = [scene_object(settings) for settings in objects]
+    if all(settings.motion is None for settings in objects):
+        return Scene(things)
+    from slave.scenes.moving import MovingScene  # noqa: PLC0415
+
+    return MovingScene(things, [None if settings.motion is None else settings.motion.sway() for settings in objects])
 
 
 def scene_object(settings: ObjectSettings) -> SceneObject:

@@ -4,6 +4,7 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from slave.scenes.scene import Scene
 from slave.scenes.settings import SceneSettings, build
 
 SCENE: TypeAdapter[Any] = TypeAdapter(SceneSettings)
@@ -155,3 +156,42 @@ def test_a_wrong_setting_is_refused_by_name(change: dict[str, Any], field: str) 
 
 def test_nothing_to_touch_is_a_scene_too() -> None:
     assert force_of([], (0.0, 0.0, -1.0)) == (0.0, 0.0, 0.0)
+
+
+MOTION = {"amplitude_m": 0.01, "frequency_hz": 2.0}
+
+
+def test_an_object_moves_as_written_and_only_then_is_anything_of_it_built() -> None:
+    still = {"shape": "plane", "stiffness_n_m": 500}
+    assert type(build(SCENE.validate_python([still, still]))) is Scene
+    scene = build(SCENE.validate_python([still | {"motion": MOTION | {"direction": [0, 0, -3], "phase_deg": 90.0}}]))
+    assert scene.moves
+    scene.force((0.0, 0.0, 0.02), 0.0)
+    assert scene.force((0.0, 0.0, -0.011), 0.0) == pytest.approx((0.0, 0.0, 0.5))
+    assert scene.force((0.0, 0.0, 0.009), 0.25) == pytest.approx((0.0, 0.0, 0.5))
+
+
+def test_one_object_moves_and_its_neighbour_does_not() -> None:
+    floor: dict[str, Any] = {"shape": "plane", "stiffness_n_m": 500}
+    ball = {"shape": "sphere", "center_m": [0, 0, 0], "radius_m": 0.02, "stiffness_n_m": 800, "motion": MOTION}
+    scene = build(SCENE.validate_python([floor, ball]))
+    scene.force((0.05, 0.0, 0.01), 0.0)
+    assert scene.force((0.05, 0.0, -0.002), 0.125) == pytest.approx((0.0, 0.0, 1.0))
+    scene.force((0.0, 0.0, 0.05), 0.0)
+    assert scene.force((0.0, 0.0, 0.028), 0.0) == pytest.approx((0.0, 0.0, 1.6))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"amplitude_m": 0.0}, "greater than 0"),
+        ({"frequency_hz": -1.0}, "greater than 0"),
+        ({"amplitude_m": 5.0}, r"peak speed of at most 10 m/s, got 62\.8 m/s"),
+        ({"direction": [0, 0, 0]}, "longer than zero"),
+        ({"wave": "square"}, "'sine' or 'triangle'"),
+        ({"phase": 90}, "not permitted"),
+    ],
+)
+def test_a_motion_that_cannot_be_is_an_error(change: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ValidationError, match=complaint):
+        SCENE.validate_python([{"shape": "plane", "stiffness_n_m": 500, "motion": MOTION | change}])

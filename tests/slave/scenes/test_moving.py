@@ -1,0 +1,260 @@
+"""Objects that move: the scene in the frame of each, and what that does to a probe."""
+
+from itertools import pairwise
+from math import cos, inf, nan, pi, sin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.vector import ZERO, Vector, add, distance, is_finite, subtract
+from slave.integrators.choice import chosen
+from slave.integrators.contract import Body
+from slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from slave.scenes.box import Box
+from slave.scenes.contact import FrictionCone, SceneObject
+from slave.scenes.moving import MovingScene
+from slave.scenes.plane import Plane
+from slave.scenes.scene import Scene
+from slave.scenes.sway import Sway
+from tests.slave.scenes.solids import GROUND, SHAPES, UP, wander
+
+TICK = 0.001
+STIFFNESS = 500.0
+CONE = FrictionCone(0.5, 0.4)
+ACROSS: Vector = (1.0, 0.0, 0.0)
+RISING = Sway(UP, 0.016, 1.0)
+TWISTED = Sway((0.48, 0.6, 0.64), 0.002, 1.9, 0.1)
+
+
+def moving(sway: Sway = RISING, friction: FrictionCone | None = None, damping: float | None = None) -> MovingScene:
+    """The ground alone."""
+    return MovingScene([SceneObject(GROUND, STIFFNESS, friction, damping)], [sway])
+
+
+def pressed_by(scene: Scene, height: float) -> None:
+    """Comes from above, in no time, so that nothing has moved yet."""
+    scene.force((0.0, 0.0, 0.05), 0.0)
+    scene.force((0.0, 0.0, height), 0.0)
+
+
+@pytest.mark.parametrize("height", [-0.03, -0.016, -0.01, 0.0, 0.004, 0.0159, 0.03])
+def test_a_probe_at_rest_feels_the_depth_of_the_moment(height: float) -> None:
+    scene = moving()
+    pressed_by(scene, height)
+    for tick in range(1, 1500):
+        surface = 0.016 * sin(2.0 * pi * tick * TICK)
+        force = scene.force((0.0, 0.0, height), TICK)
+        assert force == pytest.approx((0.0, 0.0, STIFFNESS * max(0.0, surface - height)), abs=1e-6)
+        assert scene.contacts == (surface > height) or abs(surface - height) < 1e-9
+
+
+def test_a_damper_resists_the_speed_of_the_surface() -> None:
+    scene = moving(damping=8.0)
+    pressed_by(scene, -0.02)
+    scene.force((0.0, 0.0, -0.02), TICK)
+    for tick in range(2, 1000):
+        surface = 0.016 * sin(2.0 * pi * tick * TICK)
+        speed = 0.016 * 2.0 * pi * cos(2.0 * pi * (tick - 0.5) * TICK)
+        force = scene.force((0.0, 0.0, -0.02), TICK)
+        assert force[2] == pytest.approx(STIFFNESS * (surface + 0.02) + 8.0 * speed, rel=1e-4)
+
+
+def test_one_who_moves_with_the_surface_feels_no_motion() -> None:
+    scene = moving(TWISTED, CONE, 8.0)
+    pressed_by(scene, 0.01)
+    for tick in range(1, 800):
+        force = scene.force(add((0.0, 0.0, -0.004), TWISTED.at(tick * TICK)), TICK)
+        if tick > 1:  # which was the impact
+            assert force == pytest.approx((0.0, 0.0, STIFFNESS * 0.004), abs=1e-6)
+
+
+def test_friction_drags_a_probe_at_rest_along_within_its_cone() -> None:
+    scene = moving(Sway(ACROSS, 0.03, 0.5, 0.0, "triangle"), CONE)
+    pressed_by(scene, -0.004)
+    normal = STIFFNESS * 0.004
+    felt = []
+    for _ in range(2000):
+        force = scene.force((0.0, 0.0, -0.004), TICK)
+        assert force[2] == pytest.approx(normal)
+        assert abs(force[1]) < 1e-12
+        assert abs(force[0]) <= CONE.static * normal * (1.0 + 1e-9)
+        felt.append(force[0])
+    # It sticks first: 0.06 m/s for 10 ms. Then it slides, along with the surface whichever way that goes.
+    assert felt[9] == pytest.approx(STIFFNESS * 0.06 * 0.01)
+    assert felt[400] == pytest.approx(CONE.dynamic * normal)
+    assert felt[1400] == pytest.approx(-CONE.dynamic * normal)
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+@pytest.mark.parametrize(("cone", "damping"), [(None, None), (CONE, 2.0)], ids=["smooth", "rough"])
+def test_only_the_motion_relative_to_the_surface_counts(
+    name: str, cone: FrictionCone | None, damping: float | None
+) -> None:
+    """The same relative path against the same object at rest gives the same forces."""
+    thing = SceneObject(SHAPES[name], STIFFNESS, cone, damping)
+    scene, still = MovingScene([thing], [TWISTED]), Scene([thing])
+    pressed = 0
+    for tick, position in enumerate(wander(1500, depth=-0.003)):
+        force = scene.force(position, TICK)
+        expected = still.force(subtract(position, TWISTED.at((tick + 1) * TICK)), TICK)
+        assert force == pytest.approx(expected, abs=2e-4)
+        pressed += force != ZERO
+    assert pressed > 100
+
+
+def test_nothing_thin_and_fast_passes_through_the_probe() -> None:
+    """A sheet of 1 mm that moves by 9 mm a tick carries the probe on its surface."""
+    sheet = Box((0.0, 0.0, 0.0), (0.2, 0.2, 0.001))
+    swing = Sway(UP, 0.05, 45.0, -0.25, "triangle")
+    fast = MovingScene([SceneObject(sheet, STIFFNESS)], [swing])
+    fast.force((0.0, 0.0, 0.0), 0.0)
+    forces = [fast.force((0.0, 0.0, 0.0), TICK)[2] for _ in range(11)]
+    assert forces[:5] == [0.0] * 5
+    assert forces[-1] == pytest.approx(STIFFNESS * (swing.at(11 * TICK)[2] + 0.0005), rel=1e-6)
+    assert all(later > sooner for sooner, later in pairwise(forces[5:]))
+
+
+def test_what_moves_elsewhere_takes_no_proxy_along() -> None:
+    """Not even through a sheet at rest that the probe leans on from below."""
+    sheet = SceneObject(Box((0.0, 0.0, 0.0), (0.2, 0.2, 0.001)), STIFFNESS)
+    ball = SceneObject(SHAPES["sphere"], STIFFNESS)
+    scene = MovingScene([sheet, ball], [None, Sway(UP, 0.05, 45.0, 0.0, "triangle")])
+    scene.force((0.08, 0.08, -0.01), 0.0)
+    for _ in range(100):
+        assert scene.force((0.08, 0.08, 0.002), TICK) == pytest.approx((0.0, 0.0, -STIFFNESS * 0.0025))
+
+
+def test_a_spring_gives_back_in_a_turn_what_the_motor_put_in_and_a_damper_keeps_its_share() -> None:
+    """Work of the motor against a probe at rest: b v^2 integrated over a turn, b (2 pi f a)^2 / 2."""
+    for damping in (None, 5.0):
+        scene = moving(damping=damping)
+        pressed_by(scene, -0.03)
+        work = before = 0.0
+        for tick in range(1, 2001):
+            force = scene.force((0.0, 0.0, -0.03), TICK)[2]
+            if tick > 1000:
+                way = 0.016 * (sin(2.0 * pi * tick * TICK) - sin(2.0 * pi * (tick - 1) * TICK))
+                work += 0.5 * (before + force) * way
+            before = force
+        expected = (damping or 0.0) * RISING.speed**2 / 2.0
+        assert work == pytest.approx(expected, rel=0.001, abs=1e-9)
+
+
+def test_rubbing_takes_the_normal_force_times_the_way() -> None:
+    scene = moving(Sway(ACROSS, 0.03, 0.5), FrictionCone(0.3, 0.3))
+    pressed_by(scene, -0.004)
+    work, before = 0.0, 0.0
+    for tick in range(1, 4001):
+        surface = 0.03 * sin(2.0 * pi * 0.5 * tick * TICK)
+        work += scene.force((0.0, 0.0, -0.004), TICK)[0] * (surface - before)
+        before = surface
+    assert work == pytest.approx(0.3 * STIFFNESS * 0.004 * 2 * 0.12, rel=0.05)
+
+
+def test_a_lowered_object_lets_go_and_a_raised_one_takes_hold_again() -> None:
+    scene = moving(friction=CONE)
+    pressed_by(scene, -0.004)
+    contacts = [scene.force((0.0, 0.0, -0.004), TICK) and scene.contacts for _ in range(1000)]
+    assert sum(a != b for a, b in pairwise(contacts)) == 2
+    assert scene.penetration_depth == pytest.approx(0.004, abs=1e-9)
+
+
+def test_objects_at_rest_stay_where_they_are_beside_one_that_moves() -> None:
+    floor, wall = SceneObject(GROUND, STIFFNESS), SceneObject(Plane((0.02, 0.0, 0.0), (-1.0, 0.0, 0.0)), 800.0)
+    scene = MovingScene([floor, wall], [RISING, None])
+    scene.force((0.0, 0.0, 0.03), 0.0)
+    scene.force((0.0, 0.0, -0.005), 0.0)
+    for tick in range(1, 600):
+        force = scene.force((0.023, 0.0, -0.005), TICK)
+        surface = 0.016 * sin(2.0 * pi * tick * TICK)
+        assert force == pytest.approx((-800.0 * 0.003, 0.0, STIFFNESS * max(0.0, surface + 0.005)), abs=1e-6)
+
+
+def test_squeezed_between_floor_and_ceiling_it_stays_finite_and_comes_free() -> None:
+    ceiling = SceneObject(Plane((0.0, 0.0, 0.005), (0.0, 0.0, -1.0)), 800.0)
+    scene = MovingScene([SceneObject(GROUND, STIFFNESS, CONE, 2.0), ceiling], [RISING, None])
+    scene.force((0.0, 0.0, 0.002), 0.0)
+    for _ in range(1000):
+        force = scene.force((0.0, 0.0, 0.002), TICK)
+        assert is_finite(force)
+        assert abs(force[2]) < 30.0
+    assert scene.force((0.0, 0.0, 0.002), TICK) == pytest.approx(ZERO, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", sorted(SHAPES))
+def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
+    thing = SceneObject(SHAPES[name], STIFFNESS, CONE, 2.0)
+    straight, trying = (MovingScene([thing, SceneObject(GROUND, 300.0)], [TWISTED, RISING]) for _ in range(2))
+    for i, position in enumerate(wander(600)):
+        if i % 7 == 0:
+            state = trying.state
+            for side in (0.001, -0.002):
+                trying.force((position[0] + side, position[1], position[2] - side), 0.013)
+            trying.restore(state)
+        assert trying.force(position, TICK) == straight.force(position, TICK)
+        assert trying.state == straight.state
+
+
+def test_reset_begins_the_motion_anew() -> None:
+    scene = moving(friction=CONE, damping=1.0)
+    runs = []
+    for _ in range(2):
+        pressed_by(scene, -0.004)
+        runs.append([scene.force((0.0, 0.0, -0.004), TICK) for _ in range(300)])
+        scene.reset()
+    assert runs[0] == runs[1]
+
+
+@given(
+    steps=st.lists(
+        st.tuples(
+            st.tuples(*[st.floats(-0.05, 0.05) | st.sampled_from([nan, inf, -inf, 1e300, 1e11])] * 3),
+            st.floats(0.0, 0.02) | st.sampled_from([nan, inf, -inf, -1.0, 1e11, 1e300]),
+        ),
+        max_size=30,
+    )
+)
+def test_whatever_comes_the_force_is_finite(steps: list[tuple[Vector, float]]) -> None:
+    things = [SceneObject(shape, STIFFNESS, CONE, 2.0) for shape in (GROUND, SHAPES["sphere"], SHAPES["box"])]
+    scene = MovingScene(things, [RISING, TWISTED, Sway(ACROSS, 10.0, 0.1, 0.3, "triangle")])
+    for position, dt in steps:
+        assert is_finite(scene.force(position, dt))
+        assert scene.proxy is None or is_finite(scene.proxy)
+
+
+def test_a_time_of_no_use_moves_nothing() -> None:
+    scene = moving()
+    pressed_by(scene, -0.004)
+    for dt in (nan, inf, -1.0, 0.0, 1e12):
+        assert scene.force((0.0, 0.0, -0.004), dt) == pytest.approx((0.0, 0.0, STIFFNESS * 0.004))
+    assert scene.state.time == 0.0
+
+
+def test_a_body_with_mass_is_refused_by_every_integrator() -> None:
+    for integrator in ("auto", "semi_implicit", "implicit", "exact"):
+        with pytest.raises(ValueError, match=r"motion.*driver: point"):
+            chosen(Body(0.2, 1000.0, 10.0), moving(), TICK, integrator)
+    with pytest.raises(ValueError, match="without motion"):
+        SimulatedRobot(SimulatedOptions(), moving(), TICK)
+    assert not Scene([SceneObject(GROUND, STIFFNESS)]).moves
+    assert moving().moves
+
+
+def test_a_touch_is_what_the_force_is_made_of() -> None:
+    scene = moving(Sway(ACROSS, 0.03, 0.5), CONE)
+    pressed_by(scene, -0.004)
+    for tick in range(300):
+        (touch,) = scene.touch((1e-5 * tick, 0.0, -0.004))
+        force = scene.force((1e-5 * tick, 0.0, -0.004), 0.0)
+        assert add(touch.drag, (0.0, 0.0, STIFFNESS * touch.depth)) == pytest.approx(force, abs=1e-12)
+        scene.force((1e-5 * tick, 0.0, -0.004), TICK)
+
+
+def test_tangent_planes_are_those_of_the_moment() -> None:
+    scene = moving()
+    for _ in range(250):
+        scene.force((0.0, 0.0, 0.05), TICK)
+    (facing,) = scene.facing((0.0, 0.0, 0.05))
+    assert facing.gap == pytest.approx(0.05 - 0.016)
+    assert distance(facing.normal, UP) == 0.0
