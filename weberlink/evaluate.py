@@ -13,7 +13,8 @@ from typing import Any, get_args
 
 from rich.table import Table
 
-from codec.predictors import HYBRID, PREDICTORS
+from codec.deadband.shapes import ISOTROPIC, SHAPES
+from codec.predictors import BANKS, PREDICTORS
 from evaluation.coding.engine import Engine, fitting, prepare
 from evaluation.coding.naming import names
 from evaluation.coding.row import Row
@@ -87,6 +88,7 @@ def run(
     wire: bool = True,
     plots: bool = False,
     engine: str = AUTO,
+    deadbands: str = ISOTROPIC,
     place: Place = Place(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
@@ -101,6 +103,7 @@ def run(
         wire: quantize and saturate as on the wire.
         plots: whether figures will be wanted.
         engine: what codes, "python" or "compiled"; "auto" for what is done soonest on this machine.
+        deadbands: names of shapes of the deadband with commas between them.
         place: where the work is done.
         progress: told of it.
 
@@ -116,7 +119,8 @@ def run(
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
     exactness: dict[str, Any] = {} if wire else UNQUANTIZED
     named = _engine(engine)
-    study = Study(_predictors(predictors), _webers(webers), floor, jnd=jnd, **exactness)
+    shapes = _deadbands(deadbands, floor, plots=plots)
+    study = Study(_predictors(predictors), _webers(webers), floor, jnd=jnd, deadbands=shapes, **exactness)
     recordings = read_recordings(traces)
     samples = sum(map(length, study.tasks(recordings)))
     study = replace(study, engine=named or ("python" if place.dask is not None else fitting(samples)))
@@ -220,11 +224,24 @@ def _engine(text: str) -> Engine | None:
 
 def _predictors(text: str) -> list[str]:
     listed = [name.strip() for name in text.split(",")]
-    known = [*PREDICTORS, HYBRID]
+    known = [*PREDICTORS, *BANKS]
     for name in listed:
         if name not in known:
             raise ConfigurationError(f"--predictor: {name!r} is none of {', '.join(known)}")
     _check_once("--predictor", listed)
+    return listed
+
+
+def _deadbands(text: str, floor: float, *, plots: bool) -> list[str]:
+    listed = [name.strip() for name in text.split(",")]
+    for name in listed:
+        if name not in SHAPES:
+            raise ConfigurationError(f"--deadband: {name!r} is none of {', '.join(SHAPES)}")
+    _check_once("--deadband", listed)
+    if "level_crossing" in listed and floor == 0.0:
+        raise ConfigurationError("--deadband level_crossing: needs --floor above 0, which is the lowest level")
+    if plots and len(listed) > 1:
+        raise ConfigurationError("--plots: draws one shape of the deadband; name one with --deadband")
     return listed
 
 

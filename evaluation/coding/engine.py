@@ -21,16 +21,19 @@ WORTH_COMPILING = 2_000_000.0
 
 
 def coding(engine: Engine) -> Coding:
-    """What replays a signal.
+    """What replays a signal; what cannot be compiled (`adaptive`, and what it adds) is coded by the live codec.
 
     Raises:
         ImportError: numba is missing, and asked for.
     """
     if engine == "python":
         return live
-    from evaluation.coding.compiled.replay import replay  # noqa: PLC0415 - heavy, an extra
+    from evaluation.coding.compiled.replay import knows, replay  # noqa: PLC0415 - heavy, an extra
 
-    return replay
+    def replay_soonest(signal: Signal, channel: Channel) -> Replay:
+        return (replay if knows(channel) else live)(signal, channel)
+
+    return replay_soonest
 
 
 def prepare(engine: Engine) -> None:

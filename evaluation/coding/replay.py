@@ -63,6 +63,7 @@ class Replay:
     Args:
         error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
         bound_n: the deadband at each tick, shape (n,) [N].
+        deviation_n: the error in the deadband's own measure, which is what the bound is of, shape (n,) [N].
         updates: those that were sent.
         selected: the predictor that each of them chose, by its index in the bank, shape (packets,).
         paired: how many of them carry the sample before.
@@ -71,6 +72,7 @@ class Replay:
 
     error_n: Array
     bound_n: Array
+    deviation_n: Array
     updates: Sequence[Update]
     selected: Integers
     paired: int
@@ -98,6 +100,8 @@ def replay(signal: Signal, channel: Channel) -> Replay:
     encode, apply, value = encoder.encode, decoder.apply, decoder.value
     errors: list[float] = []
     bounds: list[float] = []
+    measure = channel.deadband.error
+    deviations: list[float] = errors if measure is distance else []
     updates: list[Update] = []
     times: list[float] = []
     for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(signal.samples):
@@ -113,11 +117,14 @@ def replay(signal: Signal, channel: Channel) -> Replay:
         # since vectors that are kept would make every tick take fresh memory, which no daemon does.
         errors.append(distance(held or ZERO, force))
         bounds.append(encoder.bound)
+        if deviations is not errors:
+            deviations.append(measure(held or ZERO, force))
         if update is not None:
             updates.append(update)
     return Replay(
         np.array(errors),
         np.array(bounds),
+        np.array(deviations),
         updates,
         np.array([update.selector for update in updates], np.int64),
         sum(bool(update.previous) for update in updates),

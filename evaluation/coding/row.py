@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from codec import Channel
+from codec.deadband.shapes import ISOTROPIC
 from evaluation.coding.engine import Engine, coding
 from evaluation.coding.perception import in_units, longest_run, noticed, rms
 from evaluation.coding.replay import Array, Signal
@@ -28,7 +29,7 @@ class Row:
     error_rms_n: float
     error_max_n: float
     jnd_max: float
-    """Largest error in units of its bound."""
+    """Largest error in units of its bound, in the deadband's own measure."""
     violation_fraction: float
     """Share of ticks outside the row's own deadband: the check that the codec keeps its word."""
     violation_longest_s: float
@@ -41,6 +42,8 @@ class Row:
     """Median run time of encode plus decode by the live codec; on a part of the trace where compiled code codes it."""
     selected: dict[str, int] | None = None
     """Sends per predictor; hybrid only."""
+    deadband: str = ISOTROPIC
+    """Its shape."""
     clairvoyant_packets: int | None = None
     """No encoder of this predictor could send fewer, even one that knows the future; None if not computed."""
 
@@ -70,6 +73,7 @@ def code(
     threshold_n: Array,
     clairvoyant_packets: int | None = None,
     engine: Engine = "python",
+    deadband: str = ISOTROPIC,
 ) -> Row:
     """Run one signal through a fresh encoder and decoder.
 
@@ -82,11 +86,12 @@ def code(
         threshold_n: a person's, for each tick, shape (n,) [N].
         clairvoyant_packets: for the row.
         engine: what codes.
+        deadband: name of its shape for the row.
     """
     run = coding(engine)(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
-    outside = run.error_n > run.bound_n
+    outside = run.deviation_n > run.bound_n
     return Row(
         trace=name,
         predictor=predictor,
@@ -98,11 +103,12 @@ def code(
         bytes_per_s=run.payload_bytes(channel) / duration,
         error_rms_n=rms(run.error_n),
         error_max_n=float(run.error_n.max()),
-        jnd_max=float(in_units(run.error_n, run.bound_n).max(initial=0.0)),
+        jnd_max=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
         violation_fraction=float(outside.mean()),
         violation_longest_s=longest_run(outside) * signal.period_s,
         **noticed(run.error_n, threshold_n, signal.period_s)._asdict(),
         tick_us=run.tick_us,
+        deadband=deadband,
         selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         clairvoyant_packets=clairvoyant_packets,
     )

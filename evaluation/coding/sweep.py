@@ -1,15 +1,18 @@
 """Traces, predictors and Weber factors: what is varied, what is held, and how the whole is cut into tasks.
 
-A task is one trace at one Weber factor with all predictors: short enough for any number of workers, and large enough
-that what the predictors share (the trace as plain numbers, a person's threshold, most of the clairvoyant's work) is
-made once. Where a task runs is not known here; its rows do not depend on it, but for the measured run time.
+A task is one trace at one Weber factor and one shape of the deadband with all predictors: short enough for any number
+of workers, and large enough that what the predictors share (the trace as plain numbers, a person's threshold, most of
+the clairvoyant's work) is made once. Where a task runs is not known here; its rows do not depend on it, but for the
+measured run time.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from codec import Channel, force_channel
+from codec.deadband import VelocityDeadband
+from codec.deadband.shapes import ISOTROPIC, SHAPES
 from codec.predictors import HYBRID
 from evaluation.coding.clairvoyant import clairvoyant_sends
 from evaluation.coding.engine import Engine
@@ -17,6 +20,8 @@ from evaluation.coding.perception import Threshold
 from evaluation.coding.replay import signal_of
 from evaluation.coding.row import Row, code
 from master.trace import Trace
+
+DEFAULT_PERIOD_S = 1e-3
 
 
 class Recording(NamedTuple):
@@ -39,6 +44,7 @@ class Study:
         saturates: whether the int16 range applies.
         jnd: a person's just noticeable difference, as a share of the force.
         engine: what codes; the rows are the same.
+        deadbands: names of shapes, each once; of each the parameters that are its own are the default ones.
     """
 
     predictors: Sequence[str] = ("zoh", "linear", "plane", "sphere", "hybrid")
@@ -49,12 +55,18 @@ class Study:
     saturates: bool = True
     jnd: float = 0.10
     engine: Engine = "python"
+    deadbands: Sequence[str] = (ISOTROPIC,)
 
-    def channel(self, predictor: str, weber: float) -> Channel:
+    def channel(
+        self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
+    ) -> Channel:
+        """Of the first shape unless another is named, for a signal of this period."""
+        shape = SHAPES[deadband or self.deadbands[0]](weber, self.floor)
+        if isinstance(shape, VelocityDeadband):
+            shape = replace(shape, period=period_s)
         return force_channel(
             predictor=predictor,
-            weber=weber,
-            floor=self.floor,
+            deadband=shape,
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,
@@ -62,7 +74,12 @@ class Study:
 
     def tasks(self, recordings: Iterable[Recording]) -> list["Task"]:
         """All of the work; the recording, which several tasks share, comes first."""
-        return [(recording, Cut(self, weber)) for recording in recordings for weber in self.webers]
+        return [
+            (recording, Cut(self, weber, deadband))
+            for recording in recordings
+            for deadband in self.deadbands
+            for weber in self.webers
+        ]
 
     def rows(self, recording: Recording) -> Iterator[Row]:
         """All rows of one trace, predictors outermost, made here and now."""
@@ -70,7 +87,7 @@ class Study:
         return iter(self.ordered(dict(enumerate(map(rows_of, tasks)))))
 
     def ordered(self, results: Mapping[int, Sequence[Row]]) -> list[Row]:
-        """All rows, traces outermost, then predictors, then Weber factors.
+        """All rows, traces outermost, then shapes, then predictors, then Weber factors.
 
         Args:
             results: the rows of each task by its place among `tasks`, in any order.
@@ -85,10 +102,11 @@ class Study:
 
 
 class Cut(NamedTuple):
-    """A study at one of its Weber factors."""
+    """A study at one of its Weber factors, with one of its shapes."""
 
     study: Study
     weber: float
+    deadband: str
 
 
 Task = tuple[Recording, Cut]
@@ -96,14 +114,14 @@ Task = tuple[Recording, Cut]
 
 def rows_of(task: Task) -> list[Row]:
     """One trace at one Weber factor: a row for each predictor."""
-    (name, trace), (study, weber) = task
+    (name, trace), (study, weber, deadband) = task
     signal = signal_of(trace)
     threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
-    fewest = _clairvoyant(trace, study, weber)
+    fewest = _clairvoyant(trace, study, study.channel(HYBRID, weber, deadband, signal.period_s))
     return [
         code(
-            name, signal, predictor, weber, study.channel(predictor, weber), threshold_n,
-            fewest.get(predictor), study.engine,
+            name, signal, predictor, weber, study.channel(predictor, weber, deadband, signal.period_s), threshold_n,
+            fewest.get(predictor), study.engine, deadband,
         )
         for predictor in study.predictors
     ]  # fmt: skip
@@ -111,13 +129,10 @@ def rows_of(task: Task) -> list[Row]:
 
 def length(task: Task) -> float:
     """Of a task, in coded samples, as a measure of its cost."""
-    (_, trace), (study, _) = task
+    (_, trace), (study, *_) = task
     return float(len(trace.time_s) * len(study.predictors))
 
 
-def _clairvoyant(trace: Trace, study: Study, weber: float) -> dict[str, int]:
+def _clairvoyant(trace: Trace, study: Study, channel: Channel) -> dict[str, int | None]:
     """The fewest sends of each predictor's family, worked out together since they share work."""
-    channel = study.channel(HYBRID, weber)
-    return clairvoyant_sends(
-        trace.force_n, trace.position_m, weber=weber, floor=study.floor, channel=channel, families=study.predictors
-    )
+    return clairvoyant_sends(trace.force_n, trace.position_m, channel=channel, families=study.predictors)

@@ -34,22 +34,23 @@ def table_of(rows: Sequence[Row], jnd: float, run_time: float, footer: str) -> T
     table = Table(
         box=None, pad_edge=False, padding=(0, 1, 0, 0), caption="\n".join([*notes, footer]), caption_justify="left"
     )
-    heads = ("predictor", "k") if summary else ("trace", "predictor", "k")
+    shaped = len({row.deadband for row in rows}) > 1
+    heads = (*(() if summary else ("trace",)), *(("deadband",) if shaped else ()), "predictor", "k")
     figures = [name for name in _FIGURES if limited or name != LIMIT]
     for name in (*heads, *figures):
-        table.add_column(name, justify="left" if name in ("trace", "predictor") else "right", no_wrap=True)
+        table.add_column(name, justify="left" if name in ("trace", "deadband", "predictor") else "right", no_wrap=True)
     for group in _groups(rows) if summary else ([row] for row in rows):
         first = group[0]
-        head = (first.predictor, f"{first.weber:g}")
+        head = (*((first.deadband,) if shaped else ()), first.predictor, f"{first.weber:g}")
         table.add_row(*(head if summary else (_short(first.trace), *head)), *(_figure(name, group) for name in figures))
     return table
 
 
 def _groups(rows: Sequence[Row]) -> list[list[Row]]:
     """Rows that differ in their trace only, in the order of their first."""
-    groups: dict[tuple[str, float], list[Row]] = {}
+    groups: dict[tuple[str, str, float], list[Row]] = {}
     for row in rows:
-        groups.setdefault((row.predictor, row.weber), []).append(row)
+        groups.setdefault((row.deadband, row.predictor, row.weber), []).append(row)
     return list(groups.values())
 
 

@@ -6,34 +6,33 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec import Decoder, Encoder, Update, force_channel, position_channel
+from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
 from codec.deadband import ForceDeadband, PositionDeadband
-from codec.predictors import PREDICTORS
+from codec.predictors import ADAPTIVE, FITTED, PREDICTORS
 from codec.vector import ZERO, distance
+from tests.codec.contacts import rubbing_stream
 from tests.codec.signals import contact_stream
 
-BANK = tuple(PREDICTORS)
+BANK = tuple(FITTED)
+EVERY = tuple(PREDICTORS)
 HALF_STEP = 0.5e-3 * sqrt(3.0) * (1.0 + 1e-9)
 ZOH, LINEAR, PLANE, SPHERE = range(4)
 
-selections = st.sets(st.integers(0, 3), min_size=1).map(sorted)
-changes = st.dictionaries(
-    st.integers(0, 299), st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.1), selections), min_size=1, max_size=6
-)
+
+def changes(count: int) -> st.SearchStrategy[dict[int, tuple[float, float, list[int]]]]:
+    """Weber factor, floor and selectors, by the tick."""
+    selections = st.sets(st.integers(0, count - 1), min_size=1).map(sorted)
+    change = st.tuples(st.floats(0.0, 0.5), st.floats(0.0, 0.1), selections)
+    return st.dictionaries(st.integers(0, 299), change, min_size=1, max_size=6)
 
 
 def ramp(tick: int) -> tuple[float, float, float]:
     return (0.0, 0.0, 1.0 + 0.05 * tick)
 
 
-@given(seed=st.integers(0, 2**32 - 1), changes=changes)
-@settings(max_examples=150, deadline=None)
-def test_the_law_holds_across_changes_and_only_what_is_selected_is_chosen(
-    seed: int, changes: dict[int, tuple[float, float, list[int]]]
-) -> None:
-    channel = force_channel(bank=BANK)
+def follow_changes(channel: Channel, seed: int, changes: dict[int, tuple[float, float, list[int]]]) -> None:
     encoder, decoder = Encoder(channel), Decoder(channel)
-    allowed = [ZOH, LINEAR, PLANE, SPHERE]
+    allowed = list(range(len(channel.bank)))
     for tick, (force, position) in enumerate(contact_stream(seed, ticks=300)):
         if tick in changes:
             weber, floor, allowed = changes[tick]
@@ -45,13 +44,29 @@ def test_the_law_holds_across_changes_and_only_what_is_selected_is_chosen(
             decoder.apply(Update(*update))
         if decoder.newest is not None:
             assert decoder.selected in allowed
-        assert decoder.state == encoder.mirror.state
         held = decoder.value(tick, position)
         assert held is not None
+        assert decoder.state == encoder.mirror.state
         actual = channel.value_quantizer.confine(force)
-        assert distance(held, actual) <= max(encoder.bound, HALF_STEP)
+        assert distance(held, actual) <= max(encoder.bound * (1.0 + 1e-12), HALF_STEP)
         if changes and tick >= min(changes):
-            assert encoder.bound == deadband.bound(actual, held, ZERO, ZERO)
+            assert encoder.bound == deadband.bound(actual, held, ZERO, 0.0)
+
+
+@given(seed=st.integers(0, 2**32 - 1), changes=changes(len(BANK)))
+@settings(max_examples=100, deadline=None)
+def test_the_law_holds_across_changes_and_only_what_is_selected_is_chosen(
+    seed: int, changes: dict[int, tuple[float, float, list[int]]]
+) -> None:
+    follow_changes(force_channel(bank=BANK), seed, changes)
+
+
+@given(seed=st.integers(0, 2**32 - 1), changes=changes(len(EVERY)))
+@settings(max_examples=50, deadline=None)
+def test_it_holds_too_where_the_choice_is_by_the_record(
+    seed: int, changes: dict[int, tuple[float, float, list[int]]]
+) -> None:
+    follow_changes(force_channel(predictor=ADAPTIVE, bank=EVERY), seed, changes)
 
 
 def test_the_bound_is_another_from_the_next_sample_on() -> None:
@@ -137,3 +152,21 @@ def test_refuses_selectors_that_are_none_and_stays_as_it_was(selectors: list[int
         encoder.retune(ForceDeadband(0.5, 5.0), selectors)
     for tick in range(50):
         assert encoder.encode(tick, ramp(tick)) == other.encode(tick, ramp(tick))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_an_adaptive_choice_never_makes_what_is_not_selected_and_leaves_it_at_once(name: str) -> None:
+    channel = force_channel(predictor=ADAPTIVE, bank=EVERY)
+    encoder, only, left = Encoder(channel), EVERY.index(name), 0
+    for tick, (force, position) in enumerate(rubbing_stream(4, ticks=900)):
+        if tick == 300:
+            left = encoder.mirror.selected
+            encoder.retune(ForceDeadband(0.05, 0.02), [only])
+        if tick == 600:
+            encoder.retune(ForceDeadband(0.10, 0.02), [each for each in range(len(EVERY)) if each != only])
+        update = encoder.encode(tick, force, position)
+        if tick == 600 or (tick == 300 and left != only):
+            assert update is not None
+        if update is not None and tick >= 300:
+            assert (update.selector == only) == (tick < 600)
+    assert encoder.mirror.selected != only

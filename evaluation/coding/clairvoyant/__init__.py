@@ -16,6 +16,10 @@ How tight it is:
 - More: relaxed. Hold and line are asked direction by direction, so the deadband's ball counts as the polygon around
   it (2 % wider with two axes of force, 13 % with three) and each direction has its own line. Surfaces are asked pair by
   pair of ticks; `surface` says what that leaves out.
+- Shapes of the deadband: where magnitude and direction are kept apart, hold and line are asked for the convex hull of
+  the piece of shell that is left, direction by direction, and surfaces for its magnitudes and its cone. With one degree
+  of freedom the cone is the ball again. A velocity-adaptive deadband is a ball of another radius at every tick. Where
+  the Weber factor scales what was displayed or sent, nothing is said (None), nor of predictors that are not these.
 - Stretches of more than 32 ticks, or 256 with one degree of freedom: ticks that far apart are compared on a grid of
   time, the coarser the further, so that a stretch may seem longer than it is.
 - Ticks whose deadband reaches the edge of the wire's range ask nothing of a model that extrapolates, which the decoder

@@ -6,12 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec import Channel
-from codec.predictors import HYBRID, PREDICTORS
-from evaluation.coding.clairvoyant.demand import demand_of
+from codec.predictors import HYBRID
+from evaluation.coding.clairvoyant.demand import bounded, demand_of
 from evaluation.coding.clairvoyant.linear import hold_reaches, line_reaches
 from evaluation.coding.clairvoyant.stretch import Ticks
 from evaluation.coding.clairvoyant.surface import surface_reaches
 
+KNOWN = {"zoh", "linear", "plane", "sphere"}
+"""The families whose reach is known."""
 RESOLUTION = 16
 """Of the grid of time on which distant ticks are compared; finer is tighter, and slower: at 32 it was 1 to 3 %."""
 LINE_RESOLUTION = 128
@@ -22,32 +24,37 @@ def clairvoyant_sends(
     trace_force: NDArray[np.float64],
     position: NDArray[np.float64],
     *,
-    weber: float,
-    floor: float,
     channel: Channel,
     families: Sequence[str],
-) -> dict[str, int]:
+) -> dict[str, int | None]:
     """The fewest sends that any encoder of each family could make with knowledge of the future; a lower bound.
+
+    None for a family of which nothing is known here, as one whose predictor is newer than this, and for all where what
+    the deadband asks depends on what was sent.
 
     Args:
         trace_force: measured force at ticks 0 to n-1, shape (n, 3) [N], finite.
         position: commanded position, shape (n, 3) [m], finite.
-        weber: Weber factor of the measured force.
-        floor: absolute threshold [N].
-        channel: a force channel, for its wire, its rest, its trusted stiffness and, if hybrid is asked for, its bank.
-            Its deadband is not read.
+        channel: a force channel, for its wire, its deadband, its rest, its trusted stiffness and, if hybrid is asked
+            for, its bank.
         families: names of predictors, or "hybrid" for all in the channel's bank at once.
-
-    Raises:
-        ValueError: for a family that is no predictor.
     """
-    unknown = [name for name in families if name not in (*PREDICTORS, HYBRID)]
-    if unknown:
-        raise ValueError(f"families must be of {', '.join((*PREDICTORS, HYBRID))}, not {', '.join(unknown)}")
+    known = [name for name in families if set(_members(name, channel)) <= KNOWN]
+    fewest: dict[str, int | None] = dict.fromkeys(families)
+    return fewest | (_fewest(trace_force, position, channel, known) if bounded(channel.deadband) else {})
+
+
+def _members(family: str, channel: Channel) -> tuple[str, ...]:
+    return channel.bank if family == HYBRID else (family,)
+
+
+def _fewest(
+    trace_force: NDArray[np.float64], position: NDArray[np.float64], channel: Channel, families: Sequence[str]
+) -> dict[str, int]:
     if not len(trace_force):
         return dict.fromkeys(families, 0)
-    demand = demand_of(trace_force, position, weber, floor, channel)
-    members = {name for family in families for name in (channel.bank if family == HYBRID else (family,))}
+    demand = demand_of(trace_force, position, channel)
+    members = {name for family in families for name in _members(family, channel)}
     resolution = LINE_RESOLUTION if demand.collinear else RESOLUTION
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         hold = hold_reaches(demand, resolution)

@@ -9,7 +9,7 @@ low - slope t is then below the lowest of high - slope t.
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.coding.clairvoyant.demand import Demand
+from evaluation.coding.clairvoyant.demand import Demand, lengths
 from evaluation.coding.clairvoyant.stretch import Array, Index, Ticks, reaches
 
 PLANAR_DIRECTIONS = 8
@@ -47,6 +47,9 @@ def _gates(demand: Demand) -> tuple[Array, Array]:
     directions = _directions((demand.force != 0.0).any(axis=0))
     # Not a matrix product, whose last bits depend on the library that makes it.
     along = np.array([a * x + b * y + c * z for a, b, c in directions])
+    if demand.sector is not None:
+        size = lengths(demand.force)
+        return -demand.sector.extent(-along, size), demand.sector.extent(along, size)
     return along - demand.tolerance, along + demand.tolerance
 
 

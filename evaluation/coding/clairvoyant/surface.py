@@ -1,9 +1,9 @@
 """How far a plane and a sphere can reach, asked pair by pair of ticks.
 
 In contact the decoded force is v u with v = s (depth) > 0 and a unit vector u. The law leaves v the interval |f| - e to
-|f| + e and u the cone of half-angle asin(e / |f|) about f. The gradient of v over the position p is -s u; v is linear
-for a plane, a concave function for a convex sphere and a convex one for a concave sphere. So for two ticks, with
-D = u.(p' - p):
+|f| + e and u the cone of half-angle asin(e / |f|) about f; a deadband that keeps the two apart says both itself. The
+gradient of v over the position p is -s u; v is linear for a plane, a concave function for a convex sphere and a convex
+one for a concave sphere. So for two ticks, with D = u.(p' - p):
 
 - convex and plane: v' <= v - s D, whence s D <= high(v) - low(v'), in both orders of the two;
 - concave and plane: v' >= v - s D, whence -s D <= high(v') - low(v); here the later may be without contact, where v' is
@@ -21,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from codec.predictors import Trust
-from evaluation.coding.clairvoyant.demand import ROUNDING, Array, Demand, Flags, lengths
+from evaluation.coding.clairvoyant.demand import Array, Demand, Flags, lengths
+from evaluation.coding.clairvoyant.sector import ROUNDING
 from evaluation.coding.clairvoyant.stretch import Index, Ticks, reaches
 
 EPSILON = float(np.finfo(np.float64).eps)
@@ -74,10 +75,18 @@ def _contact(demand: Demand, trust: Trust) -> _Contact:
     size = lengths(demand.force)
     extent = trust.radius[1] + float(np.abs(demand.position).max(initial=0.0))
     # A stiff surface far from its centre rounds its depth.
-    tolerance = demand.tolerance + 16.0 * EPSILON * trust.stiffness[1] * extent
-    touches = (size > tolerance) & ~demand.at_edge
+    slack = 16.0 * EPSILON * trust.stiffness[1] * extent
+    least, most = demand.magnitudes
+    least, most = least - slack, most + slack
+    touches = (least > 0.0) & ~demand.at_edge
     known = np.where(touches, size, 1.0)
-    sine = np.where(touches, tolerance / known, 0.0)
+    if demand.sector is None:
+        sine = np.where(touches, (demand.tolerance + slack) / known, 0.0)
+    else:
+        angle = demand.sector.directions(size, slack)
+        # What may come from more than half of all directions says nothing of where the surface is.
+        touches &= angle < 0.5 * np.pi
+        sine = np.where(touches, np.sin(angle), 0.0)
     axes = demand.used
     return _Contact(
         place=np.ascontiguousarray(demand.position.T[axes]),
@@ -85,9 +94,9 @@ def _contact(demand: Demand, trust: Trust) -> _Contact:
         direction=np.where(touches, demand.force.T[axes] / known, 0.0),
         sine=sine,
         cosine=np.sqrt((1.0 - sine) * (1.0 + sine)),
-        low=np.where(touches, size - tolerance, -np.inf),
-        high=np.where(demand.at_edge, np.inf, size + tolerance),
-        high_from=np.where(touches, size + tolerance, np.inf),
+        low=np.where(touches, least, -np.inf),
+        high=np.where(demand.at_edge, np.inf, most),
+        high_from=np.where(touches, most, np.inf),
     )
 
 

@@ -8,7 +8,7 @@ only, and would go on with yesterday's codec. Where nothing can be written it is
 from collections.abc import Callable
 from functools import cache
 from hashlib import sha256
-from inspect import getmembers, getsourcefile, isfunction, signature
+from inspect import getattr_static, getmembers, getsourcefile, isfunction, signature
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -18,8 +18,19 @@ import numpy as np
 from numba import types
 from numba.extending import overload, overload_method, register_jitable
 
-from codec import Channel, channel, deadband, quantizer, sample, update, vector
-from codec.deadband import ForceDeadband
+from codec import Channel, channel, quantizer, sample, update, vector
+from codec.deadband import (
+    ConeDeadband,
+    ForceDeadband,
+    LevelCrossingDeadband,
+    VelocityDeadband,
+    cone,
+    isotropic,
+    level_crossing,
+    position,
+    velocity,
+)
+from codec.deadband import contract as deadband
 from codec.predictors import Trust, contact, contract, hold, linear, plane, sphere, zoh
 from codec.predictors.hold import Hold
 from codec.quantizer import Quantizer
@@ -27,7 +38,8 @@ from codec.vector import Vector
 from evaluation.coding.compiled import loop
 
 SOURCES: tuple[ModuleType, ...] = (
-    channel, contact, contract, deadband, hold, linear, loop, plane, quantizer, sample, sphere, update, vector, zoh,
+    channel, cone, contact, contract, deadband, hold, isotropic, level_crossing, linear, loop, plane, position,
+    quantizer, sample, sphere, update, vector, velocity, zoh,
 )  # fmt: skip
 """All that is compiled."""
 
@@ -39,10 +51,46 @@ class TrustFields(NamedTuple):
     misfit: float
 
 
-class DeadbandFields(NamedTuple):
+class IsotropicFields(NamedTuple):
     weber: float
     floor: float
     which: int
+    reads_motion: bool
+
+
+class ConeFields(NamedTuple):
+    weber: float
+    floor: float
+    widest: float
+    reads_motion: bool
+
+
+class LevelCrossingFields(NamedTuple):
+    floor: float
+    hysteresis: float
+    widest: float
+    spacing: float
+    knee: float
+    powers: tuple[float, ...]
+    reads_motion: bool
+
+
+class VelocityFields(NamedTuple):
+    weber: float
+    floor: float
+    which: int
+    per_metre: float
+    highest: float
+    reads_motion: bool
+
+
+DEADBANDS: dict[type, Any] = {
+    ForceDeadband: IsotropicFields,
+    ConeDeadband: ConeFields,
+    LevelCrossingDeadband: LevelCrossingFields,
+    VelocityDeadband: VelocityFields,
+}
+"""Those of a force that can be compiled, and what is read of each. Each is compiled by itself."""
 
 
 class QuantizerFields(NamedTuple):
@@ -54,13 +102,13 @@ class QuantizerFields(NamedTuple):
 class ChannelFields(NamedTuple):
     value_quantizer: QuantizerFields
     position_quantizer: QuantizerFields
-    deadband: DeadbandFields
+    deadband: Any
     trust: TrustFields
 
 
 _CLASSES: dict[type, type] = {
     TrustFields: Trust,
-    DeadbandFields: ForceDeadband,
+    **{fields: made for made, fields in DEADBANDS.items()},
     QuantizerFields: Quantizer,
     ChannelFields: Channel,
 }
@@ -68,6 +116,7 @@ _CLASSES: dict[type, type] = {
 _METHODS: tuple[Callable[..., Any], ...] = (
     Hold.at,
     ForceDeadband.bound,
+    ConeDeadband.error,
     Channel.displayable,
     Channel.place,
     Quantizer.confine,
@@ -82,17 +131,17 @@ _METHODS: tuple[Callable[..., Any], ...] = (
 
 def fields_of(channel: Channel) -> ChannelFields:
     """A force channel as the compiled function takes it."""
-    assert isinstance(channel.deadband, ForceDeadband)
+    kind = DEADBANDS[type(channel.deadband)]
     assert channel.position_quantizer is not None
     force, position = (
         QuantizerFields(grid.step, grid.lowest, grid.highest)
         for grid in (channel.value_quantizer, channel.position_quantizer)
     )
-    bound, trust = channel.deadband, channel.trust
+    trust = channel.trust
     return ChannelFields(
         force,
         position,
-        DeadbandFields(bound.weber, bound.floor, bound.which),
+        kind(*(getattr(channel.deadband, name) for name in kind._fields)),
         TrustFields(trust.stiffness, trust.radius, trust.least_angle_sine, trust.misfit),
     )
 
@@ -144,10 +193,22 @@ def _resolved(method: Callable[..., Any]) -> Callable[..., Any]:
     """What tells numba the method of that name of a named tuple, whichever class it is or stands for."""
 
     def resolve(self: Any, *_arguments: Any) -> Callable[..., Any] | None:
-        return getattr(_CLASSES.get(self.instance_class, self.instance_class), method.__name__, None)
+        owner = _CLASSES.get(self.instance_class, self.instance_class)
+        found: Callable[..., Any] | None = getattr(owner, method.__name__, None)
+        return _with_self(found) if isinstance(getattr_static(owner, method.__name__, None), staticmethod) else found
 
     resolve.__signature__ = signature(method)  # type: ignore[attr-defined]
     return resolve
+
+
+def _with_self(function: Any) -> Callable[..., Any]:
+    """A function that stands as a method, for which `ConeDeadband.error` is the pattern."""
+
+    def error(self: Any, displayed: Vector, actual: Vector) -> Any:  # noqa: ARG001
+        return function(displayed, actual)
+
+    error.__signature__ = signature(ConeDeadband.error)  # type: ignore[attr-defined]
+    return error
 
 
 def _source(module: ModuleType) -> bytes:

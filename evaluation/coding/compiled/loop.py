@@ -29,10 +29,11 @@ CODES = {"zoh": ZOH, "linear": LINEAR, "plane": PLANE, "sphere": SPHERE}
 
 
 class Ticks(NamedTuple):
-    """What is noted of every tick; arrays of shape (n,), filled by `run`."""
+    """What is noted of every tick; arrays of shape (n,), filled by `run`. As in `evaluation.coding.replay.Replay`."""
 
     error_n: Array
     bound_n: Array
+    deviation_n: Array
 
 
 class Sends(NamedTuple):
@@ -95,24 +96,30 @@ def run(channel: Channel, bank: Integers, force: Array, position: Array, ticks: 
     Returns:
         How many samples were sent.
     """
+    deadband = channel.deadband
     state, count, bound = at_rest(), 0, 0.0
+    known, last = False, ZERO
     for tick in range(len(force)):
         value = (force[tick, 0], force[tick, 1], force[tick, 2])
         place = (position[tick, 0], position[tick, 1], position[tick, 2])
         held = displayed(channel, state, tick, place)
         if is_finite(value) and is_finite(place):
             actual = channel.value_quantizer.confine(value)
-            bound = channel.deadband.bound(actual, held, state.newest.value if state.sent else held, actual)
-            error = distance(held, actual)
+            moved = 0.0
+            if deadband.reads_motion:
+                moved, known, last = distance(place, last if known else place), True, place
+            bound = deadband.bound(actual, held, state.newest.value if state.sent else held, moved)
+            error = deadband.error(held, actual)
             if not error <= bound:
                 sample = transmitted(channel, tick, actual, place)
-                if not error <= distance(sample.value, actual):
+                if not error <= deadband.error(sample.value, actual):
                     selector = choose(channel, bank, state, actual, tick, place)
                     gap, state = sent(channel.trust, bank[selector], state, sample)
                     note(channel, sends, count, (tick, selector, gap), (actual, place))
                     held, count = sample.value, count + 1
         ticks.error_n[tick] = distance(held, value)
         ticks.bound_n[tick] = bound
+        ticks.deviation_n[tick] = deadband.error(held, value)
     return count
 
 

@@ -9,9 +9,8 @@ from typing import overload
 import numpy as np
 
 from codec import Channel, Update
-from codec.deadband import ForceDeadband
 from evaluation.coding import replay as live
-from evaluation.coding.compiled.compiler import compiled, fields_of
+from evaluation.coding.compiled.compiler import DEADBANDS, compiled, fields_of
 from evaluation.coding.compiled.loop import CODES, Array, Sends, Ticks
 
 TIMED_SAMPLES = 1000
@@ -61,6 +60,7 @@ def replay(signal: live.Signal, channel: Channel) -> live.Replay:
     return live.Replay(
         ticks.error_n,
         ticks.bound_n,
+        ticks.deviation_n,
         SentUpdates(sends, levels),
         sends.selector,
         int(np.count_nonzero(sends.gap)),
@@ -68,14 +68,22 @@ def replay(signal: live.Signal, channel: Channel) -> live.Replay:
     )
 
 
+def knows(channel: Channel) -> bool:
+    """Whether the loop can code a channel: forces, predicted and chosen as in the paper."""
+    if any(name not in CODES for name in channel.bank) or channel.adaptive or channel.smoothing is not None:
+        return False
+    return channel.position_quantizer is not None and type(channel.deadband) in DEADBANDS
+
+
 def run(signal: live.Signal, channel: Channel) -> tuple[Ticks, Sends]:
     """The compiled loop alone. Raises as `replay` does."""
-    unknown = [name for name in channel.bank if name not in CODES]
-    if unknown or channel.position_quantizer is None or not isinstance(channel.deadband, ForceDeadband):
+    if not knows(channel):
         raise ValueError(f"the compiled codec is for forces predicted by {', '.join(CODES)}, not by {channel.bank!r}")
     count = len(signal)
     whole, levels = np.empty((3, count), np.int64), np.empty((2, count, 3))
-    ticks, sends = Ticks(np.empty(count), np.empty(count)), Sends(whole[0], whole[1], whole[2], levels[0], levels[1])
+    noted = np.empty((3, count))
+    ticks = Ticks(noted[0], noted[1], noted[2])
+    sends = Sends(whole[0], whole[1], whole[2], levels[0], levels[1])
     bank = np.array([CODES[name] for name in channel.bank], np.int64)
     force, position = (np.ascontiguousarray(each, np.float64) for each in (signal.force_n, signal.position_m))
     packets = compiled()(fields_of(channel), bank, force, position, ticks, sends)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from codec import Channel, force_channel, position_channel
 from codec.deadband import Reference
-from codec.predictors import PREDICTORS, Trust
+from codec.predictors import FITTED, Trust
 from codec.quantizer import INT16_MAX
 from codec.update import MAX_GAP
 from codec.vector import Vector
@@ -32,7 +32,7 @@ HERE = Path(__file__).parents[3]
 RECORDED = HERE.parent / "shared" / "traces"
 RECORDINGS = [HERE / "configs" / "traces" / "operator.csv", *sorted(RECORDED.glob("*.csv"))]
 REFERENCES: tuple[Reference, ...] = ("actual", "displayed", "sent")
-BANKS = [("zoh",), ("linear",), ("plane",), ("sphere",), ("linear", "plane"), ("sphere", "zoh"), tuple(PREDICTORS)]
+BANKS = [("zoh",), ("linear",), ("plane",), ("sphere",), ("linear", "plane"), ("sphere", "zoh"), tuple(FITTED)]
 CREDULOUS = Trust(radius=(1e-9, 1e9), stiffness=(1e-6, 1e12), least_angle_sine=1e-12, misfit=inf)
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba (extra: compiled) is not installed")
@@ -44,7 +44,7 @@ needs_recordings = pytest.mark.skipif(
 def interpreted(signal: Signal, channel: Channel) -> tuple[loop.Ticks, loop.Sends]:
     """The loop on the codec's own objects, its arrays as long as those of the compiled run."""
     count = len(signal)
-    ticks = loop.Ticks(np.empty(count), np.empty(count))
+    ticks = loop.Ticks(np.empty(count), np.empty(count), np.empty(count))
     sends = loop.Sends(*(np.empty(count, np.int64) for _ in range(3)), *(np.empty((count, 3)) for _ in range(2)))
     bank = np.array([loop.CODES[name] for name in channel.bank])
     packets = loop.run(channel, bank, signal.force_n, signal.position_m, ticks, sends)
@@ -59,6 +59,7 @@ def assert_alike(found: Replay, expected: Replay) -> None:
     assert list(found.updates) == list(expected.updates)
     assert found.error_n.tobytes() == expected.error_n.tobytes()
     assert found.bound_n.tobytes() == expected.bound_n.tobytes()
+    assert found.deviation_n.tobytes() == expected.deviation_n.tobytes()
     assert found.selected.tolist() == expected.selected.tolist()
     assert found.paired == expected.paired
 
@@ -92,7 +93,7 @@ def test_contacts_of_all_kinds(bank: tuple[str, ...], reference: Reference, axes
 
 @needs_numba
 @given(
-    bank=st.permutations(list(PREDICTORS)).flatmap(lambda names: st.integers(1, 4).map(lambda count: names[:count])),
+    bank=st.permutations(list(FITTED)).flatmap(lambda names: st.integers(1, 4).map(lambda count: names[:count])),
     reference=st.sampled_from(REFERENCES),
     weber=st.sampled_from([0.0, 0.025, 0.1, 0.3]),
     floor=st.sampled_from([0.0, 0.02, 0.5]),
@@ -233,7 +234,7 @@ def test_the_loop_interpreted_is_the_live_codec(make: Callable[[], object], bank
 
 
 def test_the_loop_knows_every_predictor() -> None:
-    assert set(loop.CODES) == set(PREDICTORS)
+    assert set(loop.CODES) == set(FITTED)
 
 
 def test_little_work_is_not_compiled() -> None:

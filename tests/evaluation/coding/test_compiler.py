@@ -12,14 +12,16 @@ pytest.importorskip("numba", reason="numba (extra: compiled) is not installed")
 
 import codec
 from codec import force_channel
-from codec.deadband import ForceDeadband
+from codec.deadband import LevelCrossingDeadband
 from codec.predictors import Trust
 from codec.quantizer import Quantizer
 from evaluation.coding.compiled import compiler
 
-LIVE_ONLY = {"codec.decoder", "codec.encoder", "codec.fitted"}
+LIVE_ONLY = {
+    "codec.deadband.shapes", "codec.decoder", "codec.encoder", "codec.fitted", "codec.quaternion", "codec.rotation",
+}  # fmt: skip
 """Nothing of these is compiled."""
-PACKAGES = {"codec.predictors"}
+PACKAGES = {"codec.deadband", "codec.predictors"}
 
 
 def modules() -> dict[str, ModuleType]:
@@ -44,7 +46,11 @@ def test_fields_are_those_of_the_object() -> None:
     for fields, original in pairs:
         assert fields._asdict() == {name: getattr(original, name) for name in fields._fields}
     assert set(compiler.TrustFields._fields) == set(Trust.__dataclass_fields__)
-    assert set(compiler.DeadbandFields._fields) == set(ForceDeadband.__dataclass_fields__) - {"reference"}
+    # What is read when it is made, and no more.
+    unread = {"reference", "direction", "slope", "most", "period"}
+    for kind, fields in compiler.DEADBANDS.items():
+        told = set(kind.__dataclass_fields__) - unread
+        assert set(fields._fields) == told - ({"weber"} if kind is LevelCrossingDeadband else set())
     assert set(compiler.QuantizerFields._fields) < set(Quantizer.__slots__)
 
 

@@ -1,0 +1,84 @@
+"""Magnitude and direction apart: a shell of Weber's law, cut by a cone around the measured force.
+
+People tell forces of the same magnitude apart by direction from 18.4 degrees on if they see what they touch, 25.6 if
+they do not and 31.9 if what they see misleads them (means; Barbagli, Salisbury, Ho, Spence, Tan, "Haptic discrimination
+of force direction and the influence of visual information", ACM Trans. Applied Perception, 2006). An isotropic deadband
+of k = 0.10 resends from 6 degrees on. A direction beside the magnitude in the deadband: "Limitations of human 3D-force
+discrimination", Technische Universität München, 2006. How surely this is known is in docs/deadbands.md.
+"""
+
+from dataclasses import dataclass, field
+from math import pi, radians, sin
+from typing import ClassVar
+
+from codec.deadband.contract import check_not_negative
+from codec.vector import Vector, distance, norm
+
+DIRECTION_RAD = radians(18.4)
+"""The least of the three: an operator sees the scene."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConeDeadband:
+    """`| |g| - |f| | <= max(k |f|, floor)` and angle(f, g) <= theta, or `|g - f| <= floor`; f measured, g displayed.
+
+    Near no force there is no direction to feel: a difference below the absolute threshold is not felt, however it is
+    turned. A force of exactly 0 has no direction; there the magnitude alone decides.
+
+    The angle is compared by its chord, the distance of the two unit vectors, which takes no trigonometry.
+
+    Args:
+        weber: Weber factor k of the magnitude, >= 0.
+        floor: absolute threshold [N], >= 0.
+        direction: largest angle theta that stays unsent [rad], > 0, at most pi; pi for any direction.
+
+    Raises:
+        ValueError: for a number out of its range.
+    """
+
+    weber: float
+    floor: float = 0.0
+    direction: float = DIRECTION_RAD
+    widest: float = field(init=False, repr=False, compare=False)
+    """Chord of that angle."""
+    reads_motion: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_not_negative("weber", self.weber)
+        check_not_negative("floor", self.floor)
+        object.__setattr__(self, "widest", chord_of(self.direction))
+
+    def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
+        relative = self.weber * norm(actual)
+        return relative if relative > self.floor else self.floor
+
+    def error(self, displayed: Vector, actual: Vector) -> float:
+        """The error of the magnitude or of the direction, in units of the same bound, whichever is more."""
+        apart = distance(displayed, actual)
+        size, held = norm(actual), norm(displayed)
+        relative = self.weber * size
+        bound = relative if relative > self.floor else self.floor
+        if apart <= self.floor or bound == 0.0:
+            return apart
+        longer = abs(held - size)
+        turned = bound * (chord(displayed, held, actual, size) / self.widest)
+        return longer if longer > turned else turned
+
+
+def chord_of(direction: float) -> float:
+    """Distance between two unit vectors at an angle [rad].
+
+    Raises:
+        ValueError: for one that is not above 0 and at most pi.
+    """
+    if not 0.0 < direction <= pi:
+        raise ValueError(f"direction must be above 0 and at most pi [rad], not {direction!r}")
+    return 2.0 * sin(0.5 * direction)
+
+
+def chord(a: Vector, length: float, b: Vector, other: float) -> float:
+    """Distance between the directions of two vectors of these lengths; 0 where one of them has none."""
+    if length == 0.0 or other == 0.0:
+        return 0.0
+    one = (a[0] / length, a[1] / length, a[2] / length)
+    return distance(one, (b[0] / other, b[1] / other, b[2] / other))

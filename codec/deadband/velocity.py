@@ -1,0 +1,66 @@
+"""Velocity-adaptive: the Weber factor grows with the speed of the hand.
+
+A hand in motion feels changes of force less: Kammerl, Vittorias, Nitsch, Faerber, Steinbach, Hirche, "Perception-based
+data reduction for haptic force-feedback signals using velocity-adaptive deadbands", Presence 19(5), 2010.
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from codec.deadband.contract import Reference, check_not_negative
+from codec.deadband.isotropic import which_reference
+from codec.vector import Vector, distance, norm
+
+SLOPE_S_M = 0.5
+MOST_WEBER = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class VelocityDeadband:
+    """`|f_pred - f| <= max(k(v) |f_ref|, floor)` with `k(v) = k + slope |v|`, at most `most` (or k, if that is more).
+
+    The speed is that of the position since the tick before: no filter, no lag, no state. A jump of the position from
+    one tick to the next makes a wide deadband for this one tick, and `most` says how wide.
+
+    Args:
+        weber: Weber factor k at rest, >= 0.
+        floor: absolute threshold [N], >= 0.
+        reference: which force k scales.
+        slope: growth of the Weber factor with speed [s/m], >= 0.
+        most: the Weber factor grows no further, >= 0.
+        period: time between ticks [s], > 0.
+
+    Raises:
+        ValueError: for a number out of its range or an unknown reference.
+    """
+
+    weber: float
+    floor: float = 0.0
+    reference: Reference = "actual"
+    slope: float = SLOPE_S_M
+    most: float = MOST_WEBER
+    period: float = 1e-3
+    which: int = field(init=False, repr=False, compare=False)
+    per_metre: float = field(init=False, repr=False, compare=False)
+    """Growth of the Weber factor with the way of one tick [1/m]."""
+    highest: float = field(init=False, repr=False, compare=False)
+    reads_motion: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for name in ("weber", "floor", "slope", "most"):
+            check_not_negative(name, getattr(self, name))
+        if not 0.0 < self.period < float("inf"):
+            raise ValueError(f"period must be above 0 and finite, not {self.period!r}")
+        object.__setattr__(self, "which", which_reference(self.reference))
+        object.__setattr__(self, "per_metre", self.slope / self.period)
+        object.__setattr__(self, "highest", max(self.weber, self.most))
+
+    def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:
+        which = self.which
+        reference = actual if which == 0 else displayed if which == 1 else sent
+        grown = self.weber + self.per_metre * moved
+        # Not so where the way is infinite and the slope 0, which is no number.
+        relative = (grown if grown < self.highest else self.highest) * norm(reference)
+        return relative if relative > self.floor else self.floor
+
+    error = staticmethod(distance)

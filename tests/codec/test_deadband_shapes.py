@@ -1,0 +1,306 @@
+"""The shapes of the deadband: closed forms, what each claims, and the law of the codec with each of them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from math import cos, inf, isfinite, nan, pi, radians, sin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec import Decoder, Encoder, Update, force_channel, position_channel
+from codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
+from codec.deadband.level_crossing import POWERS, level_after, level_below, past_level
+from codec.deadband.shapes import SHAPES
+from codec.vector import ZERO, Vector, distance, norm
+from tests.codec.signals import contact_stream
+
+K, FLOOR = 0.10, 0.02
+CONE = ConeDeadband(K, FLOOR, radians(20.0))
+LEVELS = LevelCrossingDeadband(K, 1.0, radians(20.0), 0.25)
+MAKERS: dict[str, Callable[..., Deadband]] = dict(SHAPES)
+
+components = st.floats(-40.0, 40.0) | st.sampled_from([0.0, -0.0, 1e-3, 0.02, 1.0])
+vectors = st.tuples(components, components, components)
+any_numbers = st.tuples(*[st.floats(-1e150, 1e150) | st.sampled_from([5e-324, 1e-310, 1e150, 0.0])] * 3)
+shapes = st.sampled_from(list(MAKERS))
+
+
+def at(degrees: float, size: float = 1.0) -> Vector:
+    """In a plane, from z."""
+    return (size * sin(radians(degrees)), 0.0, size * cos(radians(degrees)))
+
+
+def accepts(deadband: Deadband, displayed: Vector, actual: Vector, moved: float = 0.0) -> bool:
+    return deadband.error(displayed, actual) <= deadband.bound(actual, displayed, actual, moved)
+
+
+# Closed forms.
+
+
+@pytest.mark.parametrize(("degrees", "size", "expected"), [
+    (0.0, 1.09, True), (0.0, 1.11, False), (0.0, 0.91, True), (0.0, 0.89, False),
+    (19.9, 1.0, True), (20.1, 1.0, False), (-19.9, 1.09, True), (19.9, 1.11, False), (180.0, 1.0, False),
+])  # fmt: skip
+def test_a_cone_keeps_magnitude_and_direction_apart(degrees: float, size: float, expected: bool) -> None:
+    assert accepts(CONE, at(degrees, size), at(0.0)) == expected
+    assert accepts(CONE, at(degrees, 20.0 * size), at(0.0, 20.0)) == expected
+
+
+def test_the_error_of_a_cone_is_in_units_of_its_bound() -> None:
+    bound = CONE.bound(at(0.0, 3.0), ZERO, ZERO, 0.0)
+    assert bound == pytest.approx(0.3)
+    assert CONE.error(at(0.0, 3.15), at(0.0, 3.0)) == pytest.approx(0.15)
+    assert CONE.error(at(20.0, 3.0), at(0.0, 3.0)) == pytest.approx(bound)
+    assert CONE.error(at(60.0, 3.0), at(0.0, 3.0)) == pytest.approx(bound * sin(radians(30)) / sin(radians(10)))
+
+
+def test_near_no_force_a_cone_has_no_direction() -> None:
+    assert accepts(CONE, at(180.0, 0.009), at(0.0, 0.01))
+    assert not accepts(CONE, at(180.0, 0.011), at(0.0, 0.01))
+    # Further apart than the floor, though neither is above it.
+    assert not accepts(CONE, at(180.0, 0.02), at(0.0, 0.02))
+    assert accepts(CONE, ZERO, at(0.0, 0.02))
+    assert not accepts(CONE, ZERO, at(0.0, 0.021))
+    assert not accepts(ConeDeadband(K), at(180.0, 1e-9), at(0.0, 1e-9))
+    assert not accepts(ConeDeadband(0.0), at(1.0), at(0.0))
+
+
+@given(f=vectors, g=vectors)
+def test_a_cone_of_all_directions_is_a_shell(f: Vector, g: Vector) -> None:
+    shell = ConeDeadband(K, FLOOR, pi)
+    bound = shell.bound(f, g, f, 0.0)
+    assert accepts(shell, g, f) == (abs(norm(g) - norm(f)) <= bound or distance(f, g) <= FLOOR)
+
+
+@given(f=vectors, g=vectors)
+def test_a_cone_that_is_wide_asks_no_more_than_a_ball(f: Vector, g: Vector) -> None:
+    """The angle of the ball is asin(k) where the floor does not matter."""
+    if accepts(ForceDeadband(K, FLOOR), g, f) and norm(f) * K >= FLOOR:
+        assert accepts(ConeDeadband(K, FLOOR, radians(6.0)), g, f)
+
+
+def test_a_level_is_crossed_when_the_hysteresis_is_past_it() -> None:
+    """Levels of 1, 2... 10, 11, 12.1 N; a quarter of the spacing, 10 % or 1 N, is the hysteresis."""
+    assert accepts(LEVELS, at(0.0, 11.01), at(0.0, 12.09))
+    assert accepts(LEVELS, at(0.0, 11.01), at(0.0, 12.1 * 1.02))
+    assert not accepts(LEVELS, at(0.0, 11.01), at(0.0, 12.1 * 1.03))
+    assert accepts(LEVELS, at(0.0, 12.09), at(0.0, 11.0 * 0.98))
+    assert not accepts(LEVELS, at(0.0, 12.09), at(0.0, 11.0 * 0.97))
+    assert LEVELS.error(at(0.0, 10.5), at(0.0, 13.0)) == pytest.approx(13.0 - 11.0)
+    assert LEVELS.error(at(0.0, 13.0), at(0.0, 10.5)) == pytest.approx(12.1 - 10.5)
+    assert accepts(LEVELS, at(0.0, 2.01), at(0.0, 3.24))
+    assert not accepts(LEVELS, at(0.0, 2.01), at(0.0, 3.26))
+    assert LEVELS.error(at(0.0, 2.5), at(0.0, 9.5)) == pytest.approx(9.5 - 3.0)
+
+
+def test_below_the_lowest_level_there_is_no_force() -> None:
+    assert LEVELS.error(at(180.0, 0.9), at(0.0, 0.99)) > 0.0  # a difference above the floor, however turned
+    assert accepts(LEVELS, ZERO, at(33.0, 0.99))
+    assert accepts(LEVELS, ZERO, at(0.0, 1.24))
+    assert not accepts(LEVELS, ZERO, at(0.0, 1.26))
+
+
+def test_a_force_that_turns_crosses_no_level_but_leaves_the_cone() -> None:
+    assert accepts(LEVELS, at(19.9, 5.0), at(0.0, 5.0))
+    assert not accepts(LEVELS, at(20.1, 5.0), at(0.0, 5.0))
+    assert accepts(LEVELS, at(20.1, 1.05), at(0.0, 1.05))  # less apart than the floor of 1 N
+
+
+@given(
+    size=st.floats(1e-6, 1e150), weber=st.sampled_from([0.0, 1e-4, 0.025, 0.1, 0.3, 1.0]), floor=st.floats(1e-4, 1.0)
+)
+def test_levels_are_those_of_the_powers(size: float, weber: float, floor: float) -> None:
+    deadband = LevelCrossingDeadband(weber, floor)
+    grid = floor, deadband.knee, deadband.powers
+    level = level_below(size, *grid)
+    assert len(deadband.powers) == POWERS
+    assert level * (1.0 - 1e-12) <= size < level_after(level, *grid) * (1.0 + 1e-12)
+    assert level_after(deadband.knee, *grid) == deadband.knee * (1.0 + deadband.spacing)
+    if level >= deadband.knee:
+        assert level_after(level, *grid) == pytest.approx(level * (1.0 + deadband.spacing))
+        assert level_below(level, *grid) == level
+    elif level < deadband.knee * (1.0 - 1e-12):
+        assert level == pytest.approx(floor * round(level / floor))
+        assert deadband.spacing * level <= floor
+
+
+@given(size=st.floats(0.0, 1e3), held=st.floats(0.0, 1e3))
+def test_levels_between_two_forces_are_there_from_either_side(size: float, held: float) -> None:
+    grid = LEVELS.floor, LEVELS.knee, LEVELS.powers
+    one, other = (past_level(a, b, *grid) for a, b in ((size, held), (held, size)))
+    below = [level_below(each, *grid) for each in (size, held)]
+    if below[0] == below[1]:
+        assert one == other == 0.0
+    assert max(one, other) <= abs(size - held) * (1.0 + 1e-12)
+
+
+@given(f=vectors, g=vectors)
+def test_no_error_of_a_level_crossing_is_more_than_a_level_and_its_hysteresis(f: Vector, g: Vector) -> None:
+    deadband = LevelCrossingDeadband(K, FLOOR, pi)
+    if accepts(deadband, g, f):
+        wider = (1.0 + deadband.hysteresis) * max(K * max(norm(f), norm(g)), FLOOR)
+        assert abs(norm(f) - norm(g)) <= wider * (1.0 + 1e-9)
+
+
+def test_noise_on_a_level_is_not_sent() -> None:
+    noise = [at(0.0, 2.0 + 0.1 * (-1) ** tick) for tick in range(100)]
+    for hysteresis, expected in ((0.25, 1), (0.0, 100)):
+        channel = force_channel(predictor="zoh", deadband=LevelCrossingDeadband(K, 1.0, pi, hysteresis))
+        encoder = Encoder(channel)
+        assert sum(encoder.encode(tick, force) is not None for tick, force in enumerate(noise)) == expected
+
+
+@pytest.mark.parametrize(("speed", "expected"), [(0.0, 0.10), (0.1, 0.15), (0.2, 0.20), (0.3, 0.25), (5.0, 0.25)])
+def test_the_weber_factor_grows_with_the_speed_of_the_hand(speed: float, expected: float) -> None:
+    for period in (1e-3, 1e-2):
+        deadband = VelocityDeadband(K, FLOOR, slope=0.5, most=0.25, period=period)
+        assert deadband.bound(at(0.0, 4.0), ZERO, ZERO, speed * period) == pytest.approx(4.0 * expected)
+        assert deadband.bound(ZERO, ZERO, ZERO, speed * period) == FLOOR
+
+
+def test_a_weber_factor_above_the_most_does_not_shrink() -> None:
+    assert VelocityDeadband(0.5, most=0.25).bound(at(0.0), ZERO, ZERO, 1.0) == pytest.approx(0.5)
+    assert VelocityDeadband(0.1, slope=0.0).bound(at(0.0), ZERO, ZERO, inf) <= 0.25
+
+
+def test_what_moved_is_the_way_since_the_sample_before() -> None:
+    seen: list[float] = []
+
+    class Watching(VelocityDeadband):
+        __slots__ = ()
+
+        def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:
+            seen.append(moved)
+            return super().bound(actual, displayed, sent, moved)
+
+    encoder = Encoder(force_channel(deadband=Watching(K, FLOOR)))
+    for tick, depth in enumerate((0.0, 0.001, nan, 0.004)):
+        encoder.encode(tick, at(0.0), (0.0, 0.0, depth))
+    assert seen == pytest.approx([0.0, 0.001, 0.003])
+    encoder.reset()
+    encoder.encode(9, at(0.0), (1.0, 0.0, 0.0))
+    assert seen[-1] == 0.0
+
+
+def test_a_deadband_that_does_not_read_motion_is_told_none() -> None:
+    encoder = Encoder(force_channel(deadband=VelocityDeadband(K, FLOOR)))
+    encoder.encode(0, at(0.0), ZERO)
+    encoder.retune(ForceDeadband(K, FLOOR), [0])
+    encoder.encode(1, at(0.0), (1.0, 0.0, 0.0))
+    encoder.retune(VelocityDeadband(K, FLOOR), [0])
+    # What was moved while nobody looked is not made up for in one tick.
+    encoder.encode(2, at(0.0), (1.0, 0.0, 0.0))
+    assert encoder.bound == pytest.approx(0.1)
+
+
+def test_the_position_of_a_position_channel_is_its_value() -> None:
+    encoder = Encoder(position_channel(weber=0.1, bound=2e-4))
+    encoder.encode(0, ZERO, (5.0, 0.0, 0.0))
+    encoder.encode(1, (0.0, 0.0, 0.01), ZERO)
+    assert encoder.bound == pytest.approx(2e-4 + 0.1 * 0.01)
+
+
+# What all have in common.
+
+
+@given(shape=shapes, f=any_numbers, g=any_numbers, weber=st.sampled_from([0.0, 0.1, 1.0]))
+def test_any_finite_forces_have_an_error_and_a_bound(shape: str, f: Vector, g: Vector, weber: float) -> None:
+    deadband = MAKERS[shape](weber, FLOOR)
+    error, bound = deadband.error(g, f), deadband.bound(f, g, f, 0.0)
+    assert error >= 0.0
+    assert bound >= 0.0
+    assert isfinite(bound)
+    assert deadband.error(f, f) == 0.0
+
+
+@given(shape=shapes, f=vectors, g=vectors, turn=st.floats(0.0, 2.0 * pi))
+def test_no_shape_depends_on_how_the_axes_lie(shape: str, f: Vector, g: Vector, turn: float) -> None:
+    deadband, c, s = MAKERS[shape](K, FLOOR), cos(turn), sin(turn)
+    bound = deadband.bound(f, g, f, 0.0)
+    before, after = (
+        deadband.error(g, f),
+        deadband.error(*((c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]) for v in (g, f))),
+    )
+    if abs(before - bound) > 1e-6 * (1.0 + bound) and shape != "level_crossing":
+        assert (before <= bound) == (after <= bound)
+
+
+@given(f=vectors, g=vectors)
+def test_only_a_distance_is_symmetric(f: Vector, g: Vector) -> None:
+    for shape in ("isotropic", "velocity_adaptive"):
+        deadband = MAKERS[shape](K, FLOOR)
+        assert deadband.error(f, g) == deadband.error(g, f)
+
+
+@given(shape=shapes, seed=st.integers(0, 2**32 - 1), floor=st.sampled_from([1e-3, 0.02, 0.3]),
+       bank=st.sampled_from([("zoh",), ("linear",), ("plane",), ("zoh", "linear", "plane", "sphere")]),
+       axes=st.sampled_from(["xyz", "z"]))  # fmt: skip
+@settings(max_examples=120, deadline=None)
+def test_the_law_holds_with_every_shape(shape: str, seed: int, floor: float, bank: tuple[str, ...], axes: str) -> None:
+    deadband = MAKERS[shape](K, floor)
+    channel = force_channel(bank=bank, axes=axes, deadband=deadband)
+    encoder, decoder, before = Encoder(channel), Decoder(channel), None
+    for tick, (force, position) in enumerate(contact_stream(seed, ticks=200, axes=axes)):
+        update = encoder.encode(tick, force, position)
+        if update is not None:
+            decoder.apply(Update(*update))
+        assert decoder.state == encoder.mirror.state
+        held, actual = decoder.value(tick, position), channel.value_quantizer.confine(force)
+        assert held is not None
+        moved = 0.0 if before is None else distance(position, before)
+        before = position
+        error = deadband.error(held, actual)
+        bound = deadband.bound(actual, held, held, moved)
+        assert error <= max(bound, deadband.error(channel.value_quantizer.rounded(actual), actual))
+
+
+@pytest.mark.parametrize("shape", MAKERS)
+@pytest.mark.parametrize("value", [nan, inf, -inf, 1e300, 5e-324])
+def test_what_is_no_sample_is_rejected_and_what_is_extreme_is_coded(shape: str, value: float) -> None:
+    encoder = Encoder(force_channel(deadband=MAKERS[shape](K, FLOOR)))
+    for tick in range(20):
+        encoder.encode(tick, (0.0, 0.0, value), ZERO)
+    assert encoder.rejected == (0 if isfinite(value) else 20)
+    assert isfinite(encoder.bound)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_on_one_axis_a_cone_is_a_ball(seed: int) -> None:
+    stream = contact_stream(seed, axes="z")
+    encoders = [Encoder(force_channel(deadband=each)) for each in (ForceDeadband(K, FLOOR), CONE)]
+    for tick, (force, position) in enumerate(stream):
+        one, other = (encoder.encode(tick, force, position) for encoder in encoders)
+        assert one == other
+
+
+@pytest.mark.parametrize(("make", "named"), [
+    (ConeDeadband, "weber"),
+    (lambda bad: ConeDeadband(K, bad), "floor"),
+    (lambda bad: ConeDeadband(K, FLOOR, bad), "direction"),
+    (lambda bad: LevelCrossingDeadband(bad, FLOOR), "weber"),
+    (lambda bad: LevelCrossingDeadband(K, bad), "floor"),
+    (lambda bad: LevelCrossingDeadband(K, FLOOR, bad), "direction"),
+    (lambda bad: LevelCrossingDeadband(K, FLOOR, 1.0, bad), "hysteresis"),
+    (VelocityDeadband, "weber"),
+    (lambda bad: VelocityDeadband(K, slope=bad), "slope"),
+    (lambda bad: VelocityDeadband(K, most=bad), "most"),
+    (lambda bad: VelocityDeadband(K, period=bad), "period"),
+])  # fmt: skip
+@pytest.mark.parametrize("bad", [-0.1, nan, inf])
+def test_refuses_numbers_that_are_out_of_range(make: Callable[[float], Deadband], named: str, bad: float) -> None:
+    with pytest.raises(ValueError, match=named):
+        make(bad)
+
+
+def test_refuses_a_grid_without_a_lowest_level_and_an_unknown_reference() -> None:
+    with pytest.raises(ValueError, match="lowest level"):
+        LevelCrossingDeadband(K, 0.0)
+    with pytest.raises(ValueError, match="displayed"):
+        VelocityDeadband(K, 0.0, "wanted")  # type: ignore[arg-type]
+
+
+def test_a_deadband_can_be_made_again_with_one_change() -> None:
+    assert replace(CONE, direction=pi) == ConeDeadband(K, FLOOR, pi)
+    assert replace(LEVELS, weber=0.2).powers[-1] == 1.2
