@@ -5,9 +5,21 @@ from dataclasses import dataclass, field
 from math import inf
 
 from codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
-from codec.predictors import HYBRID, PREDICTORS, Predictor, Trust
-from codec.quantizer import Quantizer
+from codec.predictors import (
+    ADAPTIVE,
+    ADAPTIVE_BANK,
+    BANKS,
+    HYBRID,
+    HYBRID_BANK,
+    PARAMETRIC,
+    PREDICTORS,
+    Parametric,
+    Predictor,
+    Trust,
+)
+from codec.quantizer import Grids, Quantizer
 from codec.sample import Sample
+from codec.smoothing import Smoothing
 from codec.vector import ZERO, Vector, is_finite
 
 
@@ -16,16 +28,20 @@ class Channel:
     """One coded direction.
 
     Args:
-        bank: names of the predictors that are built, in the order that selectors count; one unless hybrid.
+        bank: names of the predictors that are built, in the order that selectors count; one unless hybrid or adaptive.
         deadband: the bound on an unsent error.
         value_quantizer: the wire grid of the coded value.
         position_quantizer: the grid of the position that travels with a force; None where the value is the position.
         rest: what both ends hold before the first update: no force on the backward channel. None where nothing can be
             assumed, as for a position, and the first sample is always sent.
         trust: the range in which a fitted contact is believed.
+        adaptive: whether the sender chooses by the record of the predictors (`codec.adaptive`) or as the paper does.
+            The receiver need not know.
+        smoothing: how a change of model is spread; None for at once.
 
     Raises:
-        ValueError: for an unknown, repeated or missing predictor, or a geometry predictor without a position to read.
+        ValueError: for an unknown, repeated or missing predictor, a geometry predictor without a position to read, or
+            several with parameters to choose among as the paper does.
     """
 
     bank: tuple[str, ...]
@@ -34,6 +50,8 @@ class Channel:
     position_quantizer: Quantizer | None = None
     rest: Vector | None = None
     trust: Trust = field(default_factory=Trust)
+    adaptive: bool = False
+    smoothing: Smoothing | None = None
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.bank if name not in PREDICTORS]
@@ -43,10 +61,22 @@ class Channel:
             geometric = [name for name in self.bank if PREDICTORS[name].geometric]
             if geometric:
                 raise ValueError(f"{', '.join(geometric)}: geometry predicts forces; a position channel has none")
+        parametric = [name for name in self.bank if name in PARAMETRIC]
+        if parametric and len(self.bank) > 1 and not self.adaptive:
+            raise ValueError(f"{', '.join(parametric)}: a hybrid fits no parameters; choose {ADAPTIVE} for this bank")
 
     @property
-    def predictors(self) -> tuple[Predictor, ...]:
+    def predictors(self) -> tuple[Predictor | Parametric, ...]:
         return tuple(PREDICTORS[name] for name in self.bank)
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the sender looks at all samples, and not at those sent alone."""
+        return self.adaptive or self.bank[0] in PARAMETRIC
+
+    @property
+    def grids(self) -> Grids:
+        return Grids(self.value_quantizer, self.position_quantizer)
 
     @property
     def level_count(self) -> int:
@@ -85,7 +115,7 @@ class Channel:
 def force_channel(
     *,
     predictor: str = HYBRID,
-    bank: Sequence[str] = ("zoh", "linear", "plane", "sphere"),
+    bank: Sequence[str] | None = None,
     weber: float = 0.10,
     floor: float = 0.02,
     reference: Reference = "actual",
@@ -94,12 +124,14 @@ def force_channel(
     position_step: float = 1e-5,
     trust: Trust | None = None,
     saturates: bool = True,
+    deadband: Deadband | None = None,
+    smoothing: Smoothing | None = None,
 ) -> Channel:
     """The backward channel: forces [N], each with the commanded position [m] that it belongs to.
 
     Args:
-        predictor: a name of `PREDICTORS`, or "hybrid" for all of `bank`.
-        bank: what a hybrid chooses among; not read otherwise.
+        predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for all of `bank`.
+        bank: what these choose among, by default `HYBRID_BANK` or `ADAPTIVE_BANK`; not read otherwise.
         weber: Weber factor k, >= 0.
         floor: absolute threshold [N], >= 0.
         reference: which force k scales.
@@ -108,14 +140,20 @@ def force_channel(
         position_step: wire step [m].
         trust: the range in which a fitted contact is believed.
         saturates: False lifts the int16 range, for studies off the wire.
+        deadband: of another shape; Weber factor, floor and reference are its own, and those given are not read then.
+        smoothing: how a change of model is spread.
     """
+    if bank is None:
+        bank = ADAPTIVE_BANK if predictor == ADAPTIVE else HYBRID_BANK
     return Channel(
-        bank=tuple(bank) if predictor == HYBRID else (predictor,),
-        deadband=ForceDeadband(weber, floor, reference),
+        bank=tuple(bank) if predictor in BANKS else (predictor,),
+        deadband=deadband if deadband is not None else ForceDeadband(weber, floor, reference),
         value_quantizer=_quantizer(force_step, axes, saturates=saturates),
         position_quantizer=_quantizer(position_step, axes, saturates=saturates),
         rest=ZERO,
         trust=trust if trust is not None else Trust(),
+        adaptive=predictor == ADAPTIVE,
+        smoothing=smoothing,
     )
 
 
@@ -131,9 +169,10 @@ def position_channel(
 ) -> Channel:
     """The forward channel: commanded positions [m]. Arguments as for `force_channel`; `bound` [m] is that at rest."""
     return Channel(
-        bank=tuple(bank) if predictor == HYBRID else (predictor,),
+        bank=tuple(bank) if predictor in BANKS else (predictor,),
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
+        adaptive=predictor == ADAPTIVE,
     )
 
 

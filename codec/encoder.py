@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from math import inf
 
+from codec.adaptive.choice import Choice
 from codec.channel import Channel
 from codec.deadband import Deadband
 from codec.decoder import Decoder
+from codec.predictors import Parametric, Predictor
 from codec.sample import Sample
 from codec.update import MAX_GAP, Update
 from codec.vector import ZERO, Vector, distance, is_finite
@@ -17,10 +19,13 @@ class Encoder:
     The encoder owns a mirror of the decoder and feeds it the very updates it returns: what it compares with is what
     the other end holds on a lossless link, quantized values and all. The law: at every tick the mirror's value is
     within the deadband of the actual one, or as near to it as the wire can say: half a step per axis. Where the
-    bound is finer than the grid, an update that would say nothing nearer is not sent.
+    bound is finer than the grid, an update that would say nothing nearer is not sent. Near is what the deadband says
+    it is.
 
     A bank of several is the paper's hybrid. It chooses when it sends: the predictor whose value *before* the update
-    comes closest (after it, all would pass through the sample), and holds that choice until the next send.
+    comes closest (after it, all would pass through the sample), and holds that choice until the next send. Where the
+    channel asks for it the choice is by the record of the predictors instead, and parameters are estimated from
+    all samples (`codec.adaptive`).
 
     Deadband and choice may be retuned while it runs. The other end needs to know of neither.
 
@@ -32,15 +37,19 @@ class Encoder:
     """
 
     __slots__ = (
+        "_allowed",
         "_channel",
+        "_choice",
         "_confine",
-        "_deadband",
+        "_fitted",
         "_forced",
         "_last",
         "_levels",
+        "_measure",
         "_newest",
         "_predictors",
         "_previous",
+        "_reads_motion",
         "_selectors",
         "bound",
         "mirror",
@@ -53,7 +62,9 @@ class Encoder:
         self._predictors = channel.predictors
         self.mirror = Decoder(channel)
         self._confine = channel.value_quantizer.confine
-        self._deadband = channel.deadband
+        self._choice = Choice(channel) if channel.estimates else None
+        self._fitted = tuple(each for each in self._predictors if isinstance(each, Predictor))
+        self._measure_with(channel.deadband)
         self._selectors = tuple(range(len(self._predictors)))
         self.rejected = 0
         self.reset()
@@ -61,6 +72,8 @@ class Encoder:
     def reset(self) -> None:
         """Forget the signal, so that the next sample is sent: the other end started anew. The tuning stays."""
         self.mirror.reset()
+        if self._choice is not None:
+            self._choice.reset()
         self._newest: Sample | None = None
         self._previous: Sample | None = None
         self._levels: tuple[int, ...] = ()
@@ -85,7 +98,9 @@ class Encoder:
         count = len(self._predictors)
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
-        self._deadband = deadband
+        self._measure_with(deadband)
+        if not deadband.reads_motion:
+            self._last = None
         self._selectors = tuple(sorted(set(selectors)))
         self._forced = self._newest is not None and self.mirror.selected not in self._selectors
 
@@ -105,27 +120,63 @@ class Encoder:
             self.rejected += 1
             return None
         actual = self._confine(value)
-        last, self._last = self._last if self._last is not None else actual, actual
+        moved = 0.0
+        if self._reads_motion:
+            place = position if self._channel.position_quantizer is not None else actual
+            moved, self._last = distance(place, self._last if self._last is not None else place), place
         displayed = self.predicted = self.mirror.value(tick, position)
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
-        self.bound = self._deadband.bound(actual, compared, sent, last)
-        error = distance(displayed, actual) if displayed is not None and not self._forced else inf
+        self.bound = self._allowed(actual, compared, sent, moved)
+        if self._choice is not None:
+            self._choice.follow(tick, actual, self._channel.place(position), self.bound)
+        error = self._measure(displayed, actual) if displayed is not None and not self._forced else inf
         if error <= self.bound:
             return None
         levels = self._channel.levels(actual, position)
         sample = self._channel.sample(tick, levels)
-        if error <= distance(sample.value, actual):
+        if error <= self._measure(sample.value, actual):
             return None
-        return self._send(sample, levels, self._choose(tick, actual, position))
+        update = self._update(sample, levels, tick, actual, position)
+        self._levels, self._forced = levels, False
+        self._newest, self._previous = sample, self._usable(tick)
+        self.mirror.apply(update)
+        return update
+
+    def _measure_with(self, deadband: Deadband) -> None:
+        # Kept as functions: looked up once, not at every tick.
+        self._allowed, self._measure, self._reads_motion = deadband.bound, deadband.error, deadband.reads_motion
+        if self._choice is not None:
+            self._choice.measure_with(deadband.error)
+
+    def _update(self, sample: Sample, levels: tuple[int, ...], tick: int, actual: Vector, position: Vector) -> Update:
+        """The sample to send, with what the chosen predictor needs beside it."""
+        earlier = self._usable(tick)
+        if self._choice is None:
+            selector, model = self._choose(tick, actual, position), None
+        else:
+            selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound)
+        predictor = self._predictors[selector]
+        if isinstance(predictor, Parametric):
+            if model is None:
+                return Update(tick, selector, levels)
+            return Update(tick, selector, levels, *predictor.packed(model, sample, self._channel.grids))
+        if earlier is not None and predictor.needs_previous(sample, earlier):
+            return Update(tick, selector, levels, tick - earlier.tick, self._levels)
+        return Update(tick, selector, levels)
+
+    def _usable(self, tick: int) -> Sample | None:
+        """The sample sent before, if it is near enough in time to predict from."""
+        earlier = self._newest
+        return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
 
     def _choose(self, tick: int, actual: Vector, position: Vector) -> int:
         """The paper's smallest w_i = |f_pred,i - f| / |f|; |f| is common to all and left out."""
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]
-        channel, predictors = self._channel, self._predictors
+        channel, predictors = self._channel, self._fitted
         place, trust = channel.place(position), channel.trust
         errors = [
             distance(
@@ -134,16 +185,3 @@ class Encoder:
             for selector in selectors
         ]
         return selectors[errors.index(min(errors))]
-
-    def _send(self, sample: Sample, levels: tuple[int, ...], selector: int) -> Update:
-        tick, earlier = sample.tick, self._newest
-        gap = tick - earlier.tick if earlier is not None else 0
-        usable = earlier if 0 < gap <= MAX_GAP else None
-        if usable is not None and self._predictors[selector].needs_previous(sample, usable):
-            update = Update(tick, selector, levels, gap, self._levels)
-        else:
-            update = Update(tick, selector, levels)
-        self._newest, self._previous, self._levels = sample, usable, levels
-        self._forced = False
-        self.mirror.apply(update)
-        return update

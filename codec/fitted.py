@@ -3,10 +3,12 @@
 from typing import NamedTuple
 
 from codec.predictors import Model
+from codec.predictors.affine import Affine
 from codec.predictors.linear import Line
 from codec.predictors.plane import Plane
 from codec.predictors.sphere import Sphere
-from codec.vector import Vector
+from codec.predictors.surface import Surface
+from codec.vector import Vector, dot, scale, subtract
 
 NONE, LINE, PLANE, SPHERE = 0, 1, 2, 3
 _UNKNOWN: Vector = (float("nan"),) * 3
@@ -16,7 +18,8 @@ class Fitted(NamedTuple):
     """A model in use.
 
     Args:
-        kind: `NONE` (nothing received, or a held sample), `LINE`, `PLANE` or `SPHERE`.
+        kind: `NONE` (nothing received, or a held sample), `LINE` (in time, or in time and place), `PLANE` or `SPHERE`;
+            a patch of surface is one of these, where it was at its newest sample.
         surface: unit normal of a plane, centre of a sphere [m]; NaN of anything else.
         size: d of a plane [m], radius of a sphere [m], negative where it is concave; NaN of anything else.
         stiffness: of plane and sphere [N/m]; NaN of anything else.
@@ -39,7 +42,16 @@ def fitted(model: Model | None) -> Fitted:
             return Fitted(PLANE, model.normal, model.offset, model.stiffness)
         case Sphere():
             return Fitted(SPHERE, model.centre, model.radius, model.stiffness)
-        case Line():
+        case Surface():
+            return _patch(model)
+        case Line() | Affine():
             return _EXTRAPOLATING
         case _:
             return UNFITTED
+
+
+def _patch(model: Surface) -> Fitted:
+    if model.curvature == 0.0:
+        return Fitted(PLANE, model.normal, -dot(model.normal, model.point), model.stiffness)
+    radius = 1.0 / model.curvature
+    return Fitted(SPHERE, subtract(model.point, scale(model.normal, radius)), radius, model.stiffness)

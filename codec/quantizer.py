@@ -1,7 +1,8 @@
 """The wire's number grid: SI values to integer levels and back."""
 
+from collections.abc import Sequence
 from math import isfinite
-from typing import Final
+from typing import Final, NamedTuple
 
 from codec.vector import Vector
 
@@ -44,6 +45,11 @@ class Quantizer:
         """With `highest` the corners of the box of all values that can be said."""
 
     @property
+    def used(self) -> tuple[int, ...]:
+        """Indices of the axes that are sent."""
+        return self._indices
+
+    @property
     def size(self) -> int:
         """How many levels one vector takes."""
         return len(self._indices)
@@ -76,11 +82,39 @@ class Quantizer:
             components[index] = each * self.step
         return self.confine((components[0], components[1], components[2]))
 
+    def components(self, vector: Vector) -> list[float]:
+        """Those on the axes that are sent."""
+        return [vector[index] for index in self._indices]
+
+    def vector(self, components: Sequence[float]) -> Vector:
+        """With so many components on the axes that are sent, and 0 on the others; not rounded, not saturated."""
+        all_axes = [0.0, 0.0, 0.0]
+        for index, each in zip(self._indices, components, strict=True):
+            all_axes[index] = each
+        return (all_axes[0], all_axes[1], all_axes[2])
+
     def rounded(self, value: Vector) -> Vector:
         """What the other end makes of the levels of a finite value."""
         x, y, z = self.confine(value)
         step = self.step
         return self.confine((level(x, step) * step, level(y, step) * step, level(z, step) * step))
+
+
+class Grids(NamedTuple):
+    """The grids of one channel.
+
+    Args:
+        value: of the coded value.
+        position: of the position that travels with it; None where the value is the position.
+    """
+
+    value: Quantizer
+    position: Quantizer | None = None
+
+    @property
+    def size(self) -> int:
+        """Levels of one sample."""
+        return self.value.size + (self.position.size if self.position is not None else 0)
 
 
 def level(component: float, step: float) -> int:

@@ -7,7 +7,8 @@ MAX_GAP = 65_535
 
 
 class Update(NamedTuple):
-    """The newest sample, the predictor chosen for it and, where that predictor needs it, the sample before.
+    """The newest sample, the predictor chosen for it and, where that predictor needs them, the sample before or its
+    parameters.
 
     Args:
         tick: when the newest sample was taken, on the sender's tick clock.
@@ -16,6 +17,8 @@ class Update(NamedTuple):
             belongs to.
         gap: ticks between the two samples, 1..`MAX_GAP`; 0 when there is no previous sample.
         previous: wire levels of the sample before, laid out like `newest`; empty when the predictor needs none.
+
+    The parameters of a model take the place of `gap` and `previous` (see `codec.parameters`), as if they were those.
     """
 
     tick: int

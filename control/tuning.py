@@ -20,7 +20,7 @@ class Settings(NamedTuple):
 
     Args:
         weber: Weber factor k of the force channel, 0 to 1.
-        predictor: name of the predictor of the force channel, or "hybrid".
+        predictor: name of the predictor of the force channel, or "hybrid" or "adaptive".
         scheme: name of the control scheme.
     """
 
@@ -149,7 +149,7 @@ class Tuning:
 
 _FIXED = {
     "weber": "control.live_changes is off",
-    "predictor": "control.live_changes is off, or codec.force.predictor is not hybrid",
+    "predictor": "control.live_changes is off, or codec.force.predictor is neither hybrid nor adaptive",
     "scheme": "control.live_changes is off, or control.scheme is not auto",
 }
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from codec import Channel, Decoder, Encoder
-from codec.predictors import HYBRID, Model
+from codec.predictors import ADAPTIVE, HYBRID, Model, Predictor
 from codec.sample import Sample
 from codec.update import Update
 from codec.vector import ZERO, Vector
@@ -51,10 +51,11 @@ class Coded:
     bound_n: Array
     sent: NDArray[np.bool_]
     selected: NDArray[np.int64]
+    adaptive: bool = False
 
     @property
     def predictor(self) -> str:
-        return self.bank[0] if len(self.bank) == 1 else HYBRID
+        return self.bank[0] if len(self.bank) == 1 else ADAPTIVE if self.adaptive else HYBRID
 
     @property
     def packets(self) -> int:
@@ -105,6 +106,7 @@ def follow(trace: Trace, channel: Channel) -> Coded:
         bound_n=np.array([tick.bound for tick in ticks]),
         sent=np.array([tick.update is not None for tick in ticks]),
         selected=np.array([tick.selected for tick in ticks]),
+        adaptive=channel.adaptive,
     )
 
 
@@ -178,13 +180,14 @@ def _run(trace: Trace, channel: Channel) -> Iterator[_Tick]:
         update = encoder.encode(tick, (f[0], f[1], f[2]), position)
         if update is not None:
             decoder.apply(update)
-        selected, model, _ = decoder.state
+        selected, model, *_ = decoder.state
         yield _Tick(update, predicted, decoder.value(tick, position) or ZERO, encoder.bound, selected, model)
 
 
 def _fit(channel: Channel, update: Update, model: Model | None, until: int) -> Fit:
     assert model is not None
-    previous = channel.sample(update.tick - update.gap, update.previous) if update.previous else None
+    fitted = isinstance(channel.predictors[update.selector], Predictor)
+    previous = channel.sample(update.tick - update.gap, update.previous) if update.previous and fitted else None
     return Fit(channel.bank[update.selector], model, channel.sample(update.tick, update.newest), previous, until)
 
 

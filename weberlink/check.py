@@ -10,14 +10,15 @@ from time import perf_counter
 from typing import Protocol, runtime_checkable
 
 from codec import Channel, Decoder, Encoder
-from codec.predictors import HYBRID, PREDICTORS
+from codec.predictors import BANKS, PREDICTORS
 from codec.vector import ZERO, Vector
 from control.table import SCHEMES
 from master.devices.contract import Device
 from protocol.wire import UpdateLayout
 from slave.robots.contract import Robot, RobotSpec
 from slave.scenes.scene import Scene
-from weberlink.composition.link import build_security, channels
+from weberlink.composition.deadband import deadband_in_words
+from weberlink.composition.link import build_security, channels, streams
 from weberlink.composition.master import build_device
 from weberlink.composition.slave import build_robot, build_scene
 from weberlink.composition.trial import lacks
@@ -55,17 +56,23 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield from _link(system)
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
+        + ("" if (shape := deadband_in_words(system)) == "isotropic" else f"; {shape}")
     )
     yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
     bound_mm = 1e3 * system.codec.position.bound_m
     yield f"position  {_coding(system.codec.position.predictor, forward)}; bound {bound_mm:g} mm"
     yield f"          update of {_sizes(forward, security.tag_size, system)} bytes of UDP payload"
+    yield from _rotation(system, security.tag_size)
     yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
+    if system.codec.rotation is not None:
+        torque_us = _codec_us(streams(system)[1][1])
+        yield f"          codec {torque_us:.1f} us per tick more (torque channel)"
     if scene is not None:
         yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
-    uncoded = _uncoded_kbit(system, backward, forward, security.tag_size)
+    uncoded = _uncoded_kbit(system, security.tag_size)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
-    for warning in (*_warnings(system, None if device is None else device.spec.stiffness_n_m), *lacks(device, robot)):
+    stiffness = None if device is None else device.spec.stiffness_n_m
+    for warning in (*_warnings(system, stiffness), *lacks(system, device, robot)):
         yield f"warning   {warning}"
 
 
@@ -122,14 +129,38 @@ def _coding(predictor: str, channel: Channel) -> str:
 
 
 def _sizes(channel: Channel, tag: int, system: System) -> str:
-    layout = UpdateLayout(channel.level_count, carries_credit=SCHEMES[system.control.scheme].carries_credit)
+    layout = _layout(channel, system)
     with_previous, without = (layout.size(with_previous=each) + tag for each in (True, False))
     return str(without) if channel.bank == ("zoh",) else f"{without} or, with history, {with_previous}"
 
 
-def _uncoded_kbit(system: System, backward: Channel, forward: Channel, tag: int) -> float:
-    updates = (UpdateLayout(channel.level_count).size(with_previous=False) for channel in (backward, forward))
-    octets = sum(size + tag + UDP_IP_BYTES for size in updates)
+def _layout(channel: Channel, system: System) -> UpdateLayout:
+    return UpdateLayout(
+        channel.level_count,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit,
+        further_acks=0 if system.codec.rotation is None else 1,
+    )
+
+
+def _rotation(system: System, tag: int) -> Iterator[str]:
+    """The channels of the rotation, and what it does not do."""
+    coded = system.codec.rotation
+    if coded is None:
+        return
+    (_, orientation), (_, torque) = streams(system)
+    yield (
+        f"rotation  torque {_coding(coded.torque.predictor, torque)}; k = {coded.torque.weber:g}, "
+        f"floor {coded.torque.floor_nm:g} N m, reference {coded.torque.reference}"
+    )
+    yield f"          update of {_sizes(torque, tag, system)} bytes of UDP payload"
+    bound = f"bound {coded.orientation.bound_rad:g} rad"
+    yield f"          orientation {_coding(coded.orientation.predictor, orientation)}; {bound}"
+    yield f"          update of {_sizes(orientation, tag, system)} bytes of UDP payload"
+
+
+def _uncoded_kbit(system: System, tag: int) -> float:
+    sizes = [UpdateLayout(each.level_count).size(with_previous=False) for way in streams(system) for each in way]
+    octets = sum(size + tag + UDP_IP_BYTES for size in sizes)
     return octets * 8 * system.rate_hz / 1e3
 
 
@@ -191,4 +222,4 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
 
 def _knows_geometry(system: System) -> bool:
     force = system.codec.force
-    return any(PREDICTORS[name].geometric for name in (force.bank if force.predictor == HYBRID else (force.predictor,)))
+    return any(PREDICTORS[name].geometric for name in (force.bank if force.predictor in BANKS else (force.predictor,)))

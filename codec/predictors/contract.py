@@ -1,14 +1,17 @@
-"""What every predictor is: a fit of the newest transmitted samples to a model that says the value elsewhere.
+"""What every predictor is: a way from one update to a model that says the value elsewhere.
 
-A model is a pure function of the samples that one update carries. That is what makes the two ends agree after any loss:
-there is no other state that could differ.
+A model is a pure function of what one update carries. That is what makes the two ends agree after any loss: there is no
+other state that could differ. There are two ways: the model is fitted to the newest transmitted samples, at both ends
+alike (`Predictor`), or at the sending end to all samples, and its parameters are sent (`Parametric`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
+from codec.parameters import pack, unpack
 from codec.predictors.hold import Hold
+from codec.quantizer import Grids
 from codec.sample import Sample
 from codec.vector import Vector, distance, norm
 
@@ -90,3 +93,30 @@ class Predictor:
     def model(self, newest: Sample, previous: Sample | None, trust: Trust) -> Model:
         """The fit, or the newest sample held where there is none."""
         return self.fit(newest, previous, trust) or Hold(newest.value)
+
+
+@dataclass(frozen=True, slots=True)
+class Parametric:
+    """A line of the table of predictors whose model travels as numbers.
+
+    Args:
+        widths: bits of each field, on the grids of a channel.
+        levels: a model that is fitted to a newest sample, as fields; the model must be finite.
+        build: the model again, of fields that may hold any bits, or None where they say none that can be trusted.
+        geometric: whether it reads the position, and so predicts forces only.
+    """
+
+    widths: Callable[[Grids], tuple[int, ...]]
+    levels: Callable[[Any, Sample, Grids], list[int]]
+    build: Callable[[Sequence[int], Sample, Grids, Trust], Model | None]
+    geometric: bool = False
+
+    def packed(self, model: Model, newest: Sample, grids: Grids) -> tuple[int, tuple[int, ...]]:
+        """The gap and the previous levels of the update that carries a model."""
+        return pack(self.levels(model, newest, grids), self.widths(grids), grids.size)
+
+    def model(self, gap: int, previous: Sequence[int], newest: Sample, grids: Grids, trust: Trust) -> Model:
+        """What they say, or the newest sample held where that is nothing."""
+        if not previous:
+            return Hold(newest.value)
+        return self.build(unpack(gap, previous, self.widths(grids)), newest, grids, trust) or Hold(newest.value)

@@ -1,11 +1,11 @@
 """The settings that may change while a session lives, and what a change does on each side."""
 
 from codec import Encoder
-from codec.deadband import ForceDeadband
-from codec.predictors import HYBRID
+from codec.predictors import BANKS
 from control.contract import Imposable, MasterControl, SlaveControl
 from control.table import SCHEMES
 from control.tuning import Settings, Tuning
+from weberlink.composition.deadband import force_deadband
 from weberlink.configuration import System
 
 AUTO = "auto"
@@ -21,8 +21,8 @@ def permitted(system: System) -> dict[str, tuple[str, ...]]:
         return {}
     choices: dict[str, tuple[str, ...]] = {"weber": ()}
     force = system.codec.force
-    if force.predictor == HYBRID and len(force.bank) > 1:
-        choices["predictor"] = (*force.bank, HYBRID)
+    if force.predictor in BANKS and len(force.bank) > 1:
+        choices["predictor"] = (*force.bank, force.predictor)
     if system.control.scheme == AUTO:
         choices["scheme"] = tuple(SCHEMES)
     return choices
@@ -38,9 +38,9 @@ def build_slave_tuning(system: System, control: SlaveControl, encoder: Encoder) 
     force = system.codec.force
 
     def apply(settings: Settings) -> None:
-        deadband = ForceDeadband(settings.weber, force.floor_n, force.reference)
-        chosen = range(len(force.bank)) if settings.predictor == HYBRID else [force.bank.index(settings.predictor)]
-        encoder.retune(deadband, chosen if force.predictor == HYBRID else [0])
+        deadband = force_deadband(system, settings.weber)
+        chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
+        encoder.retune(deadband, chosen if force.predictor in BANKS else [0])
         _impose(control, settings)
 
     return Tuning(_of_file(system), permitted(system), apply)

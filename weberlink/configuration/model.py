@@ -10,9 +10,20 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
 from slave.scenes.settings import SceneSettings
+from weberlink.configuration.deadband import (
+    ConeSettings,
+    DeadbandSettings,
+    IsotropicSettings,
+    LevelCrossingSettings,
+)
 
-PredictorName = Literal["zoh", "linear", "plane", "sphere"]
+PredictorName = Literal["zoh", "linear", "plane", "sphere", "trend", "affine", "surface"]
+PositionPredictorName = Literal["zoh", "linear", "trend"]
+POSITION_BANK = ("zoh", "linear", "trend")
+TorquePredictorName = Literal["zoh", "linear", "trend", "affine"]
+TORQUE_BANK = ("zoh", "linear", "trend", "affine")
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
 Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 Interval = tuple[float, float]
@@ -24,6 +35,25 @@ PERCEPTUAL_WEBER_LIMIT = 0.27
 
 class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def _with_usual_bank(data: Any, usual: tuple[str, ...]) -> Any:
+    """What an adaptive channel chooses among where the file does not say."""
+    if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
+        return {**data, "bank": usual}
+    return data
+
+
+def _check_choice(predictor: str, bank: tuple[str, ...]) -> None:
+    parametric = [name for name in bank if name in PARAMETRIC]
+    if predictor == HYBRID and parametric:
+        raise ValueError(f"bank: {', '.join(parametric)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
+
+
+def _distinct_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    if len(set(names)) != len(names):
+        raise ValueError("names each predictor once")
+    return names
 
 
 class EmulationSettings(Settings):
@@ -102,19 +132,49 @@ class TrustSettings(Settings):
 class ForceCodecSettings(Settings):
     """The backward channel."""
 
-    predictor: Literal["zoh", "linear", "plane", "sphere", "hybrid"] = "hybrid"
+    predictor: PredictorName | Literal["hybrid", "adaptive"] = "hybrid"
     """What both ends predict with."""
-    bank: tuple[PredictorName, ...] = Field(default=("zoh", "linear", "plane", "sphere"), min_length=1, max_length=4)
-    """What `hybrid` chooses among, the simplest first."""
+    bank: tuple[PredictorName, ...] = Field(default=("zoh", "linear", "plane", "sphere"), min_length=1, max_length=7)
+    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. By
+    default these four, or plane, surface, affine, trend, zoh."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor k: the relative error that stays unsent."""
     floor_n: float = Field(default=0.02, ge=0)
     """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which force k scales."""
+    deadband: DeadbandSettings = IsotropicSettings()
+    """The shape of what stays unsent: isotropic, cone, level_crossing or velocity_adaptive."""
     step_n: float = Field(default=0.001, gt=0, le=1)
     """Wire step [N]; 16 bits span +-32767 steps."""
     trust: TrustSettings = TrustSettings()
+    smooth_ms: float = Field(default=0.0, ge=0, le=100)
+    """Length of the ramp in which an update changes the force [ms], within the deadband; 0 for at once."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        return _with_usual_bank(data, ADAPTIVE_BANK)
+
+    @model_validator(mode="after")
+    def _smoothed(self) -> "ForceCodecSettings":
+        if self.smooth_ms > 0.0 and isinstance(self.deadband, ConeSettings | LevelCrossingSettings):
+            raise ValueError(f"smooth_ms needs a deadband that is a ball, not {self.deadband.shape}")
+        return self
+
+    @model_validator(mode="after")
+    def _fitting(self) -> "ForceCodecSettings":
+        _check_choice(self.predictor, self.bank)
+        return self
+
+    @model_validator(mode="after")
+    def _shaped(self) -> "ForceCodecSettings":
+        shape = self.deadband.shape
+        if isinstance(self.deadband, ConeSettings | LevelCrossingSettings) and self.reference != "actual":
+            raise ValueError(f"deadband {shape} needs reference: actual, since it is drawn around the measured force")
+        if isinstance(self.deadband, LevelCrossingSettings) and self.floor_n == 0.0:
+            raise ValueError(f"deadband {shape} needs floor_n above 0: it is the lowest level")
+        return self
 
     @field_validator("bank")
     @classmethod
@@ -127,8 +187,9 @@ class ForceCodecSettings(Settings):
 class PositionCodecSettings(Settings):
     """The forward channel."""
 
-    predictor: Literal["zoh", "linear", "hybrid"] = "linear"
-    bank: tuple[Literal["zoh", "linear"], ...] = Field(default=("zoh", "linear"), min_length=1, max_length=2)
+    predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
+    bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all three) chooses among."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor of velocity."""
     bound_m: float = Field(default=0.0002, ge=0)
@@ -136,12 +197,98 @@ class PositionCodecSettings(Settings):
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
     """Wire step [m], of both channels; 16 bits span +-32767 steps."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        return _with_usual_bank(data, POSITION_BANK)
+
+    @model_validator(mode="after")
+    def _fitting(self) -> "PositionCodecSettings":
+        _check_choice(self.predictor, self.bank)
+        return self
+
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        return _distinct_names(bank)
+
+
+class TorqueCodecSettings(Settings):
+    """The backward channel of the rotation."""
+
+    predictor: TorquePredictorName | Literal["hybrid", "adaptive"] = "hybrid"
+    """What both ends predict with."""
+    bank: tuple[TorquePredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=4)
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all four, which is its default) chooses among."""
+    weber: float = Field(default=0.13, ge=0, le=1)
+    """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
+    floor_nm: float = Field(default=0.005, ge=0)
+    """Absolute threshold [N m] below which Weber's law fails."""
+    reference: Literal["actual", "displayed", "sent"] = "actual"
+    """Which torque the Weber factor scales."""
+    step_nm: float = Field(default=0.0001, gt=0, le=1)
+    """Wire step [N m]; 16 bits span +-32767 steps."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        return _with_usual_bank(data, TORQUE_BANK)
+
+    @model_validator(mode="after")
+    def _fitting(self) -> "TorqueCodecSettings":
+        _check_choice(self.predictor, self.bank)
+        return self
+
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        return _distinct_names(bank)
+
+
+class OrientationCodecSettings(Settings):
+    """The forward channel of the rotation."""
+
+    predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
+    """What both ends predict with."""
+    bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor of angular velocity."""
+    bound_rad: float = Field(default=0.01, ge=0)
+    """Error of orientation at rest that stays unsent [rad]."""
+    step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
+    """Wire step [rad], of both channels; 16 bits span +-32767 steps, which must be more than half a turn."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        return _with_usual_bank(data, POSITION_BANK)
+
+    @model_validator(mode="after")
+    def _fitting(self) -> "OrientationCodecSettings":
+        _check_choice(self.predictor, self.bank)
+        return self
+
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        return _distinct_names(bank)
+
+
+class RotationCodecSettings(Settings):
+    """Six degrees of freedom: orientation beside position, torque beside force, each with updates of its own."""
+
+    torque: TorqueCodecSettings = TorqueCodecSettings()
+    orientation: OrientationCodecSettings = OrientationCodecSettings()
+
 
 class CodecSettings(Settings):
     """Perceptual coding; both sides must agree on all of it."""
 
     force: ForceCodecSettings = ForceCodecSettings()
     position: PositionCodecSettings = PositionCodecSettings()
+    rotation: RotationCodecSettings | None = None
+    """Torque and orientation, `{}` for their defaults; leave out for three degrees of freedom."""
 
 
 class ControlSettings(Settings):
@@ -187,8 +334,10 @@ class MasterLimits(Settings):
 
     force_n: float = Field(default=10.0, gt=0)
     """Largest force [N], on top of the device's own limit."""
+    torque_nm: float = Field(default=0.5, gt=0)
+    """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
-    """Time in which force fades in and out."""
+    """Time in which force and torque fade in and out."""
     device_ms: float = Field(default=20.0, gt=0, le=5000)
     """Longest time without a usable sample of the device."""
 
@@ -255,6 +404,10 @@ class SlaveLimits(Settings):
     """Largest speed while following."""
     approach_speed_m_s: float = Field(default=0.25, gt=0)
     """Speed at which the robot approaches the operator's position after an engagement."""
+    turn_rad_s: float = Field(default=10.0, gt=0)
+    """Largest angular speed while following; with `codec.rotation`."""
+    approach_turn_rad_s: float = Field(default=1.5, gt=0)
+    """Angular speed at which the tool turns to the operator's orientation after an engagement."""
     on_silence: Literal["hold", "retract"] = "hold"
     """What the robot does when the master is not heard: stay, or back off along the contact force."""
     retract_m: float = Field(default=0.01, gt=0)
@@ -297,6 +450,15 @@ class System(Settings):
     def tick_period(self) -> float:
         """[s]."""
         return 1.0 / self.rate_hz
+
+    @model_validator(mode="after")
+    def _rotation_fits(self) -> "System":
+        if self.codec.rotation is not None and self.control.scheme != "none":
+            raise ValueError(
+                f"codec.rotation: control.scheme {self.control.scheme} keeps no account of the work of a torque; "
+                "use control.scheme none, or leave codec.rotation out"
+            )
+        return self
 
 
 def split_address(text: str) -> tuple[str, int]:

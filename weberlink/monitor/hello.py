@@ -52,7 +52,8 @@ def _corners(intervals: Any) -> list[list[float]] | None:
 
 def _predictors(description: Mapping[str, Any]) -> list[str]:
     names = list(description.get("bank", ()))
-    return [*names, HYBRID] if len(names) > 1 else names
+    choice = description.get("system", {}).get("codec", {}).get("force", {}).get("predictor", HYBRID)
+    return [*names, choice] if len(names) > 1 else names
 
 
 def _settings(system: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,0 +1,155 @@
+"""Numbers of a model as bits in the place where an update otherwise carries the sample before.
+
+A datagram has room for one history: the gap (16 bits, never 0) and as many 16-bit levels as a sample has. A predictor
+whose model is fitted at the sending end sends its parameters there instead, and the wire need not know which it is.
+"""
+
+from collections.abc import Sequence
+from math import frexp, ldexp
+from typing import NamedTuple
+
+WORD = 16
+_SIGN = 1 << (WORD - 1)
+GAP_BITS = WORD - 1
+"""Of a gap; its highest bit is set, so that it is never 0."""
+EXPONENT_BITS = 5
+_LARGEST_EXPONENT = (1 << EXPONENT_BITS) - 1
+
+
+def room(levels: int) -> int:
+    """Bits that there are beside a sample of so many levels."""
+    return GAP_BITS + WORD * levels
+
+
+def pack(values: Sequence[int], widths: Sequence[int], levels: int) -> tuple[int, tuple[int, ...]]:
+    """Fields to the gap and the previous levels of an update.
+
+    Args:
+        values: each 0 <= value < 2**width.
+        widths: bits of each; at most `room(levels)` together.
+        levels: integers of one sample.
+    """
+    bits = 0
+    for value, width in zip(values, widths, strict=True):
+        bits = bits << width | value
+    gap = _SIGN | (bits & (_SIGN - 1))
+    bits >>= GAP_BITS
+    words = []
+    for _ in range(levels):
+        word = bits & 0xFFFF
+        words.append(word - 0x10000 if word & _SIGN else word)
+        bits >>= WORD
+    return gap, tuple(words)
+
+
+def unpack(gap: int, words: Sequence[int], widths: Sequence[int]) -> list[int]:
+    """The fields again; whatever the bits, each is within its width."""
+    bits = 0
+    for word in reversed(words):
+        bits = bits << WORD | word & 0xFFFF
+    bits = bits << GAP_BITS | gap & (_SIGN - 1)
+    values = []
+    for width in reversed(widths):
+        values.append(bits & ((1 << width) - 1))
+        bits >>= width
+    values.reverse()
+    return values
+
+
+class Block(NamedTuple):
+    """Numbers of one kind under a common exponent: the largest has `width` - 1 digits, the others as many fewer.
+
+    Args:
+        unit: of the last digit at exponent 0, > 0.
+        width: bits of a number, with its sign, >= 2.
+        size: how many they are.
+    """
+
+    unit: float
+    width: int
+    size: int
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        return (EXPONENT_BITS, *(self.width,) * self.size)
+
+    def levels(self, numbers: Sequence[float]) -> list[int]:
+        """Towards zero, so that what must stay within a bound does; saturated. All must be finite."""
+        top = (1 << (self.width - 1)) - 1
+        largest = max(map(abs, numbers)) / self.unit
+        exponent = min(max(0, frexp(largest / (top + 1))[1]), _LARGEST_EXPONENT) if largest < 1e300 else _LARGEST_EXPONENT
+        digit = ldexp(self.unit, exponent)
+        return [exponent, *(max(-top, min(top, int(max(-1e9, min(1e9, number / digit))))) + top for number in numbers)]
+
+    def numbers(self, levels: Sequence[int]) -> list[float]:
+        top = (1 << (self.width - 1)) - 1
+        digit = ldexp(self.unit, levels[0])
+        return [(level - top) * digit for level in levels[1:]]
+
+
+class Float(NamedTuple):
+    """A number whose relative error matters: a small float, off by at most one part in 2**(digits + 1).
+
+    No logarithm is taken, which every library rounds as it likes: two hosts decode the same number.
+
+    Args:
+        low: smallest magnitude, > 0.
+        octaves: bits of the exponent; 2**octaves doublings of `low` can be said.
+        digits: bits behind the leading one.
+        signed: whether there is a sign, and a magnitude below `low` is 0; otherwise it is `low`.
+    """
+
+    low: float
+    octaves: int
+    digits: int
+    signed: bool = False
+
+    @property
+    def width(self) -> int:
+        return self.octaves + self.digits + self.signed
+
+    def level(self, number: float) -> int:
+        """The nearest, saturated."""
+        size = abs(number) / self.low
+        if self.signed and not size >= 1.0:
+            return 0
+        mantissa, exponent = frexp(min(max(size, 1.0), 1e300))
+        level = (exponent - 1 << self.digits) + round((2.0 * mantissa - 1.0) * (1 << self.digits))
+        level = min(level, (1 << self.octaves + self.digits) - 1)
+        if not self.signed:
+            return level
+        # The sign is the lowest bit; level 0 of a positive number is that of 0, so the smallest is said as the next.
+        return max(level << 1 | (number < 0.0), 1 if number < 0.0 else 2)
+
+    def number(self, level: int) -> float:
+        if self.signed:
+            if level == 0:
+                return 0.0
+            magnitude = self._magnitude(level >> 1)
+            return -magnitude if level & 1 else magnitude
+        return self._magnitude(level)
+
+    def _magnitude(self, level: int) -> float:
+        exponent, digits = level >> self.digits, level & (1 << self.digits) - 1
+        return self.low * ldexp(1.0 + digits / (1 << self.digits), exponent)
+
+
+class Uniform(NamedTuple):
+    """A number from `low` in equal steps.
+
+    Args:
+        low: of level 0.
+        step: > 0.
+        width: bits.
+    """
+
+    low: float
+    step: float
+    width: int
+
+    def level(self, number: float) -> int:
+        """The nearest, saturated."""
+        return max(0, min((1 << self.width) - 1, round((number - self.low) / self.step)))
+
+    def number(self, level: int) -> float:
+        return self.low + level * self.step
