@@ -4,8 +4,10 @@ The operator's port is the hand on the device: a force that is *held* from tick 
 from x_k to x_k+1, so that the operator's work on the device in that tick is exactly -output_k . (x_k+1 - x_k). The
 robot's port is its contact: force and position change together, hence the trapezoid -(f_k + f_k+1) / 2 . (p_k+1 - p_k)
 of the measured force over the commanded position. Both count what flows from the operator to the robot as positive.
+Where the session has a rotation, a port turns too, and its torque does work over the rotation in the same two ways.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -26,10 +28,12 @@ class PortWork:
     Args:
         force, position: columns of the record.
         held: whether the force is held over the tick; else it is taken to change linearly.
+        turns: rotation vectors from each row to the next [rad], for rotation vectors of shape (n, 3); None for a
+            session of three degrees of freedom, where nothing turns.
     """
 
-    def __init__(self, force: str, position: str, *, held: bool) -> None:
-        self._force, self._position, self._held = force, position, held
+    def __init__(self, force: str, position: str, *, held: bool, turns: Callable[[Any], Series] | None = None) -> None:
+        self._force, self._position, self._held, self._turns = force, position, held, turns
         self._last: Records | None = None
         self.total = 0.0
         """Up to the newest record [J]."""
@@ -43,15 +47,20 @@ class PortWork:
         first = self._last is None
         joined = records if self._last is None else np.concatenate([self._last, records])
         self._last = records[-1:].copy()
-        force = joined[self._force]
-        between = force[:-1] if self._held else 0.5 * (force[:-1] + force[1:])
-        steps = -(between * np.diff(joined[self._position], axis=0)).sum(axis=1)
+        steps = self._work(joined[self._force], np.diff(joined[self._position], axis=0))
+        if self._turns is not None:
+            steps += self._work(joined[f"rotation_{self._force}"], self._turns(joined[f"rotation_{self._position}"]))
         missed = np.diff(joined["ticks_missed"].astype(np.int64))
         steps[np.diff(joined["tick"].astype(np.int64)) != 1 + missed] = 0.0
         sums: Series = self.total + np.cumsum(np.concatenate([[0.0], steps]) if first else steps)
         self.total = float(sums[-1])
         self.least = min(self.least, float(sums.min()))
         return sums
+
+    def _work(self, force: Any, ways: Any) -> Series:
+        """On the port over each step, of a force over a way or a torque over a turn [J]."""
+        between = force[:-1] if self._held else 0.5 * (force[:-1] + force[1:])
+        return np.asarray(-(between * ways).sum(axis=1), dtype=np.float64)
 
 
 class LinkEnergy:

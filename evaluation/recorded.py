@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from control.table import SCHEMES
 from evaluation.session import Records, SessionScore
 from telemetry.fault import Fault
-from telemetry.link import COUNTERS as LINK_COUNTERS
 from telemetry.reader import DTYPE
+from telemetry.record import FIELDS
 from telemetry.recording.reader import Recording, RecordingError
 
 MASTER, SLAVE = "master", "slave"
@@ -26,7 +26,11 @@ MARGIN_S = 1.0
 """How much of the slave's time before and after the master's belongs to their session."""
 ANOTHER_CLOCK_S = 0.1
 """A jump of the peer's clock by more than this is another peer, or the same one started anew."""
-COUNTERS = (*LINK_COUNTERS, "ticks_missed")
+COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
+"""Fields of a record that only ever grow."""
+TORQUE_BANK = "torque_bank"
+"""The fact that says the torque channel's predictors; not there in a session of three degrees of freedom."""
+VECTORS = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
 LATEST_S = 1e10
 """No clock is beyond this [s], and no session as long: some centuries."""
 PIECE_S = 1.0
@@ -42,6 +46,7 @@ class RecordedSession:
         slave: records of the teleoperator's side, `at` on the clock of the master where there is one.
         rate_hz: of the ticks.
         bank: names of the force channel's predictors.
+        torque_bank: of the torque channel's; None for a session of three degrees of freedom.
         began_s: wall clock at `at` = 0 [s since 1970].
     """
 
@@ -50,6 +55,7 @@ class RecordedSession:
     rate_hz: float
     bank: tuple[str, ...]
     began_s: float
+    torque_bank: tuple[str, ...] | None = None
 
     @property
     def sides(self) -> dict[str, Records]:
@@ -58,7 +64,7 @@ class RecordedSession:
 
     def summary(self) -> dict[str, Any]:
         """The figures of the session, as those of a live one, and the faults by side."""
-        score = SessionScore(self.rate_hz, self.bank)
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
         begin: float | None = float(first)
@@ -94,7 +100,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
             found[side] = (recording, records)
     if not found:
         raise RecordingError(f"{recordings[0].path}: holds no records; expected at least one tick")
-    names = {recording.facts.get("bank", "") for recording, _ in found.values()}
+    names = {_predictors(recording) for recording, _ in found.values()}
     rates = {recording.origins[side].rate_hz for side, (recording, _) in found.items()}
     if len(names) > 1 or len(rates) > 1:
         raise RecordingError(
@@ -113,9 +119,16 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         master=found[MASTER][1] if MASTER in found else empty,
         slave=found[SLAVE][1] if SLAVE in found else empty,
         rate_hz=rate,
-        bank=tuple(names.pop().split()),
+        bank=tuple(reference.facts.get("bank", "").split()),
+        torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
         began_s=origin.wall_s - origin.monotonic_s,
     )
+
+
+def _predictors(recording: Recording) -> str:
+    """Of its channels, for a person."""
+    force, torque = (recording.facts.get(name, "") for name in ("bank", TORQUE_BANK))
+    return f"{force} (torque: {torque})" if torque else force
 
 
 def _check_fields(recording: Recording) -> None:
@@ -132,14 +145,17 @@ def _check_fields(recording: Recording) -> None:
 
 def _check_numbers(recording: Recording, side: str, records: Records) -> None:
     bank = recording.facts.get("bank", "").split()
+    torque_bank = recording.facts.get(TORQUE_BANK, "zoh").split()
     origin = recording.origins[side]
     at = records["at"]
-    vectors = all(np.isfinite(records[name]).all() for name in ("position", "raw", "decoded", "output"))
+    vectors = all(np.isfinite(records[name]).all() for name in VECTORS)
     wrong = {
         "rate": not 0.0 < origin.rate_hz < np.inf,
         "clock": not (abs(origin.wall_s) < LATEST_S and abs(origin.monotonic_s) < LATEST_S),
         "time": not (np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] - at[0] < LATEST_S),
-        "number of a predictor": bool((records["selected"] >= len(bank)).any()),
+        "number of a predictor": bool(
+            (records["selected"] >= len(bank)).any() or (records["rotation_selected"] >= len(torque_bank)).any()
+        ),
         "number of a control scheme": bool((records["control"] >= len(SCHEMES)).any()),
         "number of a fault": bool((records["fault"] > max(Fault)).any()),
         "position or force": not vectors,

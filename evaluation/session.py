@@ -4,9 +4,9 @@ Owns the join of the two records and every number that needs both: what the oper
 measured. Fed in pieces, it keeps sums and histograms, so a session may last as long as it likes.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isnan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,51 +14,16 @@ from numpy.typing import NDArray
 from control.table import SCHEMES
 from evaluation.distribution import Distribution
 from evaluation.energy import LinkEnergy, PortWork, Records, Series
+from evaluation.errors import Errors, known, tally
 from protocol.states import State
+
+if TYPE_CHECKING:
+    from evaluation.rotation import RotationScore
 
 __all__ = ["Records", "SessionScore"]
 
 LONGEST_WAIT_S = 10.0
 """How long a record waits for its counterpart; a side may run alone for days."""
-
-
-@dataclass
-class _Errors:
-    """Running statistics of an error against its bound."""
-
-    count: int = 0
-    violations: int = 0
-    square_sum: float = 0.0
-    largest: float = 0.0
-    longest_run: int = 0
-    jnd: Distribution = field(default_factory=Distribution)  # in millionths, for its bins end at 1
-    _run: int = 0
-
-    def add(self, errors: Series, bounds: Series) -> None:
-        outside = errors > bounds
-        self.count += len(errors)
-        self.violations += int(outside.sum())
-        self.square_sum += float((errors * errors).sum())
-        if len(errors):
-            self.largest = max(self.largest, float(errors.max()))
-        noticed = bounds > 0.0  # a bound of 0 is no unit
-        self.jnd.add(errors[noticed] / bounds[noticed] * 1e6)
-        for value in outside.tolist():
-            self._run = self._run + 1 if value else 0
-            self.longest_run = max(self.longest_run, self._run)
-
-    def summary(self, period: float) -> dict[str, float | None]:
-        jnd = _known({"max": self.jnd.max * 1e-6, "p99": self.jnd.percentile(99.0) * 1e-6})
-        return {
-            "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
-            "error_max": self.largest if self.count else None,
-            "violation_fraction": self.violations / self.count if self.count else None,
-            "violation_longest_ticks": self.longest_run,
-            "violation_longest_s": self.longest_run * period if self.count else None,
-            "violation_s": self.violations * period if self.count else None,
-            "violation_max_jnd": jnd["max"],
-            "violation_p99_jnd": jnd["p99"],
-        }
 
 
 @dataclass
@@ -85,8 +50,8 @@ class _Side:
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
-        _count(self.selected, records["selected"][records["sent"] > 0])
-        _count(self.schemes, records["control"][records["state"] == State.ENGAGED.value])
+        tally(self.selected, records["selected"][records["sent"] > 0])
+        tally(self.schemes, records["control"][records["state"] == State.ENGAGED.value])
         least, most = float(records["tank"].min()), float(records["tank"].max())
         self.tank = (least, most) if self.tank is None else (min(least, self.tank[0]), max(most, self.tank[1]))
 
@@ -107,9 +72,9 @@ class _Side:
         return {
             "count": self.ticks,
             "missed": self.counter("ticks_missed"),
-            "lateness_us": _known(self.lateness.summary()),
-            "work_us": _known(self.work.summary()),
-            "codec_us": _known(self.codec.summary()),
+            "lateness_us": known(self.lateness.summary()),
+            "work_us": known(self.work.summary()),
+            "codec_us": known(self.codec.summary()),
         }
 
 
@@ -130,16 +95,24 @@ class SessionScore:
     Args:
         rate_hz: tick rate of both sides [Hz].
         bank: names of the force channel's predictors, in the order of selectors.
+        torque_bank: likewise of the torque channel; None for a session of three degrees of freedom.
     """
 
-    def __init__(self, rate_hz: float, bank: tuple[str, ...]) -> None:
+    def __init__(self, rate_hz: float, bank: tuple[str, ...], torque_bank: tuple[str, ...] | None = None) -> None:
         self._period = 1.0 / rate_hz
         self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
         self._bank = bank
         self._master, self._slave = _Side(), _Side()
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
-        self._felt, self._coding, self._position = _Errors(), _Errors(), _Errors()
-        self._ports = PortWork("output", "raw", held=True), PortWork("raw", "output", held=False)
+        self._felt, self._coding, self._position = Errors(), Errors(), Errors()
+        self._rotation: RotationScore | None = None
+        turns = None
+        if torque_bank is not None:
+            self._rotation, turns = _rotation(self._period, torque_bank)
+        self._ports = (
+            PortWork("output", "raw", held=True, turns=turns),
+            PortWork("raw", "output", held=False, turns=turns),
+        )
         self._work: list[Series] = [np.empty(0), np.empty(0)]
         """Work at the port of each side, up to each of the waiting records [J]."""
         self._link_energy = LinkEnergy()
@@ -161,6 +134,8 @@ class SessionScore:
         own = slave[_in_session(slave)] if len(slave) else slave
         if len(own):  # the coding error needs no other side
             self._coding.add(_distance(own["decoded"], own["raw"]), own["bound"])
+        if self._rotation is not None:
+            self._rotation.add(slave, own)
         self._join()
 
     @property
@@ -197,9 +172,9 @@ class SessionScore:
                 "dissipated_j": max(0.0, self._ports[0].total) if master.ticks else None,
                 "link_generated_j": max(0.0, -self._link_energy.least) if self._felt.count else None,
             },
-        }
+        } | ({} if self._rotation is None else self._rotation.summary(master, slave, duration))
 
-    def _channel(self, sender: _Side, receiver: _Side, duration: float, errors: _Errors) -> dict[str, Any]:
+    def _channel(self, sender: _Side, receiver: _Side, duration: float, errors: Errors) -> dict[str, Any]:
         """The figures of one direction; as seen by the receiver where the sender's records are on another host."""
         seen = sender if sender.ticks else receiver
         packets = seen.counter("updates_sent" if sender.ticks else "updates_received")
@@ -244,16 +219,20 @@ class SessionScore:
     def _compare(self, master: Records, slave: Records) -> None:
         self._felt.add(_distance(master["output"], slave["raw"]), slave["bound"])
         self._position.add(_distance(slave["output"], master["raw"]), master["bound"])
+        if self._rotation is not None:
+            self._rotation.compare(master, slave)
+
+
+def _rotation(period: float, bank: tuple[str, ...]) -> tuple["RotationScore", Callable[[Any], Series]]:
+    """Its figures, and how it turns from tick to tick."""
+    from evaluation.rotation import RotationScore, turns  # noqa: PLC0415 - for six degrees of freedom alone
+
+    return RotationScore(period, bank), turns
 
 
 def _engaged(records: Records) -> NDArray[np.bool_]:
     engaged: NDArray[np.bool_] = records["state"] == State.ENGAGED.value
     return engaged
-
-
-def _count(counts: dict[int, int], values: NDArray[Any]) -> None:
-    for value, count in zip(*(column.tolist() for column in np.unique(values, return_counts=True)), strict=True):
-        counts[value] = counts.get(value, 0) + count
 
 
 def _in_session(records: Records) -> NDArray[np.bool_]:
@@ -267,9 +246,4 @@ def _distance(a: Series, b: Series) -> Series:
 
 
 def _percentiles(histogram: Distribution) -> dict[str, float | None]:
-    return _known({"p50": histogram.percentile(50.0), "p99": histogram.percentile(99.0)})
-
-
-def _known(figures: dict[str, float]) -> dict[str, float | None]:
-    """None for what nothing was counted of: JSON has no NaN."""
-    return {name: None if isnan(value) else value for name, value in figures.items()}
+    return known({"p50": histogram.percentile(50.0), "p99": histogram.percentile(99.0)})

@@ -7,6 +7,7 @@ whoever carries them, in real time or in virtual time.
 
 from collections.abc import Callable, Mapping
 from math import ceil, nan
+from typing import TYPE_CHECKING
 
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
@@ -32,7 +33,10 @@ from protocol.states import State
 from realtime.watchdog import Watchdog
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
-from telemetry.record import UNKNOWN, Record
+from telemetry.record import NO_ROTATION, UNKNOWN, Record
+
+if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
+    from master.rotation import HandRotation
 
 LONGEST_STEP = 0.1
 """A tick that comes later than this after the last one counts as this late [s]: ramps must not jump over a stall."""
@@ -57,6 +61,7 @@ class MasterLoop:
         horizon: how long a model is extrapolated in time past the last word of the peer [s].
         device_limit: how long the device may go without a usable sample [s].
         stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+        rotation: the second stream; None for three degrees of freedom.
     """
 
     def __init__(
@@ -74,6 +79,7 @@ class MasterLoop:
         horizon: float,
         device_limit: float,
         stopwatch: Callable[[], float],
+        rotation: "HandRotation | None" = None,
     ) -> None:
         self.endpoint = endpoint
         self.device = device
@@ -87,6 +93,7 @@ class MasterLoop:
         self._horizon = horizon
         self._watchdog = Watchdog(device_limit)
         self._stopwatch = stopwatch
+        self.rotation = rotation
         self._stopping: str | None = None
         self._stopped = False
         self.failure: str | None = None
@@ -175,11 +182,13 @@ class MasterLoop:
     def fail(self, now: float, error: BaseException) -> None:
         """Zero force and leave, at once; no tick follows."""
         self.device.command(ZERO, now)
+        if self.rotation is not None:
+            self.rotation.relax(now)
         self._leave(now, f"failed: {error}")
 
     def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
         """What happened in the tick just done, as telemetry writes it."""
-        statistics = self.endpoint.statistics
+        statistics, rotation = self.endpoint.statistics, self.rotation
         peer_at = self.endpoint.peer_time(self._deadline)
         model = self._fitted
         return Record._make(  # a call with so many arguments costs three times as much
@@ -209,12 +218,17 @@ class MasterLoop:
                 self.decoder.selected,
                 self._sent,
                 self._received,
-                self._limiter.clipped,
+                self._limiter.clipped or (rotation is not None and rotation.clipped),
                 self._gate.ramping,
                 model.kind,
                 self.tuning.generation & 0xFF,
                 self._buttons & 0xFF,
                 self.encoder.mirror.selected,
+                *(
+                    NO_ROTATION
+                    if rotation is None
+                    else rotation.record(self._tick, statistics.updates_sent[1], statistics.updates_received[1])
+                ),
             )
         )
 
@@ -234,16 +248,10 @@ class MasterLoop:
     def _take(self, event: Event, now: float) -> None:
         match event:
             case UpdateReceived():
-                self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
+                update = Update(event.tick, event.selector, event.newest, event.gap, event.previous)
+                self._apply(update, event.stream)
             case Connected():
-                self._has_connected = True
-                self.encoder.reset()
-                self.decoder.reset()
-                self._fitted = UNFITTED
-                self.control.reset()
-                self.tuning.reset()
-                self._gate.close()
-                self._faults.active = Fault.NONE
+                self._begin()
             case PeerSilent():
                 self._faults.meet(Fault.SILENCE)
             case PeerClosed():
@@ -261,15 +269,32 @@ class MasterLoop:
             case DatagramDropped():
                 pass  # counted by the endpoint; the session lives on
 
-    def _apply(self, update: Update) -> None:
+    def _begin(self) -> None:
+        """A new session: nothing of the last one holds."""
+        self._has_connected = True
+        self.encoder.reset()
+        self.decoder.reset()
+        if self.rotation is not None:
+            self.rotation.reset()
+        self._fitted = UNFITTED
+        self.control.reset()
+        self.tuning.reset()
+        self._gate.close()
+        self._faults.active = Fault.NONE
+
+    def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
         try:
-            self.decoder.apply(update)
-            _, model, newest = self.decoder.state
-            assert newest is not None
-            self._fitted = fitted(model)
-            self.control.learn(model if isinstance(model, Surface) else None, newest.value, newest.position)
-            self._received += 1
+            if stream:
+                assert self.rotation is not None
+                self.rotation.decoder.apply(update)
+            else:
+                self.decoder.apply(update)
+                model, newest = self.decoder.state[1], self.decoder.newest
+                assert newest is not None
+                self._fitted = fitted(model)
+                self.control.learn(model if isinstance(model, Surface) else None, newest.value, newest.position)
+                self._received += 1
         except ValueError:  # from a peer that agreed on this channel and does not keep to it
             self._faults.note(Fault.UPDATE)
         self._codec_time += self._stopwatch() - began
@@ -286,6 +311,8 @@ class MasterLoop:
             return
         if not is_finite(reading.position):
             complaint = f"reports the position {reading.position}"
+        elif self.rotation is not None and not self.rotation.read(reading.orientation):
+            complaint = f"reports the orientation {reading.orientation}"
         elif reading.at != self._last_reading_at:
             self._last_reading_at = reading.at
             self._position = reading.position
@@ -314,17 +341,23 @@ class MasterLoop:
     def _send(self, index: int, now: float) -> None:
         began = self._stopwatch()
         update = self.encoder.encode(index, self._position)
+        turned = None if self.rotation is None else self.rotation.encode(index)
         self._codec_time += self._stopwatch() - began
         if update is not None:
             self.endpoint.send_update(now, *update)
             self._sent = 1
+        if turned is not None:
+            self.endpoint.send_update(now, *turned, stream=1)
 
     def _render(self, now: float, elapsed: float) -> None:
         """The force at the device's own position now, without waiting for the network."""
         heard_at = self.endpoint.heard_at
         heard_time = self.endpoint.heard_time(min(now, heard_at + self._horizon))
+        tick = (heard_time or 0.0) / self._tick_period
         began = self._stopwatch()
-        decoded = self.decoder.value((heard_time or 0.0) / self._tick_period, self._position)
+        decoded = self.decoder.value(tick, self._position)
+        if self.rotation is not None:
+            self.rotation.decode(tick)
         self._codec_time += self._stopwatch() - began
         self._decoded = decoded if decoded is not None else ZERO
         engaged = self.endpoint.state is State.ENGAGED and self._stopping is None
@@ -332,3 +365,5 @@ class MasterLoop:
         self._output = self._gate.pass_through(limited, engaged=engaged, silent_for=now - heard_at, elapsed=elapsed)
         self.control.displayed(self._output)
         self.device.command(self._output, now)
+        if self.rotation is not None:
+            self.rotation.render(self._gate, now)

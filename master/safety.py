@@ -1,5 +1,7 @@
 """What stands between a decoded force and the operator's hand: a limiter, and the gate that fades force in and out.
 
+A torque is limited and faded as a force is, by a limiter of its own and the same gate.
+
 Owns no clock and no network; both are told the time and what the session looks like.
 """
 
@@ -9,7 +11,7 @@ from codec.vector import Vector
 
 
 class ForceLimiter:
-    """Keeps the direction of a force and bounds its magnitude."""
+    """Keeps the direction of a force, or of a torque, and bounds its magnitude."""
 
     __slots__ = ("_limit", "clipped")
 
@@ -17,7 +19,7 @@ class ForceLimiter:
         """Make the limiter.
 
         Args:
-            limit: largest force [N], > 0.
+            limit: largest force [N], or torque [N m], > 0.
         """
         if not limit > 0.0:
             raise ValueError(f"force limit must be positive, not {limit!r}")
@@ -82,5 +84,9 @@ class ForceGate:
         wanted = min(1.0, self._gain + step) if engaged else self._gain - step
         self._gain = max(0.0, min(wanted, heard))
         self.ramping = not engaged or self._gain < min(1.0, heard)
+        return self.share(force)
+
+    def share(self, torque: Vector) -> Vector:
+        """The share of a torque [N m], or force, that passes in a tick whose force has passed through."""
         gain = self._gain
-        return (force[0] * gain, force[1] * gain, force[2] * gain)
+        return (torque[0] * gain, torque[1] * gain, torque[2] * gain)

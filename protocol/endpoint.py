@@ -5,10 +5,11 @@ Pure: driven by its owner (`send_update`), the network (`receive_datagram`) and 
 and a count, never an exception. Knows no codec: it carries integers that it does not interpret.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
 from protocol.dialer import Dialer
+from protocol.direction import Direction
 from protocol.events import Address, Connected, Event, PeerClosed, PeerReturned, PeerSilent, Refused, UpdateReceived
 from protocol.handshake import PROTOCOL_VERSION, pack_agreement, read_map
 from protocol.listener import Listener
@@ -19,7 +20,7 @@ from protocol.security import Protection, Security
 from protocol.session import Opened, Outcome, Parameters, Session
 from protocol.states import State, Trigger, next_state
 from protocol.statistics import Statistics
-from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, Kind, UpdateLayout, kind_of, length_fault
+from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, Kind, kind_of, length_fault
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 
@@ -59,8 +60,8 @@ class Endpoint:
         *,
         role: Role,
         agreement: Mapping[str, object],
-        outgoing_values: int,
-        incoming_values: int,
+        outgoing_values: Sequence[int],
+        incoming_values: Sequence[int],
         security: Security,
         entropy: Callable[[int], bytes],
         epoch: float,
@@ -75,7 +76,7 @@ class Endpoint:
         Args:
             role: the initiator calls `peer`; the responder answers whoever proves the key.
             agreement: dotted path to value; must be the same at both ends.
-            outgoing_values, incoming_values: levels in a sample of each direction.
+            outgoing_values, incoming_values: levels in a sample of each stream of each direction; one stream or two.
             security: the suite, with its key.
             entropy: random bytes of a number, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
@@ -94,7 +95,8 @@ class Endpoint:
         if not (tick_period > 0.0 and silence > 0.0):
             raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
         outgoing, incoming = (
-            UpdateLayout(values, carries_credit=carries_credit) for values in (outgoing_values, incoming_values)
+            Direction(values, carries_credit=carries_credit, further_acks=len(others) - 1)
+            for values, others in ((outgoing_values, incoming_values), (incoming_values, outgoing_values))
         )
         packed = pack_agreement(agreement)
         self._agreement: dict[str, object] = read_map(packed) or {}
@@ -186,9 +188,16 @@ class Endpoint:
             self._turn(Trigger.LISTEN)
 
     def send_update(
-        self, now: float, tick: int, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]
+        self,
+        now: float,
+        tick: int,
+        selector: int,
+        newest: tuple[int, ...],
+        gap: int,
+        previous: tuple[int, ...],
+        stream: int = 0,
     ) -> bool:
-        """Send a new state to the peer, and see to it that it arrives.
+        """Send a new state of a stream to the peer, and see to it that it arrives.
 
         To a peer that has fallen silent the update is sent as well, and is repeated once the peer is back.
 
@@ -198,6 +207,7 @@ class Endpoint:
             newest: int16 levels.
             gap: ticks between the two samples, 1..65535; 0 without a previous one.
             previous: int16 levels of the sample before, or ().
+            stream: which it belongs to, from 0.
 
         Returns:
             False if there is no session, and nothing was sent.
@@ -208,7 +218,7 @@ class Endpoint:
         if self._session is None:
             return False
         self._due = None
-        self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous))
+        self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous, stream))
         return True
 
     def propose_change(self, now: float, tick: int, body: bytes) -> bool:
@@ -390,7 +400,7 @@ class Endpoint:
         if isinstance(outcome, DropReason):
             self._mailbox.drop(outcome)
         elif isinstance(outcome, UpdateReceived):
-            self.statistics.updates_received += 1
+            self.statistics.updates_received[outcome.stream] += 1
             self._mailbox.tell(outcome)
         elif isinstance(outcome, PeerClosed):
             self._turn(Trigger.LEAVE)

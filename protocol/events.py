@@ -17,7 +17,7 @@ class Connected(NamedTuple):
 
 
 class UpdateReceived(NamedTuple):
-    """The newest update of the peer.
+    """The newest update of a stream of the peer.
 
     Args:
         tick: sample tick on the peer's tick clock.
@@ -26,6 +26,7 @@ class UpdateReceived(NamedTuple):
         gap: ticks between the two samples; 0 when there is no previous one.
         previous: int16 levels of the sample before, or ().
         age: time since the datagram left the peer, by the mapped clock [s].
+        stream: which it belongs to, from 0.
     """
 
     tick: int
@@ -34,6 +35,7 @@ class UpdateReceived(NamedTuple):
     gap: int
     previous: tuple[int, ...]
     age: float
+    stream: int = 0
 
 
 class PeerSilent(NamedTuple):

@@ -1,35 +1,27 @@
 """The outgoing half of a session: makes its datagrams, and decides when the next one is due.
 
-Owns sequence numbers, the newest update and its repetition. Knows no address, and of what comes in only what the
-receiving half tells it: what was delivered, what was acknowledged, and what the link is like.
+Owns sequence numbers, the newest update of each stream and its repetition. Knows no address, and of what comes in only
+what the receiving half tells it: what was delivered, what was acknowledged, and what the link is like.
 """
 
 from math import inf
-from typing import NamedTuple
 
 from protocol.accord import Accord
 from protocol.credit import Credit
+from protocol.direction import Direction
 from protocol.heartbeat import CLEAN_INTERVAL, HeartbeatSchedule
 from protocol.loss import LossMeter, copies_needed
-from protocol.repetition import Repetition
 from protocol.security import Protection
 from protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
 from protocol.statistics import Statistics
+from protocol.stream import PendingUpdate, Stream
 from protocol.timing import Clock
-from protocol.wire import TICK_BITS, Report, UpdateLayout, pack_bye, pack_change, pack_heartbeat
+from protocol.wire import TICK_BITS, Report, pack_bye, pack_change, pack_heartbeat
 
 SLACK = 0.001
 """On top of the measured bound on delays: the ends work in ticks [s]."""
 UNMEASURED_RTT = 0.2
 _TICK_MASK = (1 << TICK_BITS) - 1
-
-
-class _Update(NamedTuple):
-    tick: int
-    selector: int
-    newest: tuple[int, ...]
-    gap: int
-    previous: tuple[int, ...]
 
 
 class Sender:
@@ -38,21 +30,20 @@ class Sender:
     Attributes:
         heartbeats: when one is due.
         accord: the changes that this end proposes and answers.
-        delivered: number of the newest update that came from the peer, which every datagram acknowledges.
+        delivered: by stream of the peer, number of the newest update that came of it, which every datagram
+            acknowledges.
         is_confirmed: whether the peer was heard under the keys of this session.
     """
 
     __slots__ = (
         "_clock",
         "_credit",
-        "_last_ack",
-        "_layout",
         "_loss",
         "_next_sequence",
+        "_outgoing",
         "_protection",
-        "_repetition",
         "_statistics",
-        "_update",
+        "_streams",
         "accord",
         "delivered",
         "heartbeats",
@@ -62,7 +53,7 @@ class Sender:
     def __init__(
         self,
         protection: Protection,
-        layout: UpdateLayout,
+        outgoing: Direction,
         statistics: Statistics,
         *,
         clock: Clock,
@@ -75,7 +66,7 @@ class Sender:
 
         Args:
             protection: seals what is sent.
-            layout: of our updates.
+            outgoing: layouts of our datagrams.
             statistics: counted into.
             clock: stamps what is sent; written by the receiving half.
             credit: what is handed to the peer.
@@ -84,42 +75,48 @@ class Sender:
             first_sequence: number of the first datagram, 1 to 2^23.
         """
         self._protection = protection
-        self._layout = layout
+        self._outgoing = outgoing
+        self._streams = tuple(Stream(layout) for layout in outgoing.updates)
         self._statistics = statistics
         self._clock = clock
         self._credit = credit
         self._loss = loss
         self.heartbeats = heartbeats
         self.accord = Accord()
-        self._repetition = Repetition()
-        self._update: _Update | None = None
-        self._last_ack = 0
         self._next_sequence = first_sequence
-        self.delivered = 0
+        self.delivered = [0] * (1 + outgoing.further_acks)
         self.is_confirmed = False
 
     def send_update(
-        self, now: float, tick: int, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]
+        self,
+        now: float,
+        tick: int,
+        selector: int,
+        newest: tuple[int, ...],
+        gap: int,
+        previous: tuple[int, ...],
+        stream: int = 0,
     ) -> bytes:
-        """The datagram of a new update, which replaces any older one as the state to be held by the peer.
+        """The datagram of a new update, which replaces any older one of its stream as what the peer is to hold.
 
         Raises:
             ValueError: naming the field that cannot be sent; nothing has changed then.
         """
         if tick < 0:
             raise ValueError(f"tick must not be negative, not {tick}")
-        self._layout.check(selector, newest, gap, previous)
-        self._update = _Update(tick, selector, newest, gap, previous)
-        sequence, datagram = self._seal_update(self._update, now)
-        self._repetition.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
-        self._statistics.updates_sent += 1
+        own = self._streams[stream]
+        own.layout.check(selector, newest, gap, previous)
+        own.update = PendingUpdate(tick, selector, newest, gap, previous)
+        sequence, datagram = self._seal_update(own, own.update, now)
+        own.repetition.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
+        self._statistics.updates_sent[stream] += 1
         return datagram
 
-    def send_repeat(self, now: float) -> bytes:
+    def _send_repeat(self, stream: Stream, now: float) -> bytes:
         """The newest update again, with a new number and time stamp."""
-        assert self._update is not None
-        sequence, datagram = self._seal_update(self._update, now)
-        self._repetition.repeated(sequence, now)
+        assert stream.update is not None
+        sequence, datagram = self._seal_update(stream, stream.update, now)
+        stream.repetition.repeated(sequence, now)
         self._statistics.repeats += 1
         return datagram
 
@@ -132,8 +129,16 @@ class Sender:
         asks = self.heartbeats.asks(now)
         self.heartbeats.reported(now, is_confirmed=self.is_confirmed)
         self._statistics.heartbeats += 1
-        credit = self._credit.handed if self._layout.carries_credit else None
-        clear = pack_heartbeat(sequence & SEQUENCE_MASK, self._ack(), self._clock.stamp(now), report, credit, asks=asks)
+        credit = self._credit.handed if self._outgoing.carries_credit else None
+        clear = pack_heartbeat(
+            sequence & SEQUENCE_MASK,
+            self._ack(),
+            self._clock.stamp(now),
+            report,
+            credit,
+            further_acks=self._further_acks(),
+            asks=asks,
+        )
         return self._protection.seal(sequence, clear)
 
     def send_bye(self, now: float, reason: str) -> bytes:
@@ -156,11 +161,11 @@ class Sender:
         )
         return self._protection.seal(sequence, clear)
 
-    def _seal_update(self, update: _Update, now: float) -> tuple[int, bytes]:
-        if self._next_sequence & ACKNOWLEDGEMENT_MASK == self._last_ack:
-            self._next_sequence += 1  # else an acknowledgement 2^16 datagrams old would look like one of this update
+    def _seal_update(self, stream: Stream, update: PendingUpdate, now: float) -> tuple[int, bytes]:
+        if stream.would_mistake(self._next_sequence):
+            self._next_sequence += 1
         sequence = self._number(now)
-        clear = self._layout.pack(
+        clear = stream.layout.pack(
             sequence & SEQUENCE_MASK,
             self._ack(),
             self._clock.stamp(now),
@@ -170,6 +175,7 @@ class Sender:
             update.gap,
             update.previous,
             self._credit.handed,
+            self._further_acks(),
         )
         return sequence, self._protection.seal(sequence, clear)
 
@@ -180,34 +186,46 @@ class Sender:
         return sequence
 
     def _ack(self) -> int:
-        return self.delivered & ACKNOWLEDGEMENT_MASK
+        return self.delivered[0] & ACKNOWLEDGEMENT_MASK
+
+    def _further_acks(self) -> tuple[int, ...]:
+        if not self._outgoing.further_acks:
+            return ()
+        return tuple([number & ACKNOWLEDGEMENT_MASK for number in self.delivered[1:]])
 
     def next_timer(self, *, is_engaged: bool) -> float:
         """When something is due [s]."""
         due = self.heartbeats.due(is_engaged=is_engaged)
-        return min(due, self._repeat_due(), self.accord.due) if is_engaged else due
+        if not is_engaged:
+            return due
+        for stream in self._streams:
+            due = min(due, self._repeat_due(stream))
+        return min(due, self.accord.due)
 
     def handle_timer(self, now: float, *, is_engaged: bool) -> bytes | None:
         """The next datagram that is due, if any; a peer that has fallen silent gets nothing but heartbeats."""
-        if is_engaged and now >= self._repeat_due():
-            return self.send_repeat(now)
-        if is_engaged and now >= self.accord.due:
-            return self.send_change(now)
+        if is_engaged:
+            for stream in self._streams:
+                if now >= self._repeat_due(stream):
+                    return self._send_repeat(stream, now)
+            if now >= self.accord.due:
+                return self.send_change(now)
         return self.send_heartbeat(now) if now >= self.heartbeats.due(is_engaged=is_engaged) else None
 
-    def _repeat_due(self) -> float:
-        if not self._repetition.is_pending:
+    def _repeat_due(self, stream: Stream) -> float:
+        repetition = stream.repetition
+        if not repetition.is_pending:
             return inf
         rtt = self._clock.rtt
         if rtt is None:
-            return self._repetition.due_at(0.0, UNMEASURED_RTT)
-        return self._repetition.due_at(rtt, rtt + self._clock.late + SLACK + 1.5 * CLEAN_INTERVAL)
+            return repetition.due_at(0.0, UNMEASURED_RTT)
+        return repetition.due_at(rtt, rtt + self._clock.late + SLACK + 1.5 * CLEAN_INTERVAL)
 
-    def acknowledge(self, ack: int, departure: float) -> None:
-        """Take the acknowledgement of a datagram that left the peer then [s, its clock]."""
-        self._last_ack = ack
-        if not self._repetition.is_pending or self._repetition.acknowledge(ack):
+    def acknowledge(self, ack: int, departure: float, stream: int = 0) -> None:
+        """Take the acknowledgement of a stream in a datagram that left the peer then [s, its clock]."""
+        own = self._streams[stream]
+        if own.acknowledge(ack):
             return
-        arrived = self._clock.arrival_bound(self._repetition.sent_at)
+        arrived = self._clock.arrival_bound(own.repetition.sent_at)
         if arrived is not None and departure > arrived + SLACK:
-            self._repetition.miss()
+            own.repetition.miss()

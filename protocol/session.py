@@ -8,6 +8,7 @@ from math import inf
 from typing import NamedTuple
 
 from protocol.credit import Credit
+from protocol.direction import Direction
 from protocol.events import ChangeAnswered, ChangeProposed, PeerClosed, UpdateReceived
 from protocol.heartbeat import HeartbeatSchedule
 from protocol.loss import LossMeter
@@ -23,9 +24,10 @@ from protocol.wire import (
     Head,
     Kind,
     Report,
-    UpdateLayout,
     read_head,
     sequence_of,
+    split_acks,
+    stream_of,
     unpack_bye,
     unpack_change,
     unpack_credit,
@@ -51,14 +53,14 @@ class Parameters(NamedTuple):
     """What all sessions of an endpoint have in common.
 
     Args:
-        outgoing, incoming: layout of the updates of each direction.
+        outgoing, incoming: layouts of each direction.
         epoch: when our clock was at 0 [s].
         tick_period: of both ends [s].
         silence: age beyond which nothing is executed, and silence beyond which the peer counts as gone [s].
     """
 
-    outgoing: UpdateLayout
-    incoming: UpdateLayout
+    outgoing: Direction
+    incoming: Direction
     epoch: float
     tick_period: float
     silence: float
@@ -172,7 +174,7 @@ class Session:
         if not self.clock.is_plausible(departure, now):
             return DropReason.IMPLAUSIBLE
         self.clock.record(departure, now)
-        self.sender.acknowledge(head.ack, departure)
+        body = self._take_acks(head, body, departure)
         if head.kind == _BYE:
             return PeerClosed(unpack_bye(body))
         if head.kind == _HEARTBEAT and not self._take_report(sequence, unpack_report(body)):
@@ -184,6 +186,17 @@ class Session:
         ):  # what is late is still true of a growing count
             self.credit.learn(sequence, *unpack_credit(head.kind, body))
         return outcome
+
+    def _take_acks(self, head: Head, body: bytes, departure: float) -> bytes:
+        """What the datagram acknowledges of each stream of ours; returns the rest of it."""
+        self.sender.acknowledge(head.ack, departure)
+        count = self._incoming.further_acks
+        if not count or head.kind in (_BYE, _CHANGE):
+            return body
+        rest, acks = split_acks(body, count)
+        for stream, ack in enumerate(acks, 1):
+            self.sender.acknowledge(ack, departure, stream)
+        return rest
 
     def _deliver(self, sequence: int, head: Head, departure: float, body: bytes, now: float) -> Outcome:
         age = self.clock.age(departure, now)
@@ -199,22 +212,23 @@ class Session:
             return DropReason.UNTIMED
         if head.kind == _CHANGE:
             return self._deliver_change(head, departure, body)
-        if sequence < self.sender.delivered:
+        if sequence < self.sender.delivered[stream_of(head.kind)]:
             return DropReason.SUPERSEDED
         return self._deliver_update(sequence, head, departure, body, age)
 
     def _deliver_update(
         self, sequence: int, head: Head, departure: float, body: bytes, age: float
     ) -> UpdateReceived | DropReason:
-        newest, gap, previous = self._incoming.unpack(body, head.has_previous)
+        stream = stream_of(head.kind)
+        newest, gap, previous = self._incoming.updates[stream].unpack(body, head.has_previous)
         if head.has_previous and not gap:
             return DropReason.MALFORMED
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
         if (tick - sent_tick) * self._parameters.tick_period > TICK_LEAD:
             return DropReason.IMPLAUSIBLE
-        self.sender.delivered = sequence
-        return UpdateReceived(tick, head.selector, newest, gap, previous, age)
+        self.sender.delivered[stream] = sequence
+        return UpdateReceived(tick, head.selector, newest, gap, previous, age, stream)
 
     def _deliver_change(
         self, head: Head, departure: float, body: bytes

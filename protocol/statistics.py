@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from protocol.reasons import DropReason
+from protocol.wire import UPDATE_KINDS
 
 
 @dataclass(slots=True)
@@ -18,8 +19,10 @@ class Statistics:
     bytes_sent: int = 0
     received: int = 0
     bytes_received: int = 0
-    updates_sent: int = 0
-    updates_received: int = 0
+    updates_sent: list[int] = field(default_factory=lambda: [0] * len(UPDATE_KINDS))
+    """By stream."""
+    updates_received: list[int] = field(default_factory=lambda: [0] * len(UPDATE_KINDS))
+    """By stream."""
     repeats: int = 0
     heartbeats: int = 0
     lost: int = 0

@@ -1,12 +1,13 @@
 """Binary layout of the datagrams of a session. Knows no keys and no meaning of what it carries.
 
-All fields are little endian; n is the number of values that the two ends agreed on for the direction.
+A session carries one stream of updates each way, or two; each has a kind of update of its own, and all else in common.
+All fields are little endian; n is the number of values that the two ends agreed on for the stream.
 
 | part | field | format | bytes | meaning |
 |---|---|---|---|---|
 | head | kind | B | 1 | bits 0-2 kind, bit 3 mark, bits 4-7 selector |
 | head | sequence | 3s | 3 | low 24 bits of the datagram's number; every datagram of a direction has its own |
-| head | ack | H | 2 | low 16 bits of the number of the newest update received |
+| head | ack | H | 2 | low 16 bits of the number of the newest update received of the first stream |
 | head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
 | head | tick | 3s | 3 | sample tick on the sender's clock, low 24 bits; 0 where there is no sample |
 | update | newest | nh | 2n | levels of the newest sample |
@@ -18,6 +19,7 @@ All fields are little endian; n is the number of values that the two ends agreed
 | heartbeat | late | I | 4 | raw delay above the least that few datagrams exceed, in us |
 | heartbeat | loss | H | 2 | share of datagrams of the other direction that never came, in 1/65535 |
 | heartbeat_credit | count | I | 4 | low 32 bits of the sender's credit; last of a heartbeat, likewise |
+| second_ack | ack | H | 2 | as in the head, of the second stream; ends updates and heartbeats where there is one |
 | bye | reason | 0-64s | 0-64 | why, UTF-8 |
 | change | body | 1-200s | 1-200 | what is to change at the head's tick, or the answer: 1 for yes, 0 and why not |
 
@@ -39,6 +41,7 @@ CLEAR_BYTES = 4
 """Kind and sequence number, which travel in clear."""
 HEAD_BYTES = 12
 TICK_BITS = 24
+ACK_BYTES = 2
 LONGEST_REASON = 64
 LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
@@ -47,14 +50,16 @@ MAX_GAP = 0xFFFF
 MAX_SELECTOR = 0xF
 
 _KIND_MASK = 0b0111
-_MARK = 0b1000
+MARK = 0b1000
 _SELECTOR_SHIFT = 4
-_SHAPE_MASK = _KIND_MASK | _MARK
+_SHAPE_MASK = _KIND_MASK | MARK
 _WORD = Struct("<Q")
 _HEARTBEAT = Struct("<IQqIIH")
 _HEARTBEAT_BODY = Struct("<qIIH")
 _UPDATE_CREDIT = Struct("<H")
 _HEARTBEAT_CREDIT = Struct("<I")
+HEARTBEAT_BYTES = _HEARTBEAT.size
+HEARTBEAT_CREDIT_BYTES = _HEARTBEAT_CREDIT.size
 _UPDATE_CREDIT_MASK = (1 << UPDATE_BITS) - 1
 _HEARTBEAT_CREDIT_MASK = (1 << HEARTBEAT_BITS) - 1
 _U32_MAX = 0xFFFF_FFFF
@@ -69,9 +74,14 @@ class Kind(IntEnum):
     HEARTBEAT = 4
     BYE = 5
     CHANGE = 6
+    SECOND_UPDATE = 7
+    """An update of the second stream."""
 
 
+UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)
+"""By stream."""
 _UPDATE, _HEARTBEAT_KIND, _BYE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.BYE)
+_SECOND_UPDATE = int(Kind.SECOND_UPDATE)
 
 
 class Head(NamedTuple):
@@ -119,7 +129,7 @@ def read_head(first: int, body: bytes) -> Head:
     (word,) = _WORD.unpack_from(body)
     return Head(
         first & _KIND_MASK,
-        bool(first & _MARK),
+        bool(first & MARK),
         first >> _SELECTOR_SHIFT,
         word & 0xFFFF,
         word >> 16 & 0xFFFFFF,
@@ -128,18 +138,27 @@ def read_head(first: int, body: bytes) -> Head:
 
 
 def pack_heartbeat(
-    sequence: int, ack: int, sent: int, report: Report, credit: int | None = None, *, asks: bool = False
+    sequence: int,
+    ack: int,
+    sent: int,
+    report: Report,
+    credit: int | None = None,
+    *,
+    further_acks: tuple[int, ...] = (),
+    asks: bool = False,
 ) -> bytes:
-    """Datagram of a heartbeat, without tag; `credit` where the session carries it."""
+    """Datagram of a heartbeat, without tag; `credit` and the acknowledgements of further streams where carried."""
     data = _HEARTBEAT.pack(
-        Kind.HEARTBEAT | asks * _MARK | sequence << 8,
+        Kind.HEARTBEAT | asks * MARK | sequence << 8,
         ack | sent << 16,
         report.minimum_us,
         min(report.latest_us, _U32_MAX),
         min(report.late_us, _U32_MAX),
         report.loss_65535,
     )
-    return data if credit is None else data + _HEARTBEAT_CREDIT.pack(credit & _HEARTBEAT_CREDIT_MASK)
+    if credit is not None:
+        data += _HEARTBEAT_CREDIT.pack(credit & _HEARTBEAT_CREDIT_MASK)
+    return data + b"".join(each.to_bytes(ACK_BYTES, "little") for each in further_acks) if further_acks else data
 
 
 def unpack_report(body: bytes) -> Report:
@@ -147,10 +166,28 @@ def unpack_report(body: bytes) -> Report:
 
 
 def unpack_credit(kind: int, body: bytes) -> tuple[int, int]:
-    """Truncated credit of an update or heartbeat that carries it, and its number of bits."""
-    if kind == _UPDATE:
+    """Truncated credit of an update or heartbeat that carries it, and its number of bits.
+
+    Args:
+        kind: of the datagram.
+        body: without acknowledgements of further streams.
+    """
+    if kind != _HEARTBEAT_KIND:
         return _UPDATE_CREDIT.unpack_from(body, len(body) - _UPDATE_CREDIT.size)[0], UPDATE_BITS
     return _HEARTBEAT_CREDIT.unpack_from(body, len(body) - _HEARTBEAT_CREDIT.size)[0], HEARTBEAT_BITS
+
+
+def split_acks(body: bytes, count: int) -> tuple[bytes, tuple[int, ...]]:
+    """The body of an update or heartbeat without the acknowledgements of `count` further streams, and these."""
+    end = len(body) - ACK_BYTES * count
+    return body[:end], tuple(
+        int.from_bytes(body[at : at + ACK_BYTES], "little") for at in range(end, len(body), ACK_BYTES)
+    )
+
+
+def stream_of(kind: int) -> int:
+    """The stream that an update of this kind belongs to."""
+    return 1 if kind == _SECOND_UPDATE else 0
 
 
 def pack_bye(sequence: int, ack: int, sent: int, reason: str) -> bytes:
@@ -160,7 +197,7 @@ def pack_bye(sequence: int, ack: int, sent: int, reason: str) -> bytes:
 
 def pack_change(sequence: int, ack: int, sent: int, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
     """Datagram of a proposed change or of the answer to one, without tag."""
-    first = Kind.CHANGE | is_answer * _MARK | number << _SELECTOR_SHIFT | sequence << 8
+    first = Kind.CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT | sequence << 8
     return first.to_bytes(4, "little") + _WORD.pack(ack | sent << 16 | tick << 40) + body[:LONGEST_CHANGE]
 
 
@@ -173,12 +210,20 @@ def unpack_bye(body: bytes) -> str:
 
 
 class UpdateLayout:
-    """Packs and unpacks the updates of one direction."""
+    """Packs and unpacks the updates of one stream."""
 
-    __slots__ = ("_paired", "_paired_body", "_plain", "_plain_body", "carries_credit", "values")
+    __slots__ = ("_kind", "_paired", "_paired_body", "_plain", "_plain_body", "carries_credit", "values")
 
-    def __init__(self, values: int, *, carries_credit: bool = False) -> None:
-        """Prepare for samples of `values` levels, and for credit in each datagram where it is carried.
+    def __init__(
+        self, values: int, *, carries_credit: bool = False, further_acks: int = 0, kind: Kind = Kind.UPDATE
+    ) -> None:
+        """Prepare for samples of `values` levels.
+
+        Args:
+            values: levels of a sample.
+            carries_credit: whether each datagram carries the sender's.
+            further_acks: streams of the other direction beside the first, which each datagram acknowledges too.
+            kind: of the updates.
 
         Raises:
             ValueError: if an update of so many would not fit a datagram.
@@ -187,29 +232,16 @@ class UpdateLayout:
             raise ValueError(f"an update carries 1 to 256 values, not {values}")
         self.values = values
         self.carries_credit = carries_credit
-        credit = "H" if carries_credit else ""
-        self._plain = Struct(f"<IQ{values}h{credit}")
-        self._paired = Struct(f"<IQ{values}hH{values}H{credit}")
+        self._kind = int(kind)
+        tail = "H" * (carries_credit + further_acks)
+        self._plain = Struct(f"<IQ{values}h{tail}")
+        self._paired = Struct(f"<IQ{values}hH{values}H{tail}")
         self._plain_body = Struct(f"<{values}h")
         self._paired_body = Struct(f"<{values}hH{values}H")
 
     def size(self, *, with_previous: bool) -> int:
         """Bytes of an update, without tag."""
         return (self._paired if with_previous else self._plain).size
-
-    def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
-        """Shortest and longest datagram of each shape (kind and mark) that a peer of this layout sends."""
-        bye = HEAD_BYTES + tag_size
-        heartbeat = _HEARTBEAT.size + (_HEARTBEAT_CREDIT.size if self.carries_credit else 0)
-        return {
-            Kind.UPDATE: (self._plain.size + tag_size,) * 2,
-            Kind.UPDATE | _MARK: (self._paired.size + tag_size,) * 2,
-            Kind.HEARTBEAT: (heartbeat + tag_size,) * 2,
-            Kind.HEARTBEAT | _MARK: (heartbeat + tag_size,) * 2,
-            Kind.BYE: (bye, bye + LONGEST_REASON),
-            Kind.CHANGE: (bye + 1, bye + LONGEST_CHANGE),
-            Kind.CHANGE | _MARK: (bye + 1, bye + LONGEST_CHANGE),
-        }
 
     def pack(
         self,
@@ -222,15 +254,16 @@ class UpdateLayout:
         gap: int,
         previous: tuple[int, ...],
         credit: int = 0,
+        further_acks: tuple[int, ...] = (),
     ) -> bytes:
-        """Datagram of one update, without tag; `sequence`, `sent` and `tick` already truncated."""
-        first = _UPDATE | selector << _SELECTOR_SHIFT | sequence << 8
+        """Datagram of one update, without tag; `sequence`, `sent`, `tick` and acknowledgements already truncated."""
+        first = self._kind | selector << _SELECTOR_SHIFT | sequence << 8
         word = ack | sent << 16 | tick << 40
-        last = (credit & _UPDATE_CREDIT_MASK,) if self.carries_credit else ()
+        last = (credit & _UPDATE_CREDIT_MASK, *further_acks) if self.carries_credit else further_acks
         if not previous:
             return self._plain.pack(first, word, *newest, *last)
         difference = [(new - old) & 0xFFFF for new, old in zip(newest, previous, strict=True)]
-        return self._paired.pack(first | _MARK, word, *newest, gap, *difference, *last)
+        return self._paired.pack(first | MARK, word, *newest, gap, *difference, *last)
 
     def check(self, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]) -> None:
         """See that an update can be packed without loss.

@@ -7,6 +7,7 @@ carries them, in real time or in virtual time.
 
 from collections.abc import Callable, Mapping
 from math import ceil, nan
+from typing import TYPE_CHECKING
 
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
@@ -32,7 +33,10 @@ from slave.robots.contract import Explaining, Robot, RobotFault
 from slave.safety import CommandGuard
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
-from telemetry.record import UNKNOWN, Record
+from telemetry.record import NO_ROTATION, UNKNOWN, Record
+
+if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
+    from slave.rotation import ToolRotation
 
 LONGEST_STEP = 0.1
 """A tick that comes later than this after the last one counts as this late [s]: motion must not jump over a stall."""
@@ -53,6 +57,7 @@ class SlaveLoop:
         horizon: how long a motion is extrapolated past the last word of the peer [s].
         robot_limit: how long the robot may go without a usable sample [s].
         stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+        rotation: the second stream; None for three degrees of freedom.
     """
 
     def __init__(
@@ -69,6 +74,7 @@ class SlaveLoop:
         horizon: float,
         robot_limit: float,
         stopwatch: Callable[[], float],
+        rotation: "ToolRotation | None" = None,
     ) -> None:
         self.endpoint = endpoint
         self.robot = robot
@@ -81,6 +87,7 @@ class SlaveLoop:
         self._horizon = horizon
         self._watchdog = Watchdog(robot_limit)
         self._stopwatch = stopwatch
+        self.rotation = rotation
         self._stopped = False
         self._stopping: str | None = None
         self.failure: str | None = None
@@ -167,11 +174,13 @@ class SlaveLoop:
     def fail(self, now: float, error: BaseException) -> None:
         """Hold and leave, at once; no tick follows."""
         self.robot.command(self._applied, now)
+        if self.rotation is not None:
+            self.rotation.hold(now)
         self._leave(now, f"failed: {error}")
 
     def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
         """What happened in the tick just done, as telemetry writes it."""
-        statistics = self.endpoint.statistics
+        statistics, rotation = self.endpoint.statistics, self.rotation
         peer_at = self.endpoint.peer_time(self._deadline)
         model = self._fitted
         held = self._held
@@ -202,12 +211,17 @@ class SlaveLoop:
                 self.encoder.mirror.selected,
                 self._sent,
                 self._received,
-                self._guard.clipped,
-                self._guard.ramping,
+                self._guard.clipped or (rotation is not None and rotation.guard.clipped),
+                self._guard.ramping or (rotation is not None and rotation.guard.ramping),
                 model.kind,
                 self.tuning.generation & 0xFF,
                 0,
                 self.decoder.selected,
+                *(
+                    NO_ROTATION
+                    if rotation is None
+                    else rotation.record(self._tick, statistics.updates_sent[1], statistics.updates_received[1])
+                ),
             )
         )
 
@@ -227,20 +241,15 @@ class SlaveLoop:
     def _take(self, event: Event) -> None:
         match event:
             case UpdateReceived():
-                self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
+                update = Update(event.tick, event.selector, event.newest, event.gap, event.previous)
+                self._apply(update, event.stream)
             case Connected():
-                self.encoder.reset()
-                self._fitted = UNFITTED
-                self.decoder.reset()
-                self.control.reset()
-                self.tuning.reset()
-                self._guard.release()
-                self._faults.active = Fault.NONE
+                self._begin()
             case PeerSilent():
                 self._faults.meet(Fault.SILENCE)
-                self._guard.release(self._force)
+                self._release()
             case PeerClosed():
-                self._guard.release(self._force)
+                self._release()
             case Refused():
                 self._faults.meet(Fault.REFUSED)
             case PeerReturned():
@@ -252,22 +261,45 @@ class SlaveLoop:
             case DatagramDropped():
                 pass  # counted by the endpoint; the session lives on
 
-    def _apply(self, update: Update) -> None:
+    def _begin(self) -> None:
+        """A new session: nothing of the last one holds."""
+        self.encoder.reset()
+        self._fitted = UNFITTED
+        self.decoder.reset()
+        if self.rotation is not None:
+            self.rotation.reset()
+        self.control.reset()
+        self.tuning.reset()
+        self._guard.release()
+        self._faults.active = Fault.NONE
+
+    def _release(self) -> None:
+        self._guard.release(self._force)
+        if self.rotation is not None:
+            self.rotation.guard.release()
+
+    def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
         try:
-            self.decoder.apply(update)
-            self._received += 1
+            if stream:
+                assert self.rotation is not None
+                self.rotation.decoder.apply(update)
+            else:
+                self.decoder.apply(update)
+                self._received += 1
         except ValueError:  # from a peer that agreed on this channel and does not keep to it
             self._faults.note(Fault.UPDATE)
         self._codec_time += self._stopwatch() - began
 
     def _move(self, now: float, elapsed: float) -> None:
         """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
-        commanded = None
+        commanded = turned = None
         if self.endpoint.state is State.ENGAGED and self._faults.active is not Fault.DEVICE:
             heard_time = self.endpoint.heard_time(min(now, self.endpoint.heard_at + self._horizon))
+            tick = (heard_time or 0.0) / self._tick_period
             began = self._stopwatch()
-            commanded = self.decoder.value((heard_time or 0.0) / self._tick_period)
+            commanded = self.decoder.value(tick)
+            turned = None if self.rotation is None else self.rotation.decoder.value(tick)
             self._codec_time += self._stopwatch() - began
         if commanded is None:
             self._applied = self._guard.hold(elapsed)
@@ -275,6 +307,8 @@ class SlaveLoop:
             self._commanded = commanded
             self._applied = self._guard.follow(self._controlled(commanded, elapsed), elapsed)
         self.robot.command(self._applied, now)
+        if self.rotation is not None:
+            self.rotation.move(turned, elapsed, now)
 
     def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
         """Where the control lets the robot go."""
@@ -294,6 +328,8 @@ class SlaveLoop:
             return
         if not is_finite(reading.force):
             complaint = f"reports the force {reading.force}"
+        elif self.rotation is not None and not self.rotation.feel(reading.torque):
+            complaint = f"reports the torque {reading.torque}"
         elif reading.at != self._last_reading_at:
             self._last_reading_at = reading.at
             self._force = reading.force
@@ -313,7 +349,8 @@ class SlaveLoop:
         self.control.observe(self._applied, self._force)
         self.endpoint.credit = self.control.credit
         began = self._stopwatch()
-        update = self.encoder.encode(index, self._guard.shown(self._force), self._applied)
+        update = self.encoder.encode(index, self._shown(self._force), self._applied)
+        turned = None if self.rotation is None else self.rotation.encode(index, self._shown(self.rotation.torque))
         self._codec_time += self._stopwatch() - began
         self._held = self.encoder.predicted
         if update is not None:
@@ -323,3 +360,10 @@ class SlaveLoop:
             self.endpoint.send_update(now, *update)
             self._sent = 1
             self._fitted = fitted(self.encoder.mirror.state[1])
+        if turned is not None:
+            self.endpoint.send_update(now, *turned, stream=1)
+
+    def _shown(self, felt: Vector) -> Vector:
+        """What may be shown of a force or torque: all, once position and orientation are where the operator's are."""
+        shown = self._guard.shown(felt)
+        return shown if self.rotation is None else self.rotation.guard.shown(shown)

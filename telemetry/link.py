@@ -5,14 +5,17 @@ from typing import Protocol
 
 
 class LinkStatistics(Protocol):
-    """The counters and measurements that are recorded; times in seconds, None while unknown."""
+    """The counters and measurements that are recorded; times in seconds, None while unknown.
+
+    Updates are counted by stream: the first is what `counters` speaks of, the second is the rotation.
+    """
 
     sent: int
     received: int
     lost: int
     bytes_sent: int
-    updates_sent: int
-    updates_received: int
+    updates_sent: list[int]
+    updates_received: list[int]
     repeats: int
     heartbeats: int
     drops: int
@@ -42,8 +45,8 @@ def counters(statistics: LinkStatistics) -> tuple[int, ...]:
         statistics.lost,
         statistics.drops,
         statistics.bytes_sent,
-        statistics.updates_sent,
-        statistics.updates_received,
+        statistics.updates_sent[0],
+        statistics.updates_received[0],
         statistics.repeats,
         statistics.heartbeats,
     )

@@ -1,5 +1,7 @@
 """The record of one tick of one side: one table, and the layouts that follow from it.
 
+The rotation has a part of its own at the end, which is 0 in a session of three degrees of freedom.
+
 Owns names, types, units and meanings. Knows nothing of how records travel. `RECORD` packs for the writer,
 `DESCRIPTION` becomes the numpy type of the reader, and `Record` names the values for whoever fills one in; all in the
 order of `FIELDS`.
@@ -27,7 +29,7 @@ class Field(NamedTuple):
     meaning: str
 
 
-# Wide types come first, which keeps every value of a packed record on its own boundary within the record.
+# Wide types come first, in each of the two parts: every value of a packed record is on its own boundary within it.
 FIELDS = (
     Field("at", "<f8", 1, "s", "deadline of the tick, monotonic clock of this host"),
     Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer, since its tick 0; NaN while unknown"),
@@ -81,6 +83,26 @@ FIELDS = (
     Field("settings", "u1", 1, "", "how many live changes of settings are in force, modulo 256"),
     Field("buttons", "u1", 1, "", "of the device, the lowest eight as bits (master)"),
     Field("position_selected", "u1", 1, "", "predictor in use on the position channel, as its index in the bank"),
+    Field("rotation_updates_sent", "<u8", 1, "", "samples of the rotation that crossed the deadband, so far"),
+    Field("rotation_updates_received", "<u8", 1, "", "of the rotation, applied, so far"),
+    Field("rotation_raw", "<f4", 3, "rad | N m", "as measured: rotation vector of the device (master), torque (slave)"),
+    Field(
+        "rotation_decoded",
+        "<f4",
+        3,
+        "N m",
+        "torque before the limiter (master), what the peer's decoder should hold (slave)",
+    ),
+    Field(
+        "rotation_output",
+        "<f4",
+        3,
+        "N m | rad",
+        "commanded to the device: torque (master), to the robot: rotation vector (slave)",
+    ),
+    Field("rotation_bound", "<f4", 1, "rad | N m", "deadband of this tick, of the rotation that this side encodes"),
+    Field("rotation_selected", "u1", 1, "", "predictor in use on the torque channel, as its index in the bank"),
+    Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick"),
 )
 
 COLUMNS = tuple(
@@ -90,6 +112,29 @@ COLUMNS = tuple(
 )
 DESCRIPTION = [(field.name, field.kind, (3,)) if field.axes == 3 else (field.name, field.kind) for field in FIELDS]
 RECORD = Struct("<" + "".join(CODES[field.kind] * field.axes for field in FIELDS))
+
+
+class RotationRecord(NamedTuple):
+    """The values of the part of the rotation, flat, in wire order."""
+
+    updates_sent: int
+    updates_received: int
+    raw_x: float
+    raw_y: float
+    raw_z: float
+    decoded_x: float
+    decoded_y: float
+    decoded_z: float
+    output_x: float
+    output_y: float
+    output_z: float
+    bound: float
+    selected: int
+    sent: int
+
+
+NO_ROTATION = RotationRecord(0, 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0)
+"""Of a session of three degrees of freedom."""
 
 
 class Record(NamedTuple):
@@ -147,3 +192,17 @@ class Record(NamedTuple):
     settings: int
     buttons: int
     position_selected: int
+    rotation_updates_sent: int
+    rotation_updates_received: int
+    rotation_raw_x: float
+    rotation_raw_y: float
+    rotation_raw_z: float
+    rotation_decoded_x: float
+    rotation_decoded_y: float
+    rotation_decoded_z: float
+    rotation_output_x: float
+    rotation_output_y: float
+    rotation_output_z: float
+    rotation_bound: float
+    rotation_selected: int
+    rotation_sent: int

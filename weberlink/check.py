@@ -82,6 +82,7 @@ def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterat
         yield (
             f"master    device {system.master.device.driver}{_detail(device)}, "
             f"force at most {system.master.limits.force_n:g} N"
+            + ("" if system.codec.rotation is None else f", torque at most {system.master.limits.torque_nm:g} N m")
         )
         if system.master.mapping is not None:
             yield f"          mapped: {_mapping(system.master.mapping)}"

@@ -11,7 +11,7 @@ from tempfile import mkstemp
 from typing import Any
 
 from control.table import SCHEMES
-from weberlink.composition.link import channels
+from weberlink.composition.link import banks, channels
 from weberlink.composition.live import permitted
 from weberlink.configuration import Configuration
 
@@ -23,15 +23,16 @@ def path_beside(ring: str | Path) -> Path:
 def describe(configuration: Configuration, side: str) -> dict[str, Any]:
     """The description of one side's daemon, which is this process. Says where the key is to nobody."""
     system = configuration.system
-    forward, backward = channels(system)
+    force, torque = banks(system)
     return {
         "side": side,
         "file": str(configuration.path),
         "pid": os.getpid(),
         "rate_hz": system.rate_hz,
         "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
-        "bank": list(backward.bank),
-        "position_bank": list(forward.bank),
+        "bank": list(force),
+        "position_bank": list(channels(system)[0].bank),
+        **({} if torque is None else {"torque_bank": list(torque)}),
         "schemes": list(SCHEMES),
         "changes": sorted(permitted(system)),
     }

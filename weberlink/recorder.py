@@ -17,7 +17,7 @@ from control.table import SCHEMES
 from evaluation.environment import environment
 from protocol.states import State
 from telemetry.fault import Fault
-from weberlink.composition.link import channels
+from weberlink.composition.link import banks
 from weberlink.configuration import Configuration, ConfigurationError
 from weberlink.extras import need
 
@@ -33,10 +33,11 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
         virtual: whether the clock of the session is that of a simulation.
     """
     system = configuration.system
-    backward = channels(system)[1]
+    force, torque = banks(system)
     return {
         "configuration": yaml.safe_dump(system.model_dump(mode="json"), sort_keys=False),
-        "bank": " ".join(backward.bank),
+        "bank": " ".join(force),
+        **({} if torque is None else {"torque_bank": " ".join(torque)}),
         "states": " ".join(f"{state.value}={state.name.lower()}" for state in State),
         "faults": " ".join(f"{fault.value}={fault.name.lower()}" for fault in Fault),
         "controls": " ".join(SCHEMES),

@@ -1,6 +1,7 @@
 """What a person reads at the end of a run, and the status line before it: the numbers of the JSON in 80 columns."""
 
 from collections.abc import Iterator
+from math import pi
 from typing import Any
 
 from rich.console import Console
@@ -11,6 +12,13 @@ from evaluation.environment import footer
 from protocol.states import State
 
 WIDTH = 80
+CHANNELS = (
+    ("force", "N", 1.0, 3),
+    ("torque", "mN m", 1e3, 1),
+    ("position", "mm", 1e3, 3),
+    ("orientation", "deg", 180.0 / pi, 2),
+)
+"""Name, unit for a person, how many of it make the SI unit, and digits; a session may have no rotation."""
 
 
 def session_report(summary: dict[str, Any], title: str, console: Console) -> None:
@@ -50,7 +58,9 @@ def _channels(summary: dict[str, Any]) -> Table:
     table.add_column("channel", no_wrap=True)
     for name in ("packets/s", "fewer", "all fewer", "B/s", "error RMS", "max", "outside"):
         table.add_column(name, justify="right", no_wrap=True)
-    for name, unit, factor in (("force", "N", 1.0), ("position", "mm", 1e3)):
+    for name, unit, factor, digits in CHANNELS:
+        if name not in summary:
+            continue
         channel = summary[name]
         if not channel["samples"]:
             table.add_row(name, "-", "-", "-", "-", "-", "-", "-")
@@ -59,10 +69,10 @@ def _channels(summary: dict[str, Any]) -> Table:
             name,
             f"{channel['packets_per_s']:.1f}",
             _percent(channel["reduction"]),
-            _percent(channel["reduction_all"]),
-            "-" if channel["bytes_per_s"] is None else f"{channel['bytes_per_s']:.0f}",
-            _number(channel["error_rms"], factor, unit),
-            _number(channel["error_max"], factor, unit),
+            _percent(channel.get("reduction_all")),
+            "-" if channel.get("bytes_per_s") is None else f"{channel['bytes_per_s']:.0f}",
+            _number(channel["error_rms"], factor, unit, digits),
+            _number(channel["error_max"], factor, unit, digits),
             _percent(channel["violation_fraction"]),
         )
     return table
@@ -176,8 +186,8 @@ def _percent(share: float | None, digits: int = 1) -> str:
     return "-" if share is None else f"{100 * share:.{digits}f} %"
 
 
-def _number(value: float | None, factor: float, unit: str) -> str:
-    return "-" if value is None else f"{value * factor:.3f} {unit}"
+def _number(value: float | None, factor: float, unit: str, digits: int = 3) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f} {unit}"
 
 
 def _jnd(value: float | None) -> str:

@@ -9,7 +9,7 @@ from evaluation.recording import TraceRecorder
 from evaluation.session import Records, SessionScore
 from evaluation.simulation import SLAVE_ADDRESS, Observer, Simulation
 from weberlink.composition.emulation import build_link
-from weberlink.composition.link import build_security, channels
+from weberlink.composition.link import banks, build_security
 from weberlink.composition.master import build_master
 from weberlink.composition.slave import build_slave
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
@@ -88,7 +88,7 @@ def simulate(
     if record is not None:
         check_target(record)
     simulation = build_simulation(configuration)
-    score = SessionScore(system.rate_hz, channels(system)[1].bank)
+    score = SessionScore(system.rate_hz, *banks(system))
     recorder = TraceRecorder()
     recording = None if record is None else Recording(configuration, record)
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]

@@ -30,6 +30,7 @@ class DeviceSpec:
         force_feedback: Whether `command` does anything.
         buttons: How many buttons it has.
         orientation: Whether its readings have an orientation.
+        torque_n_m: Largest torque that it displays [N m]; more is cut to it. 0 without torque feedback.
         note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
     """
 
@@ -42,6 +43,7 @@ class DeviceSpec:
     force_feedback: bool
     buttons: int = 0
     orientation: bool = False
+    torque_n_m: float = 0.0
     note: str = ""
 
 
@@ -83,6 +85,19 @@ class Device(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class TorqueDevice(Device, Protocol):
+    """A haptic device that can turn the hand. `spec.torque_n_m` says how strongly; one that says 0 is not to be told.
+
+    `turn` never blocks, has no effect outside of `open` and `close`, and raises ValueError for a torque that is not
+    finite. `close` leaves the torque at zero.
+    """
+
+    def turn(self, torque: Vector, now: float) -> None:
+        """The torque to display on the operator's hand [N m], axes of the device; holds until the next one."""
+        ...
 
 
 @runtime_checkable

@@ -1,10 +1,19 @@
 """A model of the operator's arm and hand on the handle; knows nothing of scripts, traces or time of day."""
 
 from math import cos, cosh, exp, sin, sinh, sqrt
+from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from codec.vector import ZERO, Vector
+
+
+class Oscillator(NamedTuple):
+    """A mass [kg] or an inertia [kg m^2], its damper and its spring, per metre or per radian."""
+
+    inertia: float
+    damping: float
+    stiffness: float
 
 
 class HandOptions(BaseModel):
@@ -20,6 +29,10 @@ class HandOptions(BaseModel):
     mass_kg: float = Field(default=0.3, gt=0.0, description="hand and handle")
     damping_n_s_m: float = Field(default=8.0, ge=0.0)
     stiffness_n_m: float = Field(default=300.0, gt=0.0, description="how hard it holds on to where it wants to be")
+
+    @property
+    def oscillator(self) -> Oscillator:
+        return Oscillator(self.mass_kg, self.damping_n_s_m, self.stiffness_n_m)
 
 
 class Hand:

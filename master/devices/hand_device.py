@@ -1,16 +1,23 @@
-"""A haptic device with a modelled hand on it: what `operator` and `replay` share. Knows no scripts and no traces."""
+"""A haptic device with a modelled hand on it: what `operator` and `replay` share. Knows no scripts and no traces.
+
+What turns the handle is imported only where the hand has a wrist.
+"""
 
 from collections.abc import Callable
 from math import ceil
 from random import Random
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from codec.vector import ZERO, Vector, add, is_finite, norm, scale
-from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
 from master.devices.hand import Hand, HandOptions
 from master.devices.tremor import Tremor
+from master.devices.wrist import WristOptions
+
+if TYPE_CHECKING:
+    from master.devices.turning import Turning
 
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand pause, it does not jump
 
@@ -21,6 +28,9 @@ class HandDeviceOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     hand: HandOptions = HandOptions()
+    wrist: WristOptions | None = Field(
+        default=None, description="the hand turns the handle too, and feels torque; without it there is no orientation"
+    )
     tremor_m: float = Field(
         default=30e-6, ge=0.0, le=0.01, description="RMS per axis of the free hand, 8 to 12 Hz; 0 for none"
     )
@@ -29,6 +39,9 @@ class HandDeviceOptions(BaseModel):
     workspace_m: float = Field(default=0.06, gt=0.0, le=1.0, description="half an edge of the cube about the origin")
     force_n: float = Field(
         default=12.0, gt=0.0, description="largest force that the device displays; more is cut to it"
+    )
+    torque_n_m: float = Field(
+        default=0.5, gt=0.0, description="largest torque that it displays on a hand with a wrist; more is cut to it"
     )
     stiffness_n_m: float = Field(default=3000.0, gt=0.0, description="stiffest wall that the device displays stably")
 
@@ -42,7 +55,7 @@ class HandDeviceOptions(BaseModel):
 
 
 class HandDevice:
-    """Moves a `Hand` after an intention, against the force that is commanded.
+    """Moves a `Hand` after an intention, against the force that is commanded; and turns it where it has a wrist.
 
     Time is that of the model: it goes on with `now`, in equal steps no longer than a tick, by at most 0.1 s a call.
     The handle stays within the workspace, as on a device with end stops.
@@ -52,6 +65,7 @@ class HandDevice:
         options: Of the driver.
         intention: Where the hand means to be at a model time [s] from `open`, and whether that is over.
         tick_period: [s]
+        turning: The rotation vector [rad] that the hand means to have at a model time [s]; only with a wrist.
     """
 
     def __init__(
@@ -60,6 +74,7 @@ class HandDevice:
         options: HandDeviceOptions,
         intention: Callable[[float], tuple[Vector, bool]],
         tick_period: float,
+        turning: Callable[[float], Vector] = lambda _: ZERO,
     ) -> None:
         edge = options.workspace_m
         self.spec = DeviceSpec(
@@ -70,23 +85,29 @@ class HandDevice:
             workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
             rate_hz=1.0 / tick_period,
             force_feedback=True,
+            orientation=options.wrist is not None,
+            torque_n_m=0.0 if options.wrist is None else options.torque_n_m,
         )
         self._options = options
         self._intention = intention
         self._tick_period = tick_period
         self._tremor: Tremor | None = None
         if options.tremor_m > 0.0:
-            self._tremor = Tremor(options.tremor_m, options.hand, Random(options.seed).random)  # noqa: S311
+            self._tremor = Tremor(options.tremor_m, options.hand.oscillator, Random(options.seed).random)  # noqa: S311
+        self._turning = None if options.wrist is None else _turning(options.wrist, turning, options.seed)
         self._hand = Hand(options.hand, options.home_m)
         self._elapsed = 0.0
         self._felt = ZERO
+        self._torque = ZERO
         self._reading: DeviceReading | None = None
 
     def open(self, now: float) -> None:
         self._hand = Hand(self._options.hand, self._options.home_m)
         self._elapsed = 0.0
-        self._felt = ZERO
-        self._reading = DeviceReading(now, self._hand.position, False)
+        self._felt = self._torque = ZERO
+        if self._turning is not None:
+            self._turning.begin()
+        self._reading = DeviceReading(now, self._hand.position, False, self._orientation())
 
     def latest(self, now: float) -> DeviceReading:
         reading = self._reading
@@ -104,7 +125,9 @@ class HandDevice:
             if self._tremor is not None:
                 intended = add(intended, self._tremor.at(self._elapsed))
             self._hand.advance(intended, self._felt, step)
-        self._reading = DeviceReading(now, self._within_stops(self._hand.position), ended)
+            if self._turning is not None:
+                self._turning.advance(self._elapsed, self._torque, step)
+        self._reading = DeviceReading(now, self._within_stops(self._hand.position), ended, self._orientation())
         return self._reading
 
     def command(self, force: Vector, now: float) -> None:  # noqa: ARG002
@@ -113,9 +136,19 @@ class HandDevice:
         length, limit = norm(force), self.spec.force_n
         self._felt = force if length <= limit else scale(force, limit / length)
 
+    def turn(self, torque: Vector, now: float) -> None:  # noqa: ARG002
+        """Without a wrist nothing is displayed, as the spec says."""
+        if not is_finite(torque):
+            raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
+        length, limit = norm(torque), self.spec.torque_n_m
+        self._torque = torque if length <= limit else scale(torque, limit / length)
+
     def close(self) -> None:
         self._reading = None
-        self._felt = ZERO
+        self._felt = self._torque = ZERO
+
+    def _orientation(self) -> Quaternion | None:
+        return None if self._turning is None else self._turning.orientation
 
     def _within_stops(self, position: Vector) -> Vector:
         edge = self._options.workspace_m
@@ -123,3 +156,9 @@ class HandDevice:
         if -edge <= x <= edge and -edge <= y <= edge and -edge <= z <= edge:
             return position
         return (min(max(x, -edge), edge), min(max(y, -edge), edge), min(max(z, -edge), edge))
+
+
+def _turning(options: WristOptions, script: Callable[[float], Vector], seed: int) -> "Turning":
+    from master.devices.turning import Turning  # noqa: PLC0415
+
+    return Turning(options, script, Random(f"wrist {seed}").random)  # noqa: S311

@@ -1,16 +1,32 @@
-"""A scripted operator: reaches, slides, taps, presses, circles and rests, with a hand that yields and trembles."""
+"""A scripted operator: reaches, turns, slides, taps, presses, circles and rests; its hand yields and trembles."""
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import radians
 from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from codec.vector import Vector, distance
+from codec.vector import ZERO, Vector, distance, norm, scale
 from master.devices.hand_device import HandDevice, HandDeviceOptions
 from master.devices.motion import Circle, Leg, Line, Motion
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
+
+WAY_BACK_S = 1.0
+
+
+def half_turn_at_most(vector_deg: Vector) -> Vector:
+    if norm(vector_deg) > 180.0:
+        raise ValueError(f"expected at most half a turn (180 degrees), got {norm(vector_deg):g}")
+    return vector_deg
+
+
+Turn = Annotated[
+    Vector,
+    AfterValidator(half_turn_at_most),
+    Field(description="orientation to have at the end, from that of the device: axis x angle [deg]; needs a wrist"),
+]
 
 
 class Step(BaseModel):
@@ -18,13 +34,21 @@ class Step(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def turned(self, start: Vector) -> Vector:
+        """Rotation vector at the end [rad], for that at the beginning."""
+        return start
+
 
 class Reach(Step):
-    """To a point, the smoothest way."""
+    """To a point, the smoothest way; and turning on that way, axis and angle changing evenly together."""
 
     motion: Literal["reach"]
     to_m: Vector
+    turn_deg: Turn | None = None
     duration_s: Duration = 1.0
+
+    def turned(self, start: Vector) -> Vector:
+        return start if self.turn_deg is None else scale(self.turn_deg, radians(1.0))
 
     def legs(self, start: Vector) -> list[Leg]:
         return [Line(start, self.to_m, self.duration_s)]
@@ -131,7 +155,24 @@ class Rest(Step):
         return start
 
 
-Script = Annotated[Reach | Slide | CircleAround | Tap | Press | Rest, Field(discriminator="motion")]
+class TurnTo(Step):
+    """Turns where it is."""
+
+    motion: Literal["turn"]
+    turn_deg: Turn
+    duration_s: Duration = 1.0
+
+    def legs(self, start: Vector) -> list[Leg]:
+        return [Line(start, start, self.duration_s)]
+
+    def end(self, start: Vector) -> Vector:
+        return start
+
+    def turned(self, start: Vector) -> Vector:  # noqa: ARG002
+        return scale(self.turn_deg, radians(1.0))
+
+
+Script = Annotated[Reach | Slide | CircleAround | Tap | Press | Rest | TurnTo, Field(discriminator="motion")]
 
 DEFAULT_SCRIPT: tuple[Script, ...] = (
     Slide(motion="slide", points_m=((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0)), passes=2),
@@ -158,6 +199,8 @@ class OperatorOptions(HandDeviceOptions):
                 if any(max(map(abs, leg.at(i / 16.0))) > self.workspace_m for i in range(17)):
                     raise ValueError(f"script.{number}: expected motion within the workspace of +-{self.workspace_m} m")
             position = step.end(position)
+            if self.wrist is None and isinstance(step, Reach | TurnTo) and step.turn_deg is not None:
+                raise ValueError(f"script.{number}.turn_deg: only a hand with a wrist turns; add `wrist: {{}}`")
         return self
 
 
@@ -167,7 +210,13 @@ class OperatorDevice(HandDevice):
     Options = OperatorOptions
 
     def __init__(self, options: OperatorOptions, tick_period: float) -> None:
-        super().__init__("operator", options, motion_of(options.script, options.home_m, options.repeat).at, tick_period)
+        script, home = options.script, options.home_m
+        moved = motion_of(script, home, options.repeat)
+        if options.wrist is None:
+            super().__init__("operator", options, moved.at, tick_period)
+        else:
+            turned = turning_of(script, home, options.repeat)
+            super().__init__("operator", options, moved.at, tick_period, lambda time: turned.at(time)[0])
 
 
 def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
@@ -177,9 +226,30 @@ def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
     for step in script:
         legs += step.legs(position)
         position = step.end(position)
-    if repeat and distance(position, home) > 0.0:
-        legs.append(Line(position, home, 1.0))
+    if repeat and away(script, home):
+        legs.append(Line(position, home, WAY_BACK_S))
     return Motion(legs, repeat)
+
+
+def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
+    """The same for the rotation vector [rad], step for step beside the positions; it begins level."""
+    legs: list[Leg] = []
+    position, turn = home, ZERO
+    for step in script:
+        duration = sum(leg.duration for leg in step.legs(position))
+        legs.append(Line(turn, step.turned(turn), duration))
+        position, turn = step.end(position), step.turned(turn)
+    if repeat and away(script, home):
+        legs.append(Line(turn, ZERO, WAY_BACK_S))
+    return Motion(legs, repeat)
+
+
+def away(script: Sequence[Script], home: Vector) -> bool:
+    """Whether the script ends elsewhere, or turned."""
+    position, turn = home, ZERO
+    for step in script:
+        position, turn = step.end(position), step.turned(turn)
+    return distance(position, home) > 0.0 or turn != ZERO
 
 
 def below(point: Vector, depth: float) -> Vector:

@@ -2,8 +2,9 @@
 
 from math import cos, radians, sin
 
+from codec.quaternion import inverse, product
+from codec.rotation import Quaternion
 from codec.vector import Vector, add, scale
-from master.devices.contract import Quaternion
 
 Box = tuple[Vector, Vector]
 """Lowest and highest corner."""
@@ -12,10 +13,15 @@ Box = tuple[Vector, Vector]
 class FrameMap:
     """robot = offset + motion_scale R device; forces go the other way by the transpose.
 
+    A turn of the handle about an axis a is the same turn of the robot's tool about R a: angles are not scaled, and a
+    handle level with its device is a tool level with the robot. Torques go the other way by the transpose and by the
+    scale of force alone, so that a tool feels alike in its force and in its torque. The power of turning is then scaled
+    by force_scale and that of moving by force_scale / motion_scale: one and the same factor with a motion_scale of 1.
+
     Args:
         rotation_deg: turns about the fixed x, y and z axes of the robot, in this order (R = Rz Ry Rx).
         motion_scale: metres of the robot for a metre of the hand, > 0.
-        force_scale: newtons on the hand for a newton on the robot, > 0.
+        force_scale: newtons on the hand for a newton on the robot, and newton metres for newton metres; > 0.
         offset: where the device's origin is in the robot's frame [m].
     """
 
@@ -42,9 +48,13 @@ class FrameMap:
         """On the hand [N], for a force on the robot [N]."""
         return scale(_times(self._columns, robot), self.force_scale)
 
+    def torque(self, robot: Vector) -> Vector:
+        """On the hand [N m], for a torque on the robot's tool about its tip [N m]."""
+        return scale(_times(self._columns, robot), self.force_scale)
+
     def orientation(self, device: Quaternion) -> Quaternion:
-        """Of the handle in the robot's frame."""
-        return _product(self._quaternion, device)
+        """Of the tool in the robot's frame, for that of the handle in the device's."""
+        return product(self._quaternion, product(device, inverse(self._quaternion)))
 
     def box(self, device: Box) -> Box:
         """The smallest box along the robot's axes that holds a box of the device [m]."""
@@ -89,18 +99,7 @@ def _quaternion(rotation_deg: Vector) -> Quaternion:
     about_x: Quaternion = (halves[0][0], halves[0][1], 0.0, 0.0)
     about_y: Quaternion = (halves[1][0], 0.0, halves[1][1], 0.0)
     about_z: Quaternion = (halves[2][0], 0.0, 0.0, halves[2][1])
-    return _product(about_z, _product(about_y, about_x))
-
-
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
+    return product(about_z, product(about_y, about_x))
 
 
 def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:

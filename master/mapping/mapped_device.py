@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass, replace
 
+from codec.rotation import Quaternion
 from codec.vector import ZERO, Vector, add, is_finite, norm, scale
-from master.devices.contract import Device, DeviceReading, DeviceSpec, Explaining
+from master.devices.contract import Device, DeviceReading, DeviceSpec, Explaining, TorqueDevice
 from master.mapping.clutch import Clutch
 from master.mapping.frame import FrameMap
 from master.mapping.walls import Walls
@@ -62,7 +63,9 @@ class MappedDevice:
             force_n=self._limit / frame.force_scale if own.force_feedback else 0.0,
             stiffness_n_m=own.stiffness_n_m / (frame.force_scale * frame.motion_scale),
             workspace_m=frame.box(own.workspace_m) if walls is None else walls.box,
+            torque_n_m=own.torque_n_m / frame.force_scale,
         )
+        self._turns = device if isinstance(device, TorqueDevice) and own.torque_n_m > 0.0 else None
         self._session = _Session()
 
     @property
@@ -86,7 +89,7 @@ class MappedDevice:
         if self._walls is not None and is_finite(position):
             session.beyond = self._frame.way(self._walls.beyond(position))
             position = self._walls.inside(position)
-        orientation = None if reading.orientation is None else self._frame.orientation(reading.orientation)
+        orientation = None if reading.orientation is None else self._orientation(reading.orientation)
         session.read = reading
         session.mapped = reading._replace(position=position, orientation=orientation)
         return session.mapped
@@ -107,5 +110,18 @@ class MappedDevice:
         length = norm(on_hand)
         self._device.command(on_hand if length <= self._limit else scale(on_hand, self._limit / length), now)
 
+    def turn(self, torque: Vector, now: float) -> None:
+        """Faded by the clutch as the force is, by the share of the last `command`; nothing on a device without it."""
+        if not is_finite(torque):
+            raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
+        if self._turns is not None:
+            self._turns.turn(scale(self._frame.torque(torque), self._session.gain), now)
+
     def close(self) -> None:
         self._device.close()
+
+    def _orientation(self, handle: Quaternion) -> Quaternion:
+        mapped, last = self._frame.orientation(handle), self._session.mapped
+        if self._clutch is None:
+            return mapped
+        return self._clutch.pass_orientation(mapped, None if last is None else last.orientation)

@@ -6,8 +6,11 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from pydantic import BaseModel
 
-from codec.vector import Vector
+from codec.vector import ZERO, Vector
 from slave.scenes.scene import Scene
+
+Quaternion = tuple[float, float, float, float]
+"""(w, x, y, z)."""
 
 
 class RobotFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
@@ -28,6 +31,7 @@ class RobotSpec:
         force_sensing: Whether `RobotReading.force` is measured; without it the reading holds zero.
         lag_s: How much older than `now` a reading is meant to be, for a robot that runs at a rate of its own [s].
         force_error: Uncertainty of the force, as a part in newtons and a share of the force; (0, 0) for an exact one.
+        torque_n_m: Largest torque that it measures or stands [N m]; 0 where its tool has no orientation to command.
         note: What a person should know before a run; empty if nothing.
     """
 
@@ -40,15 +44,20 @@ class RobotSpec:
     force_sensing: bool
     lag_s: float = 0.0
     force_error: tuple[float, float] = (0.0, 0.0)
+    torque_n_m: float = 0.0
     note: str = ""
 
 
 class RobotReading(NamedTuple):
-    """Measured at `at` [s]: position of the tip [m], and the force of the environment on the robot [N]."""
+    """Measured at `at` [s]: position of the tip [m], and the force of the environment on the robot [N].
+
+    `torque` is that of the environment on the tool about the tip [N m], axes of the robot's frame as for the force.
+    """
 
     at: float
     position: Vector
     force: Vector
+    torque: Vector = ZERO
 
 
 class Robot(Protocol):
@@ -76,6 +85,19 @@ class Robot(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+@runtime_checkable
+class OrientedRobot(Robot, Protocol):
+    """A robot whose tool can be turned about its tip. `spec.torque_n_m` is more than 0 where it is set up for that.
+
+    `point` never blocks, has no effect outside of `open` and `close`, and raises ValueError for an orientation that is
+    not finite or has no length. After `open` the tool is as it is at home until the first orientation.
+    """
+
+    def point(self, orientation: Quaternion, now: float) -> None:
+        """The orientation to hold, from that at home, axes of the robot's frame; holds until the next."""
+        ...
 
 
 @runtime_checkable

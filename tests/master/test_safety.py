@@ -82,3 +82,11 @@ def test_gate_closes_over_the_ramp_when_the_session_ends_and_at_once_when_told()
     assert ending.ramping
     ending.close()
     assert ending.pass_through(FORCE, engaged=False, silent_for=0.0, elapsed=TICK) == ZERO
+
+
+@given(st.lists(st.tuples(st.booleans(), st.floats(0.0, 0.12)), min_size=1, max_size=80))
+def test_a_torque_passes_in_the_share_in_which_the_force_does(ticks: list[tuple[bool, float]]) -> None:
+    both = gate()
+    for engaged, silent_for in ticks:
+        force = both.pass_through(FORCE, engaged=engaged, silent_for=silent_for, elapsed=10 * TICK)
+        assert both.share((0.0, 0.4, 0.0))[1] == pytest.approx(0.1 * force[2])

@@ -18,8 +18,8 @@ PREVIOUS = (990, -2010, 3010, 9, 21, 33)
 
 def engaged(security: Security, outgoing: int = 6) -> tuple[Endpoint, Endpoint]:
     """A master and a slave, which sends `outgoing` values, that have found each other at time 0."""
-    master = make_endpoint(Role.INITIATOR, security=security, incoming_values=outgoing)
-    slave = make_endpoint(Role.RESPONDER, security=security, outgoing_values=outgoing)
+    master = make_endpoint(Role.INITIATOR, security=security, incoming_values=(outgoing,))
+    slave = make_endpoint(Role.RESPONDER, security=security, outgoing_values=(outgoing,))
     slave.connect(0.0)
     master.connect(0.0)
     for _ in range(4):
@@ -56,7 +56,7 @@ def measure(security: Security) -> dict[str, float]:
             pass
         master.handle_timer(now)
         exchange(master, slave, now)
-    assert master.statistics.updates_received == COUNT
+    assert master.statistics.updates_received[0] == COUNT
     return {name: seconds / COUNT * 1e6 for name, seconds in spent.items()}
 
 

@@ -20,7 +20,6 @@ from protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, update_fields
 
 STRANGER = ("203.0.113.9", 9)
-THREE = {"outgoing_values": 3, "incoming_values": 3}
 
 
 class Meddler:
@@ -120,7 +119,13 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
     while True:
         secure: Security = PresharedKey(KEY) if random.random() < 0.5 else Checksum()
         rate = random.choice([0.0, 0.02, 0.3])
-        changes = {**THREE, "security": Meddler(secure, random, rate), "carries_credit": random.random() < 0.5}
+        streams = random.randint(1, 2)
+        changes = {
+            "outgoing_values": (3,) * streams,
+            "incoming_values": (3,) * streams,
+            "security": Meddler(secure, random, rate),
+            "carries_credit": random.random() < 0.5,
+        }
         pair = Pair(
             seed=random.getrandbits(32),
             master={**changes, "silence": random.choice([0.1, 10.0])},
@@ -131,26 +136,29 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
             recorded += [data for _, _, data in pair.tap[-4:]]
             del recorded[:-400], pair.tap[:-4]
             for side, source in ((pair.master, SLAVE), (pair.slave, MASTER)):
-                side.endpoint.send_update(side.local(pair.now), *update_fields(pair.ticks))
+                fields = update_fields(pair.ticks)
+                side.endpoint.send_update(side.local(pair.now), *fields, stream=random.randrange(streams))
                 for _ in range(random.randrange(8)):
                     harm(pair, side, source, recorded, random)
         dropped = pair.master.endpoint.statistics.dropped + pair.slave.endpoint.statistics.dropped
         for side in pair.sides:
             check(side.endpoint)
         if rate == 0.0:
-            recover(pair)
+            recover(pair, streams)
         yield Counter({reason.value: count for reason, count in dropped.items()})
 
 
-def recover(pair: Pair) -> None:
-    """Left in peace, the two must be in a session again and carry an update, unless one was told to go."""
+def recover(pair: Pair, streams: int) -> None:
+    """Left in peace, the two must be in a session again and carry updates, unless one was told to go."""
     pair.run(8.0)
     if State.CLOSED in (pair.master.endpoint.state, pair.slave.endpoint.state):
         return
     fields = update_fields(pair.ticks)
-    assert pair.master.endpoint.send_update(pair.now, *fields)
-    pair.run(1.0)
-    assert pair.slave.updates()[-1][:5] == fields
+    for stream in range(streams):
+        assert pair.master.endpoint.send_update(pair.now, *fields, stream=stream)
+        pair.run(1.0)
+        assert pair.slave.updates()[-1][:5] == fields
+        assert pair.slave.updates()[-1].stream == stream
 
 
 def main() -> None:

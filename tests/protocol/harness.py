@@ -62,8 +62,8 @@ def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
     arguments: dict[str, object] = {
         "role": role,
         "agreement": AGREEMENT,
-        "outgoing_values": 3 if role is Role.INITIATOR else 6,
-        "incoming_values": 6 if role is Role.INITIATOR else 3,
+        "outgoing_values": (3,) if role is Role.INITIATOR else (6,),
+        "incoming_values": (6,) if role is Role.INITIATOR else (3,),
         "security": PresharedKey(KEY),
         "entropy": Random(f"{seed} {role.value}").randbytes,
         "epoch": 0.0,

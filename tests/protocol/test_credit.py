@@ -13,7 +13,7 @@ from protocol.emulation import Emulation
 from protocol.wire import Kind, kind_of
 from tests.protocol.harness import MASTER, Pair, make_endpoint, update_fields
 
-CARRIED = {"carries_credit": True, "incoming_values": 3, "outgoing_values": 3}
+CARRIED = {"carries_credit": True, "incoming_values": (3,), "outgoing_values": (3,)}
 STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2, duplicate=0.2, corrupt=0.05)
 
 
@@ -195,7 +195,7 @@ def test_a_session_without_credit_is_byte_for_byte_the_same_whatever_is_handed_o
                 if tick % 5 == 0 and tick > 200:
                     side.endpoint.send_update(now, *update_fields(tick))
 
-        changes = {"security": Checksum(), "incoming_values": 3, "outgoing_values": 3}
+        changes = {"security": Checksum(), "incoming_values": (3,), "outgoing_values": (3,)}
         pair = Pair(master=changes, slave=changes, on_tick=on_tick).connect().run(1.0)
         assert [side.endpoint.peer_credit for side in pair.sides] == [0, 0]
         runs.append([data for _, _, data in pair.tap])

@@ -305,7 +305,7 @@ def test_calls_in_the_wrong_state_are_faults_of_the_caller() -> None:
         ({"peer": None}, "peer"),
         ({"tick_period": 0.0}, "tick_period"),
         ({"silence": 0.0}, "silence"),
-        ({"outgoing_values": 0}, "values"),
+        ({"outgoing_values": (0,)}, "values"),
         ({"agreement": {"a.b": object()}}, "'a.b'"),
         ({"agreement": {"a.b": "x" * 5000}}, "bytes"),
     ],

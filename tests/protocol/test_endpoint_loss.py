@@ -64,7 +64,7 @@ def test_rare_updates_are_mended_before_there_is_evidence(seed: int, delay: floa
         if now > 3.0:
             sent[send(pair, pair.slave)] = now
 
-    changes = {"incoming_values": 3, "outgoing_values": 3}
+    changes = {"incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, every=300, seed=seed)
     pair.connect().run(63.0)
     waits = sorted(at - sent[event.tick] - delay for at, event in pair.master.received_at if event.tick in sent)

@@ -103,8 +103,8 @@ import sys
 import protocol, protocol.aio, protocol.emulation, protocol.keys
 from protocol import Endpoint, Role, State
 from protocol.checksum import Checksum
-ends = [Endpoint(role=role, agreement={}, outgoing_values=3, incoming_values=3, security=Checksum(), entropy=bytes,
-                 epoch=0.0, tick_period=0.001, peer=("h", 1)) for role in Role]
+ends = [Endpoint(role=role, agreement={}, outgoing_values=(3,), incoming_values=(3,), security=Checksum(),
+                 entropy=bytes, epoch=0.0, tick_period=0.001, peer=("h", 1)) for role in Role]
 for end in ends[::-1]:
     end.connect(0.0)
 for _ in range(3):

@@ -5,18 +5,18 @@ from itertools import pairwise
 import pytest
 
 from protocol.checksum import Checksum
+from protocol.direction import Direction
 from protocol.events import PeerClosed, UpdateReceived
 from protocol.heartbeat import INTRODUCTIONS
 from protocol.reasons import DropReason
 from protocol.security import Security
 from protocol.session import Parameters, Session
 from protocol.statistics import Statistics
-from protocol.wire import UpdateLayout
 from tests.protocol.harness import suites, update_fields
 
 
 def pair(security: Security, first_sequence: int = 1) -> tuple[Session, Session, Statistics, Statistics]:
-    parameters = Parameters(UpdateLayout(3), UpdateLayout(3), 0.0, 0.001, 0.1)
+    parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, 0.1)
     privates = [bytes([side + 1]) * security.private_size for side in range(2)]
     made: list[Session] = []
     counted: list[Statistics] = []
@@ -129,7 +129,7 @@ def test_who_is_asked_answers_at_once() -> None:
 
 def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
     security = Checksum()
-    parameters = Parameters(UpdateLayout(3), UpdateLayout(3), 0.0, 0.001, 0.1)
+    parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, 0.1)
     protections = [
         security.protect(is_initiator=side == 0, private=b"", peer_public=b"", transcript=b"t") for side in range(2)
     ]
@@ -142,8 +142,9 @@ def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
 
 def test_an_update_that_contradicts_itself_is_malformed() -> None:
     """A previous sample at no distance; no owner can send it, a peer with a fault can."""
-    layout = UpdateLayout(3)
-    parameters = Parameters(layout, layout, 0.0, 0.001, 0.1)
+    direction = Direction([3])
+    layout = direction.updates[0]
+    parameters = Parameters(direction, direction, 0.0, 0.001, 0.1)
     protections = [
         Checksum().protect(is_initiator=side == 0, private=b"", peer_public=b"", transcript=b"t") for side in range(2)
     ]

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from protocol import wire
 from protocol.checksum import Checksum
+from protocol.direction import Direction
 from protocol.psk import PresharedKey
 from protocol.reasons import DropReason
 from protocol.wire import Kind, Report, UpdateLayout
@@ -33,33 +34,47 @@ def documented(values: int) -> dict[str, int]:
     return sizes
 
 
+@pytest.mark.parametrize("streams", [1, 2])
 @pytest.mark.parametrize("carries_credit", [False, True])
 @pytest.mark.parametrize("values", [1, 2, 3, 6])
-def test_the_table_is_the_code(values: int, carries_credit: bool) -> None:
+def test_the_table_is_the_code(values: int, carries_credit: bool, streams: int) -> None:
     sizes = documented(values)
-    layout = UpdateLayout(values, carries_credit=carries_credit)
-    levels = tuple(range(values))
-    assert set(sizes) == {"head", "update", "previous", "heartbeat", "update_credit", "heartbeat_credit"}
+    direction = Direction((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
+    lengths = direction.lengths(0)
+    levels, acks = tuple(range(values)), (7,) * (streams - 1)
+    assert set(sizes) == {"head", "update", "previous", "heartbeat", "update_credit", "heartbeat_credit", "second_ack"}
     if not carries_credit:
         sizes["update_credit"] = sizes["heartbeat_credit"] = 0
+    if streams == 1:
+        sizes["second_ack"] = 0
     assert sizes["head"] == wire.HEAD_BYTES
-    plain = layout.pack(1, 2, 3, 4, 5, levels, 0, ())
-    assert len(plain) == sizes["head"] + sizes["update"] + sizes["update_credit"]
-    paired = layout.pack(1, 2, 3, 4, 5, levels, 6, levels)
-    assert len(paired) == len(plain) + sizes["previous"]
-    heartbeat = wire.pack_heartbeat(1, 2, 3, Report(0, 0, 0, 0), 9 if carries_credit else None)
-    assert len(heartbeat) == sizes["head"] + sizes["heartbeat"] + sizes["heartbeat_credit"]
-    assert {len(data) for data in (plain, paired, heartbeat)} <= {low for low, _ in layout.lengths(0).values()}
+    for layout in direction.updates:
+        plain = layout.pack(1, 2, 3, 4, 5, levels, 0, (), 8, acks)
+        assert len(plain) == sizes["head"] + sizes["update"] + sizes["update_credit"] + sizes["second_ack"]
+        paired = layout.pack(1, 2, 3, 4, 5, levels, 6, levels, 8, acks)
+        assert len(paired) == len(plain) + sizes["previous"]
+        assert all(lengths[data[0] & 0xF] == (len(data), len(data)) for data in (plain, paired))
+    heartbeat = wire.pack_heartbeat(
+        1, 2, 3, Report(0, 0, 0, 0), 9 if carries_credit else None, further_acks=(7,) * (streams - 1)
+    )
+    assert len(heartbeat) == sum(sizes[part] for part in ("head", "heartbeat", "heartbeat_credit", "second_ack"))
+    assert lengths[heartbeat[0] & 0xF] == (len(heartbeat), len(heartbeat))
     assert len(wire.pack_bye(1, 2, 3, "x" * 100)) == sizes["head"] + wire.LONGEST_REASON
     changed = wire.pack_change(1, 2, 3, 4, 5, b"x" * 300, is_answer=True)
-    assert len(changed) == sizes["head"] + wire.LONGEST_CHANGE == layout.lengths(0)[changed[0] & 0xF][1]
+    assert len(changed) == sizes["head"] + wire.LONGEST_CHANGE == lengths[changed[0] & 0xF][1]
 
 
-@pytest.mark.parametrize(("carries_credit", "plain", "paired"), [(False, 32, 46), (True, 34, 48)])
-def test_a_three_axis_force_update_with_tag_fits_the_budget(carries_credit: bool, plain: int, paired: int) -> None:
-    layout = UpdateLayout(6, carries_credit=carries_credit)
-    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 0, ())) + PSK_TAG == plain
-    assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 6, (1,) * 6)) + PSK_TAG == paired
+@pytest.mark.parametrize(
+    ("streams", "carries_credit", "plain", "paired"), [(1, False, 32, 46), (1, True, 34, 48), (2, False, 34, 48)]
+)
+def test_a_three_axis_force_update_with_tag_fits_the_budget(
+    streams: int, carries_credit: bool, plain: int, paired: int
+) -> None:
+    """A force is not made longer by a torque; what ends its datagram is the acknowledgement of the other stream."""
+    acks = (1,) * (streams - 1)
+    for layout in Direction((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
+        assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 0, (), 0, acks)) + PSK_TAG == plain
+        assert len(layout.pack(1, 2, 3, 4, 5, (1,) * 6, 6, (1,) * 6, 0, acks)) + PSK_TAG == paired
 
 
 def test_one_axis_is_shorter_and_no_security_shorter_still() -> None:
@@ -98,7 +113,7 @@ def test_an_update_survives_the_wire(
     head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
     assert head == wire.Head(Kind.UPDATE, bool(previous), selector, ack, sent, tick)
     assert layout.unpack(data[wire.CLEAR_BYTES :], head.has_previous) == (tuple(newest), gap, tuple(previous))
-    assert wire.length_fault(data, layout.lengths(0)) is None
+    assert wire.length_fault(data, Direction([6], carries_credit=credit is not None).lengths(0)) is None
     if credit is not None:
         assert wire.unpack_credit(Kind.UPDATE, data[wire.CLEAR_BYTES :]) == (credit % 2**16, 16)
 
@@ -156,4 +171,4 @@ def test_a_reason_is_cut_at_a_character(reason: str) -> None:
     ],
 )
 def test_each_shape_has_its_length(data: bytes, fault: DropReason | None) -> None:
-    assert wire.length_fault(data, UpdateLayout(3).lengths(8)) is fault
+    assert wire.length_fault(data, Direction([3]).lengths(8)) is fault

@@ -4,8 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, toward
 from codec.vector import Vector, distance
-from slave.safety import CommandGuard
+from slave.safety import CommandGuard, Follower
 
 WORKSPACE = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 TICK = 1e-3
@@ -85,3 +86,17 @@ def test_a_peer_that_returns_elsewhere_is_approached_not_jumped_to() -> None:
     returning.release()
     returning.hold(TICK)
     assert distance(returning.follow((0.09, 0.0, 0.0), TICK), (0.0, 0.0, 0.04)) == pytest.approx(0.1 * TICK)
+
+
+@given(st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=1, max_size=50))
+def test_an_orientation_is_approached_and_followed_as_a_position_is(rotations: list[Vector]) -> None:
+    turning = Follower[Quaternion](IDENTITY, toward, speed=20.0, approach_speed=1.0, ramp=0.05)
+    last, there = IDENTITY, False
+    for rotation in rotations:
+        applied = turning.follow(quaternion(rotation), TICK)
+        assert angle_between(last, applied) <= (20.0 if there else 1.0) * TICK * (1 + 1e-6) + 1e-9
+        assert turning.clipped == (there and applied != quaternion(rotation))
+        last, there = applied, turning.following
+    turning.release()
+    assert turning.hold(TICK) == last
+    assert turning.shown((1.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)

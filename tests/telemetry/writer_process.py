@@ -9,8 +9,7 @@ import time
 from telemetry.record import FIELDS
 from telemetry.ring import RingWriter
 
-bytes_ = sum(field.axes for field in FIELDS if field.kind == "u1")
-numbers = sum(field.axes for field in FIELDS) - bytes_
+is_byte = [field.kind == "u1" for field in FIELDS for _ in range(field.axes)]
 pause_s = float(sys.argv[3]) if len(sys.argv) > 3 else 0.0
 
 writer = RingWriter.create(sys.argv[1], side="master", rate_hz=1000.0, capacity=int(sys.argv[2]))
@@ -18,7 +17,8 @@ sys.stdout.write("ready\n")
 sys.stdout.flush()
 i = 0
 while True:
-    writer.write((i,) * numbers + (i % 251,) * bytes_)
+    byte = i % 251
+    writer.write([byte if each else i for each in is_byte])
     i += 1
     if pause_s:
         time.sleep(pause_s)

@@ -94,7 +94,8 @@ def test_check_says_what_a_shipped_file_composes(name: str, key: Path) -> None:
     result = run("check", CONFIGS / name, *with_key(key))
     assert (result.exit_code, result.stderr) == (0, "")
     assert f"{name}: valid" in result.stdout.splitlines()[0]
-    assert len(re.findall(r"update of \d+.* bytes of UDP payload", result.stdout)) == 2
+    channels = 4 if "\nrotation " in result.stdout else 2
+    assert len(re.findall(r"update of \d+.* bytes of UDP payload", result.stdout)) == channels
 
 
 def update_sizes(key: Path, *arguments: str) -> list[list[int]]:
@@ -332,7 +333,7 @@ def test_a_trace_that_is_not_there_is_one_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("option", "value", "expected"),
     [
-        ("--predictor", "spline", "'spline' is none of zoh, linear, plane, sphere, hybrid"),
+        ("--predictor", "spline", "'spline' is none of zoh, linear, plane, sphere, trend, affine,"),
         ("--predictor", "zoh,", "'' is none of"),
         ("--weber", "1.5", "must be 0 to 1, not 1.5"),
         ("--weber", "-0.1", "must be 0 to 1, not -0.1"),

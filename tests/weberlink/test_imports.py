@@ -112,6 +112,9 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
     scene, scheme = system.slave.scene, system.control.scheme
     simulated = side == "slave" and system.slave.robot.driver == "simulated"
     mujoco = side == "slave" and system.slave.robot.driver == "mujoco"
+    point = side == "slave" and system.slave.robot.driver == "point"
+    mapped = side == "master" and system.master.mapping is not None
+    turns = system.codec.rotation is not None
     picked = build_robot(load(CONFIGS / name, [f"link.key_file={key}"])).integrator if simulated else None  # type: ignore[attr-defined]
     named = {
         "cryptography": system.link.security == "psk",
@@ -127,8 +130,15 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
         "control.tdpa": scheme in ("tdpa", "auto"),
         "control.mmt": scheme == "auto" or (scheme == "mmt" and side == "master"),
         "control.auto": scheme == "auto",
-        "slave.robots.point": side == "slave" and system.slave.robot.driver == "point",
-        "master.mapping": side == "master" and system.master.mapping is not None,
+        "slave.robots.point": point,
+        "master.mapping": mapped,
+        "codec.rotation": turns or mapped,  # which maps what a handle measures, sent or not
+        "master.rotation": turns and side == "master",
+        "master.devices.turning": turns and side == "master",
+        "slave.rotation": turns and side == "slave",
+        "slave.robots.tool": turns and point,
+        "slave.robots.mjcf.pose_impedance": turns and mujoco,
+        "slave.robots.mjcf.torque_sensing": turns and mujoco,
         "master.devices.polhem": side == "master" and system.master.device.driver == "polhem_serial",
         "slave.robots.dynamixel": side == "slave" and system.slave.robot.driver == "dynamixel",
         "slave.robots.mjcf": mujoco,
@@ -155,6 +165,9 @@ def test_the_shipped_files_between_them_name_what_is_optional(modules: Modules) 
         "control.tdpa",
         "control.mmt",
         "master.mapping",
+        "codec.rotation",
+        "slave.robots.tool",
+        "slave.robots.mjcf.pose_impedance",
         "mujoco",
         "serial",
     }

@@ -74,7 +74,7 @@ def test_a_scheme_is_imposed_on_both_sides_and_taken_back() -> None:
     ("overrides", "change", "complaint"),
     [
         (["control.live_changes=false"], {"weber": 0.2}, "control.live_changes is off"),
-        (["codec.force.predictor=plane"], {"predictor": "zoh"}, "codec.force.predictor is not hybrid"),
+        (["codec.force.predictor=plane"], {"predictor": "zoh"}, "codec.force.predictor is neither hybrid nor adaptive"),
         (["control.scheme=tdpa"], {"scheme": "none"}, "control.scheme is not auto"),
     ],
 )

@@ -139,7 +139,7 @@ def test_after_a_lag_spike_no_command_older_than_the_limit_is_executed() -> None
     links = forward, EmulatedLink[Address](Emulation(), lambda: 0.0)
     simulation = Simulation(master=built.master, slave=built.slave, links=links, tick_period=TICK)
     statistics = simulation.slave.endpoint.statistics
-    accepted = [statistics.updates_received for _ in steps(simulation, 3.0)]
+    accepted = [statistics.updates_received[0] for _ in steps(simulation, 3.0)]
     burst = round(LagSpike.END / TICK)
     held = [at for at in forward.updates_sent_at if LagSpike.BEGIN <= at <= LagSpike.END]
     fresh = [at for at in held if LagSpike.END - at <= SILENCE]

@@ -62,7 +62,7 @@ class End:
         self.encoder, self.decoder = Encoder(outgoing), Decoder(incoming)
         peer = (HOST, port) if asks else None
         security = build_security(configuration)
-        self.endpoint = build_endpoint(system, role, security, os.urandom, began, outgoing, incoming, peer)
+        self.endpoint = build_endpoint(system, role, security, os.urandom, began, (outgoing,), (incoming,), peer)
         attend(self.endpoint, self._hear)
         self.shell = UdpShell(self.endpoint, now=monotonic, listen=(HOST, 0))
         self.samples = contact()

@@ -85,10 +85,10 @@ class Pair:
     def __init__(self, configuration: Configuration) -> None:
         system, now = configuration.system, monotonic()
         forward, backward = channels(system)
-        security = build_security(configuration)
+        security, there, back = build_security(configuration), (forward,), (backward,)
         self.encoder, self.decoder = Encoder(forward), Decoder(forward)
-        self.sender = build_endpoint(system, Role.INITIATOR, security, os.urandom, now, forward, backward, HERE)
-        self.receiver = build_endpoint(system, Role.RESPONDER, security, os.urandom, now, backward, forward, None)
+        self.sender = build_endpoint(system, Role.INITIATOR, security, os.urandom, now, there, back, HERE)
+        self.receiver = build_endpoint(system, Role.RESPONDER, security, os.urandom, now, back, there, None)
         self.samples = [position for position, _ in contact()]
         self.tick_period = system.tick_period
         self.began = now

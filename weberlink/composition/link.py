@@ -6,12 +6,14 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from codec import Channel, force_channel, position_channel
 from codec.predictors import Trust
+from codec.smoothing import Smoothing
 from control.contract import Settings as ControlSettings
 from control.table import SCHEMES
 from protocol.endpoint import Endpoint
 from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
+from weberlink.composition.deadband import force_deadband
 from weberlink.configuration import Configuration, ConfigurationError, System
 
 Entropy = Callable[[int], bytes]
@@ -48,15 +50,54 @@ def channels(system: System) -> tuple[Channel, Channel]:
     backward = force_channel(
         predictor=force.predictor,
         bank=force.bank,
-        weber=force.weber,
-        floor=force.floor_n,
-        reference=force.reference,
         axes=system.axes,
         force_step=force.step_n,
         position_step=position.step_m,
         trust=Trust(force.trust.stiffness_n_m, force.trust.radius_m),
+        deadband=force_deadband(system, force.weber),
+        smoothing=_smoothing(system),
     )
     return forward, backward
+
+
+def _smoothing(system: System) -> Smoothing | None:
+    """Of the force, in ticks."""
+    length = system.codec.force.smooth_ms
+    return Smoothing(max(1, round(length * 1e-3 * system.rate_hz))) if length > 0.0 else None
+
+
+def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+    """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
+
+    An orientation is coded as a position and a torque as a force, in radians and newton metres.
+    """
+    forward, backward = channels(system)
+    if system.codec.rotation is None:
+        return (forward,), (backward,)
+    torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
+    turning = position_channel(
+        predictor=orientation.predictor,
+        bank=orientation.bank,
+        weber=orientation.weber,
+        bound=orientation.bound_rad,
+        position_step=orientation.step_rad,
+    )
+    twisting = force_channel(
+        predictor=torque.predictor,
+        bank=torque.bank,
+        weber=torque.weber,
+        floor=torque.floor_nm,
+        reference=torque.reference,
+        force_step=torque.step_nm,
+        position_step=orientation.step_rad,
+    )
+    return (forward, turning), (backward, twisting)
+
+
+def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation."""
+    _, (force, *rotation) = streams(system)
+    return force.bank, rotation[0].bank if rotation else None
 
 
 def agreement(system: System) -> dict[str, object]:
@@ -65,7 +106,7 @@ def agreement(system: System) -> dict[str, object]:
         "rate_hz": system.rate_hz,
         "axes": system.axes,
         **_flat(system.control.model_dump(mode="json"), "control."),
-        **_flat(system.codec.model_dump(mode="json"), "codec."),
+        **_flat(system.codec.model_dump(mode="json", exclude=_unused(system)), "codec."),
     }
 
 
@@ -97,15 +138,15 @@ def build_endpoint(
     security: Security,
     entropy: Entropy,
     epoch: float,
-    outgoing: Channel,
-    incoming: Channel,
+    outgoing: tuple[Channel, ...],
+    incoming: tuple[Channel, ...],
     peer: Address | None,
 ) -> Endpoint:
     return Endpoint(
         role=role,
         agreement=agreement(system),
-        outgoing_values=outgoing.level_count,
-        incoming_values=incoming.level_count,
+        outgoing_values=[channel.level_count for channel in outgoing],
+        incoming_values=[channel.level_count for channel in incoming],
         security=security,
         entropy=entropy,
         epoch=epoch,
@@ -149,6 +190,11 @@ def check_axes(where: str, axes: str, system: System) -> None:
     missing = [axis for axis in system.axes if axis not in axes]
     if missing:
         raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
+
+
+def _unused(system: System) -> set[str]:
+    """Parts of the codec that the file leaves out, of which nothing is said to the peer."""
+    return {"rotation"} if system.codec.rotation is None else set()
 
 
 def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:

@@ -1,5 +1,7 @@
 """The operator's side, from device to endpoint."""
 
+from typing import TYPE_CHECKING
+
 from codec import Channel, Decoder, Encoder
 from codec.quantizer import INT16_MAX
 from codec.vector import Vector
@@ -15,15 +17,18 @@ from weberlink.composition.link import (
     Entropy,
     Stopwatch,
     build_endpoint,
-    channels,
     check_axes,
     construct,
     control_settings,
     located,
+    streams,
 )
 from weberlink.composition.live import build_master_tuning
 from weberlink.composition.mapping import build_mapping
 from weberlink.configuration import Configuration, ConfigurationError, System
+
+if TYPE_CHECKING:
+    from master.rotation import HandRotation
 
 
 def build_master(
@@ -41,13 +46,13 @@ def build_master(
         ConfigurationError: if the device cannot do what the file asks.
     """
     system, device = configuration.system, build_device(configuration)
-    forward, backward = channels(system)
+    forward, backward = streams(system)
     force_limit = _force_limit(system, device)
     control = build_master_control(system.control.scheme, control_settings(system, force_limit))
     return MasterLoop(
         device=device,
-        encoder=Encoder(forward),
-        decoder=Decoder(backward),
+        encoder=Encoder(forward[0]),
+        decoder=Decoder(backward[0]),
         control=control,
         tuning=build_master_tuning(system, control),
         endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer),
@@ -61,6 +66,22 @@ def build_master(
         horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
         device_limit=system.master.limits.device_ms * 1e-3,
         stopwatch=stopwatch,
+        rotation=None if system.codec.rotation is None else _build_rotation(system, device),
+    )
+
+
+def _build_rotation(system: System, device: Device) -> "HandRotation":
+    from master.devices.contract import TorqueDevice  # noqa: PLC0415 - for six degrees of freedom alone
+    from master.rotation import HandRotation  # noqa: PLC0415
+
+    (_, orientation), (_, torque) = streams(system)
+    displayed = device.spec.torque_n_m
+    allowed = system.master.limits.torque_nm / _force_scale(system)
+    return HandRotation(
+        device=device if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
+        encoder=Encoder(orientation),
+        decoder=Decoder(torque),
+        limiter=ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
     )
 
 
@@ -76,15 +97,25 @@ def build_device(configuration: Configuration) -> Device:
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
     if system.master.mapping is not None:
         device = build_mapping(system, device)
-    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, channels(system)[0])
+    _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
+    if system.codec.rotation is not None and not device.spec.orientation:
+        raise ConfigurationError(
+            f"codec.rotation: master.device driver {system.master.device.driver}, as it is set here, reports no "
+            "orientation; use one that does, or leave codec.rotation out"
+        )
     return device
 
 
 def _force_limit(system: System, device: Device) -> float:
     """Largest force of the robot that may reach the hand, in the robot's frame [N]."""
-    mapping = system.master.mapping
-    allowed = system.master.limits.force_n / (1.0 if mapping is None else mapping.force_scale)
+    allowed = system.master.limits.force_n / _force_scale(system)
     return min(allowed, device.spec.force_n) if device.spec.force_feedback else allowed
+
+
+def _force_scale(system: System) -> float:
+    """Newtons on the hand for a newton on the robot."""
+    mapping = system.master.mapping
+    return 1.0 if mapping is None else mapping.force_scale
 
 
 def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system: System, channel: Channel) -> None:

@@ -1,5 +1,7 @@
 """The teleoperator's side, from endpoint to robot and scene."""
 
+from typing import TYPE_CHECKING
+
 from codec import Decoder, Encoder
 from codec.quantizer import INT16_MAX
 from control.table import build_slave_control
@@ -15,14 +17,17 @@ from weberlink.composition.link import (
     Entropy,
     Stopwatch,
     build_endpoint,
-    channels,
     check_axes,
     construct,
     control_settings,
     located,
+    streams,
 )
 from weberlink.composition.live import build_slave_tuning
 from weberlink.configuration import Configuration, ConfigurationError, System
+
+if TYPE_CHECKING:
+    from slave.rotation import ToolRotation
 
 
 def build_slave(
@@ -39,14 +44,14 @@ def build_slave(
         ConfigurationError: if the robot or the scene cannot be made as the file asks.
     """
     system, robot = configuration.system, build_robot(configuration)
-    forward, backward = channels(system)
+    forward, backward = streams(system)
     limits = system.slave.limits
-    encoder = Encoder(backward)
+    encoder = Encoder(backward[0])
     control = build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n))
     return SlaveLoop(
         robot=robot,
         encoder=encoder,
-        decoder=Decoder(forward),
+        decoder=Decoder(forward[0]),
         control=control,
         tuning=build_slave_tuning(system, control, encoder),
         endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None),
@@ -61,6 +66,24 @@ def build_slave(
         horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
         robot_limit=limits.robot_ms * 1e-3,
         stopwatch=stopwatch,
+        rotation=None if system.codec.rotation is None else _build_rotation(system, robot),
+    )
+
+
+def _build_rotation(system: System, robot: Robot) -> "ToolRotation":
+    from slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
+    from slave.rotation import ToolRotation  # noqa: PLC0415
+
+    (_, orientation), (_, torque) = streams(system)
+    assert isinstance(robot, OrientedRobot), "build_robot sees to it"
+    limits = system.slave.limits
+    return ToolRotation(
+        robot=robot,
+        encoder=Encoder(torque),
+        decoder=Decoder(orientation),
+        speed=limits.turn_rad_s,
+        approach_speed=limits.approach_turn_rad_s,
+        ramp=limits.ramp_ms * 1e-3,
     )
 
 
@@ -75,13 +98,32 @@ def build_robot(configuration: Configuration) -> Robot:
     assert part is not None
     robot: Robot = construct("slave.robot", part.driver, part.options, _scene(system), system.tick_period)
     check_axes("slave.robot", robot.spec.axes, system)
-    force = channels(system)[1].value_quantizer.limit
+    force = streams(system)[1][0].value_quantizer.limit
     if robot.spec.force_n > force:
         raise ConfigurationError(
             f"codec.force.step_n: spans {force:g} N but slave.robot reports up to {robot.spec.force_n:g} N; "
             f"use a step of at least {robot.spec.force_n / INT16_MAX:.2g}"
         )
+    if system.codec.rotation is not None:
+        _check_rotation(system, robot)
     return robot
+
+
+def _check_rotation(system: System, robot: Robot) -> None:
+    from slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
+
+    torque = robot.spec.torque_n_m
+    if not (isinstance(robot, OrientedRobot) and torque > 0.0):
+        raise ConfigurationError(
+            f"codec.rotation: slave.robot driver {system.slave.robot.driver}, as it is set here, takes no orientation; "
+            "use one that does, or leave codec.rotation out"
+        )
+    limit = streams(system)[1][1].value_quantizer.limit
+    if torque > limit:
+        raise ConfigurationError(
+            f"codec.rotation.torque.step_nm: spans {limit:g} N m but slave.robot reports up to {torque:g} N m; "
+            f"use a step of at least {torque / INT16_MAX:.2g}"
+        )
 
 
 @located

@@ -7,7 +7,7 @@ from slave.robots.contract import Robot
 from weberlink.composition.link import build_security
 from weberlink.composition.master import build_device
 from weberlink.composition.slave import build_robot, workspace_of
-from weberlink.configuration import Configuration, ConfigurationError
+from weberlink.configuration import Configuration, ConfigurationError, System
 from weberlink.configuration.model import split_address
 
 
@@ -34,14 +34,16 @@ def try_out(configuration: Configuration) -> list[str]:
             raise ConfigurationError(
                 f"{configuration.path}: {field}: port 0 is for loopback; expected the port that both sides know"
             )
-    return list(lacks(device, robot))
+    return list(lacks(configuration.system, device, robot))
 
 
-def lacks(device: Device | None, robot: Robot | None) -> Iterator[str]:
+def lacks(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
     """Capabilities without which nothing is felt, and what the drivers want a person to know before a run."""
     if device is not None:
         if not device.spec.force_feedback:
             yield f"master.device: {device.spec.name} has no force feedback; nothing is felt"
+        if system.codec.rotation is not None and device.spec.torque_n_m == 0.0:
+            yield f"master.device: {device.spec.name} has no torque feedback; it turns the tool and feels no torque"
         if device.spec.note:
             yield f"master.device: {device.spec.note}"
     if robot is not None:

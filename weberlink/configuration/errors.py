@@ -18,6 +18,8 @@ def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, .
     path = ".".join((*where, *location)) or "the file"
     if first["type"] == "extra_forbidden":
         return f"{path}: unknown key{_nearest(location, model)}"
+    if not location and first["type"] == "value_error":  # of several parts; it says which
+        return _expectation(first)
     return f"{path}: {_expectation(first)}"
 
 

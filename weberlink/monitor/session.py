@@ -70,8 +70,10 @@ class Session:
         self.rate_hz = first.rate_hz
         self.origin = first.began
         """Time 0 of the rows [s], on the clock of the records."""
-        bank = () if first.description is None else tuple(first.description.get("bank", ()))
-        self._score = SessionScore(first.rate_hz, bank or UNNAMED)
+        description = first.description or {}
+        torque = description.get("torque_bank")
+        bank, torque_bank = tuple(description.get("bank", ())), None if torque is None else tuple(torque)
+        self._score = SessionScore(first.rate_hz, bank or UNNAMED, torque_bank)
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """What waits to be scored: a score costs by the call, not by the record."""
         self.settings: dict[str, Any] | None = None

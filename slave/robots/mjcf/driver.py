@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, ClassVar
 
 from codec.vector import ZERO, Vector, is_finite
-from slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from slave.robots.contract import Quaternion, RobotFault, RobotReading, RobotSpec
 from slave.robots.mjcf.options import MujocoOptions
 from slave.robots.virtual import saturated
 from slave.scenes.scene import Scene
@@ -48,6 +48,7 @@ class MujocoRobot:
             workspace_m=options.corners,
             rate_hz=1.0 / tick_period,
             force_sensing=True,
+            torque_n_m=0.0 if options.rotation is None else options.rotation.torque_n_m,
         )
         self._commanded = self._simulation.home
         self._reading: RobotReading | None = None
@@ -62,14 +63,21 @@ class MujocoRobot:
             raise ValueError(f"mujoco: commanded a position that is not finite: {position}")
         self._commanded = position
 
+    def point(self, orientation: Quaternion, now: float) -> None:  # noqa: ARG002
+        """Without `rotation` the end effector is not turned, as the spec says."""
+        self._simulation.point(orientation)
+
     def latest(self, now: float) -> RobotReading:
         reading = self._reading
         if reading is None:
             raise RobotFault("mujoco: not open")
         if now <= reading.at:
             return reading
-        position, force = self._simulation.advance(self._commanded, min(now - reading.at, LONGEST_GAP))
-        self._reading = RobotReading(now, position, saturated(force, self.spec.force_n))
+        elapsed = min(now - reading.at, LONGEST_GAP)
+        position, force, torque = self._simulation.advance(self._commanded, elapsed)
+        self._reading = RobotReading(
+            now, position, saturated(force, self.spec.force_n), saturated(torque, self.spec.torque_n_m)
+        )
         return self._reading
 
     def close(self) -> None:

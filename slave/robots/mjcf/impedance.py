@@ -21,6 +21,9 @@ class Impedance:
 
     Attributes:
         masses_kg: what the end effector weighs at home in its lightest and in its heaviest direction.
+        lags: by which it follows a ramp in these directions [s].
+        fastest: frequency of the lightest [rad/s].
+        strength: what it holds, and with how much, for a person.
     """
 
     def __init__(self, plant: Plant, stiffness: float, damping_ratio: float, posture_hz: float) -> None:
@@ -39,6 +42,10 @@ class Impedance:
         roots[free] = mobility[free] ** -0.5
         damping = 2.0 * damping_ratio * sqrt(stiffness) * (directions * roots) @ directions.T
         self.masses_kg = (1.0 / float(mobility[-1]), 1.0 / float(mobility[free][0]))
+        self.lags = [2.0 * damping_ratio * sqrt(mass / stiffness) for mass in self.masses_kg]
+        self.fastest = sqrt(stiffness / self.masses_kg[0])
+        least, most = (format(mass, ".2g") for mass in self.masses_kg)
+        self.strength = f"{stiffness:g} N/m on {least if least == most else f'{least} to {most}'} kg"
         self._stiffness = stiffness
         (self._xx, self._xy, self._xz), (_, self._yy, self._yz), (_, _, self._zz) = damping.tolist()
         self._plant = plant
@@ -52,6 +59,14 @@ class Impedance:
         self._applied = plant.data.qfrc_applied[dofs]
         redundant = dofs.stop - dofs.start > int(np.count_nonzero(free))
         self._posture = Posture(plant, inverse, posture_hz) if redundant and posture_hz > 0.0 else None
+
+    def too_strong(self, excess: float) -> str:
+        """What is wrong with a stiffness that is too much by this factor."""
+        stiffness = self._stiffness
+        return (
+            f"stiffness_n_m: {stiffness:g} is too much for the {self.masses_kg[0]:.2g} kg of the end effector; "
+            f"use at most {0.95 * stiffness / excess:.2g}"
+        )
 
     def apply(self, commanded: Vector) -> None:
         """Set the torques of the robot's joints for the state that the plant was last refreshed in."""

@@ -17,6 +17,22 @@ LARGEST_WORKSPACE = 10.0
 Interval = tuple[float, float]
 
 
+class RotationOptions(BaseModel):
+    """How the end effector is turned, and what torque is felt, about the site that goes where it is commanded."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    stiffness_n_m_rad: float = Field(
+        default=5.0, gt=0.0, description="of the orientation control, alike about every axis"
+    )
+    torque: str = Field(
+        default=CONTACTS,
+        description="what is felt: `contacts` as for `force`, or the name of a torque sensor of the MJCF file, on a "
+        "site that has a force sensor too",
+    )
+    torque_n_m: float = Field(default=2.0, gt=0.0, description="range of the torque sensing; more is cut to it")
+
+
 class MujocoOptions(BaseModel):
     """Options of `mujoco`. Positions and forces are in the world frame of the MJCF file."""
 
@@ -31,6 +47,9 @@ class MujocoOptions(BaseModel):
     )
     force_n: float = Field(default=30.0, gt=0.0, description="range of the force sensing; more is cut to it")
     stiffness_n_m: float = Field(default=1000.0, gt=0.0, description="of the position control, alike on every axis")
+    rotation: RotationOptions | None = Field(
+        default=None, description="the end effector is turned too, and torque is felt; without it, only moved"
+    )
     damping_ratio: float = Field(
         default=1.0, ge=0.0, le=2.0, description="of the position control at home; 1 is critical on every axis"
     )

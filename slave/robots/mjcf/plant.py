@@ -28,10 +28,18 @@ class Plant:
         body: number of the body that it sits on.
         dofs: those of the robot.
         axes: along which the end effector can move, as a subset of "xyz".
+        position, turned: where its site is, and the rows of its matrix.
+        jacobian: of its position; `twist` has the rows of its turning below, if they are asked for.
     """
 
-    def __init__(self, path: Path, end_effector: str, keyframe: str | None) -> None:
+    def __init__(self, path: Path, end_effector: str, keyframe: str | None, *, turns: bool = False) -> None:
         """Load the file and take the pose to begin in.
+
+        Args:
+            path: of the file.
+            end_effector: name of its site.
+            keyframe: to begin in; None for that of the joints at 0.
+            turns: whether the turning of the end effector is computed as well.
 
         Raises:
             ValueError: one line that begins with the option that is wrong.
@@ -45,7 +53,10 @@ class Plant:
         self.dofs = self._tree_dofs(end_effector)
         self._take_over()
         self.position: Array = self.data.site_xpos[self.site]
-        self.jacobian: Array = np.zeros((3, self.model.nv))
+        self.turned: Array = self.data.site_xmat[self.site]
+        self.twist: Array = np.zeros((6 if turns else 3, self.model.nv))
+        self.jacobian: Array = self.twist[:3]
+        self._spin: Array | None = self.twist[3:] if turns else None
         self._warnings: Any = self.data.warning.number
         self.home: Array = self.model.qpos0.copy()
         if self._keyframe is not None:
@@ -60,9 +71,32 @@ class Plant:
         Raises:
             ValueError: if the file has none of that name.
         """
-        force = mujoco.mjtSensor.mjSENS_FORCE
-        there = {self.model.sensor(i).name: i for i in range(self.model.nsensor) if self.model.sensor_type[i] == force}
+        there = {self.model.sensor(i).name: i for i in self._sensors(mujoco.mjtSensor.mjSENS_FORCE)}
         return there[name] if name in there else _unknown("force", "force sensor", name, there)
+
+    def torque_sensor(self, name: str) -> int:
+        """Number of a torque sensor.
+
+        Raises:
+            ValueError: if the file has none of that name.
+        """
+        there = {self.model.sensor(i).name: i for i in self._sensors(mujoco.mjtSensor.mjSENS_TORQUE)}
+        return there[name] if name in there else _unknown("rotation.torque", "torque sensor", name, there)
+
+    def force_sensor_on(self, site: int) -> int:
+        """Number of the force sensor on a site.
+
+        Raises:
+            ValueError: if there is none.
+        """
+        for sensor in self._sensors(mujoco.mjtSensor.mjSENS_FORCE):
+            if self.model.sensor_objid[sensor] == site:
+                return sensor
+        name = self.model.site(site).name
+        raise ValueError(
+            f"rotation.torque: the torque sensor is on the site {name!r}, which has no force sensor beside it; "
+            f'add <force site="{name}"/>, without which the torque about the tip is not known'
+        )
 
     def reset(self) -> None:
         """Everything at rest where it begins, the robot at `home`."""
@@ -77,7 +111,7 @@ class Plant:
     def refresh(self) -> None:
         """Bring all that follows from positions and velocities up to date: `position`, `jacobian`, contacts, bias."""
         mujoco.mj_step1(self.model, self.data)
-        mujoco.mj_jacSite(self.model, self.data, self.jacobian, None, self.site)
+        mujoco.mj_jacSite(self.model, self.data, self.jacobian, self._spin, self.site)
 
     def advance(self, step: float) -> None:
         """Move on by `step` [s] under `data.qfrc_applied`; the forces of the step can then be read, until `refresh`."""
@@ -97,6 +131,9 @@ class Plant:
             return None
         kind = next(kind for kind, count in enumerate(counts) if count)
         return _one_line(mujoco.mju_warningText(kind, self.data.warning[kind].lastinfo))
+
+    def _sensors(self, kind: Any) -> list[int]:
+        return [sensor for sensor in range(self.model.nsensor) if self.model.sensor_type[sensor] == kind]
 
     def _number(self, option: str, kind: str, name: str) -> int:
         entries = getattr(self.model, f"n{kind}")

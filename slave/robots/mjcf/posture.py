@@ -33,9 +33,9 @@ class Posture:
         self._away: Array = np.zeros(plant.model.nv)
         self._away_of_robot = self._away[dofs]
         self._speed = plant.data.qvel[dofs]
-        self._jacobian = plant.jacobian[:, dofs]
+        self._jacobian = plant.twist[:, dofs]
         mobility = self._jacobian @ self._inverse @ self._jacobian.T
-        self._floor = 1e-9 * mobility.trace() * np.eye(3)  # for directions in which it cannot move
+        self._floor = 1e-9 * mobility.trace() * np.eye(len(mobility))  # for directions in which it cannot move
 
     def torque(self) -> Array:
         """Of the robot's joints [N m], or [N] where they slide."""

@@ -29,13 +29,8 @@ class ContactSensing:
     """The sum of all contacts between the body of the end effector, with all that hangs on it, and anything else."""
 
     def __init__(self, plant: Plant) -> None:
-        model = plant.model
-        bodies = {plant.body}
-        for body in range(plant.body + 1, model.nbody):  # children come after their parents
-            if model.body_parentid[body] in bodies:
-                bodies.add(body)
-        self._geoms = frozenset(geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies)
-        self._model, self._data, self._contacts = model, plant.data, plant.data.contact
+        self._geoms = geoms_of(plant)
+        self._model, self._data, self._contacts = plant.model, plant.data, plant.data.contact
         self._wrench = np.zeros(6)
 
     def force(self) -> Vector:
@@ -81,3 +76,13 @@ class SensorSensing:
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self._frame.tolist()
         wx, wy, wz = self._weight
         return (-xx * a - xy * b - xz * c - wx, -yx * a - yy * b - yz * c - wy, -zx * a - zy * b - zz * c - wz)
+
+
+def geoms_of(plant: Plant) -> frozenset[int]:
+    """Those of the body of the end effector, and of all that hangs on it."""
+    model = plant.model
+    bodies = {plant.body}
+    for body in range(plant.body + 1, model.nbody):  # children come after their parents
+        if model.body_parentid[body] in bodies:
+            bodies.add(body)
+    return frozenset(geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies)

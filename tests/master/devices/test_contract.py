@@ -10,7 +10,7 @@ import pytest
 
 from codec.vector import ZERO, Vector, distance, is_finite
 from master.devices import BUILT_IN
-from master.devices.contract import DeviceFault
+from master.devices.contract import DeviceFault, TorqueDevice
 from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, Bench
 
 PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
@@ -38,6 +38,8 @@ def test_the_spec_is_there_before_opening(name: str, bench: Bench) -> None:
     assert spec.axes
     assert set(spec.axes) <= set("xyz")
     assert (spec.force_n > 0.0) == spec.force_feedback
+    assert spec.torque_n_m >= 0.0
+    assert spec.torque_n_m == 0.0 or (spec.orientation and isinstance(bench.device, TorqueDevice))
     assert spec.rate_hz > 0.0
     lower, upper = spec.workspace_m
     assert all(a < b for a, b in zip(lower, upper, strict=True))

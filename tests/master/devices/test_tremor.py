@@ -11,7 +11,7 @@ from master.devices.tremor import Tremor
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_the_free_hand_trembles_by_the_stated_amount_in_the_stated_band(seed: int) -> None:
     options = HandOptions()
-    tremor, hand = Tremor(30e-6, options, Random(seed).random), Hand(options, ZERO)
+    tremor, hand = Tremor(30e-6, options.oscillator, Random(seed).random), Hand(options, ZERO)
     positions = []
     for tick in range(22_000):
         hand.advance(add(ZERO, tremor.at(tick * 0.001)), ZERO, 0.001)
@@ -25,8 +25,8 @@ def test_the_free_hand_trembles_by_the_stated_amount_in_the_stated_band(seed: in
 
 
 def test_it_is_a_function_of_time_and_seed_alone() -> None:
-    one, other = (Tremor(30e-6, HandOptions(), Random(seed).random) for seed in (1, 2))
-    again = Tremor(30e-6, HandOptions(), Random(1).random)
+    one, other = (Tremor(30e-6, HandOptions().oscillator, Random(seed).random) for seed in (1, 2))
+    again = Tremor(30e-6, HandOptions().oscillator, Random(1).random)
     backwards = [one.at(0.01 * i) for i in reversed(range(50))]
     assert backwards[::-1] == [again.at(0.01 * i) for i in range(50)]
     assert one.at(0.3) != other.at(0.3)

@@ -6,7 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, add, dot, norm, scale, subtract
+from codec.quaternion import turned
+from codec.rotation import IDENTITY
+from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 from master.mapping import FrameMap
 
 small = st.floats(-1.0, 1.0)
@@ -39,23 +41,46 @@ def test_right_angles_are_exact_and_in_the_stated_order() -> None:
     assert FrameMap((90, 0, 90), 1, 1, (0, 0, 0)).position((0.0, 0.0, 1.0)) == (1.0, 0.0, 0.0)  # x first, then z
 
 
-@given(angles, vectors)
-def test_the_orientation_turns_like_the_position(turn: Vector, v: Vector) -> None:
-    frame = FrameMap(turn, 1.0, 1.0, (0.0, 0.0, 0.0))
+@given(angles, scales, vectors)
+def test_the_orientation_turns_like_the_position(turn: Vector, s: float, v: Vector) -> None:
+    """What the handle turns in the device's frame, the tool turns in the robot's; scales do not count."""
+    frame = FrameMap(turn, s, 1.0, (0.0, 0.0, 0.0))
     handle = (cos(radians(20)), 0.0, sin(radians(20)), 0.0)  # 40 degrees about y, in the device's frame
-    assert turned(frame.orientation(handle), v) == pytest.approx(frame.position(turned(handle, v)), abs=1e-9)
-    assert sqrt(sum(part * part for part in frame.orientation(handle))) == pytest.approx(1.0)
+    tool = frame.orientation(handle)
+    assert turned(tool, frame.position(v)) == pytest.approx(frame.position(turned(handle, v)), abs=1e-9)
+    assert sqrt(sum(part * part for part in tool)) == pytest.approx(1.0)
 
 
-def turned(q: tuple[float, float, float, float], v: Vector) -> Vector:
-    """v + 2 w (u x v) + 2 u x (u x v)."""
-    w, u = q[0], q[1:]
-    once = cross(u, v)
-    return add(v, add(scale(once, 2.0 * w), scale(cross(u, once), 2.0)))
+@given(angles, scales)
+def test_a_level_handle_is_a_level_tool(turn: Vector, s: float) -> None:
+    assert FrameMap(turn, s, s, ZERO).orientation(IDENTITY) == pytest.approx(IDENTITY)
 
 
-def cross(a: Vector, b: Vector) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+@given(angles, scales, scales, st.tuples(small, small, small).filter(lambda axis: norm(axis) > 0.1), vectors)
+def test_power_of_turning_at_the_hand_is_that_at_the_tool_times_the_scale_of_force(
+    turn: Vector, s: float, f: float, axis: Vector, torque: Vector
+) -> None:
+    """So a passive scene stays passive: a small turn w of the hand is one of the tool by R w, torque . w is kept."""
+    frame = FrameMap(turn, s, f, ZERO)
+    w = scale(unit(axis), 1e-3)
+    _, x, y, z = frame.orientation((cos(0.5e-3), *scale(unit(axis), sin(0.5e-3))))
+    tool = scale((x, y, z), 1e-3 / sin(0.5e-3))
+    assert dot(frame.torque(torque), w) == pytest.approx(f * dot(torque, tool), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("turn", "robot", "hand"),
+    [
+        ((0, 0, 0), (0.0, 0.0, 0.3), (0.0, 0.0, 0.3)),
+        ((0, 0, 90), (0.0, 0.0, 0.3), (0.0, 0.0, 0.3)),
+        ((0, 0, 90), (0.0, 0.3, 0.0), (0.3, 0.0, 0.0)),  # the hand's x is the robot's y
+        ((90, 0, 0), (0.0, 0.0, 0.3), (0.0, 0.3, 0.0)),
+    ],
+)
+def test_a_torque_is_felt_about_the_axis_that_the_tool_is_turned_about(
+    turn: Vector, robot: Vector, hand: Vector
+) -> None:
+    assert FrameMap(turn, 0.1, 1.0, ZERO).torque(robot) == pytest.approx(hand, abs=1e-15)
 
 
 @given(angles, scales, vectors)

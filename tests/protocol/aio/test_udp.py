@@ -29,7 +29,7 @@ def run(main: Callable[[asyncio.AbstractEventLoop], Awaitable[None]]) -> None:
 
 
 def make(role: Role, **changes: object) -> Endpoint:
-    return make_endpoint(role, epoch=monotonic(), outgoing_values=3, incoming_values=3, silence=2.0, **changes)
+    return make_endpoint(role, epoch=monotonic(), outgoing_values=(3,), incoming_values=(3,), silence=2.0, **changes)
 
 
 async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> Event:
@@ -121,7 +121,7 @@ def test_emulated_faults_act_on_real_sockets() -> None:
         )
         master_shell, master, slave_shell, slave = await engage(loop, link)
         sent_at = monotonic()
-        while slave.statistics.updates_received < 10:
+        while slave.statistics.updates_received[0] < 10:
             master.send_update(monotonic(), *update_fields(1))
             master_shell.flush(monotonic())
             await asyncio.sleep(0.005)

@@ -9,7 +9,7 @@ import pytest
 
 from codec.vector import Vector, distance, dot, is_finite, norm
 from slave.robots import BUILT_IN
-from slave.robots.contract import RobotFault
+from slave.robots.contract import OrientedRobot, RobotFault
 from tests.slave.robots.benches import BENCHES, FAULTS, Bench
 
 PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
@@ -37,6 +37,8 @@ def test_the_spec_is_there_before_opening(name: str, bench: Bench) -> None:
     assert spec.axes
     assert spec.force_n > 0.0
     assert spec.stiffness_n_m > 0.0
+    assert spec.torque_n_m >= 0.0
+    assert spec.torque_n_m == 0.0 or isinstance(bench.robot, OrientedRobot)
     assert spec.rate_hz > 0.0
     assert spec.lag_s >= 0.0
     assert min(spec.force_error) >= 0.0
@@ -74,6 +76,7 @@ def test_readings_move_on_in_time_and_are_the_same_for_the_same_now(bench: Bench
         assert is_finite(reading.position)
         assert is_finite(reading.force)
         assert norm(reading.force) <= robot.spec.force_n + 1e-9
+        assert norm(reading.torque) <= robot.spec.torque_n_m * (1.0 + 1e-9)
         assert all(a - 0.1 <= p <= b + 0.1 for a, p, b in zip(lower, reading.position, upper, strict=True))
         readings.append(reading)
     assert all(a.at <= b.at for a, b in pairwise(readings))

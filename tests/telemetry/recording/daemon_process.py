@@ -12,8 +12,7 @@ from telemetry.ring import RingWriter
 
 path, side, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 capacity = int(sys.argv[4]) if len(sys.argv) > 4 else 10_000
-bytes_ = sum(field.axes for field in FIELDS if field.kind == "u1")
-numbers = sum(field.axes for field in FIELDS) - bytes_ - 1
+is_byte = [field.kind == "u1" for field in FIELDS for _ in range(field.axes)][1:]
 
 with RingWriter.create(path, side=side, rate_hz=1000.0, capacity=capacity) as writer:
     sys.stdout.write("ready\n")
@@ -24,5 +23,6 @@ with RingWriter.create(path, side=side, rate_hz=1000.0, capacity=capacity) as wr
         at = began + i / 1000.0
         if (wait := at - time.monotonic()) > 0.0:
             time.sleep(wait)
-        writer.write((at, *(i,) * numbers, *(i % 251,) * bytes_))
+        byte = i % 251
+        writer.write([at, *(byte if each else i for each in is_byte)])
         i += 1

@@ -233,7 +233,8 @@ def _check_description(begin: Begin) -> None:
         return
     try:
         hello(begin.session, {begin.side: begin.description}, remote=True)
-        ok = all(isinstance(name, str) for name in begin.description.get("bank", ()))
+        names = (*begin.description.get("bank", ()), *begin.description.get("torque_bank", ()))
+        ok = all(isinstance(name, str) for name in names)
     except (AttributeError, LookupError, TypeError, ValueError):
         ok = False
     if not ok:

@@ -23,7 +23,7 @@ from telemetry.record import RECORD
 from weberlink.configuration import SIDES
 from weberlink.monitor.remote.channel import LONGEST_PAYLOAD, StreamError
 
-RECORDS_AT_ONCE = 200
+RECORDS_AT_ONCE = 160
 """Packs into a message whatever they hold."""
 LONGEST_BEGIN = 1_000_000
 """Of a side's introduction, unpacked."""

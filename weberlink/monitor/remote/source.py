@@ -20,7 +20,7 @@ RECENT_S = 5.0
 WAITING_S = 20.0
 """What waits for a feed to be read; older records are let go."""
 _LATEST_S = 1e10
-_VECTORS = ("position", "raw", "decoded", "output")
+_VECTORS = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
 
 
 class RemoteSource:
@@ -40,8 +40,8 @@ class RemoteSource:
         self._last: Any = None
         self._lost_before = 0
         self._gaps = 0
-        bank = (begin.description or {}).get("bank")
-        self._bank = len(bank) if isinstance(bank, list) and bank else 16
+        self._bank = _count(begin, "bank")
+        self._torque_bank = _count(begin, "torque_bank")
 
     @property
     def newest(self) -> Any:
@@ -102,12 +102,19 @@ class RemoteSource:
             and (np.diff(at) >= 0.0).all()
             and all(np.isfinite(records[name]).all() for name in _VECTORS)
             and (records["selected"] < self._bank).all()
+            and (records["rotation_selected"] < self._torque_bank).all()
             and (records["control"] < len(SCHEMES)).all()
             and (records["fault"] <= max(Fault)).all()
             and ((records["state"] >= 1) & (records["state"] <= len(State))).all()
         )
         if not sound:
             raise StreamError("it sends records that no daemon writes")
+
+
+def _count(begin: Begin, bank: str) -> int:
+    """How many predictors a bank of the description has; as many as an update can name, where it does not say."""
+    names = (begin.description or {}).get(bank)
+    return len(names) if isinstance(names, list) and names else 16
 
 
 class Tap:

@@ -35,7 +35,7 @@ export class Store {
     return this.hello?.rate_hz ?? 1000;
   }
   get bank() {
-    return this.#description()?.bank ?? (this.hello?.predictors ?? []).filter((name) => name !== "hybrid");
+    return this.#description()?.bank ?? (this.hello?.predictors ?? []).filter((name) => !["hybrid", "adaptive"].includes(name));
   }
   get schemes() {
     return this.#description()?.schemes ?? this.hello?.schemes ?? [];

@@ -1,0 +1,69 @@
+"""A rigid tool of several haptic points that touches a scene: force and torque about its tip. Knows no time of day."""
+
+from collections.abc import Sequence
+from copy import deepcopy
+
+from codec.quaternion import turned
+from codec.rotation import IDENTITY, Quaternion, unit_quaternion
+from codec.vector import ZERO, Vector
+from slave.scenes.scene import Scene
+
+
+class Tool:
+    """f = sum of f_i, torque = sum of r_i x f_i about the tip, with r_i from the tip to the point i.
+
+    Every point is an ideal haptic point of its own: each has its proxy, and its friction and damping remember where it
+    touched, not where the others did. So every point has a copy of the scene. Only where the points are is felt: an
+    edge of the scene between two points is not.
+    """
+
+    __slots__ = ("_levers", "_orientation", "_points", "_scenes")
+
+    def __init__(self, points: Sequence[Vector], scene: Scene) -> None:
+        """Take the scene, which nobody else may then ask.
+
+        Args:
+            points: from the tip, tool frame [m].
+            scene: what there is to touch.
+        """
+        self._points = self._levers = tuple(points)
+        self._orientation = IDENTITY
+        self._scenes = (scene, *(deepcopy(scene) for _ in self._points[1:]))
+
+    def reset(self) -> None:
+        """Level, and what was touched is forgotten."""
+        self._orientation, self._levers = IDENTITY, self._points
+        for scene in self._scenes:
+            scene.reset()
+
+    def point(self, orientation: Quaternion) -> None:
+        """Hold this orientation, from the tool frame to that of the scene.
+
+        Raises:
+            ValueError: if it is none; the last one stays.
+        """
+        if orientation != self._orientation:
+            held = unit_quaternion(orientation)
+            if held is None:
+                raise ValueError(f"point: commanded an orientation that is none: {orientation}")
+            self._orientation, self._levers = orientation, tuple([turned(held, point) for point in self._points])
+
+    def wrench(self, tip: Vector, dt: float) -> tuple[Vector, Vector]:
+        """Reaction of the scene on the tool.
+
+        Args:
+            tip: scene frame [m].
+            dt: time since the last call [s].
+
+        Returns:
+            Force [N] and torque about the tip [N m], scene frame.
+        """
+        fx = fy = fz = tx = ty = tz = 0.0
+        for (x, y, z), scene in zip(self._levers, self._scenes, strict=True):
+            force = scene.force((tip[0] + x, tip[1] + y, tip[2] + z), dt)
+            if force == ZERO:
+                continue
+            a, b, c = force
+            fx, fy, fz = fx + a, fy + b, fz + c
+            tx, ty, tz = tx + y * c - z * b, ty + z * a - x * c, tz + x * b - y * a
+        return (fx, fy, fz), (tx, ty, tz)

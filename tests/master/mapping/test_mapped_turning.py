@@ -1,0 +1,168 @@
+"""A mapped device that turns: what is sent of its orientation, what torque is felt, and the clutch."""
+
+from itertools import pairwise
+from math import radians
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from codec.quaternion import inverse, product
+from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from codec.vector import ZERO, Vector, norm, scale
+from master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
+from master.devices.operator import OperatorDevice, OperatorOptions
+from master.mapping import Clutch, FrameMap, MappedDevice
+
+TICK = 0.001
+SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)
+turns = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+
+
+class Handle:
+    """A device that is as a test turns it, and feels torque."""
+
+    def __init__(self, torque_n_m: float = 0.4) -> None:
+        corner = (0.06, 0.06, 0.06)
+        self.spec = DeviceSpec(
+            "handle",
+            "xyz",
+            8.0,
+            2000.0,
+            ((-0.06, -0.06, -0.06), corner),
+            1000.0,
+            True,
+            buttons=2,
+            orientation=True,
+            torque_n_m=torque_n_m,
+        )
+        self.orientation: Quaternion = IDENTITY
+        self.buttons = 0
+        self.felt: Vector = ZERO
+
+    def open(self, now: float) -> None:
+        pass
+
+    def latest(self, now: float) -> DeviceReading:
+        return DeviceReading(now, ZERO, orientation=self.orientation, buttons=self.buttons)
+
+    def command(self, force: Vector, now: float) -> None:
+        pass
+
+    def turn(self, torque: Vector, now: float) -> None:
+        self.felt = torque
+
+    def close(self) -> None:
+        self.felt = ZERO
+
+
+class Hands:
+    """A mapped handle, turned and told tick by tick."""
+
+    def __init__(self, frame: FrameMap = SAME, *, clutch: bool = False, torque_n_m: float = 0.4) -> None:
+        self.handle = Handle(torque_n_m)
+        self.device = MappedDevice(
+            self.handle, frame, clutch=Clutch(1) if clutch else None, walls=None, force_limit=10.0, ramp=0.05
+        )
+        self.now = 0.0
+        self.device.open(0.0)
+
+    def tick(self, turn: Vector, torque: Vector = ZERO, *, pressed: bool = False, count: int = 1) -> Quaternion:
+        """What is sent, at the last of `count` ticks."""
+        self.handle.orientation = quaternion(turn)
+        self.handle.buttons = 2 if pressed else 0
+        for _ in range(count):
+            self.now += TICK
+            reading = self.device.latest(self.now)
+            self.device.command(ZERO, self.now)
+            self.device.turn(torque, self.now)
+        assert reading.orientation is not None
+        return reading.orientation
+
+
+def test_turns_torque_and_spec_are_in_the_frame_of_the_robot() -> None:
+    """A quarter turn about z between the frames: the hand's x is the robot's y. Motion is scaled, angles are not."""
+    hands = Hands(FrameMap((0.0, 0.0, 90.0), 0.1, 0.5, (0.0, 0.0, 0.1)))
+    assert isinstance(hands.device, TorqueDevice)
+    assert hands.device.spec.orientation
+    assert hands.device.spec.torque_n_m == 0.8, "0.4 N m in the hand"
+    assert vector(hands.tick((0.3, 0.0, 0.2), (0.0, 0.6, 0.1))) == pytest.approx((0.0, 0.3, 0.2))
+    assert hands.handle.felt == pytest.approx((0.3, 0.0, 0.05))
+
+
+def test_a_torque_about_z_is_felt_about_z_in_the_hand_of_the_operator() -> None:
+    """Turned about z, scaled and offset: the hand yields about its own +z."""
+    hand = OperatorDevice(OperatorOptions(tremor_m=0.0, wrist={"tremor_rad": 0.0}), TICK)
+    device = MappedDevice(
+        hand,
+        FrameMap((0.0, 0.0, 90.0), 0.3, 1.0, (0.1, 0.0, 0.0)),
+        clutch=None,
+        walls=None,
+        force_limit=10.0,
+        ramp=0.05,
+    )
+    device.open(0.0)
+    for tick in range(1, 801):
+        reading, own = device.latest(tick * TICK), hand.latest(tick * TICK)
+        device.command(ZERO, tick * TICK)
+        device.turn((0.0, 0.0, 0.2), tick * TICK)
+    assert reading.orientation is not None
+    assert own.orientation is not None
+    assert vector(reading.orientation) == pytest.approx((0.0, 0.0, 0.1), abs=1e-4)
+    assert vector(own.orientation) == pytest.approx((0.0, 0.0, 0.1), abs=1e-4)
+
+
+def test_while_the_clutch_is_held_the_tool_stays_and_turns_on_about_the_same_axes() -> None:
+    hands = Hands(clutch=True)
+    before = hands.tick((0.5, 0.0, 0.0))
+    assert hands.tick((0.2, 0.3, 0.0), pressed=True) == before
+    assert hands.tick((0.0, 0.0, -0.4), pressed=True) == before
+    assert angle_between(hands.tick((0.0, 0.0, -0.4)), before) < 1e-12
+    on = hands.tick((0.0, 0.0, -0.3))
+    assert vector(product(on, inverse(before))) == pytest.approx((0.0, 0.0, 0.1)), "about z, as the hand turned"
+
+
+@given(st.lists(st.tuples(st.booleans(), turns), min_size=1, max_size=40))
+def test_indexing_never_jumps(script: list[tuple[bool, Vector]]) -> None:
+    """What is sent turns no further than the hand does, whatever is pressed."""
+    hands = Hands(clutch=True)
+    before, hand = hands.tick(ZERO), IDENTITY
+    for pressed, turn in script:
+        sent = hands.tick(turn, pressed=pressed)
+        assert angle_between(before, sent) <= angle_between(hand, quaternion(turn)) + 1e-7
+        before, hand = sent, quaternion(turn)
+
+
+def test_torque_fades_while_the_clutch_is_held_and_comes_back_without_a_jump() -> None:
+    hands = Hands(clutch=True)
+    felt = []
+    for pressed in [False] * 100 + [True] * 80 + [False] * 80:
+        hands.tick(ZERO, (0.0, 0.0, 0.3), pressed=pressed)
+        felt.append(hands.handle.felt[2])
+    assert felt[99] == felt[-1] == 0.3
+    assert felt[160] == 0.0
+    assert max(abs(a - b) for a, b in pairwise(felt[1:])) <= 0.3 * TICK / 0.05 + 1e-12
+
+
+def test_another_session_starts_without_the_indexing_of_the_last() -> None:
+    hands = Hands(clutch=True)
+    hands.tick((0.5, 0.0, 0.0))
+    hands.tick(ZERO, pressed=True)
+    assert norm(vector(hands.tick(ZERO))) > 0.4
+    hands.device.close()
+    hands.device.open(10.0)
+    hands.now = 10.0
+    assert vector(hands.tick((0.1, 0.0, 0.0))) == pytest.approx((0.1, 0.0, 0.0))
+
+
+def test_a_device_that_displays_no_torque_is_not_told_any() -> None:
+    hands = Hands(torque_n_m=0.0)
+    hands.tick(ZERO, scale((0.0, 0.0, 1.0), radians(10.0)), count=100)
+    assert hands.handle.felt == ZERO
+    assert hands.device.spec.torque_n_m == 0.0
+
+
+def test_a_torque_that_is_no_number_is_our_own_error() -> None:
+    hands = Hands()
+    with pytest.raises(ValueError, match="handle: commanded a torque that is not finite"):
+        hands.device.turn((0.0, float("nan"), 0.0), 0.0)

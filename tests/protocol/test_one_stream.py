@@ -1,0 +1,51 @@
+"""A session of one stream: its bytes are those that were recorded before there could be a second."""
+
+from hashlib import sha256
+
+import pytest
+
+from protocol.checksum import Checksum
+from protocol.emulation import Emulation
+from protocol.psk import PresharedKey
+from protocol.security import Security
+from tests.protocol.harness import KEY, Pair, Side, update_fields
+
+RECORDED = {
+    ("checksum", False): "1d9417872c531683defec7cb8588d99c18533a5bc090beeefb9c19ddf6325e5c",
+    ("checksum", True): "d03308d264b40a465aa4a3e0bca50ca642a0b0d4c7eff79a16a146004a615719",
+    ("psk", False): "3bf0b732b86b2373495dbff86b9f924c20c9104a1ddea93a4da1c3ce9857c0fc",
+    ("psk", True): "47d6124b13b68ec65e3dfbaff75c82996f83da5b46c3a5e5c6c7618b36bf6216",
+}
+"""Of the script below: SHA-256 of every datagram in the order in which they left."""
+
+
+def drive(pair: Pair, now: float, tick: int) -> None:
+    """Updates of both sides, some with history, at paces that leave room for heartbeats and repeats."""
+    for side, pace, values in ((pair.master, 7, 3), (pair.slave, 61, 3)):
+        if tick % pace == 0 and now < 1.2:
+            _send(side, now, tick, values, with_previous=tick % 2 == 0)
+            side.endpoint.credit = tick
+
+
+def _send(side: Side, now: float, tick: int, values: int, *, with_previous: bool) -> None:
+    stamp, selector, newest, gap, previous = update_fields(tick)
+    previous, gap = (previous, max(gap, 1)) if with_previous else ((), 0)
+    side.endpoint.send_update(side.local(now), stamp, selector, newest[:values], gap, previous[:values])
+
+
+@pytest.mark.parametrize("suite", ["checksum", "psk"])
+@pytest.mark.parametrize("carries_credit", [False, True])
+def test_the_bytes_are_those_of_before(suite: str, carries_credit: bool) -> None:
+    security: Security = Checksum() if suite == "checksum" else PresharedKey(KEY)
+    faulty = Emulation(delay_s=0.003, jitter_s=0.002, loss=0.1, reorder=0.05, duplicate=0.05)
+    changes = {"security": security, "carries_credit": carries_credit, "incoming_values": (3,), "outgoing_values": (3,)}
+    pair = Pair(forward=faulty, backward=faulty, master=changes, slave=changes, on_tick=drive, seed=11)
+    pair.connect().run(1.5)
+    for side in pair.sides:
+        side.endpoint.close(side.local(pair.now), "completed")
+    pair.run(0.02)
+    digest = sha256()
+    for _, _, data in pair.tap:
+        digest.update(len(data).to_bytes(2, "little") + data)
+    assert len(pair.tap) > 200
+    assert digest.hexdigest() == RECORDED[suite, carries_credit]

@@ -1,0 +1,187 @@
+"""Two streams of updates each way: each comes through, is repeated and restored by itself."""
+
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from protocol import DropReason, PeerSilent, Role, State, UpdateReceived
+from protocol.emulation import Emulation
+from protocol.wire import Kind, kind_of
+from tests.protocol.harness import Pair, Side, make_endpoint, suites, update_fields
+
+BOTH = {"outgoing_values": (3, 3), "incoming_values": (3, 3)}
+MENDED_WITHIN = 0.15
+"""As for a single stream: see `test_endpoint_loss`."""
+
+
+def two(**changes: object) -> Pair:
+    arguments = {"master": BOTH, "slave": BOTH, **changes}
+    return Pair(**arguments)  # type: ignore[arg-type]
+
+
+def send(pair: Pair, side: Side, stream: int, tick: int | None = None) -> int:
+    fields = update_fields(pair.ticks if tick is None else tick)
+    assert side.endpoint.send_update(side.local(pair.now), *fields, stream=stream)
+    return fields[0]
+
+
+def of(side: Side, stream: int) -> list[UpdateReceived]:
+    return [event for event in side.updates() if event.stream == stream]
+
+
+@pytest.mark.parametrize("security", suites())
+def test_each_arrives_once_and_as_it_was(security: object) -> None:
+    sent: dict[int, list[int]] = {0: [], 1: []}
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        for stream, pace in ((0, 7), (1, 11)):
+            if 200 < tick < 2000 and tick % pace == 0:
+                sent[stream].append(send(pair, pair.master, stream))
+
+    ends = {**BOTH, "security": security}
+    pair = two(master=ends, slave=ends, on_tick=on_tick).engage().run(2.0)
+    for stream in (0, 1):
+        received = of(pair.slave, stream)
+        assert [event.tick for event in received] == sent[stream]
+        assert all(event[:5] == update_fields(event.tick) for event in received)
+    assert pair.master.endpoint.statistics.updates_sent == [len(sent[0]), len(sent[1])]
+    assert pair.slave.endpoint.statistics.updates_received == [len(sent[0]), len(sent[1])]
+    assert pair.master.endpoint.statistics.repeats == 0
+
+
+def test_streams_may_differ_in_size() -> None:
+    pair = two(
+        master={"outgoing_values": (3, 1), "incoming_values": (2, 6)},
+        slave={"outgoing_values": (2, 6), "incoming_values": (3, 1)},
+    ).engage()
+    pair.slave.endpoint.send_update(pair.now, 200, 1, (1, 2), 0, ())
+    pair.slave.endpoint.send_update(pair.now, 200, 2, (1, 2, 3, 4, 5, 6), 1, (6, 5, 4, 3, 2, 1), stream=1)
+    pair.master.endpoint.send_update(pair.now, 200, 3, (-7,), 0, (), stream=1)
+    pair.run(0.01)
+    assert [(event.stream, event.newest, event.previous) for event in pair.master.updates()] == [
+        (0, (1, 2), ()),
+        (1, (1, 2, 3, 4, 5, 6), (6, 5, 4, 3, 2, 1)),
+    ]
+    assert [(event.stream, event.newest) for event in pair.slave.updates()] == [(1, (-7,))]
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_what_one_stream_lacks_is_not_hidden_by_the_other(missing: int) -> None:
+    """The update of one is lost and that of the other, later, arrives: only the lost one is sent again."""
+    pair = two().engage().run(1.0)
+    kind = (Kind.UPDATE, Kind.SECOND_UPDATE)[missing]
+    pair.swallow = lambda side, data: kind_of(data) == kind
+    lost = send(pair, pair.master, missing)
+    pair.run(0.001)
+    pair.swallow = lambda side, data: False
+    send(pair, pair.master, 1 - missing)
+    pair.run(MENDED_WITHIN)
+    assert [event.tick for event in of(pair.slave, missing)] == [lost]
+    assert len(of(pair.slave, 1 - missing)) == 1
+    assert pair.master.endpoint.statistics.repeats == 1
+
+
+@pytest.mark.parametrize("missing", [0, 1])
+def test_evidence_that_one_stream_lacks_its_update_brings_the_repeat_forward(missing: int) -> None:
+    pair = two().engage().run(1.0)
+    pair.swallow = lambda side, data: side is pair.master
+    lost = send(pair, pair.master, missing)
+    pair.run(0.004)
+    pair.swallow = lambda side, data: False
+    send(pair, pair.master, 1 - missing)
+    pair.run(0.002)
+    send(pair, pair.slave, 0)  # which acknowledges the one and not the other
+    pair.run(0.01)
+    assert [event.tick for event in of(pair.slave, missing)] == [lost]
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_neither_supersedes_the_other(first: int) -> None:
+    """Reordered on the way, both are delivered; an older one of the same stream is not."""
+    pair = two().engage()
+    datagrams = []
+    for stream, tick in ((first, 10), (1 - first, 11), (first, 12)):
+        pair.master.endpoint.send_update(pair.now, tick, *update_fields(tick)[1:], stream=stream)
+        datagrams += pair.master.endpoint.datagrams_to_send()
+    for data, _ in reversed(datagrams):
+        pair.slave.endpoint.receive_datagram(data, pair.master.address, pair.now + 0.001)
+    pair.slave.collect(pair.now)
+    assert [(event.stream, event.tick) for event in pair.slave.updates()] == [(first, 12), (1 - first, 11)]
+    assert pair.slave.faults() == [DropReason.SUPERSEDED]
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.integers(0, 2**32),
+    st.lists(st.booleans(), max_size=40),
+    st.lists(st.booleans(), max_size=40),
+    st.tuples(st.integers(1, 30), st.integers(1, 30)),
+    st.sampled_from([0.0, 0.001, 0.02, 0.045]),
+    st.booleans(),
+)
+def test_after_any_pattern_of_losses_the_newest_update_of_both_is_there_soon(
+    seed: int, forward: list[bool], backward: list[bool], gaps: tuple[int, int], delay: float, doubled: bool
+) -> None:
+    """Any of the datagrams of each direction are lost for 80 ms; the rest are late, swapped or there twice."""
+    link = Emulation(delay_s=delay, jitter_s=0.002, reorder=0.1, duplicate=0.2 * doubled)
+    newest = [-1, -1]
+    ends_at = 0.28
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        for stream, gap in enumerate(gaps):
+            if 0.2 <= now < ends_at and tick % gap == 0:
+                newest[stream] = send(pair, pair.master, stream)
+
+    pair = two(seed=seed, forward=link, backward=link, on_tick=on_tick).engage()
+    fates = {id(pair.master): iter(forward), id(pair.slave): iter(backward)}
+    pair.swallow = lambda side, data: pair.now < ends_at and next(fates[id(side)], True)
+    pair.run(ends_at - pair.now)
+    pair.run(MENDED_WITHIN + 2.0 * (delay + 0.002))
+    if not (pair.master.of(PeerSilent) or pair.slave.of(PeerSilent)):  # else owners are told, and begin anew
+        assert [[event.tick for event in of(pair.slave, stream)][-1:] for stream in (0, 1)] == [
+            [tick] if tick >= 0 else [] for tick in newest
+        ]
+
+
+def test_acknowledgements_of_both_go_on_past_the_wrap_of_their_numbers() -> None:
+    """2^16 datagrams in one direction, and an update of either stream every now and then, none of them repeated."""
+    pair = two().engage()
+    master, slave = pair.master.endpoint, pair.slave.endpoint
+    random = Random(4)
+    for tick in range(210, 70_000):
+        now = tick * 0.001
+        stream = int(random.random() < 0.3)
+        master.send_update(now, *update_fields(tick), stream=stream)
+        for data, _ in master.datagrams_to_send():
+            slave.receive_datagram(data, pair.master.address, now)
+        slave.handle_timer(now)
+        for data, _ in slave.datagrams_to_send():
+            master.receive_datagram(data, pair.slave.address, now)
+        while slave.next_event() is not None or master.next_event() is not None:
+            pass
+    assert sum(slave.statistics.updates_received) == 70_000 - 210
+    assert master.statistics.repeats == 0
+
+
+def test_an_end_of_one_stream_refuses_the_other_kind() -> None:
+    pair = Pair(
+        master={"outgoing_values": (3,), "incoming_values": (3,)},
+        slave={"outgoing_values": (3,), "incoming_values": (3,)},
+    )
+    pair.engage()
+    send(pair, pair.master, 0)
+    ((data, _),) = pair.master.endpoint.datagrams_to_send()
+    pair.slave.endpoint.receive_datagram(
+        bytes([data[0] | Kind.SECOND_UPDATE]) + data[1:], pair.master.address, pair.now
+    )
+    pair.slave.collect(pair.now)
+    assert pair.slave.faults() == [DropReason.UNKNOWN_KIND]
+    assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
+
+
+@pytest.mark.parametrize("values", [(), (3, 3, 3), (3, 0)])
+def test_only_one_or_two_streams_of_values_are_built(values: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="values"):
+        make_endpoint(Role.RESPONDER, outgoing_values=values)
