@@ -22,7 +22,7 @@ class Decoder:
         selected: index in the bank of the predictor in use.
     """
 
-    __slots__ = ("_begin", "_channel", "_held", "_model", "_predictors", "_ramp", "newest", "selected")
+    __slots__ = ("_begin", "_channel", "_held", "_model", "_noted", "_predictors", "_ramp", "newest", "selected")
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -34,6 +34,7 @@ class Decoder:
         self._model: Model | None = None
         self._begin: Vector = ZERO
         self._held: Vector | None = None
+        self._noted: tuple[float, Vector] | None = None
         self._ramp: Vector | None = None
         self.newest: Sample | None = None
         self.selected = 0
@@ -68,7 +69,7 @@ class Decoder:
         self._model, self.newest, self.selected = model, newest, update.selector
         # A line says its beginning exactly; a stiff model evaluated at the exact position would miss the sample.
         self._begin = channel.displayable(model.value, newest) if isinstance(model, Line) else newest.value
-        self._held = model.memory if isinstance(model, Surface) else None
+        self._held, self._noted = model.memory if isinstance(model, Surface) else None, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
@@ -102,6 +103,8 @@ class Decoder:
         assert newest is not None
         assert isinstance(model, Surface)
         assert self._held is not None
+        if self._noted is None or self._noted[0] != tick:
+            self._noted = tick, self._held
         value, held = model.along(tick, place, self._held)
         # A place that is none is not remembered: all that follow would be none.
         if is_finite(held):
@@ -109,7 +112,9 @@ class Decoder:
         return self._channel.displayable(value, newest)
 
     def _shown(self, tick: float, position: Vector) -> Vector | None:
-        """`value`, with nothing taken note of."""
+        """`value`, with nothing taken note of; nor earlier in this tick, when a mirror was asked and a receiver not."""
+        if self._noted is not None and self._noted[0] == tick:
+            self._held = self._noted[1]
         held = self._held
         shown = self.value(tick, position)
         self._held = held

@@ -77,7 +77,8 @@ class Block(NamedTuple):
         """Towards zero, so that what must stay within a bound does; saturated. All must be finite."""
         top = (1 << (self.width - 1)) - 1
         largest = max(map(abs, numbers)) / self.unit
-        exponent = min(max(0, frexp(largest / (top + 1))[1]), _LARGEST_EXPONENT) if largest < 1e300 else _LARGEST_EXPONENT
+        beyond = frexp(largest / (top + 1))[1] if largest < 1e300 else _LARGEST_EXPONENT
+        exponent = min(max(0, beyond), _LARGEST_EXPONENT)
         digit = ldexp(self.unit, exponent)
         return [exponent, *(max(-top, min(top, int(max(-1e9, min(1e9, number / digit))))) + top for number in numbers)]
 

@@ -16,7 +16,13 @@ from codec.sample import Sample
 from codec.vector import ZERO, Vector
 
 PRESENT = 0.6
-"""What an error of one deadband or more at this moment counts for, in sends."""
+"""What an error of one deadband at this moment counts for, in sends."""
+MOST_WRONG = 1.0
+"""Deadbands; a larger error says no more."""
+DOUBT = {"trend": 1.1, "affine": 1.1}
+"""By so much the record of these must be better than that of what assumes less: between equals it is noise that
+decides.
+"""
 LEAST_FORCE_STEPS = 10.0
 """A contact is a force of so many wire steps at least, and twice the deadband at rest."""
 
@@ -43,7 +49,7 @@ class Choice:
             at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
             self._contact = Contact(max(2.0 * at_rest, LEAST_FORCE_STEPS * channel.value_quantizer.step))
         self._shadows = [
-            Shadow(selector, candidate, channel.rest)
+            Shadow(selector, candidate, channel.rest, DOUBT.get(name, 1.0))
             for selector, name in enumerate(channel.bank)
             for candidate in self._candidates(name)
         ]
@@ -91,8 +97,8 @@ class Choice:
 
     @staticmethod
     def _cost(shadow: Shadow, tick: int, bound: float) -> float:
-        wrong = min(1.0, shadow.error / bound) if bound > 0.0 else 1.0
-        return shadow.record(tick) + PRESENT * wrong
+        wrong = min(MOST_WRONG, shadow.error / bound) if bound > 0.0 else MOST_WRONG
+        return shadow.doubt * shadow.record(tick) + PRESENT * wrong
 
     def _candidates(self, name: str) -> list[Candidate]:
         """Those that serve a predictor, the simplest first."""

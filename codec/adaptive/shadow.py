@@ -36,6 +36,7 @@ class Shadow:
     Attributes:
         selector: index in the bank of the predictor whose model the candidate makes.
         candidate: that makes it.
+        doubt: factor on its record, as the choice compares it.
         error: of its prediction at the newest sample, in the unit of the values, before any send of its own.
     """
 
@@ -48,13 +49,15 @@ class Shadow:
         "_short",
         "_wakes",
         "candidate",
+        "doubt",
         "error",
         "selector",
     )
 
-    def __init__(self, selector: int, candidate: Candidate, rest: Vector | None) -> None:
+    def __init__(self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0) -> None:
         self.selector = selector
         self.candidate = candidate
+        self.doubt = doubt
         self._model: Model | None = Hold(rest) if rest is not None else None
         self._held: Vector | None = None
         self._newest: Sample | None = None

@@ -18,7 +18,7 @@ from codec.parameters import Float, Uniform
 from codec.predictors.contract import Parametric, Trust
 from codec.quantizer import Grids
 from codec.sample import Sample
-from codec.sine import cosine, sine
+from codec.sine import sine
 from codec.vector import ZERO, Vector
 
 
@@ -103,7 +103,9 @@ class Surface(NamedTuple):
         if pulse == 0.0:
             return (velocity + 0.5 * acceleration * ahead) * ahead
         angle = pulse * ahead
-        return (velocity * sine(angle) + acceleration / pulse * (1.0 - cosine(angle))) / pulse
+        # 1 - cos w t without the difference, which for a slow swing is all rounding.
+        half = sine(0.5 * angle)
+        return (velocity * sine(angle) + acceleration / pulse * 2.0 * half * half) / pulse
 
 
 class _Layout(NamedTuple):
