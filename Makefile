@@ -54,6 +54,7 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
+	$(BIN)/weberlink adaptive $(TRACES) --docs docs/adaptive
 	$(BIN)/weberlink bench --plots docs/bench --json docs/bench/bench.json
 	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/weberlink/monitor/test_page_live.py -k picture
 

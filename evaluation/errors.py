@@ -23,15 +23,23 @@ class Errors:
     jnd: Distribution = field(default_factory=Distribution)  # in millionths, for its bins end at 1
     _run: int = 0
 
-    def add(self, errors: Series, bounds: Series) -> None:
-        outside = errors > bounds
+    def add(self, errors: Series, bounds: Series, deviations: Series | None = None) -> None:
+        """Take the next ticks.
+
+        Args:
+            errors: in the unit of the values, shape (n,).
+            bounds: of the deviations, shape (n,).
+            deviations: the same errors as the deadband measures them; None where it measures distance.
+        """
+        deviations = errors if deviations is None else deviations
+        outside = deviations > bounds
         self.count += len(errors)
         self.violations += int(outside.sum())
         self.square_sum += float((errors * errors).sum())
         if len(errors):
             self.largest = max(self.largest, float(errors.max()))
         noticed = bounds > 0.0  # a bound of 0 is no unit
-        self.jnd.add(errors[noticed] / bounds[noticed] * 1e6)
+        self.jnd.add(deviations[noticed] / bounds[noticed] * 1e6)
         for value in outside.tolist():
             self._run = self._run + 1 if value else 0
             self.longest_run = max(self.longest_run, self._run)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from codec.vector import Vector
 from control.table import SCHEMES
 from evaluation.distribution import Distribution
 from evaluation.energy import LinkEnergy, PortWork, Records, Series
@@ -78,6 +79,9 @@ class _Side:
         }
 
 
+Measure = Callable[[Vector, Vector], float]
+
+
 class SessionScore:
     """Joins the records of master and slave tick by tick, and sums up.
 
@@ -96,9 +100,18 @@ class SessionScore:
         rate_hz: tick rate of both sides [Hz].
         bank: names of the force channel's predictors, in the order of selectors.
         torque_bank: likewise of the torque channel; None for a session of three degrees of freedom.
+        measure: how the deadband of the force measures an error, of the displayed force and the actual one; None for
+            their distance.
     """
 
-    def __init__(self, rate_hz: float, bank: tuple[str, ...], torque_bank: tuple[str, ...] | None = None) -> None:
+    def __init__(
+        self,
+        rate_hz: float,
+        bank: tuple[str, ...],
+        torque_bank: tuple[str, ...] | None = None,
+        measure: Measure | None = None,
+    ) -> None:
+        self._measure = measure
         self._period = 1.0 / rate_hz
         self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
         self._bank = bank
@@ -133,7 +146,7 @@ class SessionScore:
                 self._until = max(self._until, float(records["at"][-1]))
         own = slave[_in_session(slave)] if len(slave) else slave
         if len(own):  # the coding error needs no other side
-            self._coding.add(_distance(own["decoded"], own["raw"]), own["bound"])
+            self._add_force(self._coding, own["decoded"], own["raw"], own["bound"])
         if self._rotation is not None:
             self._rotation.add(slave, own)
         self._join()
@@ -216,8 +229,15 @@ class SessionScore:
         counts = close & _in_session(matched) & _in_session(now)
         self._compare(matched[counts], now[counts])
 
+    def _add_force(self, errors: Errors, displayed: Series, actual: Series, bound: Series) -> None:
+        deviations = None
+        if self._measure is not None:
+            pairs = zip(displayed.tolist(), actual.tolist(), strict=True)
+            deviations = np.array([self._measure(tuple(one), tuple(other)) for one, other in pairs], dtype=np.float64)
+        errors.add(_distance(displayed, actual), bound, deviations)
+
     def _compare(self, master: Records, slave: Records) -> None:
-        self._felt.add(_distance(master["output"], slave["raw"]), slave["bound"])
+        self._add_force(self._felt, master["output"], slave["raw"], slave["bound"])
         self._position.add(_distance(slave["output"], master["raw"]), master["bound"])
         if self._rotation is not None:
             self._rotation.compare(master, slave)

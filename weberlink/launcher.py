@@ -35,6 +35,7 @@ from evaluation.session import Records, SessionScore
 from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path, process_started
 from weberlink import description, live_change
+from weberlink.composition.deadband import measure_of
 from weberlink.composition.link import banks
 from weberlink.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
@@ -155,7 +156,7 @@ class Session:
     def __enter__(self) -> Self:
         sweep()
         system = self.configuration.system
-        self.score = SessionScore(system.rate_hz, *banks(system))
+        self.score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # by nohup, say
                 continue

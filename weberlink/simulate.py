@@ -8,6 +8,7 @@ from typing import Any
 from evaluation.recording import TraceRecorder
 from evaluation.session import Records, SessionScore
 from evaluation.simulation import SLAVE_ADDRESS, Observer, Simulation
+from weberlink.composition.deadband import measure_of
 from weberlink.composition.emulation import build_link
 from weberlink.composition.link import banks, build_security
 from weberlink.composition.master import build_master
@@ -88,7 +89,7 @@ def simulate(
     if record is not None:
         check_target(record)
     simulation = build_simulation(configuration)
-    score = SessionScore(system.rate_hz, *banks(system))
+    score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
     recorder = TraceRecorder()
     recording = None if record is None else Recording(configuration, record)
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]

@@ -53,6 +53,10 @@ def evaluate(
         str, typer.Option(metavar="K,..", help='Weber factors; "paper" for 0.025,0.05,0.1,0.15,0.2,0.3.')
     ] = "0.10",
     floor: Annotated[float, typer.Option(metavar="N", min=0.0, callback=finite, help="Absolute threshold [N].")] = 0.02,
+    deadband: Annotated[
+        str,
+        typer.Option(metavar="SHAPE,..", help="Deadbands: isotropic, cone, level_crossing, velocity_adaptive."),
+    ] = "isotropic",
     jnd: Annotated[
         float, typer.Option(metavar="J", help="What a person just notices, as a share of the force, for every row.")
     ] = 0.10,
@@ -78,8 +82,8 @@ def evaluate(
         with errors(), progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
-                jnd=jnd, wire=wire, plots=plots is not None, engine=engine, place=place,
-                progress=progress,
+                jnd=jnd, wire=wire, plots=plots is not None, engine=engine, deadbands=deadband,
+                place=place, progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)
@@ -218,4 +222,23 @@ def paper(
     publish(result, json_out, plots)
 
 
-COMMANDS = (info, export, evaluate, precision, stability, bench, experiment, ratings, paper)
+def adaptive(
+    traces: Annotated[
+        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; else the shipped one.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A glance at a part of it.")] = False,
+    workers: Workers = None,
+    json_out: Json = None,
+    docs: Annotated[
+        Path | None, typer.Option("--docs", metavar="DIR", help="Write page and figures (extra: weberlink[plots]).")
+    ] = None,
+) -> None:
+    """Measure the adaptive predictor against the paper's hybrid: packets, what is felt, each part, cost."""
+    from weberlink.adaptive import run  # noqa: PLC0415
+
+    with errors(), progress_bar() as progress:
+        result = run(traces or [], quick=quick, docs=docs is not None, workers=workers, progress=progress)
+    publish(result, json_out, docs)
+
+
+COMMANDS = (info, export, evaluate, precision, stability, bench, experiment, ratings, paper, adaptive)

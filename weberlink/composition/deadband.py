@@ -1,8 +1,10 @@
 """The deadband of the force channel from a configuration."""
 
+from collections.abc import Callable
 from math import radians
 
 from codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
+from codec.vector import Vector
 from weberlink.configuration import System
 from weberlink.configuration.deadband import ConeSettings, LevelCrossingSettings, VelocityAdaptiveSettings
 
@@ -19,6 +21,12 @@ def force_deadband(system: System, weber: float) -> Deadband:
             return VelocityDeadband(weber, force.floor_n, force.reference, slope, most, system.tick_period)
         case _:
             return ForceDeadband(weber, force.floor_n, force.reference)
+
+
+def measure_of(system: System) -> Callable[[Vector, Vector], float] | None:
+    """How the deadband of the file measures an error; None where that is the distance, which is quicker without."""
+    apart = isinstance(system.codec.force.deadband, ConeSettings | LevelCrossingSettings)
+    return force_deadband(system, system.codec.force.weber).error if apart else None
 
 
 def deadband_in_words(system: System) -> str:
