@@ -53,7 +53,8 @@ EXPLORED = """a modelled hand (`evaluation/coding/scenes/`), with 2 mN rms of se
 something else is said; a seed is another motion."""
 
 CHOSEN = f"""Chosen were the time constants of the record ({SHORT:g} and {LONG:g} ticks), the weight of the present
-error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({DOUBT["trend"]:g}), and the filters of `codec/adaptive/trend.py`: least squares of the mean of the next 20
+error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({DOUBT["trend"]:g}), and the filters of
+`codec/adaptive/trend.py`: least squares of the mean of the next 20
 samples, and of the line through the next 40, on differences of the latest ones, over the recordings of that half
 alone (`evaluation/adaptive/filters.py` makes them again). The form of the candidates was worked out while signals
 of both halves were looked at; only these numbers are of one half alone, and the packets of the other were seen

@@ -1,7 +1,7 @@
 import pytest
 
 from codec import force_channel, position_channel
-from codec.predictors import PREDICTORS
+from codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PARAMETRIC, PREDICTORS
 
 
 def test_only_the_named_predictors_are_in_the_bank() -> None:
@@ -16,7 +16,7 @@ def test_refuses_a_bank_that_is_none(bank: list[str]) -> None:
         force_channel(bank=bank)
 
 
-@pytest.mark.parametrize("predictor", ["plane", "sphere"])
+@pytest.mark.parametrize("predictor", ["plane", "sphere", "affine", "surface"])
 def test_geometry_does_not_predict_positions(predictor: str) -> None:
     with pytest.raises(ValueError, match=predictor):
         position_channel(predictor=predictor)
@@ -31,3 +31,23 @@ def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_le
 def test_two_builds_from_the_same_numbers_code_alike() -> None:
     levels = force_channel().levels((1.0, 2.0, 3.0), (0.01, 0.02, 0.03))
     assert force_channel().sample(4, levels) == force_channel().sample(4, levels)
+
+
+@pytest.mark.parametrize("predictor", list(PARAMETRIC))
+def test_a_hybrid_chooses_among_no_parameters(predictor: str) -> None:
+    with pytest.raises(ValueError, match=f"{predictor}.*adaptive"):
+        force_channel(predictor="hybrid", bank=["zoh", predictor])
+    assert force_channel(predictor="adaptive", bank=["zoh", predictor]).bank == ("zoh", predictor)
+
+
+def test_the_banks_by_default_are_those_of_the_name() -> None:
+    assert force_channel(predictor="adaptive").bank == ADAPTIVE_BANK
+    assert force_channel(predictor="hybrid").bank == force_channel().bank == HYBRID_BANK
+
+
+@pytest.mark.parametrize(
+    ("predictor", "estimates"),
+    [("zoh", False), ("hybrid", False), ("trend", True), ("surface", True), ("adaptive", True)],
+)
+def test_the_sender_looks_at_all_samples_where_it_estimates(predictor: str, estimates: bool) -> None:
+    assert force_channel(predictor=predictor).estimates == estimates

@@ -1,11 +1,14 @@
-from math import inf
+from math import inf, nan
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from codec import Decoder, Update, force_channel, position_channel
+from codec.parameters import pack
 from codec.predictors import PREDICTORS
+from codec.predictors.hold import Hold
+from codec.predictors.surface import SURFACE, Surface
 from codec.vector import ZERO, is_finite
 
 levels16 = st.integers(-32_767, 32_767)
@@ -53,13 +56,14 @@ def test_whatever_an_update_says_the_force_is_finite_and_within_the_wire(
     ahead: float,
     position: tuple[float, float, float],
 ) -> None:
-    channel = force_channel(bank=list(PREDICTORS))
+    channel = force_channel(predictor="adaptive", bank=list(PREDICTORS))
     decoder = Decoder(channel)
     decoder.apply(Update(70_000, selector, newest, gap, previous))
-    value = decoder.value(70_000 + ahead, position)
-    assert value is not None
-    assert is_finite(value)
-    assert max(map(abs, value)) <= channel.value_quantizer.limit
+    for tick in (70_000 + ahead, 70_001, 70_000):
+        value = decoder.value(tick, position)
+        assert value is not None
+        assert is_finite(value)
+        assert max(map(abs, value)) <= channel.value_quantizer.limit
 
 
 def test_at_the_tick_of_a_sample_the_value_is_the_sample_even_on_a_stiff_model() -> None:
@@ -75,3 +79,53 @@ def test_extrapolation_without_end_is_confined_to_the_wire() -> None:
     decoder.apply(Update(1, 0, (0, 0, 2000, 0, 0, 0), 1, (0, 0, 1000, 0, 0, 0)))
     assert decoder.value(1e6) == pytest.approx((0.0, 0.0, 32.767))
     assert decoder.value(inf) == (0.0, 0.0, 2.0)
+
+
+def sliding() -> Decoder:
+    """On a rough plane, normal z, of 500 N/m, 2 mm deep."""
+    channel = force_channel(predictor="surface")
+    newest = channel.sample(10, (0, 0, 1000, 0, 0, -200))
+    model = Surface((0.0, 0.0, 1.0), ZERO, 10, 500.0, friction=0.3)
+    decoder = Decoder(channel)
+    decoder.apply(Update(10, 0, (0, 0, 1000, 0, 0, -200), *SURFACE.packed(model, newest, channel.grids)))
+    return decoder
+
+
+@pytest.mark.parametrize("bad", [nan, inf, -inf])
+def test_a_position_that_is_none_is_not_remembered_by_a_surface_that_rubs(bad: float) -> None:
+    decoder, other = sliding(), sliding()
+    decoder.value(11, (0.0, bad, -0.002))
+    for axis in range(3):
+        probe = tuple(bad if axis == each else 0.0 for each in range(3))
+        shown = decoder.value(12, (probe[0], probe[1], probe[2]))
+        assert shown is not None
+        assert is_finite(shown)
+    assert decoder.state[3] is not None
+    assert is_finite(decoder.state[3])
+    # It slides back to where the probe is, from wherever that was taken to be.
+    for tick, x in enumerate((0.01, 0.02, 0.03), 13):
+        decoder.value(tick, (x, 0.0, -0.002))
+        other.value(tick, (x, 0.0, -0.002))
+    assert decoder.value(16, (0.03, 0.0, -0.002)) == pytest.approx(other.value(16, (0.03, 0.0, -0.002)), abs=0.3)
+
+
+def test_a_surface_that_rubs_pulls_back_and_a_new_update_forgets_how_far() -> None:
+    decoder = sliding()
+    assert decoder.value(11, (2e-4, 0.0, -0.002)) == pytest.approx((-0.1, 0.0, 1.0))
+    assert decoder.value(12, (0.01, 0.0, -0.002)) == (-0.296875, 0.0, 1.0)
+    assert decoder.state[3] == pytest.approx((0.01 - 0.296875 * 0.002, 0.0, 0.0))
+    again = sliding()
+    again.apply(Update(20, 0, (0, 0, 1000, 0, 0, -200)))
+    assert again.state[3] is None
+    assert again.value(21, (0.01, 0.0, -0.002)) == (0.0, 0.0, 1.0)
+
+
+def test_parameters_that_say_nothing_hold_the_sample() -> None:
+    """As of a surface whose normal is 0."""
+    channel = force_channel(predictor="surface")
+    widths = SURFACE.widths(channel.grids)
+    nothing = [512, 512, 512, *[0] * (len(widths) - 3)]
+    decoder = Decoder(channel)
+    decoder.apply(Update(5, 0, (0, 0, 1000, 0, 0, 0), *pack(nothing, widths, 6)))
+    assert decoder.state[1] == Hold((0.0, 0.0, 1.0))
+    assert decoder.value(50, (0.0, 0.0, 1.0)) == (0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""One contract for every line of the table, and the geometry each fit must recover."""
+"""One contract for every predictor that is fitted to two samples, and the geometry each fit must recover."""
 
 from math import inf, nan
 
@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from codec.predictors import PREDICTORS, Trust
+from codec.predictors import FITTED, Trust
 from codec.predictors.plane import Plane
 from codec.predictors.sphere import Sphere
 from codec.predictors.zoh import Hold
@@ -18,7 +18,7 @@ coordinates = st.floats(-0.1, 0.1)
 vectors = st.tuples(coordinates, coordinates, coordinates)
 wild = st.floats(-1e300, 1e300)
 wild_vectors = st.tuples(wild, wild, wild)
-every = pytest.mark.parametrize("name", list(PREDICTORS))
+every = pytest.mark.parametrize("name", list(FITTED))
 
 
 def wall(position: Vector, normal: Vector, offset: float, stiffness: float) -> Vector:
@@ -39,14 +39,14 @@ def unit(vector: Vector) -> Vector:
 
 @every
 def test_one_sample_is_held(name: str) -> None:
-    model = PREDICTORS[name].model(Sample(5, (0.0, 1.0, 2.0), ZERO), None, TRUST)
+    model = FITTED[name].model(Sample(5, (0.0, 1.0, 2.0), ZERO), None, TRUST)
     assert model.at(50, (0.3, 0.2, 0.1)) == (0.0, 1.0, 2.0)
 
 
 @every
 def test_a_fit_is_a_function_of_its_samples(name: str) -> None:
     newest, previous = Sample(9, (0.1, 0.2, 1.0), (0.0, 0.001, -0.002)), Sample(3, (0.0, 0.3, 0.8), (0.0, 0.0, -0.001))
-    fit = PREDICTORS[name].fit
+    fit = FITTED[name].fit
     assert fit(newest, previous, TRUST) == fit(Sample(*newest), Sample(*previous), Trust())
 
 
@@ -56,7 +56,7 @@ def test_a_fit_is_a_function_of_its_samples(name: str) -> None:
 def test_no_samples_make_a_fit_or_a_prediction_raise(
     name: str, newest: Vector, previous: Vector, p1: Vector, p2: Vector, gap: int
 ) -> None:
-    model = PREDICTORS[name].model(Sample(gap, newest, p1), Sample(0, previous, p2), TRUST)
+    model = FITTED[name].model(Sample(gap, newest, p1), Sample(0, previous, p2), TRUST)
     model.at(gap + 1, p2)
 
 
@@ -65,7 +65,7 @@ def test_no_samples_make_a_fit_or_a_prediction_raise(
 def test_extreme_samples_do_not_raise(name: str, value: float) -> None:
     for other in (0.0, 1.0, value):
         newest, previous = Sample(2, (0.0, value, 1.0), (value, 0.0, 0.0)), Sample(1, (other, 0.0, value), ZERO)
-        PREDICTORS[name].model(newest, previous, TRUST).at(3, (0.0, 0.0, other))
+        FITTED[name].model(newest, previous, TRUST).at(3, (0.0, 0.0, other))
 
 
 @every
@@ -79,13 +79,13 @@ def test_every_model_passes_through_its_newest_sample(
         Sample(gap, scale(forces[0], 50.0), positions[0]),
         Sample(0, scale(forces[1], 50.0), positions[1]),
     )
-    model = PREDICTORS[name].model(newest, previous, TRUST)
+    model = FITTED[name].model(newest, previous, TRUST)
     allowed = TRUST.misfit * norm(newest.value) if isinstance(model, Sphere) else 1e-9 + 1e-9 * 1e6 * 0.2
     assert distance(model.at(gap, newest.position), newest.value) <= allowed
 
 
 def test_linear_continues_a_ramp() -> None:
-    model = PREDICTORS["linear"].model(Sample(20, (0.0, 0.0, 2.0), ZERO), Sample(10, (0.0, 0.0, 1.0), ZERO), TRUST)
+    model = FITTED["linear"].model(Sample(20, (0.0, 0.0, 2.0), ZERO), Sample(10, (0.0, 0.0, 1.0), ZERO), TRUST)
     assert model.at(25.5, ZERO) == pytest.approx((0.0, 0.0, 2.55))
 
 
@@ -105,7 +105,7 @@ def test_plane_recovers_a_wall_from_two_samples(
     surface = scale(n, -offset)
     along = subtract(slide, scale(n, dot(n, slide)))
     p1, p2 = subtract(surface, scale(n, depths[0])), add(subtract(surface, scale(n, depths[1])), along)
-    model = PREDICTORS["plane"].model(
+    model = FITTED["plane"].model(
         Sample(1, wall(p1, n, offset, stiffness), p1), Sample(0, wall(p2, n, offset, stiffness), p2), TRUST
     )
     assert isinstance(model, Plane)
@@ -138,7 +138,7 @@ def test_sphere_recovers_a_dome_and_a_cavity_from_two_samples(
     p1 = add(centre, scale(u1, radius + sign * depths[0]))
     p2 = add(centre, scale(u2, radius + sign * depths[1]))
     signed = -radius if concave else radius
-    model = PREDICTORS["sphere"].model(
+    model = FITTED["sphere"].model(
         Sample(1, ball(p1, centre, signed, stiffness), p1), Sample(0, ball(p2, centre, signed, stiffness), p2), TRUST
     )
     assert isinstance(model, Sphere)
@@ -184,14 +184,14 @@ def test_a_sphere_has_no_direction_at_its_centre_and_says_the_newest_force_there
 def test_a_model_that_cannot_be_trusted_holds(
     name: str, newest: tuple[Vector, Vector], previous: tuple[Vector, Vector], why: str
 ) -> None:
-    model = PREDICTORS[name].model(Sample(1, *newest), Sample(0, *previous), TRUST)
+    model = FITTED[name].model(Sample(1, *newest), Sample(0, *previous), TRUST)
     assert model == Hold(newest[0]), why
 
 
 def test_a_plane_seen_as_a_sphere_of_a_kilometre_is_not_believed() -> None:
     centre, radius = (0.0, 0.0, -1000.0), 1000.0
     p1, p2 = (0.01, 0.0, -0.002), (-0.01, 0.0, -0.001)
-    model = PREDICTORS["sphere"].model(
+    model = FITTED["sphere"].model(
         Sample(1, ball(p1, centre, radius, 500.0), p1), Sample(0, ball(p2, centre, radius, 500.0), p2), TRUST
     )
     assert isinstance(model, Hold)
@@ -200,8 +200,8 @@ def test_a_plane_seen_as_a_sphere_of_a_kilometre_is_not_believed() -> None:
 @every
 def test_a_fit_without_a_sample_before_is_none_or_a_hold(name: str) -> None:
     newest = Sample(3, (0.0, 0.0, 1.0), ZERO)
-    assert PREDICTORS[name].fit(newest, None, TRUST) in (None, Hold(newest.value))
-    assert PREDICTORS[name].model(newest, None, TRUST) == Hold(newest.value)
+    assert FITTED[name].fit(newest, None, TRUST) in (None, Hold(newest.value))
+    assert FITTED[name].model(newest, None, TRUST) == Hold(newest.value)
 
 
 def test_trust_refuses_ranges_that_are_none() -> None:

@@ -1,0 +1,188 @@
+"""A stiffness matrix and a drift: closed forms, the wire's grid, and the sender's least squares."""
+
+from math import cos, pi, sin
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from codec import Decoder, Encoder, Update, force_channel
+from codec.adaptive.affine import LocalAffine
+from codec.adaptive.candidate import Occasion
+from codec.adaptive.history import History
+from codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, Affine
+from codec.predictors.hold import Hold
+from codec.sample import Sample
+from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from tests.codec.signals import Stream
+
+S = 800.0
+coordinates = st.floats(-0.02, 0.02)
+vectors = st.tuples(coordinates, coordinates, coordinates)
+normals = vectors.filter(lambda v: norm(v) > 1e-3).map(unit)
+
+
+def wall_matrix(normal: Vector, stiffness: float) -> tuple[Vector, Vector, Vector]:
+    """-s n n^T."""
+    x, y, z = (scale(normal, -stiffness * each) for each in normal)
+    return (x, y, z)
+
+
+@given(normal=normals, probe=vectors, depth=st.floats(1e-4, 0.02))
+def test_with_the_matrix_of_a_wall_it_is_that_wall(normal: Vector, probe: Vector, depth: float) -> None:
+    place = scale(normal, -depth)
+    model = Affine(scale(normal, S * depth), place, 0, wall_matrix(normal, S), ZERO)
+    expected = scale(normal, S * max(0.0, -dot(normal, probe)))
+    assert distance(model.at(5, probe), expected) <= 1e-9
+
+
+def test_it_is_the_sum_of_force_place_and_time() -> None:
+    stiffness = ((-100.0, 20.0, 3.0), (40.0, -200.0, 5.0), (6.0, 10.0, -300.0))
+    model = Affine((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 10, stiffness, (0.01, 0.02, -0.03))
+    assert model.at(10, (0.1, 0.2, 0.3)) == (1.0, 2.0, 3.0)
+    assert model.at(12.5, (0.1, 0.2, 0.3)) == pytest.approx((1.025, 2.05, 2.925))
+    assert model.at(10, (0.101, 0.2, 0.3)) == pytest.approx((0.9, 2.04, 3.006))
+    assert model.at(10, (0.1, 0.201, 0.3)) == pytest.approx((1.02, 1.8, 3.01))
+    assert model.at(10, (0.1, 0.2, 0.301)) == pytest.approx((1.003, 2.005, 2.7))
+
+
+def test_a_contact_does_not_pull() -> None:
+    model = Affine((0.0, 0.0, 1.0), ZERO, 0, wall_matrix((0.0, 0.0, 1.0), S), (0.0, 0.0, -0.1))
+    assert model.at(0, (0.0, 0.0, 0.0012))[2] == pytest.approx(0.04)
+    assert model.at(0, (0.0, 0.0, 0.0013)) == ZERO
+    assert model.at(9, ZERO)[2] == pytest.approx(0.1)
+    assert model.at(11, ZERO) == ZERO
+
+
+@pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
+@given(elements=st.lists(st.floats(-4000.0, 4000.0), min_size=9, max_size=9), slope=vectors)
+@settings(max_examples=40)
+def test_a_model_survives_the_wire(axes: str, elements: list[float], slope: Vector) -> None:
+    """To one part in 64 of its largest element, towards zero."""
+    channel = force_channel(predictor="affine", axes=axes)
+    used, components = channel.value_quantizer.used, channel.value_quantizer.components
+    keep = [
+        [elements[3 * row + column] if {row, column} <= set(used) else 0.0 for column in range(3)] for row in range(3)
+    ]
+    rows = tuple((row[0], row[1], row[2]) for row in keep)
+    levels = tuple(range(1, 1 + channel.level_count))
+    newest, decoder = channel.sample(6, levels), Decoder(channel)
+    drift = channel.value_quantizer.vector(components(slope))
+    model = Affine(newest.value, newest.position, 6, (rows[0], rows[1], rows[2]), drift)
+    decoder.apply(Update(6, 0, levels, *AFFINE.packed(model, newest, channel.grids)))
+    said = decoder.state[1]
+    assert isinstance(said, Affine)
+    assert (said.value, said.position, said.tick) == (newest.value, newest.position, 6)
+    truth, found = ([element for row in matrix for element in row] for matrix in (rows, said.stiffness))
+    largest, fastest = max(map(abs, truth)), max(map(abs, drift))
+    digit = SOFTEST * channel.value_quantizer.step / 1e-5
+    for one, other in zip(found, truth, strict=True):
+        assert abs(one) <= abs(other) + 1e-12
+        assert abs(one - other) <= max(digit, largest / 64.0) * (1.0 + 1e-9)
+    for one, other in zip(said.slope, drift, strict=True):
+        assert abs(one - other) <= max(SLOWEST * 1e-3, fastest / 64.0) * (1.0 + 1e-9)
+
+
+def test_a_stiffness_beyond_trust_is_not_believed() -> None:
+    channel = force_channel(predictor="affine")
+    newest = channel.sample(0, (0, 0, 1000, 0, 0, 0))
+    for stiffness, believed in ((1e5, True), (1e7, False)):
+        model = Affine(newest.value, ZERO, 0, wall_matrix((0.0, 0.0, 1.0), stiffness), ZERO)
+        said = AFFINE.model(*AFFINE.packed(model, newest, channel.grids), newest, channel.grids, channel.trust)
+        assert isinstance(said, Affine) == believed
+        assert isinstance(said, Hold) != believed
+
+
+# Least squares.
+
+
+def estimated(stream: Stream) -> Affine | None:
+    history = History()
+    for tick, (force, position) in enumerate(stream):
+        history.add(tick, force, position)
+    return LocalAffine().model(Occasion(Sample(len(stream) - 1, *stream[-1]), None, 0.1, history))
+
+
+def tremor(tick: int) -> Vector:
+    """Some millimetres that span all three axes within a few ticks."""
+    return (1e-3 * sin(0.9 * tick), 1e-3 * cos(1.3 * tick), 1e-3 * sin(2.1 * tick + 1.0))
+
+
+def test_it_recovers_a_field_that_is_affine_but_for_the_ridge() -> None:
+    stiffness = ((-300.0, 50.0, 20.0), (40.0, -500.0, 10.0), (-20.0, 30.0, -400.0))
+
+    def force(position: Vector) -> Vector:
+        x, y, z = (dot(row, position) for row in stiffness)
+        return (1.0 + x, 2.0 + y, 5.0 + z)
+
+    model = estimated([(force(tremor(tick)), tremor(tick)) for tick in range(40)])
+    assert model is not None
+    for row, truth in zip(model.stiffness, stiffness, strict=True):
+        assert row == pytest.approx(truth, rel=1e-2, abs=1.0)
+    assert model.slope == pytest.approx(ZERO, abs=1e-3)
+
+
+def test_in_front_of_a_wall_it_is_the_matrix_of_that_wall() -> None:
+    normal = unit((0.3, -0.2, 0.9))
+    stream: Stream = []
+    for tick in range(40):
+        position = add(scale(normal, -4e-3), tremor(tick))
+        stream.append((scale(normal, -S * dot(normal, position)), position))
+    model = estimated(stream)
+    assert model is not None
+    for row, truth in zip(model.stiffness, wall_matrix(normal, S), strict=True):
+        assert row == pytest.approx(truth, rel=1e-2, abs=2.0)
+
+
+def test_with_a_hand_at_rest_the_noise_is_no_stiffness() -> None:
+    """The ridge is that of a hand that moves by 10 um: 2 mN over 1 um would be 2000 N/m."""
+    random = Random(4)
+    stream: Stream = []
+    for _ in range(40):
+        a, b, c, d = (random.gauss(0.0, 1.0) for _ in range(4))
+        stream.append(((2e-3 * a, 2e-3 * b, 1.0 + 2e-3 * c), (1e-6 * d, 0.0, 0.0)))
+    model = estimated(stream)
+    assert model is not None
+    assert max(norm(row) for row in model.stiffness) < 60.0
+
+
+def test_a_drift_of_time_alone_is_the_slope() -> None:
+    model = estimated([((0.0, 0.0, 1.0 + 0.01 * tick), ZERO) for tick in range(40)])
+    assert model is not None
+    # With the ridge on time of a fifth of the samples, beside a third, which is the mean square of a window.
+    assert 0.5 * 0.01 < model.slope[2] < 0.01
+    assert model.stiffness == (ZERO, ZERO, ZERO)
+
+
+def test_too_few_samples_say_nothing() -> None:
+    assert estimated([(ZERO, ZERO)] * 2) is None
+    assert estimated([(ZERO, ZERO)] * 3) is not None
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e150])
+def test_extreme_samples_make_a_finite_model_or_none(size: float) -> None:
+    stream = [(scale(tremor(tick), size * 1e3), scale(tremor(tick + 7), size * 1e3)) for tick in range(20)]
+    model = estimated([(f, p) for f, p in stream])
+    assert model is None or all(abs(each) < 1e300 for row in model.stiffness for each in row)
+
+
+def test_on_a_spring_it_sends_less_than_a_hold() -> None:
+    """Three springs at an angle, and a hand that goes round: no plane, no ball, but affine all the same."""
+
+    def at(tick: int) -> Vector:
+        t = tick * 1e-3
+        return (0.01 * sin(2.0 * pi * t), 0.01 * sin(2.6 * pi * t + 1.0), 0.01 * sin(3.4 * pi * t))
+
+    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), (x, y, z)) for x, y, z in map(at, range(2000))]
+    counts = []
+    for predictor in ("zoh", "affine"):
+        encoder = Encoder(force_channel(predictor=predictor, weber=0.1))
+        counts.append(sum(encoder.encode(tick, *sample) is not None for tick, sample in enumerate(stream)))
+    assert counts[1] < 0.5 * counts[0]
+
+
+def test_difference_of_two_places_is_that_of_two_forces() -> None:
+    model = Affine((0.0, 0.0, 9.0), ZERO, 0, wall_matrix((0.0, 0.6, 0.8), S), ZERO)
+    one, other = model.at(0, (1e-3, 2e-3, 3e-3)), model.at(0, (1e-3, 2e-3, -3e-3))
+    assert subtract(one, other) == pytest.approx((0.0, -S * 0.48 * 6e-3, -S * 0.64 * 6e-3))
