@@ -60,7 +60,8 @@ class Surface(NamedTuple):
         Args:
             tick: now.
             position: of the probe [m].
-            held: where the surface held it [m]. The same call with what this one returns gives the same again.
+            held: where the surface held it [m]. The same call with what this one returns gives the same again, but for
+                rounding.
         """
         normal, height = self._under(tick, position)
         if not height < 0.0:

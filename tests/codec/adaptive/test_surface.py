@@ -105,6 +105,17 @@ def test_a_smooth_one_is_curved_and_a_rough_one_rubs() -> None:
     assert dot(rough.normal, NORMAL) > 0.999
 
 
+@pytest.mark.parametrize("kind", [Smooth, Rough])
+def test_what_is_hardly_curved_is_made_flat(kind: Kind) -> None:
+    """Half a reciprocal metre: a ball of 2 m."""
+    found, occasion = at_end(stream(Rough)[:3001])
+    for curvature, expected in ((0.49, 0.0), (-0.49, 0.0), (0.51, 0.51), (-0.51, -0.51)):
+        found.bend.value = found.rough_bend.value = curvature
+        model = kind(found, Trust()).model(occasion)
+        assert model is not None
+        assert model.curvature == expected
+
+
 def test_the_motion_of_a_moving_one_is_that_of_its_surface() -> None:
     """Velocity and acceleration of the sine that it swings by, along its normal."""
     model = model_at_end(stream(Moving)[:3001], Moving)
