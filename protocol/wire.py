@@ -23,8 +23,8 @@ All fields are little endian; n is the number of values that the two ends agreed
 | bye | reason | 0-64s | 0-64 | why, UTF-8 |
 | change | body | 1-200s | 1-200 | what is to change at the head's tick, or the answer: 1 for yes, 0 and why not |
 
-The mark of an update: a previous sample follows. Of a heartbeat: an answer is wanted at once. Of a change: it is an
-answer; the selector numbers the proposal.
+The mark of an update: a previous sample follows, or what the sender put in its place. Of a heartbeat: an answer is
+wanted at once. Of a change: it is an answer; the selector numbers the proposal.
 
 After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
 encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.

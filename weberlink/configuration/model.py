@@ -6,7 +6,7 @@ to the driver, and are validated against it once its name is known.
 
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -37,23 +37,35 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def _with_usual_bank(data: Any, usual: tuple[str, ...]) -> Any:
-    """What an adaptive channel chooses among where the file does not say."""
-    if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
-        return {**data, "bank": usual}
-    return data
+class PredictedSettings(Settings):
+    """What every channel says of its predictors."""
 
+    ADAPTIVE_BANK: ClassVar[tuple[str, ...]]
+    """What `adaptive` chooses among where the file does not say."""
 
-def _check_choice(predictor: str, bank: tuple[str, ...]) -> None:
-    parametric = [name for name in bank if name in PARAMETRIC]
-    if predictor == HYBRID and parametric:
-        raise ValueError(f"bank: {', '.join(parametric)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
+    predictor: str
+    bank: tuple[str, ...]
 
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
+            return {**data, "bank": cls.ADAPTIVE_BANK}
+        return data
 
-def _distinct_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    if len(set(names)) != len(names):
-        raise ValueError("names each predictor once")
-    return names
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(bank)) != len(bank):
+            raise ValueError("names each predictor once")
+        return bank
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        parametric = [name for name in self.bank if name in PARAMETRIC]
+        if self.predictor == HYBRID and parametric:
+            raise ValueError(f"bank: {', '.join(parametric)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
+        return self
 
 
 class EmulationSettings(Settings):
@@ -129,8 +141,10 @@ class TrustSettings(Settings):
         return self
 
 
-class ForceCodecSettings(Settings):
+class ForceCodecSettings(PredictedSettings):
     """The backward channel."""
+
+    ADAPTIVE_BANK = ADAPTIVE_BANK
 
     predictor: PredictorName | Literal["hybrid", "adaptive"] = "hybrid"
     """What both ends predict with."""
@@ -151,20 +165,10 @@ class ForceCodecSettings(Settings):
     smooth_ms: float = Field(default=0.0, ge=0, le=100)
     """Length of the ramp in which an update changes the force [ms], within the deadband; 0 for at once."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _usual_bank(cls, data: Any) -> Any:
-        return _with_usual_bank(data, ADAPTIVE_BANK)
-
     @model_validator(mode="after")
     def _smoothed(self) -> "ForceCodecSettings":
         if self.smooth_ms > 0.0 and isinstance(self.deadband, ConeSettings | LevelCrossingSettings):
             raise ValueError(f"smooth_ms needs a deadband that is a ball, not {self.deadband.shape}")
-        return self
-
-    @model_validator(mode="after")
-    def _fitting(self) -> "ForceCodecSettings":
-        _check_choice(self.predictor, self.bank)
         return self
 
     @model_validator(mode="after")
@@ -176,16 +180,11 @@ class ForceCodecSettings(Settings):
             raise ValueError(f"deadband {shape} needs floor_n above 0: it is the lowest level")
         return self
 
-    @field_validator("bank")
-    @classmethod
-    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
-        if len(set(bank)) != len(bank):
-            raise ValueError("names each predictor once")
-        return bank
 
-
-class PositionCodecSettings(Settings):
+class PositionCodecSettings(PredictedSettings):
     """The forward channel."""
+
+    ADAPTIVE_BANK = POSITION_BANK
 
     predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
     bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
@@ -197,24 +196,11 @@ class PositionCodecSettings(Settings):
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
     """Wire step [m], of both channels; 16 bits span +-32767 steps."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _usual_bank(cls, data: Any) -> Any:
-        return _with_usual_bank(data, POSITION_BANK)
 
-    @model_validator(mode="after")
-    def _fitting(self) -> "PositionCodecSettings":
-        _check_choice(self.predictor, self.bank)
-        return self
-
-    @field_validator("bank")
-    @classmethod
-    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
-        return _distinct_names(bank)
-
-
-class TorqueCodecSettings(Settings):
+class TorqueCodecSettings(PredictedSettings):
     """The backward channel of the rotation."""
+
+    ADAPTIVE_BANK = TORQUE_BANK
 
     predictor: TorquePredictorName | Literal["hybrid", "adaptive"] = "hybrid"
     """What both ends predict with."""
@@ -229,24 +215,11 @@ class TorqueCodecSettings(Settings):
     step_nm: float = Field(default=0.0001, gt=0, le=1)
     """Wire step [N m]; 16 bits span +-32767 steps."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _usual_bank(cls, data: Any) -> Any:
-        return _with_usual_bank(data, TORQUE_BANK)
 
-    @model_validator(mode="after")
-    def _fitting(self) -> "TorqueCodecSettings":
-        _check_choice(self.predictor, self.bank)
-        return self
-
-    @field_validator("bank")
-    @classmethod
-    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
-        return _distinct_names(bank)
-
-
-class OrientationCodecSettings(Settings):
+class OrientationCodecSettings(PredictedSettings):
     """The forward channel of the rotation."""
+
+    ADAPTIVE_BANK = POSITION_BANK
 
     predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
     """What both ends predict with."""
@@ -258,21 +231,6 @@ class OrientationCodecSettings(Settings):
     """Error of orientation at rest that stays unsent [rad]."""
     step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
     """Wire step [rad], of both channels; 16 bits span +-32767 steps, which must be more than half a turn."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _usual_bank(cls, data: Any) -> Any:
-        return _with_usual_bank(data, POSITION_BANK)
-
-    @model_validator(mode="after")
-    def _fitting(self) -> "OrientationCodecSettings":
-        _check_choice(self.predictor, self.bank)
-        return self
-
-    @field_validator("bank")
-    @classmethod
-    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
-        return _distinct_names(bank)
 
 
 class RotationCodecSettings(Settings):

@@ -35,6 +35,8 @@ def _explain(definitions: dict[str, Any]) -> None:
     """Describe every field by the text below it. Pydantic could, but a daemon would wait for that at every start."""
     classes = (node for node in ast.parse(inspect.getsource(model)).body if isinstance(node, ast.ClassDef))
     for each in classes:
+        if each.name not in definitions:  # what others inherit from has no place of its own
+            continue
         for field, text in pairwise(each.body):
             match field, text:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):
