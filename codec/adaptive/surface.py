@@ -17,14 +17,20 @@ MOTION_STEP = 2
 LEAST_WINDOW = 8
 
 
-class Smooth:
-    """At rest, without friction: the normal is the direction of the force."""
+class _Supposition:
+    """What all three know."""
 
     __slots__ = ("_contact", "_trust")
 
     def __init__(self, contact: Contact, trust: Trust) -> None:
         self._contact = contact
         self._trust = trust
+
+
+class Smooth(_Supposition):
+    """At rest, without friction: the normal is the direction of the force."""
+
+    __slots__ = ()
 
     def model(self, occasion: Occasion) -> Surface | None:
         contact, newest = self._contact, occasion.newest
@@ -34,14 +40,10 @@ class Smooth:
         return patch(newest, unit(newest.value), give, _bent(contact.bend.value), self._trust)
 
 
-class Rough:
+class Rough(_Supposition):
     """At rest, with friction."""
 
-    __slots__ = ("_contact", "_trust")
-
-    def __init__(self, contact: Contact, trust: Trust) -> None:
-        self._contact = contact
-        self._trust = trust
+    __slots__ = ()
 
     def model(self, occasion: Occasion) -> Surface | None:
         contact, newest = self._contact, occasion.newest
@@ -51,14 +53,10 @@ class Rough:
         return patch(newest, normal, give, _bent(contact.rough_bend.value), self._trust, friction=contact.friction)
 
 
-class Moving:
+class Moving(_Supposition):
     """Moving along its normal, without friction, and flat."""
 
-    __slots__ = ("_contact", "_trust")
-
-    def __init__(self, contact: Contact, trust: Trust) -> None:
-        self._contact = contact
-        self._trust = trust
+    __slots__ = ()
 
     def model(self, occasion: Occasion) -> Surface | None:
         contact, newest = self._contact, occasion.newest
