@@ -15,10 +15,8 @@ from codec.predictors import FITTED, Model
 from codec.sample import Sample
 from codec.vector import ZERO, Vector
 
-PRESENT = 0.6
-"""What an error of one deadband at this moment counts for, in sends."""
-MOST_WRONG = 1.0
-"""Deadbands; a larger error says no more."""
+PRESENT = 12.0
+"""What an error of one deadband or more at this moment counts for, in sends."""
 DOUBT = {"trend": 1.1, "affine": 1.1}
 """By so much the record of these must be better than that of what assumes less: between equals it is noise that
 decides.
@@ -97,7 +95,7 @@ class Choice:
 
     @staticmethod
     def _cost(shadow: Shadow, tick: int, bound: float) -> float:
-        wrong = min(MOST_WRONG, shadow.error / bound) if bound > 0.0 else MOST_WRONG
+        wrong = min(1.0, shadow.error / bound) if bound > 0.0 else 1.0
         return shadow.doubt * shadow.record(tick) + PRESENT * wrong
 
     def _candidates(self, name: str) -> list[Candidate]:

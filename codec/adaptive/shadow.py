@@ -1,8 +1,7 @@
 """A deadband loop of its own for one candidate: what it would have sent, had it been alone.
 
-The record of a candidate is the number of sends, forgotten over a short and over a long time; the sum of both decides.
-The short one follows the signal into and out of contact; the long one tells alike candidates apart, which a few
-sends do not. The first study of this kind is described in docs/adaptive/.
+The record of a candidate is the number of its sends, slowly forgotten. Over a few sends alike candidates cannot be told
+apart, and the choice would be noise; docs/adaptive/ has the record with other times.
 """
 
 from collections.abc import Callable
@@ -17,9 +16,8 @@ from codec.sample import Sample
 from codec.update import MAX_GAP
 from codec.vector import Vector
 
-SHORT = 150.0
-LONG = 3000.0
-"""Time constants [ticks]."""
+MEMORY = 3000.0
+"""Time constant of the record [ticks]."""
 HOPELESS = 3
 """A candidate that lasts for no more ticks than this is left alone for a while: it costs the tick more than it could
 save.
@@ -43,10 +41,9 @@ class Shadow:
     __slots__ = (
         "_at",
         "_held",
-        "_long",
         "_model",
         "_newest",
-        "_short",
+        "_sends",
         "_wakes",
         "candidate",
         "doubt",
@@ -61,7 +58,7 @@ class Shadow:
         self._model: Model | None = Hold(rest) if rest is not None else None
         self._held: Vector | None = None
         self._newest: Sample | None = None
-        self._short = self._long = 0.0
+        self._sends = 0.0
         self._at = 0
         self._wakes = -REST
         self.error = 0.0
@@ -95,17 +92,15 @@ class Shadow:
             self._wakes = tick + REST
             sends += REST / HOPELESS
         self._forget(tick)
-        self._short += sends
-        self._long += sends
+        self._sends += sends
 
     def record(self, tick: int) -> float:
         """Sends lately; the smaller the better."""
         self._forget(tick)
-        return self._short + self._long * (SHORT / LONG)
+        return self._sends
 
     def _forget(self, tick: int) -> None:
         # A sender that counts anew forgets nothing.
         passed = max(0, tick - self._at)
         self._at = tick
-        self._short *= exp(-passed / SHORT)
-        self._long *= exp(-passed / LONG)
+        self._sends *= exp(-passed / MEMORY)

@@ -11,7 +11,7 @@ from codec.parameters import Block
 from codec.predictors.contract import Parametric, Trust
 from codec.quantizer import Grids
 from codec.sample import Sample
-from codec.vector import ZERO, Vector, norm
+from codec.vector import ZERO, Vector, add, norm, scale, subtract
 
 Matrix = tuple[Vector, Vector, Vector]
 """Rows."""
@@ -22,6 +22,11 @@ SOFTEST = 2.0**-10
 """Last digit of K, in wire steps of force per wire step of position."""
 SLOWEST = 2.0**-12
 """Last digit of g, in wire steps per tick."""
+WIDEST = 2.0
+"""Tangent of the angle to the newest force up to which a prediction is believed: 63 degrees. Without it a force that
+comes back with the probe would come all at once, and sideways.
+"""
+NARROWEST = 1.0 + WIDEST * WIDEST
 
 
 class Affine(NamedTuple):
@@ -41,9 +46,22 @@ class Affine(NamedTuple):
         a = value[0] + slope[0] * ahead + xx * x + xy * y + xz * z
         b = value[1] + slope[1] * ahead + yx * x + yy * y + yz * z
         c = value[2] + slope[2] * ahead + zx * x + zy * y + zz * z
-        if a * value[0] + b * value[1] + c * value[2] < 0.0:
+        u, v, w = value
+        along, own = a * u + b * v + c * w, u * u + v * v + w * w
+        if own == 0.0:
+            return (a, b, c)
+        if not along > 0.0:
             return ZERO
+        if (a * a + b * b + c * c) * own > NARROWEST * along * along:
+            return _turned_back((a, b, c), value, along / own)
         return (a, b, c)
+
+
+def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
+    """A force brought back into the cone about the newest one, its part along that kept."""
+    straight = scale(newest, share)
+    across = subtract(force, straight)
+    return add(straight, scale(across, WIDEST * norm(straight) / norm(across)))
 
 
 def widths(grids: Grids) -> tuple[int, ...]:

@@ -1,38 +1,37 @@
 """Shadow encoders whose record forgets otherwise than the live codec's. Knows no choice."""
 
 from math import exp
-from typing import NamedTuple
 
 from codec.adaptive.candidate import Candidate
-from codec.adaptive.shadow import LONG, SHORT, Shadow
+from codec.adaptive.shadow import MEMORY, Shadow
 from codec.vector import Vector
 
 
-class Tuning(NamedTuple):
-    """Time constants of the record [ticks]; None for none."""
-
-    short: float | None
-    long: float | None
-
-
 class Tuned(Shadow):
-    """One of them."""
+    """One of them.
 
-    __slots__ = ("_tuning",)
+    Args:
+        selector: as of a `Shadow`; likewise candidate, rest and doubt.
+        candidate: likewise.
+        rest: likewise.
+        doubt: likewise.
+        memory: time constant of the record [ticks], which is scaled to what the live one counts at the same rate; None
+            for no record.
+    """
 
-    def __init__(self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float, tuning: Tuning) -> None:
+    __slots__ = ("_memory",)
+
+    def __init__(
+        self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float, memory: float | None
+    ) -> None:
         super().__init__(selector, candidate, rest, doubt)
-        self._tuning = tuning
+        self._memory = memory
 
     def record(self, tick: int) -> float:
-        short, long = self._tuning
-        self._forget(tick)
-        recent = self._short if short is not None else 0.0
-        return recent + (self._long * ((short or SHORT) / long) if long is not None else 0.0)
+        sends = super().record(tick)
+        return 0.0 if self._memory is None else sends * (MEMORY / self._memory)
 
     def _forget(self, tick: int) -> None:
-        short, long = self._tuning
         passed = max(0, tick - self._at)
         self._at = tick
-        self._short *= exp(-passed / (short or SHORT))
-        self._long *= exp(-passed / (long or LONG))
+        self._sends *= exp(-passed / (self._memory or MEMORY))

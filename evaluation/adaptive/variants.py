@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from codec import Channel, Encoder, force_channel
 from codec.adaptive.candidate import Candidate, Occasion
 from codec.adaptive.choice import PRESENT, Choice
-from codec.adaptive.shadow import LONG, SHORT, Shadow
+from codec.adaptive.shadow import MEMORY, Shadow
 from codec.adaptive.surface import Moving, Rough, Smooth
 from codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, HYBRID_BANK, Model
 from codec.predictors.surface import Surface
 from codec.sample import Sample
 from codec.smoothing import Smoothing
-from evaluation.adaptive.shadows import Tuned, Tuning
+from evaluation.adaptive.shadows import Tuned
 
 WEBER = 0.10
 FLOOR_N = 0.02
@@ -24,7 +24,6 @@ FLOOR_N = 0.02
 SINGLES = ("zoh", "linear", "plane", "sphere")
 """The paper's."""
 ALL_SINGLES = (*SINGLES, "trend", "affine", "surface")
-LIVE = Tuning(SHORT, LONG)
 COMPARED = (HYBRID, ADAPTIVE, *ALL_SINGLES)
 
 
@@ -36,7 +35,7 @@ class Part:
         bank: of predictors.
         without: kinds of surfaces that are not supposed.
         flat: whether no surface is curved.
-        tuning: of the record.
+        memory: time constant of the record [ticks]; None for no record.
         present: weight of the present error [sends].
         doubts: whether the record of what estimates from noise must be better than that of what does not.
     """
@@ -44,7 +43,7 @@ class Part:
     bank: tuple[str, ...] = ADAPTIVE_BANK
     without: tuple[type[Candidate], ...] = ()
     flat: bool = False
-    tuning: Tuning = LIVE
+    memory: float | None = MEMORY
     present: float = PRESENT
     doubts: bool = True
 
@@ -59,8 +58,7 @@ ABLATIONS: dict[str, Part] = {
     "no motion": Part(without=(Moving,)),
     "no still, frictionless surface": Part(without=(Smooth,)),
     "no curvature": Part(flat=True),
-    "no long record": Part(tuning=Tuning(SHORT, None)),
-    "no short record": Part(tuning=Tuning(None, LONG)),
+    "no record": Part(memory=None),
     "no present error": Part(present=0.0),
     "no doubt": Part(doubts=False),
     "the paper's bank, by record": Part(bank=HYBRID_BANK),
@@ -68,8 +66,7 @@ ABLATIONS: dict[str, Part] = {
 """Each part off."""
 
 TUNINGS: dict[str, Part] = {
-    **{f"short {short:g}": Part(tuning=Tuning(short, LONG)) for short in (0.5 * SHORT, 2.0 * SHORT)},
-    **{f"long {long:g}": Part(tuning=Tuning(SHORT, long)) for long in (LONG / 3.0, 3.0 * LONG)},
+    **{f"memory {memory:g}": Part(memory=memory) for memory in (0.1 * MEMORY, MEMORY / 3.0, 3.0 * MEMORY)},
     **{f"present {present:g}": Part(present=present) for present in (0.5 * PRESENT, 2.0 * PRESENT)},
 }
 """Neighbours of the constants that were chosen."""
@@ -111,7 +108,7 @@ class AlteredChoice(Choice):
         super().reset()
         part, rest = self._part, self._channel.rest
         self._shadows = [
-            Tuned(shadow.selector, shadow.candidate, rest, shadow.doubt if part.doubts else 1.0, part.tuning)
+            Tuned(shadow.selector, shadow.candidate, rest, shadow.doubt if part.doubts else 1.0, part.memory)
             for shadow in self._shadows
         ]
 

@@ -1,7 +1,7 @@
 """The wording of the page. Knows no row; the constants it names are those of the code."""
 
 from codec.adaptive.choice import DOUBT, PRESENT
-from codec.adaptive.shadow import LONG, SHORT
+from codec.adaptive.shadow import MEMORY
 from codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID
 from evaluation.adaptive.variants import ALL_SINGLES, FLOOR_N, SINGLES
 
@@ -52,7 +52,7 @@ github.com/xhtsansiro/A_Dynamical-System-Approach-to-Shared-Control), nothing fi
 EXPLORED = """a modelled hand (`evaluation/coding/scenes/`), with 2 mN rms of sensor noise on each axis unless
 something else is said; a seed is another motion."""
 
-CHOSEN = f"""Chosen were the time constants of the record ({SHORT:g} and {LONG:g} ticks), the weight of the present
+CHOSEN = f"""Chosen were the time constant of the record ({MEMORY:g} ticks), the weight of the present
 error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({DOUBT["trend"]:g}), and the filters of
 `codec/adaptive/trend.py`: least squares of the mean of the next 20
 samples, and of the line through the next 40, on differences of the latest ones, over the recordings of that half

@@ -1,5 +1,6 @@
 """A stiffness matrix and a drift: closed forms, the wire's grid, and the sender's least squares."""
 
+from itertools import pairwise
 from math import cos, pi, sin
 from random import Random
 
@@ -11,7 +12,7 @@ from codec import Decoder, Encoder, Update, force_channel
 from codec.adaptive.affine import LocalAffine
 from codec.adaptive.candidate import Occasion
 from codec.adaptive.history import History
-from codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, Affine
+from codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine
 from codec.predictors.hold import Hold
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
@@ -186,3 +187,13 @@ def test_difference_of_two_places_is_that_of_two_forces() -> None:
     model = Affine((0.0, 0.0, 9.0), ZERO, 0, wall_matrix((0.0, 0.6, 0.8), S), ZERO)
     one, other = model.at(0, (1e-3, 2e-3, 3e-3)), model.at(0, (1e-3, 2e-3, -3e-3))
     assert subtract(one, other) == pytest.approx((0.0, -S * 0.48 * 6e-3, -S * 0.64 * 6e-3))
+
+
+def test_a_force_that_comes_back_with_the_probe_comes_gradually() -> None:
+    """Sideways stiffness that was noise would throw the probe aside at the moment at which the gate opens."""
+    model = Affine((0.0, 0.0, 1.0), ZERO, 0, ((2000.0, 0.0, 0.0), (0.0, 2000.0, 0.0), (0.0, 0.0, -500.0)), ZERO)
+    back = [model.at(1, (0.003, -0.002, 0.004 - 1e-6 * step)) for step in range(4000)]
+    assert back[0] == ZERO
+    assert max(norm(force) for force in back) > 1.0
+    assert max(distance(one, other) for one, other in pairwise(back)) < 5e-3
+    assert all(norm((x, y, 0.0)) <= WIDEST * z * (1.0 + 1e-12) for x, y, z in back)

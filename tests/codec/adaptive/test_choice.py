@@ -123,6 +123,10 @@ def test_it_sends_hardly_more_than_the_best_of_its_bank(names: tuple[str, ...], 
     assert len(updates(bank(*names), stream())) <= 1.25 * min(alone) + 10
 
 
+SETTLED = 2000
+"""Ticks after a change of the signal by which the record has followed it."""
+
+
 def test_it_changes_with_the_signal_and_back() -> None:
     def of(name: str, parts: Sequence[Stream]) -> list[float]:
         encoder, found = Encoder(channel), []
@@ -131,9 +135,9 @@ def test_it_changes_with_the_signal_and_back() -> None:
             used = 0
             for tick, sample in enumerate(part, start):
                 encoder.encode(tick, *sample)
-                used += channel.bank[encoder.mirror.selected] == name and tick - start >= 1000
+                used += channel.bank[encoder.mirror.selected] == name and tick - start >= SETTLED
             start += len(part)
-            found.append(used / (len(part) - 1000))
+            found.append(used / (len(part) - SETTLED))
         return found
 
     channel = bank("zoh", "linear", "plane")
