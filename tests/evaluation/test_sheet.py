@@ -9,11 +9,12 @@ pytest.importorskip("matplotlib", reason="needs matplotlib (extra: plots)")
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
 
+from codec.predictors import BANKS, PREDICTORS
 from evaluation.sheet import LINE, LOOKS, SMALLEST_PT, beside, footer, looks, save, sheet, watermark
 
 
 def test_predictors_differ_without_colour_and_in_colour() -> None:
-    assert set(LOOKS) == {"zoh", "linear", "plane", "sphere", "hybrid"}
+    assert set(LOOKS) == {*PREDICTORS, *BANKS}
     found = looks([*LOOKS, "cubic", "neural"])
     for part in range(3):
         assert len({str(look[part]) for look in found.values()}) == len(found)

@@ -18,6 +18,7 @@ from codec import Channel, force_channel, position_channel
 from codec.deadband import Reference
 from codec.predictors import FITTED, Trust
 from codec.quantizer import INT16_MAX
+from codec.smoothing import Smoothing
 from codec.update import MAX_GAP
 from codec.vector import Vector
 from evaluation.coding.compiled import loop
@@ -204,8 +205,22 @@ def test_the_run_time_of_a_tick_is_that_of_the_live_codec() -> None:
 @needs_numba
 @pytest.mark.parametrize("channel", [position_channel(), position_channel(predictor="hybrid")])
 def test_refuses_a_channel_that_is_not_one_of_forces(channel: Channel) -> None:
+    from evaluation.coding.compiled.replay import run  # noqa: PLC0415
+
     with pytest.raises(ValueError, match="forces"):
-        compiled(signal_of(wall(10)), channel)
+        run(signal_of(wall(10)), channel)
+
+
+@needs_numba
+@pytest.mark.parametrize(
+    "channel",
+    [force_channel(predictor="adaptive"), force_channel(predictor="trend"), force_channel(smoothing=Smoothing(5))],
+)
+def test_what_cannot_be_compiled_is_coded_by_the_live_codec(channel: Channel) -> None:
+    signal = signal_of(wall(500))
+    found, expected = compiled(signal, channel), replay(signal, channel)
+    assert list(found.updates) == list(expected.updates)
+    assert np.array_equal(found.error_n, expected.error_n)
 
 
 @needs_numba
