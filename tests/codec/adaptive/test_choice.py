@@ -149,10 +149,10 @@ def test_it_changes_with_the_signal_and_back() -> None:
 # What is not chosen.
 
 
-@pytest.mark.parametrize("excluded", range(5))
+@pytest.mark.parametrize("excluded", range(len(PREDICTORS)))
 def test_what_retune_excludes_is_not_chosen_whatever_its_record(excluded: int) -> None:
-    channel = force_channel(predictor="adaptive")
-    others = [selector for selector in range(5) if selector != excluded]
+    channel = bank(*PREDICTORS)
+    others = [selector for selector in range(len(PREDICTORS)) if selector != excluded]
     encoder = Encoder(channel)
     encoder.retune(ForceDeadband(0.1, 0.02), others)
     chosen = Counter(
