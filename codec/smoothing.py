@@ -25,7 +25,7 @@ class Smoothing:
     """
 
     ticks: int
-    share: float = 0.7
+    share: float = 0.4
 
     def __post_init__(self) -> None:
         if self.ticks < 1:
