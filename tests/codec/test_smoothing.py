@@ -51,13 +51,13 @@ def test_of_a_jump_the_share_of_a_deadband_is_kept_in_its_direction(jump: Vector
 
 
 def test_the_ramp_is_even_and_ends_after_its_ticks() -> None:
-    smoothing = Smoothing(4)
+    smoothing = Smoothing(4, 0.7)
     assert [smoothing.remaining(since) for since in (-1, 0, 1, 2.5, 4, 5, 1e300)] == [1, 1, 0.75, 0.375, 0, 0, 0]
 
 
 def test_a_step_is_displayed_as_a_ramp_over_what_the_deadband_allows() -> None:
     """From 1 N to 2 N with k = 0.1: 0.7 * 0.2 N of the jump are given over 10 ticks, the rest at once."""
-    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10)))
+    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10, 0.7)))
     decoder.apply(Update(0, 0, (0, 0, 1000, 0, 0, 0)))
     # From nothing, the deadband of 1 N is kept back.
     assert decoder.value(0) == pytest.approx(up(0.93))
@@ -71,7 +71,7 @@ def test_a_step_is_displayed_as_a_ramp_over_what_the_deadband_allows() -> None:
 
 
 def test_a_jump_within_the_share_is_no_step_at_all() -> None:
-    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10)))
+    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10, 0.7)))
     decoder.apply(Update(0, 0, (0, 0, 2000, 0, 0, 0)))
     before = decoder.value(30)
     decoder.apply(Update(30, 0, (0, 0, 2100, 0, 0, 0)))
@@ -82,7 +82,7 @@ def test_a_jump_within_the_share_is_no_step_at_all() -> None:
 
 
 def test_a_ramp_that_is_cut_short_goes_on_from_where_it_was() -> None:
-    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10)))
+    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10, 0.7)))
     decoder.apply(Update(0, 0, (0, 0, 2000, 0, 0, 0)))
     decoder.value(20)
     decoder.apply(Update(20, 0, (0, 0, 2100, 0, 0, 0)))
@@ -92,7 +92,7 @@ def test_a_ramp_that_is_cut_short_goes_on_from_where_it_was() -> None:
 
 
 def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None:
-    channel = force_channel(predictor="linear", smoothing=Smoothing(10))
+    channel = force_channel(predictor="linear", smoothing=Smoothing(10, 0.7))
     smoothed, plain = Decoder(channel), Decoder(force_channel(predictor="linear"))
     for update in (
         Update(0, 0, (0, 0, 2000, 0, 0, 0)),
@@ -110,7 +110,7 @@ def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None
 
 def test_where_the_model_begins_aside_of_the_sample_the_ramp_begins_near_the_sample_all_the_same() -> None:
     """A line of `trend` that begins on the side of what was displayed before: else the error would not be mended."""
-    channel = force_channel(predictor="trend", axes="z", smoothing=Smoothing(10))
+    channel = force_channel(predictor="trend", axes="z", smoothing=Smoothing(10, 0.7))
     decoder = Decoder(channel)
     decoder.apply(Update(0, 0, (2000, 0)))
     assert decoder.value(49) == up(2.0)
@@ -158,14 +158,16 @@ def follow(channel: Channel, stream: Stream) -> int:
 )  # fmt: skip
 @settings(max_examples=15, deadline=None)
 def test_the_law_holds_with_the_ramp(predictor: str, deadband: str, ticks: int, seed: int, axes: str) -> None:
-    channel = force_channel(predictor=predictor, axes=axes, deadband=DEADBANDS[deadband](), smoothing=Smoothing(ticks))
+    channel = force_channel(
+        predictor=predictor, axes=axes, deadband=DEADBANDS[deadband](), smoothing=Smoothing(ticks, 0.7)
+    )
     follow(channel, contact_stream(seed, ticks=250, axes=axes))
 
 
 @pytest.mark.parametrize("deadband", [ConeDeadband(0.1, 0.02), LevelCrossingDeadband(0.1, 0.02)])
 @pytest.mark.parametrize("predictor", ["zoh", "plane", "trend", "affine", "adaptive"])
 def test_the_law_holds_in_the_measure_of_every_shape(predictor: str, deadband: Deadband) -> None:
-    channel = force_channel(predictor=predictor, deadband=deadband, smoothing=Smoothing(12))
+    channel = force_channel(predictor=predictor, deadband=deadband, smoothing=Smoothing(12, 0.7))
     encoder, decoder = Encoder(channel), Decoder(channel)
     for tick, (force, position) in enumerate(rubbing_stream(6, ticks=800)):
         update = encoder.encode(tick, force, position)
@@ -183,7 +185,7 @@ def test_the_largest_step_is_smaller(predictor: str) -> None:
     forces = (up(2.0 + sin(0.004 * tick) + 0.05 * sin(0.07 * tick)) for tick in range(3000))
     stream = [(force, (0.0, 0.0, -1e-3 * sin(0.02 * tick))) for tick, force in enumerate(forces)]
     steps = []
-    for smoothing in (None, Smoothing(20)):
+    for smoothing in (None, Smoothing(20, 0.7)):
         channel = force_channel(predictor=predictor, smoothing=smoothing)
         encoder, shown, largest = Encoder(channel), [], 0.0
         for tick, (force, position) in enumerate(stream):
@@ -198,7 +200,7 @@ def test_the_largest_step_is_smaller(predictor: str) -> None:
 @pytest.mark.parametrize("predictor", ["zoh", "trend", "hybrid", "adaptive"])
 def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor: str) -> None:
     ticks = 8
-    channel = force_channel(predictor=predictor, smoothing=Smoothing(ticks))
+    channel = force_channel(predictor=predictor, smoothing=Smoothing(ticks, 0.7))
     encoder, decoder = Encoder(channel), Decoder(channel)
     missed = [True, True, False, False, False, True, False] * 1000
     since, compared, ramping = ticks, 0, 0
@@ -222,7 +224,7 @@ def test_after_a_loss_the_ends_display_the_same_when_the_ramp_is_over(predictor:
     assert ramping > 0
 
 
-@pytest.mark.parametrize("smoothing", [Smoothing(1), Smoothing(20, 0.0)])
+@pytest.mark.parametrize("smoothing", [Smoothing(1, 0.7), Smoothing(20, 0.0)])
 def test_a_ramp_of_nothing_is_none(smoothing: Smoothing) -> None:
     """One without a share is the codec without one, but for the sign of a zero."""
     channel = force_channel(predictor="zoh", smoothing=smoothing)
@@ -239,7 +241,7 @@ def test_a_ramp_of_nothing_is_none(smoothing: Smoothing) -> None:
 
 
 def test_reset_forgets_the_ramp() -> None:
-    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10)))
+    decoder = Decoder(force_channel(predictor="zoh", smoothing=Smoothing(10, 0.7)))
     decoder.apply(Update(0, 0, (0, 0, 2000, 0, 0, 0)))
     decoder.reset()
     assert decoder.value(1) == ZERO
@@ -247,7 +249,7 @@ def test_reset_forgets_the_ramp() -> None:
 
 def test_the_way_that_a_surface_takes_note_of_is_that_before_the_update() -> None:
     """To know where the ramp begins, the old model is asked where the new sample lies; nothing is noted of that."""
-    smoothed = force_channel(predictor="surface", smoothing=Smoothing(5))
+    smoothed = force_channel(predictor="surface", smoothing=Smoothing(5, 0.7))
     encoder, decoder = Encoder(smoothed), Decoder(smoothed)
     for tick, (force, position) in enumerate(rubbing_stream(11, ticks=1500)):
         update = encoder.encode(tick, force, position)
