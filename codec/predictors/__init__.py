@@ -36,7 +36,7 @@ BANKS = (HYBRID, ADAPTIVE)
 """What stands for several, in place of the name of one."""
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
-ADAPTIVE_BANK = ("plane", "surface", "affine", "zoh")
+ADAPTIVE_BANK = ("plane", "surface", "affine", "trend", "zoh")
 """What each chooses among where nothing else is said; of equals the first."""
 
 __all__ = [

@@ -54,7 +54,6 @@ def _bank_without(name: str) -> Part:
 
 ABLATIONS: dict[str, Part] = {
     **{f"no {name}": _bank_without(name) for name in ADAPTIVE_BANK},
-    "with trend": Part(bank=(*ADAPTIVE_BANK, "trend")),
     "no friction": Part(without=(Rough,)),
     "no motion": Part(without=(Moving,)),
     "no still, frictionless surface": Part(without=(Smooth,)),

@@ -30,13 +30,11 @@ make a model: a deadband loop of its own, which sends when its own prediction le
 whose shadow sent least often lately. The receiver knows nothing of it, since choice and parameters travel in the
 update. The bank:
 
+- `trend`: a line through where the signal will be on the whole, by fixed linear filters of the latest samples.
 - `affine`: stiffness matrix and drift by ridge least squares over the latest samples.
 - `surface`: a patch with stiffness, curvature, Coulomb friction and motion along its normal, from what the samples
   of a contact say of it tick by tick. Three suppositions compete: smooth and still, rough and still, moving.
 - {", ".join(f"`{name}`" for name in ADAPTIVE_BANK if name in SINGLES)}: as in the paper.
-
-Not in the bank, since it saved nothing beside these (see "with trend" below), but there to be named: `trend`, a line
-through where the signal will be on the whole, by fixed linear filters of the latest samples.
 
 A ratio is packets over packets on the same signal. A mean of ratios is geometric over groups, with the 95 %
 interval of a bootstrap over groups (10,000 resamples): all seeds of a scene are one group, every recording is one.

@@ -150,7 +150,7 @@ class ForceCodecSettings(PredictedSettings):
     """What both ends predict with."""
     bank: tuple[PredictorName, ...] = Field(default=("zoh", "linear", "plane", "sphere"), min_length=1, max_length=7)
     """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. By
-    default these four, or plane, surface, affine, zoh."""
+    default these four, or plane, surface, affine, trend, zoh."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor k: the relative error that stays unsent."""
     floor_n: float = Field(default=0.02, ge=0)
