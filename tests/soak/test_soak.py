@@ -66,7 +66,7 @@ def test_every_fault_once(tmp_path: Path) -> None:
     assert told["checks"] > 0
     assert told["datagrams"] > 0
     relay = told["relay"]["forward"], told["relay"]["backward"]
-    # Whether one is under way to an address that is left at that very moment is chance; tests/soak/test_direction.py asks.
+    # Whether one is on its way to an address that is just left is chance: test_direction.py asks for "orphaned".
     for harm in ("lost", "corrupted", "duplicated", "reordered", "replayed", "released", "discarded"):
         assert sum(way[harm] for way in relay) > 0, harm
     assert told["environment"]["python"]
