@@ -119,9 +119,10 @@ class Contact:
         age: ticks for which there has been a force; 0 while there is none.
         normal: of the surface with friction, unit vector.
         friction: its coefficient, as far as known.
-        smooth: compliance and curvature without friction.
-        rough: likewise with friction.
-        moving: compliance if the surface moves, and its pulse.
+        smooth: compliance if it is at rest without friction; `bend` is its curvature then.
+        rough: compliance if it rubs; `rough_bend` likewise.
+        moving: compliance if it moves; `pulse` is that of its motion.
+        threshold: smallest force that counts as one [N].
     """
 
     __slots__ = (
