@@ -79,7 +79,7 @@ def transition(mass: float, damping: float, stiffness: float, step: float) -> tu
     decay = damping / (2.0 * mass)
     squared = stiffness / mass - decay * decay
     angle = sqrt(abs(squared)) * step
-    if angle < 1e-6:
+    if angle == 0.0:
         even, odd = exp(-decay * step), exp(-decay * step) * step
     elif squared > 0.0:
         even, odd = exp(-decay * step) * cos(angle), exp(-decay * step) * sin(angle) / angle * step

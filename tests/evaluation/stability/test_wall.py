@@ -6,7 +6,7 @@ from math import exp
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from evaluation.stability.boundary import hand_options, plane
@@ -28,6 +28,7 @@ periods = st.sampled_from([1 / 100, 1 / 1000, 1 / 4000])
 hands = st.sampled_from([0.01, 10.0, 300.0])
 
 
+@example(mass=10.0, damping=0.1, period=1 / 4000)
 @given(mass=masses, damping=dampings, period=periods)
 def test_free_device_without_delay_has_the_limit_of_its_closed_form(mass: float, damping: float, period: float) -> None:
     """Of the determinant and of the trace of a 2x2 system (Jury), for a device that nothing holds."""
@@ -36,8 +37,9 @@ def test_free_device_without_delay_has_the_limit_of_its_closed_form(mass: float,
     swinging = damping * (1 - share) / (slow * (1 - share) - period * share)
     slack = period * (1 + share) - 2 * slow * (1 - share)
     alternating = 2 * damping * (1 + share) / slack if slack > 1e-9 * period else float("inf")
-    free = Wall(mass, damping, 1e-4, period)
-    assert stability_limit(free) == pytest.approx(min(swinging, alternating), rel=2e-3)
+    # Softer, and what a tick moves the hand by is lost in the rounding of a transition that is almost the identity.
+    free = Wall(mass, damping, 1e-3, period)
+    assert stability_limit(free) == pytest.approx(min(swinging, alternating), rel=1e-3)
 
 
 @given(mass=masses, damping=dampings, period=periods, hand=hands, delay=st.integers(0, 6))

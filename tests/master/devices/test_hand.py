@@ -35,6 +35,15 @@ def test_the_determinant_is_that_of_the_damping(mass: float, damping: float, sti
     assert a * d - b * c == pytest.approx(exp(-damping / mass * step), rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.parametrize("damping", [0.0, 0.03, 0.0632, 0.1])
+def test_a_step_far_shorter_than_every_time_constant_still_pulls(damping: float) -> None:
+    """1 - a = k/m h^2/2 (1 - b h/3m + ...): 3e-13, and all that a held force moves it by."""
+    a, b, _, d = transition(10.0, damping, 1e-4, 0.00025)
+    assert 1.0 - a == pytest.approx(1e-5 * 0.00025**2 / 2.0, rel=2e-3, abs=0.0)
+    assert b == pytest.approx(0.00025 - damping / 10.0 * 0.00025**2 / 2.0, rel=1e-9, abs=0.0)
+    assert 1.0 - d == pytest.approx(damping / 10.0 * 0.00025, rel=1e-5, abs=1e-12)
+
+
 @given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(1.0, 1e4), step=st.floats(1e-4, 100.0))
 def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: float, step: float) -> None:
     hand = Hand(HandOptions(mass_kg=mass, damping_n_s_m=damping, stiffness_n_m=stiffness), (0.01, 0.0, 0.0))
