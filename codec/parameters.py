@@ -74,7 +74,7 @@ class Block(NamedTuple):
         return (EXPONENT_BITS, *(self.width,) * self.size)
 
     def levels(self, numbers: Sequence[float]) -> list[int]:
-        """Towards zero, so that what must stay within a bound does; saturated. All must be finite."""
+        """Towards zero, so that what must stay within a bound does, to a rounding; saturated. All must be finite."""
         top = (1 << (self.width - 1)) - 1
         largest = max(map(abs, numbers)) / self.unit
         beyond = frexp(largest / (top + 1))[1] if largest < 1e300 else _LARGEST_EXPONENT
