@@ -8,8 +8,9 @@ RUN := $(VENV)/.run
 DEV := $(VENV)/.dev
 
 MINUTES ?= 60
+TIMES ?= 10
 
-.PHONY: system demo test lint format fuzz soak bench figures vendor lock schema clean
+.PHONY: system demo test hunt lint format fuzz soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
@@ -23,6 +24,9 @@ demo: $(RUN)  ## an operator feels a remote scene, through two processes and a r
 test: export PYTHONDONTWRITEBYTECODE :=
 test: $(DEV)  ## the whole test suite, on all processors; live sessions last, and each alone
 	$(BIN)/python -m pytest -n auto
+
+hunt: $(DEV)  ## every property at ten times the examples, other ones each time; TIMES=100 for a night
+	$(BIN)/python -m pytest -n auto -m "hypothesis and not realtime" --hunt $(TIMES)
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .

@@ -13,18 +13,25 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import settings
+
+from tests import examples
 
 # Libraries of linear algebra would put every processor to work on matrices of three rows; before numpy is imported.
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-# A machine that is busy with other work is slow, which says nothing about an example.
-settings.register_profile("weberlink", deadline=None)
-settings.load_profile("weberlink")
-
 LONG_FIRST = ("weberlink", "evaluation", "protocol", "telemetry", "control")
 """Folders whose files take long: they are begun first, so that no worker is left alone with one of them at the end."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--hunt", type=int, default=0, metavar="TIMES", help="so many times the examples of hypothesis, by chance"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    examples.hunt(config.option.hunt)
 
 
 def is_realtime(item: pytest.Item) -> bool:

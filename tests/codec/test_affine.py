@@ -5,7 +5,7 @@ from math import cos, pi, sin
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Decoder, Encoder, Update, force_channel
@@ -17,6 +17,7 @@ from codec.predictors.hold import Hold
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 from tests.codec.signals import Stream
+from tests.examples import examples
 
 S = 800.0
 coordinates = st.floats(-0.02, 0.02)
@@ -58,7 +59,7 @@ def test_a_contact_does_not_pull() -> None:
 
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
 @given(elements=st.lists(st.floats(-4000.0, 4000.0), min_size=9, max_size=9), slope=vectors)
-@settings(max_examples=40)
+@examples(40)
 def test_a_model_survives_the_wire(axes: str, elements: list[float], slope: Vector) -> None:
     """To one part in 64 of its largest element, towards zero."""
     channel = force_channel(predictor="affine", axes=axes)

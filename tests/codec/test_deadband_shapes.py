@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import cos, inf, isfinite, nan, pi, radians, sin
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Decoder, Encoder, Update, force_channel, position_channel
@@ -14,6 +14,7 @@ from codec.deadband.level_crossing import POWERS, level_after, level_below, past
 from codec.deadband.shapes import SHAPES
 from codec.vector import ZERO, Vector, distance, norm
 from tests.codec.signals import contact_stream
+from tests.examples import examples
 
 K, FLOOR = 0.10, 0.02
 CONE = ConeDeadband(K, FLOOR, radians(20.0))
@@ -236,7 +237,7 @@ def test_only_a_distance_is_symmetric(f: Vector, g: Vector) -> None:
 @given(shape=shapes, seed=st.integers(0, 2**32 - 1), floor=st.sampled_from([1e-3, 0.02, 0.3]),
        bank=st.sampled_from([("zoh",), ("linear",), ("plane",), ("zoh", "linear", "plane", "sphere")]),
        axes=st.sampled_from(["xyz", "z"]))  # fmt: skip
-@settings(max_examples=120, deadline=None)
+@examples(120)
 def test_the_law_holds_with_every_shape(shape: str, seed: int, floor: float, bank: tuple[str, ...], axes: str) -> None:
     deadband = MAKERS[shape](K, floor)
     channel = force_channel(bank=bank, axes=axes, deadband=deadband)
@@ -266,7 +267,7 @@ def test_what_is_no_sample_is_rejected_and_what_is_extreme_is_coded(shape: str, 
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@examples(30)
 def test_on_one_axis_a_cone_is_a_ball(seed: int) -> None:
     stream = contact_stream(seed, axes="z")
     encoders = [Encoder(force_channel(deadband=each)) for each in (ForceDeadband(K, FLOOR), CONE)]

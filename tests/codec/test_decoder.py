@@ -1,7 +1,7 @@
 from math import inf, nan
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Decoder, Update, force_channel, position_channel
@@ -10,6 +10,7 @@ from codec.predictors import PREDICTORS
 from codec.predictors.hold import Hold
 from codec.predictors.surface import SURFACE, Surface
 from codec.vector import ZERO, is_finite
+from tests.examples import examples
 
 levels16 = st.integers(-32_767, 32_767)
 samples = st.tuples(*[levels16] * 6)
@@ -47,7 +48,7 @@ def test_an_update_that_does_not_fit_is_refused_and_changes_nothing(update: Upda
     ahead=st.floats(-1e9, 1e9),
     position=st.tuples(anything, anything, anything),
 )
-@settings(max_examples=400, deadline=None)
+@examples(400)
 def test_whatever_an_update_says_the_force_is_finite_and_within_the_wire(
     selector: int,
     newest: tuple[int, ...],

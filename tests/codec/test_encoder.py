@@ -5,7 +5,7 @@ from math import inf, nan
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, Decoder, Encoder, force_channel, position_channel
@@ -15,6 +15,7 @@ from codec.vector import ZERO, Vector
 from tests.codec.contacts import rubbing_stream
 from tests.codec.law import FORCE_PREDICTORS, POSITION_BANKS, POSITION_PREDICTORS, coded
 from tests.codec.signals import contact_stream
+from tests.examples import examples
 
 webers = st.floats(0.005, 0.5)
 seeds = st.integers(0, 2**32 - 1)
@@ -30,7 +31,7 @@ def consume(channel: Channel, samples: Sequence[tuple[Vector, Vector]]) -> None:
 
 @forces
 @given(weber=webers, floor=st.sampled_from([0.0, 0.002, 0.02]), seed=seeds, axes=axes_sets)
-@settings(max_examples=20, deadline=None)
+@examples(20)
 def test_decoded_force_is_within_the_deadband_and_states_are_identical(
     predictor: str, weber: float, floor: float, seed: int, axes: str
 ) -> None:
@@ -40,7 +41,7 @@ def test_decoded_force_is_within_the_deadband_and_states_are_identical(
 
 @positions
 @given(weber=webers, bound=st.sampled_from([0.0, 1e-5, 2e-4]), seed=seeds, axes=axes_sets)
-@settings(max_examples=20, deadline=None)
+@examples(20)
 def test_decoded_position_is_within_the_deadband_and_states_are_identical(
     predictor: str, weber: float, bound: float, seed: int, axes: str
 ) -> None:
@@ -59,7 +60,7 @@ def test_decoded_position_is_within_the_deadband_and_states_are_identical(
         max_size=40,
     ),
 )
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_law_holds_for_any_finite_samples(
     predictor: str, reference: Reference, axes: str, samples: list[tuple[Vector, Vector]]
 ) -> None:
@@ -68,7 +69,7 @@ def test_law_holds_for_any_finite_samples(
 
 @forces
 @given(seed=seeds, samples=st.lists(st.tuples(*[st.tuples(*[st.floats(-1e300, 1e300)] * 3)] * 2), max_size=30))
-@settings(max_examples=8, deadline=None)
+@examples(8)
 def test_law_holds_for_extreme_samples_amid_a_contact(
     predictor: str, seed: int, samples: list[tuple[Vector, Vector]]
 ) -> None:

@@ -12,7 +12,7 @@ from sys import float_info
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
@@ -23,6 +23,7 @@ from codec.vector import ZERO, Vector, distance, is_finite, norm, scale
 from master.safety import ForceLimiter
 from protocol.sequence import expand_counter
 from protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, read_head
+from tests.examples import examples
 
 Samples = Sequence[tuple[int, Vector, Vector]]
 """Tick, force [N] (position [m] on a position channel), commanded position [m]."""
@@ -334,7 +335,7 @@ numbers = st.floats(allow_nan=True, allow_infinity=True)
     probes=st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers)), min_size=1, max_size=5),
     axes=st.sampled_from(["xyz", "xz", "z"]),
 )
-@settings(max_examples=400, deadline=None)
+@examples(400)
 def test_no_peer_can_make_a_decoder_say_what_may_not_be_displayed(
     updates: list[tuple[int, int, tuple[int, ...], int, tuple[int, ...]]],
     probes: list[tuple[float, Vector]],

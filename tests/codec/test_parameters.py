@@ -3,7 +3,7 @@
 from math import inf, isfinite
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import force_channel, position_channel
@@ -12,6 +12,7 @@ from codec.predictors import PARAMETRIC
 from codec.predictors.hold import Hold
 from codec.update import MAX_GAP
 from protocol.wire import UpdateLayout
+from tests.examples import examples
 
 finite = st.floats(-1e300, 1e300)
 samples = st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6)
@@ -82,7 +83,7 @@ def test_the_parameters_of_every_predictor_fit_into_an_update(name: str, axes: s
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
 @pytest.mark.parametrize("name", list(PARAMETRIC))
 @given(newest=samples, gap=st.integers(1, MAX_GAP), previous=samples)
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_any_bits_are_a_model_that_could_have_been_sent(
     name: str, axes: str, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]
 ) -> None:
@@ -102,7 +103,7 @@ blocks = st.builds(Block, st.floats(1e-9, 1e3), st.integers(2, 16), st.integers(
 
 
 @given(block=blocks, data=st.data())
-@settings(max_examples=50)
+@examples(50)
 def test_a_block_is_towards_zero_and_off_by_less_than_a_digit_of_its_largest(block: Block, data: st.DataObject) -> None:
     top = 2 ** (block.width - 1) - 1
     most = block.unit * top * 2.0**LARGEST_EXPONENT
@@ -121,7 +122,7 @@ def test_a_block_is_towards_zero_and_off_by_less_than_a_digit_of_its_largest(blo
 
 
 @given(unit=st.integers(-30, 10), block=blocks, data=st.data())
-@settings(max_examples=50)
+@examples(50)
 def test_what_a_block_says_it_says_again(unit: int, block: Block, data: st.DataObject) -> None:
     """Where the unit is a power of two; else a quotient may be rounded below the digit that it is."""
     block = block._replace(unit=2.0**unit)

@@ -3,7 +3,7 @@
 from math import inf, nan
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.predictors import FITTED, Trust
@@ -12,6 +12,7 @@ from codec.predictors.sphere import Sphere
 from codec.predictors.zoh import Hold
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
+from tests.examples import examples
 
 TRUST = Trust()
 coordinates = st.floats(-0.1, 0.1)
@@ -52,7 +53,7 @@ def test_a_fit_is_a_function_of_its_samples(name: str) -> None:
 
 @every
 @given(newest=wild_vectors, previous=wild_vectors, p1=wild_vectors, p2=wild_vectors, gap=st.integers(0, 65_535))
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_no_samples_make_a_fit_or_a_prediction_raise(
     name: str, newest: Vector, previous: Vector, p1: Vector, p2: Vector, gap: int
 ) -> None:
@@ -70,7 +71,7 @@ def test_extreme_samples_do_not_raise(name: str, value: float) -> None:
 
 @every
 @given(forces=st.tuples(vectors, vectors), positions=st.tuples(vectors, vectors), gap=st.integers(1, 1000))
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_every_model_passes_through_its_newest_sample(
     name: str, forces: tuple[Vector, Vector], positions: tuple[Vector, Vector], gap: int
 ) -> None:
@@ -97,7 +98,7 @@ def test_linear_continues_a_ramp() -> None:
     slide=vectors,
     somewhere=vectors,
 )
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_plane_recovers_a_wall_from_two_samples(
     normal: Vector, offset: float, stiffness: float, depths: tuple[float, float], slide: Vector, somewhere: Vector
 ) -> None:
@@ -121,7 +122,7 @@ def test_plane_recovers_a_wall_from_two_samples(
     depths=st.tuples(st.floats(5e-4, 5e-3), st.floats(5e-4, 5e-3)),
     probe=vectors,
 )
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_sphere_recovers_a_dome_and_a_cavity_from_two_samples(
     centre: Vector,
     radius: float,

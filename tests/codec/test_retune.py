@@ -3,7 +3,7 @@
 from math import sqrt
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
@@ -12,6 +12,7 @@ from codec.predictors import ADAPTIVE, FITTED, PREDICTORS
 from codec.vector import ZERO, distance
 from tests.codec.contacts import rubbing_stream
 from tests.codec.signals import contact_stream
+from tests.examples import examples
 
 BANK = tuple(FITTED)
 EVERY = tuple(PREDICTORS)
@@ -54,7 +55,7 @@ def follow_changes(channel: Channel, seed: int, changes: dict[int, tuple[float, 
 
 
 @given(seed=st.integers(0, 2**32 - 1), changes=changes(len(BANK)))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_the_law_holds_across_changes_and_only_what_is_selected_is_chosen(
     seed: int, changes: dict[int, tuple[float, float, list[int]]]
 ) -> None:
@@ -62,7 +63,7 @@ def test_the_law_holds_across_changes_and_only_what_is_selected_is_chosen(
 
 
 @given(seed=st.integers(0, 2**32 - 1), changes=changes(len(EVERY)))
-@settings(max_examples=50, deadline=None)
+@examples(50)
 def test_it_holds_too_where_the_choice_is_by_the_record(
     seed: int, changes: dict[int, tuple[float, float, list[int]]]
 ) -> None:

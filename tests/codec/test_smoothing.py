@@ -5,7 +5,7 @@ from itertools import pairwise
 from math import sin
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, Decoder, Encoder, Update, force_channel
@@ -17,6 +17,7 @@ from codec.vector import ZERO, Vector, distance, norm
 from tests.codec.contacts import rubbing_stream
 from tests.codec.law import FORCE_PREDICTORS, half_step
 from tests.codec.signals import Stream, contact_stream
+from tests.examples import examples
 
 vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 DEADBANDS: dict[str, Callable[[], Deadband]] = {
@@ -156,7 +157,7 @@ def follow(channel: Channel, stream: Stream) -> int:
     deadband=st.sampled_from(list(DEADBANDS)), ticks=st.integers(1, 30), seed=st.integers(0, 2**32 - 1),
     axes=st.sampled_from(["z", "xz", "xyz"]),
 )  # fmt: skip
-@settings(max_examples=15, deadline=None)
+@examples(15)
 def test_the_law_holds_with_the_ramp(predictor: str, deadband: str, ticks: int, seed: int, axes: str) -> None:
     channel = force_channel(
         predictor=predictor, axes=axes, deadband=DEADBANDS[deadband](), smoothing=Smoothing(ticks, 0.7)

@@ -4,7 +4,7 @@ from math import atan2, cos, inf, nan, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, Decoder, Update, force_channel
@@ -13,6 +13,7 @@ from codec.predictors.surface import SURFACE, Surface
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract, unit
 from tests.codec.contacts import GodObject
+from tests.examples import examples
 
 UP: Vector = (0.0, 0.0, 1.0)
 S = 500.0
@@ -100,7 +101,7 @@ def test_off_the_surface_nothing_holds() -> None:
 
 
 @given(path=paths, normal=normals, curvature=curvatures, friction=st.floats(0.01, 1.5))
-@settings(max_examples=40)
+@examples(40)
 def test_it_pulls_as_a_god_object_does(path: list[Vector], normal: Vector, curvature: float, friction: float) -> None:
     """Told apart in a frame whose z is the normal, in matrices."""
     z = np.array(normal)
@@ -256,7 +257,7 @@ samples = st.tuples(*[words] * 6)
     newest=samples, gap=st.integers(1, 2**16 - 1), previous=samples, axes=st.sampled_from(["z", "xz", "xyz"]),
     probes=st.lists(st.tuples(anything, st.tuples(anything, anything, anything)), min_size=1, max_size=4),
 )  # fmt: skip
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_any_bits_at_any_place_and_time_are_a_force(
     newest: tuple[int, ...], gap: int, previous: tuple[int, ...], axes: str, probes: list[tuple[float, Vector]]
 ) -> None:

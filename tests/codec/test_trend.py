@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, Decoder, Update, force_channel, position_channel
@@ -14,6 +14,7 @@ from codec.predictors.linear import Line
 from codec.predictors.trend import FINEST, SLOWEST, TREND
 from codec.sample import Sample
 from codec.vector import ZERO, Vector, distance, norm, subtract
+from tests.examples import examples
 
 steps = st.floats(-400.0, 400.0)
 rates = st.floats(-20.0, 20.0)
@@ -25,7 +26,7 @@ def channels(axes: str) -> list[Channel]:
 
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
 @given(offset=st.tuples(steps, steps, steps), slope=st.tuples(rates, rates, rates))
-@settings(max_examples=50)
+@examples(50)
 def test_a_line_survives_the_wire_towards_the_sample(axes: str, offset: Vector, slope: Vector) -> None:
     """To half a percent of the largest component, in steps of a sixteenth of the wire's."""
     for channel in channels(axes):
@@ -112,7 +113,7 @@ def test_a_filter_reads_the_newest_sample_less_those_before(index: int) -> None:
 
 
 @given(values=st.lists(st.tuples(*[st.floats(-40.0, 40.0)] * 3), min_size=2, max_size=60), bound=st.floats(0.0, 5.0))
-@settings(max_examples=60)
+@examples(60)
 def test_a_line_begins_within_the_deadband_of_what_was_measured(values: list[Vector], bound: float) -> None:
     """Or at the sample, where the wire's rounding takes all of the deadband."""
     rounding = (4e-4, -4e-4, 3e-4)

@@ -3,10 +3,11 @@
 from math import hypot, inf, isnan, nan, sqrt
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, Vector, distance, norm, unit
+from tests.examples import examples
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 close = st.floats(-1e-150, 1e-150)
@@ -22,7 +23,7 @@ vectors = st.tuples(numbers, numbers, numbers) | st.tuples(close, close, close)
 @example((1.7e308, 1.7e308, 1.7e308))
 @example((1.0, 1e-170, 0.0))
 @example((2.0**-450, 2.0**-450, 0.0))
-@settings(max_examples=1000)
+@examples(1000)
 def test_a_length_is_that_of_the_library_to_2_units_in_the_last_place(vector: Vector) -> None:
     expected = hypot(*vector)
     assert norm(vector) == pytest.approx(expected, rel=5e-16, abs=5e-324)

@@ -4,13 +4,14 @@ from math import isfinite
 from typing import NamedTuple
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from control.contract import LinkQuality, MasterControl, Settings, SlaveControl, Surface, Vector
 from control.table import SCHEMES, build_master_control, build_slave_control
 from tests.control.vectors import forces, positions, vectors
 from tests.control.walls import Ball, Wall
+from tests.examples import examples
 
 SETTINGS = Settings(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
 every = pytest.mark.parametrize("name", SCHEMES)
@@ -114,21 +115,21 @@ def check(control: MasterControl | SlaveControl, credit: int) -> None:
 
 @every
 @given(ticks=wild_master)
-@settings(max_examples=40)
+@examples(40)
 def test_nothing_finite_upsets_the_operators_side(name: str, ticks: list[MasterTick]) -> None:
     run_master(build_master_control(name, SETTINGS), ticks)
 
 
 @every
 @given(ticks=wild_slave)
-@settings(max_examples=40)
+@examples(40)
 def test_nothing_finite_upsets_the_teleoperators_side(name: str, ticks: list[SlaveTick]) -> None:
     run_slave(build_slave_control(name, SETTINGS), ticks)
 
 
 @every
 @given(before=ordinary_master, after=ordinary_master)
-@settings(max_examples=25)
+@examples(25)
 def test_a_reset_operators_side_is_as_a_new_one(name: str, before: list[MasterTick], after: list[MasterTick]) -> None:
     control = build_master_control(name, SETTINGS)
     run_master(control, before)
@@ -138,7 +139,7 @@ def test_a_reset_operators_side_is_as_a_new_one(name: str, before: list[MasterTi
 
 @every
 @given(before=ordinary_slave, after=ordinary_slave)
-@settings(max_examples=25)
+@examples(25)
 def test_a_reset_teleoperators_side_is_as_a_new_one(name: str, before: list[SlaveTick], after: list[SlaveTick]) -> None:
     control = build_slave_control(name, SETTINGS)
     run_slave(control, before)

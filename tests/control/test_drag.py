@@ -2,13 +2,14 @@
 
 from math import isfinite
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from control.contract import ZERO, Vector
 from control.drag import STRONGEST, LevelDrag
 from control.force_port import LEAST_STEP, ForcePort
 from tests.control.vectors import dot, forces, norm, steps, subtract, vectors
+from tests.examples import examples
 
 LEVEL = 0.05
 TICK = 1e-3
@@ -51,7 +52,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(
 
 
 @given(mass=st.floats(0.001, 0.1), speed=st.floats(0.001, 0.5), damping=st.floats(1.0, 100.0))
-@settings(max_examples=40)
+@examples(40)
 def test_a_free_mass_comes_to_rest_and_gains_no_speed(mass: float, speed: float, damping: float) -> None:
     """From 1 g on, or slow: a drag of less than `LEAST_STEP` does not show how light a hand is. The first tick does."""
     drag, port = LevelDrag(damping, LEVEL), ForcePort(TICK, LEVEL)

@@ -3,12 +3,13 @@
 from math import isfinite
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from control.contract import ZERO, Vector
 from control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
 from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
+from tests.examples import examples
 
 TICK = 1e-3
 LEVEL = 0.015
@@ -116,7 +117,7 @@ def test_nor_does_anything_tiny(ticks: list[tuple[Vector, Vector, float]]) -> No
 
 
 @given(mass=st.floats(0.001, 0.04))
-@settings(max_examples=20)
+@examples(20)
 def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: float) -> None:
     """A free mass goes T^2 / 2m for each N more in the tick in which it acts."""
     port, at, speed = ForcePort(TICK, LEVEL), 0.0, 0.0

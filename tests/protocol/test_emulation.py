@@ -2,10 +2,11 @@ from itertools import groupby, pairwise
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.emulation import HEADER_BYTES, QUEUE_S, REORDER_HOLD, EmulatedLink, Emulation
+from tests.examples import examples
 
 
 def link(seed: int = 1, epoch: float = 0.0, **faults: object) -> EmulatedLink[int]:
@@ -116,7 +117,7 @@ def test_nothing_gets_through_a_blackout() -> None:
     assert made.counters.blacked_out == 15
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.floats(1.0, 10.0))
 def test_the_same_seed_does_the_same_harm(seed: int, loss: float, burst: float) -> None:
     faults = {

@@ -4,7 +4,7 @@ from itertools import pairwise
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol import PeerSilent, State
@@ -12,6 +12,7 @@ from protocol.emulation import Emulation
 from protocol.heartbeat import ASK_PACE, CLEAN_INTERVAL
 from protocol.repetition import EARLY_PER_S, SHORTEST_PACE
 from protocol.wire import Kind, kind_of
+from tests.examples import examples
 from tests.protocol.harness import Pair, Side, update_fields
 
 MENDED_WITHIN = 0.15
@@ -26,7 +27,7 @@ def send(pair: Pair, side: Side) -> int:
     return fields[0]
 
 
-@settings(deadline=None, max_examples=30)
+@examples(30)
 @given(
     st.integers(0, 2**32),
     st.lists(st.booleans(), max_size=40),

@@ -2,13 +2,14 @@ from collections import Counter
 from itertools import islice
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol import Endpoint, Role, State
 from protocol.direction import Direction
 from protocol.security import Security
 from protocol.wire import CLEAR_BYTES, Kind
+from tests.examples import examples
 from tests.protocol.cost import engaged
 from tests.protocol.fuzz import sessions
 from tests.protocol.harness import MASTER, SLAVE, suites, update_fields
@@ -31,7 +32,7 @@ DATAGRAMS = st.one_of(
 
 
 @pytest.mark.parametrize("security", suites())
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(st.lists(DATAGRAMS, min_size=1, max_size=20))
 def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list[bytes]) -> None:
     master, slave = engaged(security, outgoing=3)

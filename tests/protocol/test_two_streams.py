@@ -3,12 +3,13 @@
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol import DropReason, PeerSilent, Role, State, UpdateReceived
 from protocol.emulation import Emulation
 from protocol.wire import Kind, kind_of
+from tests.examples import examples
 from tests.protocol.harness import Pair, Side, make_endpoint, suites, update_fields
 
 BOTH = {"outgoing_values": (3, 3), "incoming_values": (3, 3)}
@@ -112,7 +113,7 @@ def test_neither_supersedes_the_other(first: int) -> None:
     assert pair.slave.faults() == [DropReason.SUPERSEDED]
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(
     st.integers(0, 2**32),
     st.lists(st.booleans(), max_size=40),

@@ -6,11 +6,12 @@ comes out then is an answer to them.
 
 from random import Random
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol import Address, Connected, Endpoint, Role, State
 from protocol.wire import Kind, kind_of
+from tests.examples import examples
 from tests.protocol.fuzz import mutate
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, make_endpoint, update_fields
 from tests.soak import ammunition
@@ -69,7 +70,7 @@ def question(means: str, random: Random) -> bytes:
 MAGAZINES = {kind: ammunition.load(kind, SAID, Random(2), KEY) for kind in ammunition.KINDS}
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(seed=st.integers(0, 1 << 32), means=st.lists(MEANS, min_size=1, max_size=20), is_stranger=st.booleans())
 def test_a_responder_answers_a_call_once_and_not_at_greater_length(
     seed: int, means: list[str], is_stranger: bool
@@ -103,7 +104,7 @@ def test_a_call_with_proof_of_the_key_is_answered() -> None:
     assert len(welcome) <= len(call)
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(
     seed=st.integers(0, 1 << 32),
     means=st.lists(st.sampled_from(["mutated", "random", "forged", "truncated", "handshake"]), min_size=1, max_size=20),
@@ -121,7 +122,7 @@ def test_without_proof_of_the_key_nothing_is_answered_at_all(seed: int, means: l
             assert answers(endpoint, asked, random.choice([STRANGER, MASTER, SLAVE]), now) == []
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(seed=st.integers(0, 1 << 32), means=st.lists(MEANS, min_size=1, max_size=20), is_stranger=st.booleans())
 def test_an_initiator_in_a_session_answers_nobody(seed: int, means: list[str], is_stranger: bool) -> None:
     random = Random(seed)
@@ -132,7 +133,7 @@ def test_an_initiator_in_a_session_answers_nobody(seed: int, means: list[str], i
     assert endpoint.state is State.ENGAGED
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(seed=st.integers(0, 1 << 32), count=st.integers(1, 300))
 def test_played_back_calls_do_not_end_a_session(seed: int, count: int) -> None:
     random = Random(seed)

@@ -4,7 +4,7 @@ from itertools import pairwise
 from math import inf, nan, sqrt
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, Vector, distance, norm
@@ -19,6 +19,7 @@ from protocol.wire import Kind, kind_of
 from slave.robots.contract import RobotFault, RobotReading
 from slave.robots.point import PointRobot
 from telemetry.fault import Fault
+from tests.examples import examples
 from tests.weberlink.systems import configuration, decoded, output, raw, steps, system
 from weberlink.simulate import build_simulation
 
@@ -66,7 +67,7 @@ def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(predicto
     seed=st.integers(0, 2**31),
     burst=st.sampled_from([1, 5, 20]),
 )
-@settings(max_examples=12, deadline=None)
+@examples(12)
 def test_after_any_fault_the_first_update_that_arrives_restores_the_state(
     predictor: str, seed: int, burst: int
 ) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.optimize import linprog
@@ -19,6 +19,7 @@ from evaluation.coding.clairvoyant import clairvoyant_sends
 from evaluation.coding.clairvoyant.stretch import reaches
 from evaluation.coding.replay import replay, signal_of
 from master.trace import read_trace
+from tests.examples import examples
 
 ROOT = Path(__file__).parents[3]
 RECORDED = ROOT.parent / "shared" / "traces"
@@ -107,7 +108,7 @@ KINDS: tuple[Callable[[np.random.Generator, int], tuple[Array, Array]], ...] = (
 )
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(
     kind=st.sampled_from(KINDS),
     seed=st.integers(0, 2**32 - 1),
@@ -158,7 +159,7 @@ def made(family: str, chance: np.random.Generator, position: Array, used: Array)
     return stiffness * np.sign(radius) * (depth / length)[:, None] * outward
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     family=st.sampled_from(FAMILIES[:-1]),
     seed=st.integers(0, 2**32 - 1),
@@ -252,7 +253,7 @@ def line_signal(seed: int, ticks: int) -> tuple[Array, Array]:
     return force, position
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 2**32 - 1), ticks=st.integers(2, 14), weber=st.sampled_from((0.05, 0.2, 0.5)))
 def test_one_degree_of_freedom_is_that_of_brute_force(seed: int, ticks: int, weber: float) -> None:
     force, position = line_signal(seed, ticks)
@@ -263,7 +264,7 @@ def test_one_degree_of_freedom_is_that_of_brute_force(seed: int, ticks: int, web
     assert found["plane"] == brute_plane(force, position, error, Trust().stiffness[1])
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 2**32 - 1), ticks=st.integers(2, 12), weber=st.sampled_from((0.05, 0.2, 0.5)))
 def test_more_degrees_of_freedom_are_not_above_brute_force(seed: int, ticks: int, weber: float) -> None:
     """Of holds: those that pass through the balls of the deadband, among values that are tried."""

@@ -5,7 +5,7 @@ from math import pi, radians
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -15,6 +15,7 @@ from codec.vector import Vector
 from evaluation.coding.clairvoyant import clairvoyant_sends
 from evaluation.coding.clairvoyant.sector import sector_of
 from tests.evaluation.coding.test_clairvoyant import EXACT, KINDS, along, fewest, known, made, motion, sends
+from tests.examples import examples
 
 FAMILIES = ("zoh", "linear", "plane", "sphere", "hybrid")
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ def bounds(force: Array, position: Array, deadband: Deadband, **wire: object) ->
     return known(clairvoyant_sends(force, position, channel=channel, families=FAMILIES))
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     kind=st.sampled_from(KINDS),
     seed=st.integers(0, 2**32 - 1),
@@ -73,7 +74,7 @@ def turned(vector: Array, angle: Array, chance: np.random.Generator) -> Array:
     return vector * np.cos(angle)[:, None] + np.cross(axis, vector) * np.sin(angle)[:, None]
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     family=st.sampled_from(FAMILIES[:-1]),
     seed=st.integers(0, 2**32 - 1),
@@ -96,7 +97,7 @@ def test_no_choice_of_models_needs_less(
     assert found["hybrid"] <= found[family] <= len(lengths)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(seed=st.integers(0, 2**32 - 1), ticks=st.integers(2, 12), deadband=deadbands)
 def test_holds_are_not_above_brute_force(seed: int, ticks: int, deadband: Deadband) -> None:
     """Of values that are tried, those that the deadband itself accepts at every tick."""
@@ -118,7 +119,7 @@ def test_holds_are_not_above_brute_force(seed: int, ticks: int, deadband: Deadba
     assert bounds(force, position, deadband, **EXACT)["zoh"] <= fewest(ticks, first, held)
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     deadband=st.one_of(
         st.builds(ConeDeadband, webers, st.sampled_from((0.0, 0.02, 0.5)), directions),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import Channel, force_channel, position_channel
@@ -28,6 +28,7 @@ from evaluation.coding.sweep import Recording, Study
 from master.trace import read_trace
 from tests.codec.signals import contact_stream
 from tests.evaluation.coding.signals import walk, wall
+from tests.examples import examples
 
 HERE = Path(__file__).parents[3]
 RECORDED = HERE.parent / "shared" / "traces"
@@ -106,7 +107,7 @@ def test_contacts_of_all_kinds(bank: tuple[str, ...], reference: Reference, axes
         max_size=40,
     ),
 )
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_any_finite_samples(
     bank: list[str], reference: Reference, weber: float, floor: float, wire: tuple[float, float, bool], trust: Trust,
     samples: list[tuple[Vector, Vector]],
@@ -129,7 +130,7 @@ def test_any_finite_samples(
         st.tuples(*[st.tuples(*[st.sampled_from([1.0, -2.0, 0.0]) | st.floats()] * 3)] * 2), min_size=1, max_size=20
     ),
 )
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_any_numbers_and_what_is_none(
     bank: tuple[str, ...], saturates: bool, samples: list[tuple[Vector, Vector]]
 ) -> None:

@@ -5,7 +5,7 @@ from math import inf, nan, pi
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec import force_channel
@@ -16,6 +16,7 @@ from evaluation.coding.replay import replay, signal_of
 from tests.codec.signals import contact_stream
 from tests.evaluation.coding.signals import walk, wall
 from tests.evaluation.coding.test_compiled import assert_alike, check, compiled, interpreted, signal
+from tests.examples import examples
 
 pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba (extra: compiled) is not installed")
 
@@ -58,7 +59,7 @@ def test_contacts_of_all_kinds(bank: tuple[str, ...], deadband: Deadband) -> Non
         max_size=20,
     ),
 )
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_any_numbers_and_what_is_none(
     deadband: Deadband, bank: tuple[str, ...], saturates: bool, samples: list[tuple[Vector, Vector]]
 ) -> None:

@@ -12,12 +12,13 @@ from time import sleep
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from evaluation.experiment.conduct import Conduct, Left
 from evaluation.experiment.ledger import RATED, TRAINED, Ledger, LedgerError, Progress, path_of, read, subjects
 from tests.evaluation.experiment.studies import Rig, Robot, plan
+from tests.examples import examples
 
 ROOT = Path(__file__).parents[3]
 
@@ -106,7 +107,7 @@ def test_kill_9_at_random_moments_loses_nothing_that_was_rated(seed: int, tmp_pa
     ]
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cut=st.integers(1, 3000))
 def test_a_file_cut_off_anywhere_goes_on_with_the_trial_that_was_lost(cut: int, tmp_path: Path) -> None:
     path = tmp_path / f"{cut}-{os.urandom(4).hex()}.jsonl"

@@ -1,11 +1,12 @@
 """Who gets energy out of a sampled wall, and on which side of Colgate's bound."""
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from evaluation.stability.activity import activity, bounce, generated, motions
 from evaluation.stability.wall import Wall, passivity_limit
+from tests.examples import examples
 
 FREE = 0.01
 
@@ -18,7 +19,7 @@ FREE = 0.01
     wall_share=st.floats(0.0, 0.9),
     share=st.floats(0.01, 1.0),
 )
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_no_motion_gets_energy_out_of_a_wall_on_the_passive_side(
     damping: float, mass: float, period: float, delay: int, wall_share: float, share: float
 ) -> None:
@@ -35,7 +36,7 @@ def test_some_motion_does_just_beyond_the_bound(delay: int, wall_damping: float)
 
 
 @given(path_um=st.lists(st.integers(-2000, 1000), min_size=2, max_size=12, unique=True), delay=st.integers(0, 3))
-@settings(max_examples=100, deadline=None)
+@examples(100)
 def test_nor_does_any_path_that_nobody_thought_of(path_um: list[int], delay: int) -> None:
     wall = Wall(0.3, 8.0, FREE, 1e-3, delay)
     assert generated(wall, passivity_limit(wall), [1e-6 * height for height in path_um]) <= 1e-9

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.quaternion import inverse, product
@@ -20,6 +20,7 @@ from master.devices.hand import Hand, HandOptions, Oscillator
 from master.devices.operator import OperatorDevice, OperatorOptions
 from master.devices.turning import Turning, Wrist
 from master.devices.wrist import WristOptions
+from tests.examples import examples
 
 TICK = 0.001
 STIFFNESS = WristOptions().stiffness_n_m_rad
@@ -57,7 +58,7 @@ def energy(wrist: Wrist, intended: Quaternion, oscillator: Oscillator) -> float:
     return turning * dot(wrist.velocity, wrist.velocity) + spring * dot(away, away)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(axes, st.floats(0.1, 2.5), axes, st.floats(0.0, 30.0), st.floats(0.02, 1.0))
 def test_left_alone_it_loses_energy_and_gains_none(
     axis: Vector, angle: float, spin: Vector, speed: float, damping: float

@@ -4,7 +4,7 @@ from math import hypot, isfinite
 from struct import pack
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, Vector
@@ -13,6 +13,7 @@ from master.devices.haply.board import RESET
 from master.devices.haply.fivebar import radians
 from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
 from master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
+from tests.examples import examples
 
 V3 = VERSIONS["v3"]
 BOARD = V3.board
@@ -182,7 +183,7 @@ def test_the_script_stays_within_reach(version: str) -> None:
             assert hypot(y - kind.center[1] - at[0], kind.center[0] - x - at[1]) < 1e-6
 
 
-@settings(max_examples=50, derandomize=True, deadline=None)
+@examples(50)
 @given(chunks=st.lists(st.one_of(st.binary(max_size=40), st.just(BOARD.setup)), max_size=8))
 def test_whatever_comes_it_lives(chunks: list[bytes]) -> None:
     device = emulator()

@@ -1,12 +1,13 @@
 """When things happen on the wire, and who says what to whom."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
 from slave.robots.dynamixel import packet
 from slave.robots.dynamixel.packet import ACCESS_ERROR, BROADCAST, Packet, Status, StatusReader, encode_packet
+from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
 
 READ_POSITION = packet.read(11, 132, 4)  # 14 bytes, answered with 15
@@ -131,7 +132,7 @@ def test_a_value_that_looks_like_a_header_comes_through(host: Host) -> None:
     assert host.read(11, 20, 4) == value
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@examples(60)
 @given(
     st.lists(
         st.one_of(

@@ -1,16 +1,17 @@
 """The solution of a step with dry friction, against the conditions that define it."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from slave.emulators.dry_friction import times, with_dry_friction
 from slave.emulators.pose import Joints, Pose
+from tests.examples import examples
 
 angles = st.floats(-1.5, 1.5)
 impulses = st.floats(-0.01, 0.01)
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@examples(150)
 @given(
     st.tuples(angles, angles, angles, angles),
     st.tuples(impulses, impulses, impulses, impulses),

@@ -5,7 +5,7 @@ from pathlib import Path
 from time import monotonic, sleep
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -19,6 +19,7 @@ from slave.robots.dynamixel import packet
 from slave.robots.dynamixel.arm import posture
 from slave.robots.dynamixel.packet import Packet, Status, StatusReader, encode_packet
 from slave.scenes.settings import PlaneObject
+from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
 
 HOME = (0.0, -1.05, 0.35, 0.70)
@@ -256,7 +257,7 @@ def exercised(calls: list[float]) -> tuple[list[bytes], tuple[float, ...]]:
     return said + emulator.replies(1.4), emulator.arm.angles + emulator.arm.velocities + emulator.tip_force
 
 
-@settings(max_examples=6, deadline=None, derandomize=True)
+@examples(6)
 @given(st.lists(st.floats(0.9, 1.4), max_size=30))
 def test_it_depends_on_the_bytes_and_their_times_alone(calls: list[float]) -> None:
     said, state = exercised(calls)

@@ -5,7 +5,7 @@ from math import log10, pi, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -15,6 +15,7 @@ from slave.scenes.contact import FrictionCone, SceneObject
 from slave.scenes.plane import Plane
 from slave.scenes.scene import Scene
 from slave.scenes.sphere import Sphere
+from tests.examples import examples
 from tests.slave.integrators.problems import OFF, UP, corner, difference, moving, run, wall
 
 STEEL = 1e7
@@ -102,7 +103,7 @@ def test_it_is_the_solution_that_scipy_finds(mass: float, stiffness: float, damp
     assert end.velocity[2] == pytest.approx(truth[1], abs=1e-9 * abs(v) * max(1.0, 1e-3 * stiffness / 800.0))
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     mass=tenfold(1e-3, 10.0),
     stiffness=tenfold(10.0, STEEL),
@@ -181,7 +182,7 @@ def brute_force(
     return best[1]
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(tenfold(10.0, STEEL), tenfold(1e-3, 10.0), st.floats(0.01, 2.0), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
 def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, speed: float, normal: Vector) -> None:
     """Undamped, control off, within a single step: mirrored velocity, and pi / omega spent inside."""

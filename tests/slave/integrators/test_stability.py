@@ -3,7 +3,7 @@
 from math import sqrt
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, Vector, norm, unit
@@ -12,6 +12,7 @@ from slave.integrators.choice import chosen
 from slave.scenes.contact import FrictionCone, SceneObject
 from slave.scenes.plane import Plane
 from slave.scenes.scene import Scene
+from tests.examples import examples
 from tests.slave.integrators.problems import ball, energy, moving, wall
 from tests.slave.scenes.solids import SHAPES
 
@@ -38,7 +39,7 @@ def test_thrown_at_a_wall_it_never_gains_energy(name: str) -> None:
                     before = now
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     shape=st.sampled_from(sorted(SHAPES)),
     stiffness=st.floats(1.0, 7.0).map(lambda exponent: 10.0**exponent),
@@ -68,7 +69,7 @@ def test_the_implicit_scheme_gains_no_energy_to_speak_of_on_any_shape(
         assert energy(body, motion, goal, scene, stiffness) <= first * 1.005
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(
     shape=st.sampled_from(sorted(SHAPES)),
     stiffness=st.floats(1.0, 7.0).map(lambda exponent: 10.0**exponent),

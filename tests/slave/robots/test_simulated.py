@@ -2,7 +2,7 @@ from math import exp, sqrt
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, is_finite
@@ -12,6 +12,7 @@ from slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from slave.scenes.contact import FrictionCone, SceneObject
 from slave.scenes.plane import Plane
 from slave.scenes.scene import Scene
+from tests.examples import examples
 
 TICK = 0.001
 UP = (0.0, 0.0, 1.0)
@@ -63,7 +64,7 @@ def test_it_is_stable_against_a_stiff_wall(stiffness: float, mass: float) -> Non
     assert positions[-1] == pytest.approx(-0.001 * 2e4 / (2e4 + stiffness), rel=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     mass=st.floats(0.001, 20.0),
     gain=st.floats(10.0, 1e7),

@@ -5,7 +5,7 @@ from random import Random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
@@ -17,6 +17,7 @@ from slave.robots.contract import OrientedRobot, RobotReading
 from slave.robots.point import PointOptions, PointRobot
 from slave.scenes.scene import Scene
 from slave.scenes.settings import SceneSettings, build
+from tests.examples import examples
 
 TICK = 0.001
 SCENES: TypeAdapter[Any] = TypeAdapter(SceneSettings)
@@ -174,7 +175,7 @@ angles = st.floats(-170.0, 170.0)
 unit_axes = st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, -0.8, 0.6)])
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(unit_axes, angles, st.floats(-0.02, 0.03))
 def test_the_torque_is_that_of_the_forces_at_the_points(axis: Vector, angle: float, height: float) -> None:
     """Against one plain robot per point, each on a scene of its own."""

@@ -5,7 +5,7 @@ import sys
 from math import cos, inf, nan, pi, sin
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract
@@ -16,6 +16,7 @@ from slave.scenes.plane import Plane
 from slave.scenes.proxy import along
 from slave.scenes.scene import Scene
 from slave.scenes.sphere import Sphere, SphereCavity
+from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, elastic, scenes, wander
 
 TICK = 0.001
@@ -182,7 +183,7 @@ def test_smooth_elastic_contact_gives_back_what_it_took(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@settings(max_examples=60)
+@examples(60)
 @given(
     path=st.lists(st.one_of(points, st.tuples(finite, finite, finite)), min_size=1, max_size=8), dt=st.floats(0.0, 1.0)
 )

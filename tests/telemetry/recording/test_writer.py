@@ -12,7 +12,7 @@ import mcap_ros2.decoder
 import numpy as np
 import pytest
 import zstandard
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, make_reader
@@ -24,6 +24,7 @@ from telemetry.recording.message import ENCAPSULATION, END, SCHEMA_NAME
 from telemetry.recording.message import FACTS as FACTS_NAME
 from telemetry.recording.reader import read_recording
 from telemetry.recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
+from tests.examples import examples
 from tests.telemetry.recording.records import (
     FACTS,
     MONOTONIC_S,
@@ -44,7 +45,7 @@ def path(tmp_path):
     return tmp_path / "session.mcap"
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(
     sizes=st.lists(st.tuples(st.sampled_from(SIDES), st.integers(0, 30), st.booleans()), max_size=12),
     seed=st.integers(0, 2**32 - 1),

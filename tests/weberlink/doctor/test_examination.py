@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 from typer.testing import CliRunner
 
 from protocol.keys import generate
+from tests.examples import examples
 from tests.weberlink.doctor.machine import FILES, graded, machine
 from tests.weberlink.systems import CONFIGS
 from weberlink.cli import app
@@ -55,7 +56,7 @@ def test_on_a_machine_without_any_file_nothing_raises_and_every_finding_says_why
             assert "no such file" in each.found or "cannot be read" in each.found, each
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(st.dictionaries(st.sampled_from(sorted(FILES)), st.text(max_size=60), max_size=len(FILES)))
 def test_whatever_the_files_hold_nothing_raises(
     tmp_path_factory: pytest.TempPathFactory, files: dict[str, str]

@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluation.session import SessionScore
 from protocol.states import State
+from tests.examples import examples
 from tests.weberlink.monitor.feeds import BANK, RATE, pieces, records
 from weberlink.monitor.felt import LONGEST_WAIT, FeltError, message
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(
     st.lists(st.integers(0, 900), min_size=3, max_size=3),
     st.lists(st.integers(0, 900), min_size=3, max_size=3),

@@ -5,12 +5,13 @@ from math import isfinite, log2
 from struct import pack, unpack
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.fault import BadReply
 from master.devices.haply.board import REPLY_SIZE, RESET, Board, Encoder, Motor
 from master.devices.haply.version import VERSIONS
+from tests.examples import examples
 
 V2, V3 = VERSIONS["v2"].board, VERSIONS["v3"].board
 ANY = replace(V3, whole_counts=False)
@@ -45,13 +46,13 @@ def test_another_setup_has_another_id_and_none_is_that_of_the_vendors_programs()
     assert Board(V3.motors, V3.encoders, V3.home_deg).id == V3.id
 
 
-@settings(max_examples=40, derandomize=True, deadline=None)
+@examples(40)
 @given(first=degrees, second=degrees)
 def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
     assert ANY.angles(bytes((V3.id,)) + pack("<2f", first, second)) == (second, first)
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@examples(100)
 @given(
     reply=st.one_of(st.binary(max_size=24), st.binary(min_size=8, max_size=8).map(lambda rest: V3.bare_reply + rest))
 )
@@ -66,7 +67,7 @@ def test_whatever_comes_is_two_numbers_or_a_bad_reply(reply: bytes) -> None:
     assert all(map(isfinite, angles))
 
 
-@settings(max_examples=40, derandomize=True, deadline=None)
+@examples(40)
 @given(first=degrees, second=degrees, at=st.integers(0, 8))
 def test_a_reply_without_one_of_its_bytes_is_bad(first: float, second: float, at: int) -> None:
     reply = bytes((V3.id,)) + pack("<2f", first, second)
@@ -78,7 +79,7 @@ counts = st.integers(-20_000, 20_000)
 
 
 @pytest.mark.parametrize("per_turn", [4880.0, 10752.0, 13824.0, 2048 * 2.5 * 1.0194 * 1.0154])
-@settings(max_examples=40, derandomize=True, deadline=None)
+@examples(40)
 @given(first=counts, second=counts)
 def test_every_count_is_an_answer(per_turn: float, first: int, second: int) -> None:
     """However the board rounds: its numbers are of 32 bits."""
@@ -90,7 +91,7 @@ def test_every_count_is_an_answer(per_turn: float, first: int, second: int) -> N
     assert [round(angle * per_turn / 360.0) for angle in angles] == [first, second]
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@examples(100)
 @given(first=counts, second=counts, flipped=st.integers(1, 255))
 def test_what_is_torn_in_the_middle_is_seen(first: int, second: int, flipped: int) -> None:
     """Where it is the exponent that is torn, unless a count times a power of two comes out, or minus one."""

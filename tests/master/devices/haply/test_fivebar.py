@@ -3,11 +3,12 @@
 from math import hypot, nan
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from master.devices.haply.fivebar import FiveBar, Pair, Unreachable, degrees, radians
 from master.devices.haply.version import VERSIONS
+from tests.examples import examples
 
 every_version = pytest.mark.parametrize("name", sorted(VERSIONS))
 STEP = 1e-6
@@ -36,7 +37,7 @@ def usable(name: str, share: Pair) -> tuple[FiveBar, Pair, Pair]:
 
 
 @every_version
-@settings(max_examples=30, derandomize=True, deadline=None)
+@examples(30)
 @given(share=shares)
 def test_angles_and_tip_undo_each_other(name: str, share: Pair) -> None:
     bar, tip, angles = usable(name, share)
@@ -45,7 +46,7 @@ def test_angles_and_tip_undo_each_other(name: str, share: Pair) -> None:
 
 
 @every_version
-@settings(max_examples=30, derandomize=True, deadline=None)
+@examples(30)
 @given(share=shares)
 def test_the_tip_is_one_outer_link_from_either_elbow_and_the_upper_such_point(name: str, share: Pair) -> None:
     bar, _, angles = usable(name, share)
@@ -57,7 +58,7 @@ def test_the_tip_is_one_outer_link_from_either_elbow_and_the_upper_such_point(na
 
 
 @every_version
-@settings(max_examples=30, derandomize=True, deadline=None)
+@examples(30)
 @given(share=shares)
 def test_the_jacobian_is_the_derivative(name: str, share: Pair) -> None:
     bar, _, (first, second) = usable(name, share)
@@ -94,7 +95,7 @@ def test_the_jacobian_is_within_a_millionth_where_the_device_is_used() -> None:
 
 
 @every_version
-@settings(max_examples=30, derandomize=True, deadline=None)
+@examples(30)
 @given(share=shares, force=forces, turn=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
 def test_motors_and_tip_do_the_same_work(name: str, share: Pair, force: Pair, turn: Pair) -> None:
     bar, _, angles = usable(name, share)

@@ -3,13 +3,14 @@
 from math import pi
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware.fault import BadReply, HardwareFault
 from master.devices.haply.fivebar import Pair, radians
 from master.devices.haply.track import FASTEST, STUCK_TRAVEL, Track
 from master.devices.haply.version import VERSIONS
+from tests.examples import examples
 
 V3 = VERSIONS["v3"]
 HOME = radians(V3.board.home_deg)
@@ -75,7 +76,7 @@ def test_postures_that_cannot_be_are_bad_replies(angles: Pair, complaint: str) -
         track().at(angles, 0.0)
 
 
-@settings(max_examples=50, derandomize=True, deadline=None)
+@examples(50)
 @given(
     steps=st.lists(
         st.tuples(

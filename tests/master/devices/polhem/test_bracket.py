@@ -1,7 +1,7 @@
 """The text protocol, any way it may be cut up or spoilt."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from master.devices.polhem.bracket import (
@@ -14,13 +14,14 @@ from master.devices.polhem.bracket import (
     encode_currents,
     encode_status,
 )
+from tests.examples import examples
 
 int32 = st.integers(-(2**31), 2**31 - 1)
 statuses = st.builds(
     Status, st.integers(1, 3), st.tuples(int32, int32, int32, int32, int32, int32), st.integers(0, 2047)
 )
 
-modest = settings(max_examples=60, deadline=None, derandomize=True)
+modest = examples(60)
 currents = st.tuples(*[st.integers(-6000, 6000)] * 3)
 
 

@@ -3,14 +3,15 @@
 from math import isfinite, pi
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import Vector, distance, norm
 from master.devices.polhem.force_stage import RAMP_S, ForceStage
 from master.devices.polhem.parameters import PARAMETERS
+from tests.examples import examples
 
-modest = settings(max_examples=60, deadline=None, derandomize=True)
+modest = examples(60)
 
 components = st.floats(-1e6, 1e6)
 vectors = st.tuples(components, components, components)

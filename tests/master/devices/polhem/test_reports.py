@@ -1,7 +1,7 @@
 """HID reports of both kinds, byte by byte and both ways."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from master.devices.polhem.reports import (
@@ -16,8 +16,9 @@ from master.devices.polhem.reports import (
     encode_sensors,
     wrapped,
 )
+from tests.examples import examples
 
-modest = settings(max_examples=60, deadline=None, derandomize=True)
+modest = examples(60)
 
 int16 = st.integers(-(2**15), 2**15 - 1)
 triples = st.tuples(int16, int16, int16)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import distance
@@ -19,6 +19,7 @@ from master.devices.polhem.reports import (
     encode_command,
 )
 from master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
+from tests.examples import examples
 
 FRAME = 0.001
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
@@ -244,7 +245,7 @@ def test_the_same_reports_at_the_same_times_give_the_same_answers(report: int) -
     assert run(1) != run(2)
 
 
-@settings(derandomize=True, max_examples=40)
+@examples(40)
 @given(
     st.sampled_from([14, 8]),
     st.sampled_from([0.0, 0.001, 0.00033]),

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 import serial
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import distance
@@ -15,6 +15,7 @@ from hardware.pty_device import PtyDevice
 from master.devices.polhem.bracket import Status, StatusReader, encode_currents
 from master.devices.polhem.parameters import PARAMETERS
 from master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from tests.examples import examples
 
 TICK = 0.001
 MODELS = {
@@ -314,7 +315,7 @@ def test_the_same_bytes_at_the_same_times_give_the_same_answers() -> None:
     assert run(1) != run(2)
 
 
-@settings(derandomize=True, max_examples=60)
+@examples(60)
 @given(st.lists(st.tuples(st.binary(max_size=150), st.floats(0.0, 0.3)), max_size=12))
 def test_no_bytes_at_no_time_break_it(pieces: Sequence[tuple[bytes, float]]) -> None:
     desk = Desk()
@@ -332,7 +333,7 @@ def test_no_bytes_at_no_time_break_it(pieces: Sequence[tuple[bytes, float]]) -> 
     assert desk.ask(1, 2, 3).error == 0
 
 
-@settings(derandomize=True, max_examples=60)
+@examples(60)
 @given(st.lists(st.text("[],-0123456789x\n\0", max_size=20), max_size=8))
 def test_nearly_right_messages_are_answered_once_each(pieces: Sequence[str]) -> None:
     desk = Desk()

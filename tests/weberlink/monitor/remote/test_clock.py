@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from evaluation.session import Records
+from tests.examples import examples
 from tests.weberlink.monitor.feeds import RATE, pieces, records
 from weberlink.monitor.remote.clock import HELD_S, MARGIN_S, MastersClock
 
@@ -29,7 +30,7 @@ def moved(clock: MastersClock, made: list[Records]) -> Records:
     return np.concatenate([clock.move(piece) for piece in made])
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(st.lists(st.integers(0, 2000), max_size=8), st.integers(0, 500))
 def test_every_record_is_dated_once_in_order_however_they_come(cuts: list[int], unheard: int) -> None:
     made = slave(2000, unheard=unheard, early=0.3)
