@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from slave.emulators.pose import Joints, Symmetric
 
-FLIPS = 12  # between sticking and sliding; of four joints, two or three are what happens
+FLIPS = 3**4  # no pattern of four joints comes back; two or three are what happens, 27 the most of 300 000 at random
 
 
 def with_dry_friction(a: Symmetric, r: Sequence[float], most: Sequence[float], before: Joints) -> Joints:

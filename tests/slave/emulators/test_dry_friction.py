@@ -1,6 +1,6 @@
 """The solution of a step with dry friction, against the conditions that define it."""
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from slave.emulators.dry_friction import times, with_dry_friction
@@ -11,6 +11,7 @@ angles = st.floats(-1.5, 1.5)
 impulses = st.floats(-0.01, 0.01)
 
 
+@example((0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, -1 / 128), (0.0, 1e-5, 1e-5, 1e-5), (-1.0, -1.0, -1.0, 1.0))
 @examples(150)
 @given(
     st.tuples(angles, angles, angles, angles),
