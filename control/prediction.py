@@ -20,7 +20,7 @@ class CreditPrediction:
         most: the largest prediction ahead of what is known, and so the most that it can be wrong by [J].
     """
 
-    __slots__ = ("_age", "_credit", "_most", "_rate")
+    __slots__ = ("_age", "_credit", "_gained", "_most", "_over")
 
     def __init__(self, most: float) -> None:
         self._most = most
@@ -29,7 +29,8 @@ class CreditPrediction:
     def reset(self) -> None:
         self._credit = 0
         self._age = 0.0
-        self._rate = 0.0
+        self._gained = 0.0
+        self._over = 0.0
 
     def ahead(self, credit: int, elapsed: float) -> float:
         """Energy beyond the sum that is known [J].
@@ -40,10 +41,11 @@ class CreditPrediction:
         """
         self._age += elapsed
         if credit > self._credit:
-            self._rate = (credit - self._credit) * CREDIT_STEP / self._age if self._age > 0.0 else 0.0
+            self._gained, self._over = (credit - self._credit) * CREDIT_STEP, self._age
             self._credit = credit
             self._age = 0.0
             return 0.0
-        if self._age > LONGEST:
+        if self._age > LONGEST or self._over == 0.0:
             return 0.0
-        return min(self._rate * self._age, self._most)
+        # Divided last: of two sums almost at once the rate would be infinite, and no number at all after no time.
+        return min(self._gained * self._age / self._over, self._most)

@@ -2,7 +2,7 @@
 
 from math import isfinite
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from pytest import approx
 
@@ -13,6 +13,7 @@ MOST = 1e-3
 TICK = 1e-3
 
 
+@example([(1, 5e-324), (0, 0.0)])
 @given(st.lists(st.tuples(st.integers(0, 1000), st.one_of(st.floats(0.0, 0.1), st.just(5e-324))), max_size=60))
 def test_never_ahead_by_more_than_the_most_and_never_behind(ticks: list[tuple[int, float]]) -> None:
     prediction, credit = CreditPrediction(MOST), 0
