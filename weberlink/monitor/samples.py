@@ -45,6 +45,8 @@ COLUMNS = {
     "position_selected": None,
 }
 """By name, the decimal places that are worth sending; None for integers."""
+ROTATION = {"rotation_raw": 6, "rotation_output": 6, "rotation_bound": 7, "rotation_sent": None}
+"""The same of what a session of six degrees of freedom has besides."""
 
 
 class Thinning:
@@ -65,6 +67,7 @@ class Thinning:
         if not count:
             return records
         keep = (np.arange(self._passed, self._passed + count) % self._every == 0) | (records["sent"] > 0)
+        keep |= records["rotation_sent"] > 0
         for place, name in enumerate(("state", "fault")):
             values = records[name].astype(np.int64)
             before = values[0] if self._before is None else self._before[place]
@@ -75,13 +78,21 @@ class Thinning:
         return chosen
 
 
-def message(side: str, rows: Records, origin: float) -> dict[str, Any]:
-    """Rows of one side as the page takes them; `origin` is the beginning of the session on their clock [s]."""
+def message(side: str, rows: Records, origin: float, *, rotation: bool = False) -> dict[str, Any]:
+    """Rows of one side as the page takes them.
+
+    Args:
+        side: of the rows.
+        rows: to show.
+        origin: the beginning of the session on their clock [s].
+        rotation: whether the session has six degrees of freedom.
+    """
+    columns = COLUMNS | ROTATION if rotation else COLUMNS
     return {
         "type": "samples",
         "side": side,
         "t": listed(rows["at"] - origin, 6),
-        "columns": {name: _column(rows[name], digits) for name, digits in COLUMNS.items()},
+        "columns": {name: _column(rows[name], digits) for name, digits in columns.items()},
     }
 
 

@@ -74,6 +74,7 @@ class Session:
         torque = description.get("torque_bank")
         bank, torque_bank = tuple(description.get("bank", ())), None if torque is None else tuple(torque)
         self._score = SessionScore(first.rate_hz, bank or UNNAMED, torque_bank)
+        self._rotates = torque_bank is not None
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
         """What waits to be scored: a score costs by the call, not by the record."""
         self.settings: dict[str, Any] | None = None
@@ -195,7 +196,7 @@ class Session:
     def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
         if kind == "felt":
             return felt.message(first, second, self.origin)
-        return samples.message(kind, first, self.origin)
+        return samples.message(kind, first, self.origin, rotation=self._rotates)
 
     def _remember(self, shown: list[_Shown]) -> None:
         self._backlog.extend(shown)

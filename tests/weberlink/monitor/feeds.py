@@ -9,7 +9,7 @@ from evaluation.session import Records
 from protocol.states import State
 from telemetry.reader import DTYPE
 from tests.weberlink.systems import CONFIGS
-from weberlink.composition.link import channels
+from weberlink.composition.link import banks, channels
 from weberlink.configuration import load
 
 RATE = 1000.0
@@ -34,14 +34,16 @@ def records(ticks: int, *, first: int = 0, phase: float = 0.0, seed: int | None 
 def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:
     """As a daemon of this configuration writes it, but for what may be changed."""
     system = load(CONFIGS / file).system
+    force, torque = banks(system)
     return {
         "side": side,
         "file": file,
         "pid": 1,
         "rate_hz": system.rate_hz,
         "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
-        "bank": list(channels(system)[1].bank),
+        "bank": list(force),
         "position_bank": list(channels(system)[0].bank),
+        **({} if torque is None else {"torque_bank": list(torque)}),
         "schemes": ["none", "tdpa", "mmt", "auto"],
         "changes": ["weber"],
     }

@@ -48,6 +48,15 @@ def description(side: str, changes: list[str] | None = None) -> Message:
     }
 
 
+def hello_of_six(**other: Any) -> Message:
+    """The greeting of a session with torque and orientation, whose tool is a stick."""
+    stick = {"slave": {"robot": {"driver": "point", "tool": {"points_m": [[0.03, 0, 0], [-0.03, 0, 0]]}}}}
+    sides = {
+        side: description(side) | {"torque_bank": ["zoh", "linear"], "system": stick} for side in ("master", "slave")
+    }
+    return hello(sides=sides, **other)
+
+
 def hello(**other: Any) -> Message:
     """The greeting; `other` replaces what is said."""
     return {
@@ -79,6 +88,20 @@ def samples(side: str, begin: float, end: float, **other: Any) -> Message:
             columns[name] = [list(axis) for axis in zip(*values, strict=True)]
     columns |= {name: [value] * len(rows) for name, value in other.items()}
     return {"type": "samples", "side": side, "t": [k / ROWS_PER_S for k in range(first, last)], "columns": columns}
+
+
+def rotation(side: str, begin: float, end: float) -> Message:
+    """Rows of a side in a session of six: a turn of 0.3 rad and a torque of 50 mN m, about y."""
+    rows = samples(side, begin, end)
+    about_y = [[0.0] * len(rows["t"]), [1.0] * len(rows["t"]), [0.0] * len(rows["t"])]
+    turned, torque = ([[size * part for part in axis] for axis in about_y] for size in (0.3, 0.05))
+    rows["columns"] |= {
+        "rotation_raw": torque if side == "slave" else turned,
+        "rotation_output": turned if side == "slave" else torque,
+        "rotation_bound": [0.005] * len(rows["t"]),
+        "rotation_sent": [int(k % (3 * SENT_EVERY) == 0) for k in range(len(rows["t"]))],
+    }
+    return rows
 
 
 def felt(begin: float, end: float, jnd: float | None = 0.4) -> Message:

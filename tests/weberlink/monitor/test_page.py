@@ -13,6 +13,7 @@ from tests.weberlink.monitor.scripted_server import Message, ScriptedServer
 
 UNKNOWN = "\N{EN DASH}"
 PANELS = ["force", "felt", "position", "packets", "delay", "ticks", "energy", "timeline"]
+PANELS_OF_SIX = ["force", "torque", "position", "orientation", "felt", "packets", "delay", "ticks", "timeline"]
 SETTINGS = {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
 REPORT: Message = {
     "duration_s": 6.0,
@@ -86,22 +87,59 @@ def test_session_is_shown_at_a_glance_and_in_every_panel(page: Browser, server: 
     for panel in PANELS:
         assert page.pixels(f"#panel-{panel} canvas") > 5, panel
         assert page.run("return document.querySelector(arguments[0]).innerText", f"#panel-{panel} .help") == "?"
-    assert not page.run("return [...document.querySelectorAll('.empty')].map(e => e.innerText).filter(Boolean)")
+    notes = "return [...document.querySelectorAll('.empty')].filter(e => e.offsetParent).map(e => e.innerText)"
+    assert not any(page.run(notes))
+    clean(page, server)
+
+
+def seen(page: Browser) -> set[str]:
+    """Panels of charts that take room."""
+    names = "return [...document.querySelectorAll('#charts .panel')].filter(e => e.clientHeight).map(e => e.id)"
+    return {name.removeprefix("panel-") for name in page.run(names)}
+
+
+def test_a_session_of_six_degrees_has_torque_orientation_and_a_tool_and_no_other_has(
+    page: Browser, server: ScriptedServer
+) -> None:
+    six = REPORT | {
+        "torque": {"packets_per_s": 8.8, "reduction": 0.991, "error_rms": 0.0023, "violation_fraction": 0.004},
+        "orientation": {"packets_per_s": 14.6, "reduction": 0.985, "error_rms": 0.0028, "violation_fraction": None},
+    }
+    rows = [session.rotation(side, 0.0, 6.0) for side in ("master", "slave")]
+    visit(page, server, session.hello_of_six(), *rows, session.felt(0.0, 6.0), session.figures(six))
+    page.wait(lambda: page.number("force-packets-now") == 12.0, "the figures")
+    assert seen(page) == set(PANELS_OF_SIX)
+    for panel in ("torque", "orientation"):
+        page.wait(lambda panel=panel: page.pixels(f"#panel-{panel} canvas") > 5, panel)
+    legends = "return document.querySelector(arguments[0]).textContent"
+    page.wait(lambda: "50" in page.run(legends, "#panel-torque .legend"), "the torque")
+    page.wait(lambda: "17.2 °" in page.run(legends, "#panel-orientation .legend"), "the angle")
+    table = page.text("panel-figures")
+    assert "2.30 mN" in table and "0.160°" in table and "8.8" in table
+    page.wait(lambda: page.data("scene", "turned") != "", "the tool")
+    assert float(page.data("scene", "turned")) == pytest.approx(0.3)
+    clean(page, server)
+    visit(page, server, session.hello(session="1235"), *told(), session.figures(REPORT))
+    page.wait(lambda: page.number("force-packets-now") == 12.0, "the figures")
+    assert seen(page) == set(PANELS)
+    assert "torque" not in page.text("panel-figures")
+    page.wait(lambda: page.data("scene") == "webgl" and page.data("model") == "sphere", "the 3-D view")
+    assert page.data("scene", "turned") == ""
     clean(page, server)
 
 
 def test_deadband_is_a_green_band_and_packets_are_marks(page: Browser, server: ScriptedServer) -> None:
     visit(page, server, session.hello(), *told())
 
-    def seen(chart: str) -> tuple[float, float]:
+    def shares(chart: str) -> tuple[float, float]:
         """Shares of a chart that are green and pink."""
         red, green, blue = np.moveaxis(page.picture_of(f"chart-{chart}"), 2, 0)
         return float(np.mean(green - np.maximum(red, blue) > 0.03)), float(np.mean(np.minimum(red, blue) - green > 0.3))
 
-    page.wait(lambda: seen("force")[0] > 0.005 and seen("force")[1] > 0.005, "band and marks of the force")
-    page.wait(lambda: seen("position")[1] > 0.002, "marks of the position")
-    page.wait(lambda: seen("felt")[0] > 0.2, "the zone below 1 JND")
-    assert seen("felt")[1] < 0.001
+    page.wait(lambda: shares("force")[0] > 0.005 and shares("force")[1] > 0.005, "band and marks of the force")
+    page.wait(lambda: shares("position")[1] > 0.002, "marks of the position")
+    page.wait(lambda: shares("felt")[0] > 0.2, "the zone below 1 JND")
+    assert shares("felt")[1] < 0.001
 
 
 def test_figures_stand_on_the_page_exactly_as_in_the_report(page: Browser, server: ScriptedServer) -> None:
@@ -321,15 +359,18 @@ def test_drawing_pauses_and_resumes_and_windows_change(page: Browser, server: Sc
     clean(page, server)
 
 
+@pytest.mark.parametrize("greeting", [session.hello(), session.hello_of_six()], ids=["three", "six"])
 @pytest.mark.parametrize("width", [1000, 1400, 2200])
-def test_nothing_is_cut_off_or_moves_when_figures_come(page: Browser, server: ScriptedServer, width: int) -> None:
+def test_nothing_is_cut_off_or_moves_when_figures_come(
+    page: Browser, server: ScriptedServer, width: int, greeting: Message
+) -> None:
     boxes = (
-        "return [...document.querySelectorAll('.tile, .panel')].map(e => {"
+        "return [...document.querySelectorAll('.tile, .panel')].filter(e => e.offsetParent).map(e => {"
         "const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height].map(Math.round)})"
     )
     page.size(width, 900)
     try:
-        visit(page, server, session.hello())
+        visit(page, server, greeting)
         before = page.run(boxes)
         server.say(*told(), session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
         page.wait(lambda: page.data("faults") == "3", "the figures")

@@ -15,6 +15,7 @@ from telemetry.ring import default_path
 from tests.weberlink.monitor.browser import Browser, believed, browser
 from tests.weberlink.monitor.monitors import Monitor
 from tests.weberlink.processes import ROOT, Program, document
+from tests.weberlink.systems import CONFIGS
 
 pytestmark = pytest.mark.realtime
 
@@ -54,7 +55,8 @@ def test_numbers_on_the_page_are_those_of_the_report(page: Browser, tmp_path: Pa
     out = tmp_path / "report.json"
     with Monitor(tmp_path) as monitor:
         page.open(f"{monitor.url}/")  # a monitor that is there before the session sees all of it
-        with Program("loopback", "--duration", "3", "--json", out) as program:
+        # Of six degrees of freedom, which has every figure that there is.
+        with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "3", "--json", out) as program:
             name = str(program.pid)
             page.wait(lambda: name in page.text("session").split(), "the session")
             page.choose("session", name)

@@ -3,13 +3,14 @@
 import json
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from telemetry.fault import Fault
 from telemetry.reader import DTYPE
 from tests.weberlink.monitor.feeds import RATE, pieces, records
-from weberlink.monitor.samples import COLUMNS, ROWS_PER_S, Thinning, message
+from weberlink.monitor.samples import COLUMNS, ROTATION, ROWS_PER_S, Thinning, message
 
 
 def thinned(made: np.ndarray, cuts: list[int]) -> list[int]:
@@ -45,7 +46,19 @@ def test_a_message_has_a_value_for_every_row_and_none_for_what_is_not_known() ->
     assert told["columns"]["state"] == [4, 4, 4]
 
 
-def test_every_column_is_one_of_a_record() -> None:
-    assert set(COLUMNS) < set(DTYPE.names or ())
-    integers = {name for name, digits in COLUMNS.items() if digits is None}
-    assert integers == {name for name in COLUMNS if DTYPE[name].kind == "u"}
+def test_a_packet_of_the_rotation_alone_is_a_row_and_its_columns_are_told_where_there_is_one() -> None:
+    made = records(100)
+    made["rotation_sent"][[3, 41]] = 1
+    rows = Thinning(RATE).choose(made)
+    assert rows["tick"].tolist() == sorted({*range(0, 100, 4), 3, 41})
+    assert set(message("master", rows, 0.0)["columns"]) == set(COLUMNS)
+    told = message("master", rows, 0.0, rotation=True)["columns"]
+    assert set(told) == set(COLUMNS) | set(ROTATION)
+    assert sum(told["rotation_sent"]) == 2 and len(told["rotation_raw"]) == 3
+
+
+@pytest.mark.parametrize("columns", [COLUMNS, ROTATION])
+def test_every_column_is_one_of_a_record(columns: dict[str, int | None]) -> None:
+    assert set(columns) < set(DTYPE.names or ())
+    integers = {name for name, digits in columns.items() if digits is None}
+    assert integers == {name for name in columns if DTYPE[name].kind == "u"}

@@ -7,7 +7,7 @@ import pytest
 
 from evaluation.session import SessionScore
 from telemetry.fault import Fault
-from tests.weberlink.monitor.feeds import BANK, RATE, HandFeed, pieces, records
+from tests.weberlink.monitor.feeds import BANK, RATE, HandFeed, description, pieces, records
 from weberlink.monitor.session import BACKLOG_S, Session
 
 
@@ -112,3 +112,14 @@ def test_a_side_whose_description_is_missing_still_has_figures() -> None:
     session.look()
     assert session.figures()["figures"]["force"]["selected"] == {"predictor 3": 10}
     assert session.hello()["readonly"]
+
+
+@pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])
+def test_rows_have_the_rotation_where_the_session_has_it(file: str) -> None:
+    feed = HandFeed("slave")
+    feed.description = description("slave", file)
+    session = Session("7", feed)
+    feed.put(records(10))
+    (told,) = session.look()
+    assert ("rotation_raw" in told["columns"]) is (file == "rotation.yaml")
+    assert ("torque" in session.figures()["figures"]) is (file == "rotation.yaml")

@@ -1,4 +1,4 @@
-// What moves in the 3-D view, as it is before anything is known: balls, arrow, believed surface, trail, packets.
+// What moves in the 3-D view, as it is before anything is known: balls, tool, arrow, believed surface, trail, packets.
 
 import * as THREE from "../vendor/three.module.min.js";
 import { RINGS, SPOKES, ribs, triangles } from "./patch.js";
@@ -16,6 +16,8 @@ export function actors() {
   made.hand = ball(1.9, 8);
   made.robot = ball(2.9, 6);
   made.robot.material.opacity = 0.5;
+  made.tool = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial(ON_TOP));
+  made.tool.renderOrder = 7;
   const shaft = new THREE.Mesh(
     new THREE.CylinderGeometry(0.5, 0.5, 1, 12).translate(0, 0.5, 0),
     new THREE.MeshBasicMaterial(ON_TOP),

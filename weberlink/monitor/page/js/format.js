@@ -23,6 +23,8 @@ export const AS = {
   ms: (v) => (known(v) ? `${three(v / 1000)} ms` : UNKNOWN),
   us: (v) => (known(v) ? `${fixed(v, 0)} µs` : UNKNOWN),
   mm: (v) => (known(v) ? `${fixed(1000 * v, 3)} mm` : UNKNOWN),
+  mnm: (v) => (known(v) ? `${fixed(1000 * v, 2)} mN\u202fm` : UNKNOWN),
+  degrees: (v) => (known(v) ? `${fixed((180 / Math.PI) * v, 3)}°` : UNKNOWN),
   newton: (v) => (known(v) ? `${fixed(v, 3)} N` : UNKNOWN),
 };
 

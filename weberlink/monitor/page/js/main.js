@@ -44,6 +44,7 @@ function receive(message) {
 }
 
 function greet(hello) {
+  document.body.dataset.rotation = String(store.rotates);
   view?.setScene();
   controls.refresh(connected);
   fillFigures(store.figures);
@@ -69,6 +70,7 @@ function draw(now) {
   const from = Math.max(0, newest - drawing.window);
   const only = store.present.length === 1 ? store.present[0] : "master";
   for (const chart of charts) {
+    if (chart.panel?.when?.(store) === false) continue;
     chart.prefer?.(only);
     chart.draw(from, from + drawing.window);
   }

@@ -2,12 +2,14 @@
 
 import { AS, three } from "./format.js";
 
-const norm = (v) => (c, i) => {
-  const x = c[`${v}_x`],
-    y = c[`${v}_y`],
-    z = c[`${v}_z`];
-  return x ? Math.sqrt(x[i] * x[i] + y[i] * y[i] + z[i] * z[i]) : NaN;
-};
+const norm =
+  (v, factor = 1) =>
+  (c, i) => {
+    const x = c[`${v}_x`],
+      y = c[`${v}_y`],
+      z = c[`${v}_z`];
+    return x ? factor * Math.sqrt(x[i] * x[i] + y[i] * y[i] + z[i] * z[i]) : NaN;
+  };
 const axis =
   (v, name, factor = 1) =>
   (c, i) =>
@@ -16,9 +18,12 @@ const column =
   (name, factor = 1) =>
   (c, i) =>
     c[name] ? factor * c[name][i] : NaN;
-const component = (v, which, factor = 1) => (which === "norm" ? norm(v) : axis(v, which, factor));
+const component = (v, which, factor = 1) => (which === "norm" ? norm(v, factor) : axis(v, which, factor));
 const where = (test, value) => (c, i) => (test(c, i) ? value(c, i) : NaN);
-const sent = (c, i) => c.sent && c.sent[i] > 0;
+const sent =
+  (stream = "") =>
+  (c, i) =>
+    c[`${stream}sent`] && c[`${stream}sent`][i] > 0;
 // From 10 up, where the chart begins: 0 has no logarithm.
 const logarithmic = (name) => (c, i) => (c[name] ? Math.max(10, c[name][i]) : NaN);
 const missed = (c, i) => c.ticks_missed && i > 0 && c.ticks_missed[i] > c.ticks_missed[i - 1];
@@ -34,6 +39,59 @@ const around = (least) => (low, high) => {
   return [low < 0 ? -top : 0, high > 0 || low >= 0 ? top : 0];
 };
 
+// What was measured at the robot and felt by the operator, of a stream: the force, or the torque of the rotation. The
+// measured one lies beneath and is wider, so that both are seen where they agree.
+const felt =
+  (stream, unit, factor = 1) =>
+  (which) => {
+    const raw = component(`${stream}raw`, which, factor);
+    const bound = column(`${stream}bound`, factor);
+    const low = (c, i) => raw(c, i) - bound(c, i);
+    const floor = which === "norm" ? (c, i) => Math.max(0, low(c, i)) : low;
+    return [
+      {
+        ring: "slave",
+        series: [
+          { name: "measured", colour: "slave", width: 5, alpha: 0.5, of: raw, unit },
+          { name: "", hidden: true, of: (c, i) => raw(c, i) + bound(c, i) },
+          { name: "", hidden: true, of: floor },
+        ],
+      },
+      {
+        ring: "master",
+        series: [{ name: "felt", colour: "master", width: 1.75, of: component(`${stream}output`, which, factor), unit }],
+      },
+      { ring: "slave", series: [{ name: "packet", colour: "packets", dots: 8, of: where(sent(stream), raw) }] },
+    ];
+  };
+
+// Where the hand is and where the robot was sent, of a stream: the position, or the orientation of the rotation.
+const moved =
+  (stream, hand, robot, unit, factor) =>
+  (which) => [
+    {
+      ring: "slave",
+      series: [
+        {
+          name: robot,
+          colour: "slave",
+          width: 5,
+          alpha: 0.5,
+          of: component(`${stream}output`, which, factor),
+          unit,
+          digits: 1,
+        },
+      ],
+    },
+    {
+      ring: "master",
+      series: [
+        { name: "hand", colour: "master", width: 1.75, of: component(hand, which, factor), unit, digits: 1 },
+        { name: "packet", colour: "packets", poles: 0.07, of: where(sent(stream), () => 0), mark: true },
+      ],
+    },
+  ];
+
 const PANELS = [
   {
     name: "force",
@@ -45,35 +103,26 @@ const PANELS = [
       "Measured at the robot, and felt by the operator. Within the green deadband around the measured force a " +
       "difference is too small to be noticed, so nothing is sent; each dot is a packet.",
     empty: "needs a session in contact",
-    // The measured force lies beneath and is wider, so that both are seen where they agree.
-    sources: (which) => [
-      {
-        ring: "slave",
-        series: [
-          { name: "measured", colour: "slave", width: 5, alpha: 0.5, of: component("raw", which), unit: "N" },
-          { name: "", hidden: true, of: (c, i) => component("raw", which)(c, i) + column("bound")(c, i) },
-          {
-            name: "",
-            hidden: true,
-            of: (c, i) => {
-              const low = component("raw", which)(c, i) - column("bound")(c, i);
-              return which === "norm" ? Math.max(0, low) : low;
-            },
-          },
-        ],
-      },
-      {
-        ring: "master",
-        series: [{ name: "felt", colour: "master", width: 1.75, of: component("output", which), unit: "N" }],
-      },
-      {
-        ring: "slave",
-        series: [{ name: "packet", colour: "packets", dots: 8, of: where(sent, component("raw", which)) }],
-      },
-    ],
+    sources: felt("", "N"),
     band: [2, 3],
     range: (which) => (which === "norm" ? upward(1) : around(0.5)),
     axis: (v) => `${v} N`,
+  },
+  {
+    name: "torque",
+    title: "Torque",
+    unit: "mN m",
+    when: (store) => store.rotates,
+    choices: ["norm", "x", "y", "z"],
+    choice: "norm",
+    help:
+      "The torque about the tip of the tool: measured at the robot, and felt by the operator. It has a deadband and " +
+      "packets of its own.",
+    empty: "needs a session in contact",
+    sources: felt("rotation_", "mN m", 1e3),
+    band: [2, 3],
+    range: (which) => (which === "norm" ? upward(20) : around(10)),
+    axis: (v) => `${v}`,
   },
   {
     name: "felt",
@@ -98,31 +147,24 @@ const PANELS = [
     choice: "z",
     help: "Where the operator's hand is, and where the robot was sent. Each stroke at the bottom is a packet.",
     empty: "no samples yet",
-    sources: (which) => [
-      {
-        ring: "slave",
-        series: [
-          {
-            name: "robot",
-            colour: "slave",
-            width: 5,
-            alpha: 0.5,
-            of: component("output", which, 1e3),
-            unit: "mm",
-            digits: 1,
-          },
-        ],
-      },
-      {
-        ring: "master",
-        series: [
-          { name: "hand", colour: "master", width: 1.75, of: component("position", which, 1e3), unit: "mm", digits: 1 },
-          { name: "packet", colour: "packets", poles: 0.07, of: where(sent, () => 0), mark: true },
-        ],
-      },
-    ],
+    sources: moved("", "position", "robot", "mm", 1e3),
     range: () => (low, high) => padded(low, high, 5),
     axis: (v) => `${v} mm`,
+  },
+  {
+    name: "orientation",
+    title: "Orientation",
+    unit: "°",
+    when: (store) => store.rotates,
+    choices: ["norm", "x", "y", "z"],
+    choice: "norm",
+    help:
+      "How far hand and tool are turned from level, as a rotation vector. Each stroke at the bottom is a packet of the " +
+      "rotation.",
+    empty: "no samples yet",
+    sources: moved("rotation_", "rotation_raw", "tool", "°", 180 / Math.PI),
+    range: (which) => (which === "norm" ? upward(10) : (low, high) => padded(low, high, 5)),
+    axis: (v) => `${v}°`,
   },
   {
     name: "packets",
@@ -219,6 +261,7 @@ const PANELS = [
     name: "energy",
     title: "Energy tanks",
     unit: "mJ",
+    when: (store) => !store.rotates, // which no scheme with a tank keeps account of
     help:
       "Energy that each side may still spend. The passivity controller brakes when a tank is empty, which keeps a " +
       "delayed link stable. Without such a control scheme there is no tank.",

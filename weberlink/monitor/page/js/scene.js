@@ -1,5 +1,5 @@
-// The 3-D view: the scene, the hand and the robot with their trail, the force, and the surface that the predictor
-// believes in.
+// The 3-D view: the scene, the hand and the robot with its tool and their trail, the force, and the surface that the
+// predictor believes in.
 
 import * as THREE from "../vendor/three.module.min.js";
 import { OrbitControls } from "../vendor/orbit_controls.js";
@@ -14,6 +14,11 @@ const TRAIL_S = 4;
 const LEAST_REACH_MM = 55;
 const MM_PER_N = 7;
 const ORBIT_STEP = 0.08;
+const AXES_M = [
+  [0.012, 0, 0],
+  [0, 0.012, 0],
+  [0, 0, 0.012],
+]; // of a tool of which nothing is known but how it is turned
 const SOFT_INTERVAL_MS = 120; // without a graphics processor the picture takes the time of the loop's own
 
 export class View {
@@ -38,7 +43,7 @@ export class View {
     this.solids = new THREE.Group();
     this.world.add(this.solids);
     Object.assign(this, actors());
-    this.world.add(this.hand, this.robot, this.arrow, this.belief, this.rim, this.trail, this.packets);
+    this.world.add(this.hand, this.robot, this.tool, this.arrow, this.belief, this.rim, this.trail, this.packets);
     this.#colour();
     this.#resize();
     this.#look();
@@ -51,10 +56,14 @@ export class View {
   // Takes the scene of the greeting.
   setScene() {
     const scene = this.store.hello?.scene ?? [];
-    const drawn = JSON.stringify(scene);
+    const points = this.store.tool ?? AXES_M;
+    const drawn = JSON.stringify([scene, points]);
     if (drawn === this.shown) return; // told again: whoever turned the view keeps it
     this.shown = drawn;
     this.reach = Math.max(LEAST_REACH_MM, 1.15 * extent(scene));
+    this.tool.geometry.setFromPoints(
+      points.flatMap((each) => [new THREE.Vector3(), new THREE.Vector3(...each).multiplyScalar(MM)]),
+    );
     this.#rebuild();
     this.#look();
   }
@@ -74,6 +83,7 @@ export class View {
     const here = hand ?? robot;
     place(this.hand, hand);
     place(this.robot, robot);
+    this.#turn(robot, this.store.rotates ? point(slave, to, "rotation_output", 1) : null);
     this.#arrow(here, hand ? point(master, to, "output", 1) : point(slave, to, "raw", 1));
     this.#belief(master.empty ? slave : master, to, here);
     this.#trail(master.empty ? slave : master, master.empty ? "output" : "position", slave, to);
@@ -84,6 +94,7 @@ export class View {
   #colour() {
     this.hand.material.color.set(theme.master);
     this.robot.material.color.set(theme.slave);
+    this.tool.material.color.set(theme.slave);
     this.shaft.material.color.set(theme.text);
     this.belief.material.color.set(theme.model);
     this.rim.material.color.set(theme.model);
@@ -107,6 +118,18 @@ export class View {
     this.controls.minDistance = 0.3 * this.reach;
     this.controls.maxDistance = 20 * this.reach;
     this.controls.update();
+  }
+
+  // `turned` is a rotation vector [rad], from level.
+  #turn(at, turned) {
+    const { tool } = this;
+    tool.visible = at !== null && turned !== null;
+    this.place.dataset.turned = tool.visible ? Math.hypot(...turned) : "";
+    if (!tool.visible) return;
+    const axis = new THREE.Vector3(...turned);
+    const angle = axis.length();
+    tool.position.set(...at);
+    tool.quaternion.setFromAxisAngle(axis.normalize(), angle);
   }
 
   #arrow(at, force) {

@@ -37,6 +37,14 @@ export class Store {
   get bank() {
     return this.#description()?.bank ?? (this.hello?.predictors ?? []).filter((name) => !["hybrid", "adaptive"].includes(name));
   }
+  // Whether the session has torque and orientation, too.
+  get rotates() {
+    return Boolean(this.#description()?.torque_bank);
+  }
+  // The points of the robot's tool from its tip [m], where they are known.
+  get tool() {
+    return this.#description()?.system?.slave?.robot?.tool?.points_m;
+  }
   get schemes() {
     return this.#description()?.schemes ?? this.hello?.schemes ?? [];
   }
