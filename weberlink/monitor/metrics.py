@@ -34,12 +34,14 @@ GAUGES = {
     "tank_joules": ("tank", 1.0, "Energy that passivity control may still spend."),
 }
 QUANTILES = {"0.5": "p50", "0.99": "p99", "0.999": "p99_9"}
+CHANNELS = ("force", "position", "torque", "orientation")
+"""Of which a session has the first two or all."""
 CHANNEL_FIGURES = {
     "packets_per_second": ("packets_per_s", "Updates sent per second, over the session."),
     "reduction_ratio": ("reduction", "Share of samples that were not sent."),
     "violation_ratio": (
         "violation_fraction",
-        "Share of ticks whose force as felt, or position as followed, is outside the deadband.",
+        "Share of ticks on which what is felt (force, torque) or followed (the others) is outside the deadband.",
     ),
 }
 
@@ -143,7 +145,7 @@ def _channels(summaries: dict[str, dict[str, Any]]) -> Iterator[Metric]:
     for name, (figure, meaning) in CHANNEL_FIGURES.items():
         family = GaugeMetricFamily(f"weberlink_{name}", meaning, labels=["session", "channel"])
         for session, summary in summaries.items():
-            for channel in ("force", "position"):
+            for channel in filter(summary.__contains__, CHANNELS):
                 family.add_metric([session, channel], _number(summary[channel][figure]))
         yield family
     felt = GaugeMetricFamily("weberlink_felt_error_rms_newtons", "Of the felt force.", labels=["session"])

@@ -6,8 +6,8 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from telemetry.fault import Fault
-from tests.weberlink.monitor.feeds import HandFeed, records
-from weberlink.monitor.metrics import COUNTERS, exposition
+from tests.weberlink.monitor.feeds import HandFeed, description, records
+from weberlink.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
 from weberlink.monitor.session import Session
 
 
@@ -56,6 +56,22 @@ def test_every_figure_has_its_name_its_unit_and_its_labels() -> None:
     for family in ours.values():
         assert family.documentation
     assert not any(labels[-1] == ("side", "master") for _, *labels in values if labels and "ticks_total" not in _)
+
+
+@pytest.mark.parametrize(
+    ("file", "channels"),
+    [("loopback.yaml", {"force", "position"}), ("rotation.yaml", {"force", "position", "torque", "orientation"})],
+)
+def test_every_channel_that_a_session_has_is_there(file: str, channels: set[str]) -> None:
+    feed = HandFeed("slave")
+    feed.description = description("slave", file)
+    session = Session("7", feed)
+    feed.put(records(1000, seed=1))
+    session.look()
+    text, _ = exposition(lambda: [session])()
+    families = {family.name: family for family in text_string_to_metric_families(text.decode())}
+    for name in CHANNEL_FIGURES:
+        assert {sample.labels["channel"] for sample in families[f"weberlink_{name}"].samples} == channels
 
 
 def test_without_a_session_there_is_only_the_monitor_itself() -> None:
