@@ -61,7 +61,8 @@ export class View {
     if (drawn === this.shown) return; // told again: whoever turned the view keeps it
     this.shown = drawn;
     this.reach = Math.max(LEAST_REACH_MM, 1.15 * extent(scene));
-    this.tool.geometry.setFromPoints(
+    this.tool.geometry.dispose();
+    this.tool.geometry = new THREE.BufferGeometry().setFromPoints(
       points.flatMap((each) => [new THREE.Vector3(), new THREE.Vector3(...each).multiplyScalar(MM)]),
     );
     this.#rebuild();
