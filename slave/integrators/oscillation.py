@@ -84,7 +84,8 @@ class Oscillation:
         """When the rate next changes its sign [s], after now; infinite if never."""
         if self._frequency > 0.0:
             angle = atan2(self._frequency * rate, self.squared * offset + self.decay * rate)
-            return (angle if angle > 0.0 else angle + pi) / self._frequency
+            # The product of a rate that hardly rises may be 0, and yet it turns at once and not after half a swing.
+            return (angle if angle > 0.0 or rate > 0.0 else angle + pi) / self._frequency
         backward = self.squared * offset + self._slow * rate
         if backward == 0.0 or (rate > 0.0) != (backward > 0.0) or rate == 0.0:
             return inf
