@@ -125,6 +125,11 @@ class Endpoint:
         """Where the peer is, or was last; None for a responder that nobody has called."""
         return self._address
 
+    @property
+    def silent_at(self) -> float:
+        """When the peer counts as gone if nothing fresh is heard until then [s]; infinite while it is not there."""
+        return self.heard_at + self._parameters.silence if self.state is State.ENGAGED else inf
+
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
         return None if self._session is None else self._session.clock.peer_time(now)
@@ -274,8 +279,7 @@ class Endpoint:
         if self._session is not None:
             is_engaged = self.state is State.ENGAGED
             due = min(due, self._session.sender.next_timer(is_engaged=is_engaged))
-            if is_engaged:
-                due = min(due, self.heard_at + self._parameters.silence)
+            due = min(due, self.silent_at)
         return due
 
     def handle_timer(self, now: float) -> None:
@@ -287,7 +291,7 @@ class Endpoint:
         self._due = None
         session = self._session
         if session is not None:
-            if self.state is State.ENGAGED and now >= self.heard_at + self._parameters.silence:
+            if now >= self.silent_at:
                 self._fall_silent(now)
             is_engaged = self.state is State.ENGAGED
             while (datagram := session.sender.handle_timer(now, is_engaged=is_engaged)) is not None:

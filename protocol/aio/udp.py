@@ -202,10 +202,16 @@ class UdpShell:
         self.flush(self._now())
 
     def _read(self) -> None:
-        """Take what has come from the peer; the loop is woken for what others send."""
+        """Take what has come from the peer; the loop is woken for what others send.
+
+        A slice of it, or, before the peer is taken for silent, as much as may be: after a stall of this end the oldest
+        datagrams come first, which are too old to count.
+        """
         queue = self._peer or self._open
-        if queue is not None and queue.read():
+        while queue is not None and queue.read():
             self._follow_peer()
+            if self._now() < self._endpoint.silent_at:
+                break
 
     def _take(self, data: bytes, source: Address, now: float) -> None:
         self._endpoint.receive_datagram(data, self._names.get(source, source), now)

@@ -4,12 +4,12 @@ import asyncio
 import socket
 from collections.abc import Awaitable, Callable
 from random import Random
-from time import monotonic
+from time import monotonic, sleep
 
 import pytest
 import uvloop
 
-from protocol import Connected, Endpoint, Event, PeerClosed, Role, State, UpdateReceived
+from protocol import Connected, DropReason, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from protocol.aio import AddressInUseError, UdpShell
 from protocol.emulation import EmulatedLink, Emulation
 from protocol.events import Address
@@ -29,7 +29,8 @@ def run(main: Callable[[asyncio.AbstractEventLoop], Awaitable[None]]) -> None:
 
 
 def make(role: Role, **changes: object) -> Endpoint:
-    return make_endpoint(role, epoch=monotonic(), outgoing_values=(3,), incoming_values=(3,), silence=2.0, **changes)
+    settings = {"silence": 2.0} | changes
+    return make_endpoint(role, epoch=monotonic(), outgoing_values=(3,), incoming_values=(3,), **settings)
 
 
 async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> Event:
@@ -43,13 +44,18 @@ async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> E
 
 
 async def engage(
-    loop: asyncio.AbstractEventLoop, link: EmulatedLink[Address] | None = None, host: str = "127.0.0.1"
+    loop: asyncio.AbstractEventLoop,
+    link: EmulatedLink[Address] | None = None,
+    host: str = "127.0.0.1",
+    *,
+    silence: float = 2.0,
+    slave_now: Callable[[], float] = monotonic,
 ) -> tuple[UdpShell, Endpoint, UdpShell, Endpoint]:
-    slave = make(Role.RESPONDER)
-    slave_shell = UdpShell(slave, now=monotonic, listen=ANY)
+    slave = make(Role.RESPONDER, silence=silence)
+    slave_shell = UdpShell(slave, now=slave_now, listen=ANY)
     await slave_shell.open(loop)
     slave.connect(monotonic())
-    master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]))
+    master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]), silence=silence)
     master_shell = UdpShell(master, now=monotonic, link=link)
     await master_shell.open(loop)
     master.connect(monotonic())
@@ -211,6 +217,56 @@ def test_ipv6() -> None:
         await until(master, Connected, [])
         master_shell.close()
         slave_shell.close()
+
+    run(main)
+
+
+def test_a_stall_of_this_end_is_no_silence_of_the_other_however_slow_the_first_reads_are() -> None:
+    """What waits is older than the limit at first, and a slice of the work is over after each of it."""
+    reading = False
+
+    def slow() -> float:
+        if reading:
+            sleep(3e-4)
+        return monotonic()
+
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        nonlocal reading
+        master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=slow)
+        for tick, wait in enumerate((0.0, 0.01, 0.01, 0.22, 0.0), 1):
+            sleep(wait)  # the loop stands still, and with it the slave
+            assert master.send_update(monotonic(), *update_fields(tick))
+            master_shell.flush(monotonic())
+        reading = True
+        slave_shell.service(monotonic())
+        events: list[Event] = []
+        while (event := slave.next_event()) is not None:
+            events.append(event)
+        assert slave.state is State.ENGAGED
+        assert not any(isinstance(event, PeerSilent) for event in events)
+        assert slave.statistics.dropped[DropReason.STALE] >= 3
+        for shell in (master_shell, slave_shell):
+            shell.close()
+
+    run(main)
+
+
+def test_a_peer_that_floods_while_it_says_nothing_is_silent_all_the_same() -> None:
+    """Before the limit counts more is read, but no more than the budget allows."""
+
+    async def main(loop: asyncio.AbstractEventLoop) -> None:
+        master_shell, _, slave_shell, slave = await engage(loop, silence=0.2)
+        address = slave_shell.address
+        sleep(0.25)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
+            flood.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+            flood.bind(master_shell.address)  # what the kernel takes for the peer
+            for _ in range(3000):
+                flood.sendto(b"\x03" + bytes(60), address)
+            slave_shell.service(monotonic())
+        assert slave.state is State.SILENT
+        for shell in (master_shell, slave_shell):
+            shell.close()
 
     run(main)
 
