@@ -11,6 +11,7 @@ import uvloop
 
 from protocol import Connected, DropReason, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from protocol.aio import AddressInUseError, UdpShell
+from protocol.aio.queue import MOST_S
 from protocol.emulation import EmulatedLink, Emulation
 from protocol.events import Address
 from tests.protocol.harness import make_endpoint, update_fields
@@ -221,24 +222,36 @@ def test_ipv6() -> None:
     run(main)
 
 
+class SlowClock:
+    """`monotonic`; from `begin` on time passes by datagrams alone, each longer than a slice."""
+
+    STEP_S = 3e-4
+
+    def __init__(self) -> None:
+        self._now: Callable[[], float] = monotonic
+
+    def begin(self, endpoint: Endpoint) -> float:
+        """What the endpoint takes from now on is slow; returns the time."""
+        began, told = monotonic(), endpoint.statistics
+        before = told.received + told.drops
+        self._now = lambda: began + self.STEP_S * (told.received + told.drops - before)
+        return began
+
+    def __call__(self) -> float:
+        return self._now()
+
+
 def test_a_stall_of_this_end_is_no_silence_of_the_other_however_slow_the_first_reads_are() -> None:
     """What waits is older than the limit at first, and a slice of the work is over after each of it."""
-    reading = False
-
-    def slow() -> float:
-        if reading:
-            sleep(3e-4)
-        return monotonic()
 
     async def main(loop: asyncio.AbstractEventLoop) -> None:
-        nonlocal reading
-        master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=slow)
+        clock = SlowClock()
+        master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
         for tick, wait in enumerate((0.0, 0.01, 0.01, 0.22, 0.0), 1):
             sleep(wait)  # the loop stands still, and with it the slave
             assert master.send_update(monotonic(), *update_fields(tick))
             master_shell.flush(monotonic())
-        reading = True
-        slave_shell.service(monotonic())
+        slave_shell.service(clock.begin(slave))
         events: list[Event] = []
         while (event := slave.next_event()) is not None:
             events.append(event)
@@ -255,16 +268,18 @@ def test_a_peer_that_floods_while_it_says_nothing_is_silent_all_the_same() -> No
     """Before the limit counts more is read, but no more than the budget allows."""
 
     async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master_shell, _, slave_shell, slave = await engage(loop, silence=0.2)
-        address = slave_shell.address
+        clock = SlowClock()
+        master_shell, _, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
+        before = slave.statistics.drops
         sleep(0.25)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
             flood.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
             flood.bind(master_shell.address)  # what the kernel takes for the peer
-            for _ in range(3000):
-                flood.sendto(b"\x03" + bytes(60), address)
-            slave_shell.service(monotonic())
+            for _ in range(100):
+                flood.sendto(b"\x03" + bytes(60), slave_shell.address)
+            slave_shell.service(clock.begin(slave))
         assert slave.state is State.SILENT
+        assert 1 < slave.statistics.drops - before <= 2.0 * MOST_S / SlowClock.STEP_S
         for shell in (master_shell, slave_shell):
             shell.close()
 
