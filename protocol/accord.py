@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 from protocol.events import ChangeAnswered, ChangeProposed
 
-NUMBERS = 16
+NUMBERS = 8
 PACE = 0.02
 """Least time between two repeats [s]."""
 ACCEPTED, REFUSED = b"\x01", b"\x00"
 
 
 class Change(NamedTuple):
-    """What travels: an identity of four bits, the sender's tick of a proposal (0 in an answer), and the content."""
+    """What travels: an identity of three bits, the sender's tick of a proposal (0 in an answer), and the content."""
 
     number: int
     tick: int

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 
 from protocol.wire import (
     ACK_BYTES,
+    CHANGE_TICK_BYTES,
     HEAD_BYTES,
     HEARTBEAT_BYTES,
     HEARTBEAT_CREDIT_BYTES,
     LONGEST_CHANGE,
     LONGEST_REASON,
     MARK,
+    TOKEN_BYTES,
     UPDATE_KINDS,
     Kind,
     UpdateLayout,
@@ -47,6 +49,8 @@ class Direction:
         bye = HEAD_BYTES + tag_size
         credit = HEARTBEAT_CREDIT_BYTES if self.carries_credit else 0
         heartbeat = HEARTBEAT_BYTES + credit + ACK_BYTES * self.further_acks + tag_size
+        change = bye + CHANGE_TICK_BYTES
+        path = bye + TOKEN_BYTES
         updates = {
             kind | mark: (layout.size(with_previous=bool(mark)) + tag_size,) * 2
             for layout, kind in zip(self.updates, UPDATE_KINDS, strict=False)
@@ -56,6 +60,8 @@ class Direction:
             Kind.HEARTBEAT: (heartbeat, heartbeat),
             Kind.HEARTBEAT | MARK: (heartbeat, heartbeat),
             Kind.BYE: (bye, bye + LONGEST_REASON),
-            Kind.CHANGE: (bye + 1, bye + LONGEST_CHANGE),
-            Kind.CHANGE | MARK: (bye + 1, bye + LONGEST_CHANGE),
+            Kind.CHANGE: (change + 1, change + LONGEST_CHANGE),
+            Kind.CHANGE | MARK: (change + 1, change + LONGEST_CHANGE),
+            Kind.PATH: (path, path),
+            Kind.PATH | MARK: (path, path),
         }

@@ -10,47 +10,76 @@ from math import inf
 
 from protocol.dialer import Dialer
 from protocol.direction import Direction
-from protocol.events import Address, Connected, Event, PeerClosed, PeerReturned, PeerSilent, Refused, UpdateReceived
+from protocol.events import (
+    Address,
+    Connected,
+    Event,
+    PathAnswered,
+    PathAsked,
+    PeerClosed,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    SessionExpired,
+    UpdateLost,
+    UpdateReceived,
+)
 from protocol.handshake import PROTOCOL_VERSION, pack_agreement, read_map
 from protocol.listener import Listener
+from protocol.liveness import Liveness
 from protocol.mailbox import Mailbox
+from protocol.path import Path
 from protocol.reasons import DropReason
 from protocol.roles import Role
 from protocol.security import Protection, Security
-from protocol.session import Opened, Outcome, Parameters, Session
+from protocol.session import FADE_SHARE, LONGEST_SILENCE, Opened, OwnersOutcome, Parameters, Session
 from protocol.states import State, Trigger, next_state
 from protocol.statistics import Statistics
-from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, Kind, kind_of, length_fault
+from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS, Kind, kind_of, length_fault
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
+
+ATTESTED_S = 0.02
+ATTESTED_TICKS = 10
+"""An encoder counts as running for so long, or for so many ticks, after its owner last said so."""
+MOST_TICKS = 1 << TICK_BITS - 1
+"""Ticks that the silence limit may span."""
+QUIET_SHARE = 0.2
+"""Share of the silence limit for which nothing must come from the peer's address before it counts as gone."""
 
 
 class Endpoint:
     """One end of a link.
 
     The life of an initiator: `connect`, then `Connected` (or `Refused`, which is final), updates, `PeerSilent` and
-    `PeerReturned` in the same session or `Connected` in a new one. It calls again by itself whenever the peer is gone.
-    A responder does the same from the other side and goes on listening, until `close`.
+    `PeerReturned` in the same session or `Connected` in a new one; after seconds of silence the session is over
+    (`SessionExpired`). It calls again by itself whenever the peer is gone. A responder does the same from the other
+    side and goes on listening, until `close`.
+
+    It is ENGAGED only while each end hears the other (`protocol.liveness`).
 
     Attributes, which the owner reads:
         state: where the conversation stands.
-        heard_at: when the last fresh authentic datagram came from the peer [s]; -inf before the first.
         statistics: counters and measurements, which go on.
     """
 
     __slots__ = (
         "_address",
         "_agreement",
+        "_attested_at",
         "_dialer",
         "_due",
+        "_entropy",
         "_former",
+        "_is_encoding",
         "_lengths",
         "_listener",
+        "_liveness",
         "_mailbox",
         "_parameters",
+        "_path",
         "_role",
         "_session",
-        "heard_at",
         "state",
         "statistics",
     )
@@ -81,7 +110,8 @@ class Endpoint:
             entropy: random bytes of a number, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
             tick_period: of both ends [s], > 0.
-            silence: age beyond which no update is delivered, and the silence beyond which a peer counts as gone [s].
+            silence: loop age beyond which nothing is delivered, and beyond which the peer counts as gone; alike at both
+                ends [s]. At most `LONGEST_SILENCE`, and at most 2^15 ticks.
             peer: whom an initiator calls.
             version: of the protocol; another one than this code's only to study a mismatch.
             carries_credit: whether every update and heartbeat, of both ends, carries the sender's `credit`; follows
@@ -94,6 +124,10 @@ class Endpoint:
             raise ValueError("peer: an initiator must be told whom to call")
         if not (tick_period > 0.0 and silence > 0.0):
             raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
+        if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
+            raise ValueError(
+                f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}"
+            )
         outgoing, incoming = (
             Direction(values, carries_credit=carries_credit, further_acks=len(others) - 1)
             for values, others in ((outgoing_values, incoming_values), (incoming_values, outgoing_values))
@@ -108,9 +142,13 @@ class Endpoint:
         self._lengths = self._parameters.incoming.lengths(security.tag_size)
         self._dialer = Dialer(security, entropy, packed, version, epoch)
         self._listener = Listener(security, entropy, self._agreement, version, epoch, self._open_session)
+        self._entropy = entropy
         self._session: Session | None = None
         self._former: Session | None = None
-        self.heard_at = -inf
+        self._liveness: Liveness | None = None  # of the session, or of the last one
+        self._path: Path | None = None
+        self._attested_at: float | None = None
+        self._is_encoding = True
         self._due: float | None = None  # asked for several times a tick; None when it may have changed
         self._mailbox = Mailbox(self.statistics)
 
@@ -127,8 +165,33 @@ class Endpoint:
 
     @property
     def silent_at(self) -> float:
-        """When the peer counts as gone if nothing fresh is heard until then [s]; infinite while it is not there."""
-        return self.heard_at + self._parameters.silence if self.state is State.ENGAGED else inf
+        """When the loop age passes the limit if nothing more is heard [s]; infinite while the peer is not there."""
+        if self._session is None or self.state is not State.ENGAGED:
+            return inf
+        return self._session.silent_at
+
+    @property
+    def heard_at(self) -> float:
+        """When the newest fresh datagram came from the peer [s]; -inf before the first."""
+        return -inf if self._liveness is None else self._liveness.heard_at
+
+    @property
+    def confirmed_at(self) -> float:
+        """Departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
+
+        The time since then is the loop age.
+        """
+        return -inf if self._liveness is None else self._liveness.confirmed_at
+
+    @property
+    def encoder_heard_at(self) -> float:
+        """When the newest fresh datagram came that the peer sent while its encoder ran [s]; -inf before the first."""
+        return -inf if self._liveness is None else self._liveness.encoder_heard_at
+
+    @property
+    def is_peer_encoding(self) -> bool:
+        """Whether the peer's encoder ran when its newest datagram left; False while the ends do not hear each other."""
+        return self.state is State.ENGAGED and self._liveness is not None and self._liveness.is_peer_encoding
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
@@ -192,6 +255,19 @@ class Endpoint:
         else:
             self._turn(Trigger.LISTEN)
 
+    def attest(self, now: float, *, is_encoding: bool) -> None:
+        """Say in every tick whether the encoder of this end runs, which every datagram tells the peer.
+
+        An owner that has once said so and stops saying it, as one whose ticks have stopped, counts as not encoding. One
+        that never does counts as encoding.
+        """
+        self._attested_at = now
+        self._is_encoding = is_encoding
+        session = self._session
+        if session is not None and self.state is State.ENGAGED and session.sender.said_encoding is not is_encoding:
+            session.sender.heartbeats.asked()  # the peer should know at once
+            self._due = None
+
     def send_update(
         self,
         now: float,
@@ -223,6 +299,7 @@ class Endpoint:
         if self._session is None:
             return False
         self._due = None
+        self._is_encoding = True
         self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous, stream))
         return True
 
@@ -277,9 +354,9 @@ class Endpoint:
     def _find_due(self) -> float:
         due = self._dialer.due
         if self._session is not None:
-            is_engaged = self.state is State.ENGAGED
-            due = min(due, self._session.sender.next_timer(is_engaged=is_engaged))
-            due = min(due, self.silent_at)
+            session, is_engaged = self._session, self.state is State.ENGAGED
+            due = min(due, session.sender.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding))
+            due = min(due, session.silent_at if is_engaged else session.expires_at)
         return due
 
     def handle_timer(self, now: float) -> None:
@@ -289,21 +366,40 @@ class Endpoint:
         if now < self._due:
             return
         self._due = None
+        self._attend(now)
         session = self._session
         if session is not None:
-            if now >= self.silent_at:
-                self._fall_silent(now)
             is_engaged = self.state is State.ENGAGED
-            while (datagram := session.sender.handle_timer(now, is_engaged=is_engaged)) is not None:
+            if is_engaged:
+                self._watch_encoder(now)
+                for stream in session.sender.give_up(now):
+                    self._mailbox.tell(UpdateLost(stream))
+            while (
+                datagram := session.sender.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding)
+            ) is not None:
                 self._post(datagram)
         if now >= self._dialer.due:
             self._post(self._dialer.hello(now))
 
-    def _fall_silent(self, now: float) -> None:
-        self._turn(Trigger.FALL_SILENT)
-        self._mailbox.tell(PeerSilent())
-        if self._role is Role.INITIATOR:
-            self._call(now)
+    def _attend(self, now: float) -> None:
+        """Leave the peer when the loop age has passed the limit, and the session some seconds later."""
+        if self._session is None:
+            return
+        if now >= self.silent_at:
+            self._turn(Trigger.FALL_SILENT)
+            self._mailbox.tell(PeerSilent(now - self.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
+            if self._role is Role.INITIATOR:
+                self._call(now)
+        if self.state is State.SILENT and now >= self._session.expires_at:
+            self._turn(Trigger.EXPIRE)
+            self._end_session()
+            self._mailbox.tell(SessionExpired())
+            self.connect(now)
+
+    def _watch_encoder(self, now: float) -> None:
+        limit = max(ATTESTED_S, ATTESTED_TICKS * self._parameters.tick_period)
+        if self._attested_at is not None and now - self._attested_at > limit:
+            self._is_encoding = False
 
     def _call(self, now: float) -> None:
         self._dialer.start(now)
@@ -359,34 +455,59 @@ class Endpoint:
             self._end_session()
             self._mailbox.tell(Refused(answer))
             return
-        session = self._open_session(answer.protection, answer.peer_clock, now)
+        hello_at = self._parameters.epoch + answer.peer_clock - answer.outward_delay
+        if now - hello_at > self._parameters.silence:
+            self._mailbox.drop(DropReason.STALE)
+            return
+        session = self._open_session(answer.protection, answer.peer_clock, now, hello_at)
         session.clock.learn(answer.outward_delay, 0.0, 0.0)
         session.measure()
-        self._establish(session, address, now)
+        self._establish(session, address)
         self._post(session.sender.send_heartbeat(now))
 
     def _receive_sealed(self, data: bytes, address: Address, now: float) -> None:
+        if self._session is not None and now >= self._session.expires_at:
+            self._attend(now)  # this end has stood still; what has waited meanwhile may be of any age
         match = self._match(data)
         if isinstance(match, DropReason):
             self._mailbox.drop(match)
             return
         session, opened = match
-        if session is not self._session:
-            self._listener.settle()
-            self._establish(session, address, now)
-        self._mailbox.count(data)
         is_newest = session.is_newest(opened)
         outcome = session.accept(opened, now)
+        if outcome is not DropReason.REPLAYED:
+            self._mailbox.count(data)
+        if session is not self._session:
+            if not session.is_fresh or now >= session.silent_at:
+                self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
+                return
+            self._listener.settle()
+            self._establish(session, address)
         session.measure()
-        self.heard_at = session.heard_at
-        if session.heard_at == now:  # what is old or cannot be true moves nothing
-            if is_newest:
-                self._address = address
-            if self.state is State.SILENT:
-                self._turn(Trigger.HEAR)
-                self._dialer.stop()
-                self._mailbox.tell(PeerReturned())
-        self._take(outcome, now)
+        self._locate(session, address, now, is_newest=is_newest)
+        if session.is_fresh and self.state is State.SILENT and now < session.silent_at:
+            self._turn(Trigger.HEAR)
+            self._dialer.stop()
+            self._mailbox.tell(PeerReturned())
+        if isinstance(outcome, PathAsked):
+            self._mailbox.post(session.sender.send_path(now, outcome.token, is_answer=True), address)
+        elif isinstance(outcome, PathAnswered):
+            if self._path is not None:
+                self._path.answer(outcome.token, address, now)
+                self._address = self._path.address
+        else:
+            self._take(outcome, now)
+
+    def _locate(self, session: Session, source: Address, now: float, *, is_newest: bool) -> None:
+        """Take note of where an authentic datagram came from; an initiator knows where its peer is."""
+        path = self._path
+        if path is None:
+            return
+        path.hear(source, now, is_fresh=is_newest and session.is_fresh)
+        self._address = path.address
+        if session.is_fresh and (challenge := path.challenge(now)) is not None:
+            token, target = challenge
+            self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
 
     def _match(self, data: bytes) -> tuple[Session, Opened] | DropReason:
         """The session under whose keys a datagram is authentic; one on paper becomes the session by this."""
@@ -400,7 +521,7 @@ class Endpoint:
             return DropReason.WRONG_SESSION
         return DropReason.NO_SESSION if self._session is None else DropReason.BAD_TAG
 
-    def _take(self, outcome: Outcome, now: float) -> None:
+    def _take(self, outcome: OwnersOutcome | DropReason | None, now: float) -> None:
         if isinstance(outcome, DropReason):
             self._mailbox.drop(outcome)
         elif isinstance(outcome, UpdateReceived):
@@ -414,19 +535,24 @@ class Endpoint:
         elif outcome is not None:
             self._mailbox.tell(outcome)
 
-    def _open_session(self, protection: Protection, peer_clock: float, now: float) -> Session:
-        return Session(protection, self._parameters, self.statistics, peer_clock, now)
+    def _open_session(
+        self, protection: Protection, peer_clock: float, now: float, confirmed_at: float = -inf
+    ) -> Session:
+        return Session(protection, self._parameters, self.statistics, peer_clock, now, confirmed_at=confirmed_at)
 
-    def _establish(self, session: Session, address: Address, now: float) -> None:
+    def _establish(self, session: Session, address: Address) -> None:
         self._turn(Trigger.ESTABLISH)
         self._end_session()
         self._session = session
+        self._liveness = session.liveness
         self._address = address
-        self.heard_at = now
+        if self._role is Role.RESPONDER:
+            self._path = Path(address, self._entropy, QUIET_SHARE * self._parameters.silence)
         self._mailbox.tell(Connected(address, self._agreement))
 
     def _end_session(self) -> None:
         self._dialer.stop()
+        self._path = None
         if self._session is not None:
             self._former, self._session = self._session, None
 

@@ -38,12 +38,28 @@ class UpdateReceived(NamedTuple):
     stream: int = 0
 
 
+class UpdateLost(NamedTuple):
+    """Our newest update of a stream has not arrived within the silence limit; the owner should send a new state."""
+
+    stream: int
+
+
 class PeerSilent(NamedTuple):
-    """Nothing fresh was heard from the peer for longer than the silence limit."""
+    """The loop age has passed the silence limit: the two ends do not hear each other.
+
+    Args:
+        is_heard: whether the peer is still heard, so that it is this end that the peer does not hear.
+    """
+
+    is_heard: bool
 
 
 class PeerReturned(NamedTuple):
-    """The peer was heard again in the session that had fallen silent; codec states still hold."""
+    """The two ends hear each other again in the session that had fallen silent; both should send a new state."""
+
+
+class SessionExpired(NamedTuple):
+    """The session is over after seconds of silence; another one may follow."""
 
 
 class PeerClosed(NamedTuple):
@@ -56,6 +72,18 @@ class Refused(NamedTuple):
     """The two ends do not agree; `message` names each key and both values."""
 
     message: str
+
+
+class PathAsked(NamedTuple):
+    """The peer asks whether this end is where the datagram came; for the endpoint itself."""
+
+    token: bytes
+
+
+class PathAnswered(NamedTuple):
+    """The peer is where this came from; for the endpoint itself."""
+
+    token: bytes
 
 
 class ChangeProposed(NamedTuple):
@@ -93,8 +121,10 @@ class DatagramDropped(NamedTuple):
 Event = (
     Connected
     | UpdateReceived
+    | UpdateLost
     | PeerSilent
     | PeerReturned
+    | SessionExpired
     | PeerClosed
     | Refused
     | ChangeProposed

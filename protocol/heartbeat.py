@@ -1,19 +1,28 @@
 """When a heartbeat is due, and whether it asks for an answer. Knows no bytes, no clock and no state of the endpoint.
 
-Any datagram shows that we are there, so heartbeats fill the gaps between updates. How many it takes depends on the loss
-that was measured, and on whether the peer can still ask: one that has heard nothing for longer than it should asks, and
-is answered at once. Over a short path that mends a lost heartbeat, and few are needed; over a long one the answer
-would come too late, and each window must hold enough datagrams that not all of them are lost by chance.
+Any datagram shows that we are there, so heartbeats fill the gaps between updates. The peer may take part only while the
+loop age (`protocol.liveness`) is within its limit. Without loss the loop age is at most the round trip and one interval
+of each end, so the interval is half of what the round trip leaves.
+
+How many datagrams loss takes beyond that depends on whether the peer can still ask: one that has heard nothing for
+longer than it should asks, and is answered at once. Over a short path that mends a lost heartbeat, and few are needed;
+over a long one the answer would come too late, and each half of the limit, less the round trip, must hold enough
+datagrams that not all of them are lost by chance.
 """
 
 from collections import deque
 from math import floor, inf
 from typing import NamedTuple
 
+from protocol.liveness import UNITS
 from protocol.loss import datagrams_needed
 
-CLEAN_INTERVAL = 0.05
-"""Longest gap between datagrams [s]; it leaves the time to ask before a fade begins."""
+LONGEST_INTERVAL = 0.2
+"""Longest gap between datagrams without loss [s]."""
+LEAST_SHARE = 0.1
+"""Shortest gap without loss, as a share of the silence limit: a limit too short for its path is not worth a flood."""
+LATE_TICKS = 3
+"""How late the two ends together may be with a heartbeat, in ticks."""
 SHORTEST_INTERVAL = 0.002
 INTRODUCTIONS = 5
 INTRODUCTION_INTERVAL = 0.02
@@ -51,6 +60,7 @@ class HeartbeatSchedule:
         "_due_engaged",
         "_fade",
         "_heard_at",
+        "_interval",
         "_introductions",
         "_reported_at",
         "_sent",
@@ -62,8 +72,8 @@ class HeartbeatSchedule:
         """Begin with one that is due.
 
         Args:
-            fade: silence after which the owner at the other end begins to fade [s].
-            silence: silence after which it gives us up [s].
+            fade: loop age at which the owner at the other end begins to fade [s].
+            silence: loop age at which it gives us up [s].
             tick_period: how late a heartbeat may be sent [s].
         """
         self._fade = fade
@@ -87,17 +97,27 @@ class HeartbeatSchedule:
             rtt: round trip [s]; infinity while unknown.
             jitter: by how much few datagrams exceed their least delay [s].
         """
-        self._ask_after = CLEAN_INTERVAL + jitter + 2.0 * self._tick_period
+        path = (0.0 if rtt == inf else rtt) + jitter
+        late = LATE_TICKS * self._tick_period + self._silence / UNITS
+        self._interval = min(
+            LONGEST_INTERVAL, max(LEAST_SHARE * self._silence, 0.5 * (self._fade - path - late), SHORTEST_INTERVAL)
+        )
+        self._ask_after = self._interval + jitter + 2.0 * self._tick_period
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
         demands = []
         for limit, rate in ((self._fade, CHANCE_FADES_PER_S), (self._silence, FALSE_ALARMS_PER_S)):
-            least = datagrams_needed(outgoing, limit, rate, unanswered ** self._answers(limit))
-            window = limit - self._tick_period
-            if least > window / CLEAN_INTERVAL:  # else met by what is sent anyway
+            window = max(self._interval, 0.5 * (limit - path) - self._tick_period)
+            least = datagrams_needed(outgoing, window, rate, unanswered ** self._answers(window))
+            if least > window / self._interval:  # else met by what is sent anyway
                 demands.append(_Demand(least, window, UNEVENNESS * window / least))
         self._demands = tuple(demands)
         self._due_engaged = None
+
+    @property
+    def interval(self) -> float:
+        """Longest gap between two datagrams without loss [s]."""
+        return self._interval
 
     def _answers(self, window: float) -> int:
         """How often the peer, which knows the same link, can ask and be answered in a silence of that length."""
@@ -139,14 +159,14 @@ class HeartbeatSchedule:
     def due(self, *, is_engaged: bool) -> float:
         """When to send the next one, if nothing else goes out [s]."""
         if not is_engaged:
-            return min(self._reported_at + REPORT_INTERVAL, self._sent[-1] + CLEAN_INTERVAL)
+            return min(self._reported_at + REPORT_INTERVAL, self._sent[-1] + self._interval)
         if self._due_engaged is None:  # asked several times a tick, and changed by a datagram only
             self._due_engaged = self._find_due()
         return self._due_engaged
 
     def _find_due(self) -> float:
         sent = self._sent
-        due = min(self._reported_at + REPORT_INTERVAL, sent[-1] + CLEAN_INTERVAL, self._ask_due())
+        due = min(self._reported_at + REPORT_INTERVAL, sent[-1] + self._interval, self._ask_due())
         if self._answer_wanted:
             due = sent[-1]
         if self._introductions:

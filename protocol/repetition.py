@@ -32,10 +32,11 @@ class Repetition:
     6 + 6 T.
     """
 
-    __slots__ = ("_allowance", "_allowed_at", "_count", "_early", "_evidence", "_sent_at", "_sequences")
+    __slots__ = ("_allowance", "_allowed_at", "_begun_at", "_count", "_early", "_evidence", "_sent_at", "_sequences")
 
     def __init__(self) -> None:
         self._sequences: deque[int] = deque(maxlen=_REMEMBERED)
+        self._begun_at = -inf
         self._sent_at = -inf
         self._count = 0
         self._evidence = False
@@ -64,7 +65,7 @@ class Repetition:
         self._sequences.clear()
         self._sequences.append(sequence & ACKNOWLEDGEMENT_MASK)
         self._count = 0
-        self._sent_at = now
+        self._begun_at = self._sent_at = now
         self._evidence = False
         self._allow(now)
         self._early = min(copies, int(self._allowance))
@@ -89,6 +90,14 @@ class Repetition:
         if ack in self._sequences:
             self._sequences.clear()
         return not self._sequences
+
+    def is_late(self, now: float, limit: float) -> bool:
+        """Whether the update is pending although it was first sent longer ago than the limit [s]."""
+        return self.is_pending and now - self._begun_at > limit
+
+    def abandon(self) -> None:
+        """Repeat the update no more."""
+        self._sequences.clear()
 
     def miss(self) -> None:
         """The peer was heard after the update must have arrived, and does not have it."""

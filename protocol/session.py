@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 from protocol.credit import Credit
 from protocol.direction import Direction
-from protocol.events import ChangeAnswered, ChangeProposed, PeerClosed, UpdateReceived
+from protocol.events import ChangeAnswered, ChangeProposed, PathAnswered, PathAsked, PeerClosed, UpdateReceived
 from protocol.heartbeat import HeartbeatSchedule
+from protocol.liveness import Liveness
 from protocol.loss import LossMeter
 from protocol.reasons import DropReason
 from protocol.replay import ReplayWindow
@@ -18,8 +19,10 @@ from protocol.security import Protection
 from protocol.sending import Sender
 from protocol.sequence import SEQUENCE_BITS, expand_counter
 from protocol.statistics import Statistics
-from protocol.timing import Clock
+from protocol.timing import EARLY_LIMIT, Clock
 from protocol.wire import (
+    CHANGE_TICK_BITS,
+    PHASE,
     TICK_BITS,
     Head,
     Kind,
@@ -31,6 +34,7 @@ from protocol.wire import (
     unpack_bye,
     unpack_change,
     unpack_credit,
+    unpack_path,
     unpack_report,
 )
 
@@ -40,13 +44,22 @@ TICK_LEAD = 1.0
 CHANGE_LEAD = 30.0
 """How far ahead of its datagram a proposed change may lie [s]."""
 
-FADE_SHARE = 0.6
-"""Share of the silence limit after which owners begin to fade force out and hold motion."""
-_HEARTBEAT, _BYE, _CHANGE = (
-    int(Kind.HEARTBEAT),
-    int(Kind.BYE),
-    int(Kind.CHANGE),
-)  # looking a member up costs more than comparing it
+TICK_AGE_SLACK = 0.01
+"""How much older than the silence limit a sample may be when its datagram leaves [s]: the owner's ticks may be late."""
+
+FADE_SHARE = 0.8
+"""Share of the silence limit at which owners begin to fade force out, as loop age."""
+HORIZON_SHARE = 0.6
+"""Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
+EXPIRY = 3.0
+"""How long a session outlives the silence limit [s]. Time stamps wrap after 168 s."""
+LONGEST_SILENCE = 10.0
+"""Largest silence limit [s]; with `EXPIRY` far below half of what a time stamp counts."""
+# Looking a member up costs more than comparing it.
+_HEARTBEAT, _BYE, _CHANGE, _PATH = int(Kind.HEARTBEAT), int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
+_WITHOUT_TAIL = (_BYE, _CHANGE, _PATH)
+"""Kinds that carry neither credit nor acknowledgements of further streams."""
+_FOR_THE_ENDPOINT = (_HEARTBEAT, _PATH)
 
 
 class Parameters(NamedTuple):
@@ -66,7 +79,8 @@ class Parameters(NamedTuple):
     silence: float
 
 
-Outcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered | DropReason | None
+OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
+Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
 """What an authentic datagram says, or why it is of no use; None where nobody need be told."""
 
 
@@ -84,13 +98,16 @@ class Session:
     Attributes:
         clock: mapping to the peer's clock.
         credit: what each end has handed to the other, where the session carries that.
+        liveness: whether each end hears the other.
+        is_fresh: whether the datagram accepted last was no older than the silence limit.
         sender: makes our datagrams.
-        heard_at: when the last fresh authentic datagram came [s].
     """
 
     __slots__ = (
         "_incoming",
+        "_incoming_phase",
         "_loss",
+        "_newest_departure",
         "_newest_report",
         "_parameters",
         "_protection",
@@ -98,7 +115,8 @@ class Session:
         "_statistics",
         "clock",
         "credit",
-        "heard_at",
+        "is_fresh",
+        "liveness",
         "sender",
     )
 
@@ -110,6 +128,7 @@ class Session:
         peer_clock: float,
         now: float,
         *,
+        confirmed_at: float = -inf,
         first_sequence: int = 1,
     ) -> None:
         """Begin a session.
@@ -118,6 +137,7 @@ class Session:
             statistics: counted into.
             peer_clock: departure of the peer's handshake datagram on its clock [s].
             now: arrival of that datagram [s].
+            confirmed_at: departure of our handshake datagram that it answers [s]; -inf if it answers none.
             first_sequence: number of our first datagram, 1 to 2^23.
         """
         self._protection = protection
@@ -126,10 +146,13 @@ class Session:
         self._statistics = statistics
         self.clock = Clock(parameters.epoch, peer_clock, now)
         self.credit = Credit()
-        self.heard_at = now
+        self.is_fresh = False
+        self.liveness = Liveness(parameters.epoch, parameters.silence, peer_clock, now, confirmed_at)
         self._replay = ReplayWindow()
+        self._incoming_phase = 0
         self._loss = LossMeter()
         self._newest_report = -1
+        self._newest_departure = peer_clock
         self.sender = Sender(
             protection,
             parameters.outgoing,
@@ -137,6 +160,7 @@ class Session:
             clock=self.clock,
             credit=self.credit,
             loss=self._loss,
+            liveness=self.liveness,
             heartbeats=HeartbeatSchedule(
                 now,
                 fade=FADE_SHARE * parameters.silence,
@@ -144,7 +168,19 @@ class Session:
                 tick_period=parameters.tick_period,
             ),
             first_sequence=first_sequence,
+            silence=parameters.silence,
+            now=now,
         )
+
+    @property
+    def silent_at(self) -> float:
+        """When the loop age passes the limit [s]."""
+        return self.liveness.confirmed_at + self._parameters.silence
+
+    @property
+    def expires_at(self) -> float:
+        """When the session is over [s]."""
+        return self.silent_at + EXPIRY
 
     def retime(self, departure: float, now: float) -> None:
         """Take a repeated handshake datagram as one more measurement of the clock."""
@@ -154,7 +190,12 @@ class Session:
     def authenticate(self, data: bytes) -> Opened | None:
         """Whether a datagram, of the right length, is of this session; changes nothing."""
         sequence = expand_counter(sequence_of(data), SEQUENCE_BITS, self._replay.newest + 1)
-        body = self._protection.open(sequence, data)
+        if data[0] & PHASE == self._incoming_phase:
+            body = self._protection.open(sequence, data)
+        elif sequence > self._replay.newest:
+            body = self._protection.open_next(sequence, data)
+        else:
+            body = self._protection.open_previous(sequence, data)
         return None if body is None else Opened(sequence, data[0], body)
 
     def is_newest(self, opened: Opened) -> bool:
@@ -164,14 +205,19 @@ class Session:
     def accept(self, opened: Opened, now: float) -> Outcome:
         """Take an authentic datagram."""
         sequence, first, body = opened
+        self.is_fresh = False
         if not self._replay.is_new(sequence):
             return DropReason.REPLAYED
+        if sequence > self._replay.newest and first & PHASE != self._incoming_phase:
+            self._protection.rekey_incoming()
+            self._incoming_phase = first & PHASE
+        is_newest = sequence > self._replay.newest
         self._replay.mark(sequence)
         self._statistics.lost += self._loss.record(sequence)
         self.sender.is_confirmed = True
         head = read_head(first, body)
         departure = self.clock.departure(head.sent, now)
-        if not self.clock.is_plausible(departure, now):
+        if not self.clock.is_plausible(departure, now) or not self._is_in_order(departure, is_newest=is_newest):
             return DropReason.IMPLAUSIBLE
         self.clock.record(departure, now)
         body = self._take_acks(head, body, departure)
@@ -182,16 +228,28 @@ class Session:
         outcome = self._deliver(sequence, head, departure, body, now)
         is_untrue = outcome is DropReason.IMPLAUSIBLE or outcome is DropReason.MALFORMED
         if (
-            self._incoming.carries_credit and not is_untrue and head.kind != _CHANGE
+            self._incoming.carries_credit and not is_untrue and head.kind not in _WITHOUT_TAIL
         ):  # what is late is still true of a growing count
             self.credit.learn(sequence, *unpack_credit(head.kind, body))
         return outcome
+
+    def _is_in_order(self, departure: float, *, is_newest: bool) -> bool:
+        """Whether a datagram left after those numbered below it, and before those numbered above.
+
+        A time stamp that has wrapped tells that a datagram held back for minutes has just left; its number does not.
+        """
+        if not is_newest:
+            return departure <= self._newest_departure + EARLY_LIMIT
+        if departure < self._newest_departure - EARLY_LIMIT:
+            return False
+        self._newest_departure = departure
+        return True
 
     def _take_acks(self, head: Head, body: bytes, departure: float) -> bytes:
         """What the datagram acknowledges of each stream of ours; returns the rest of it."""
         self.sender.acknowledge(head.ack, departure)
         count = self._incoming.further_acks
-        if not count or head.kind in (_BYE, _CHANGE):
+        if not count or head.kind in _WITHOUT_TAIL:
             return body
         rest, acks = split_acks(body, count)
         for stream, ack in enumerate(acks, 1):
@@ -202,19 +260,33 @@ class Session:
         age = self.clock.age(departure, now)
         if age is not None and age > self._parameters.silence:
             return DropReason.STALE
-        self.heard_at = now
+        self.is_fresh = True
+        self.liveness.hear(sequence, departure, head.echo, is_encoding=head.is_encoding, now=now)
         self.sender.heartbeats.heard(now)
-        if head.kind == _HEARTBEAT:
-            if head.asks:
-                self.sender.heartbeats.asked()
-            return None
+        if head.kind in _FOR_THE_ENDPOINT:
+            return self._note(head, body)
         if age is None:
             return DropReason.UNTIMED
+        if not self.liveness.is_current(head.echo, now):
+            return DropReason.STALE
+        return self._execute(sequence, head, departure, body, age)
+
+    def _execute(self, sequence: int, head: Head, departure: float, body: bytes, age: float) -> Outcome:
+        """Take what the owner acts on."""
         if head.kind == _CHANGE:
             return self._deliver_change(head, departure, body)
         if sequence < self.sender.delivered[stream_of(head.kind)]:
             return DropReason.SUPERSEDED
         return self._deliver_update(sequence, head, departure, body, age)
+
+    def _note(self, head: Head, body: bytes) -> PathAsked | PathAnswered | None:
+        """Take what asks nothing of the owner."""
+        if head.kind == _PATH:
+            token = unpack_path(body)
+            return PathAnswered(token) if head.has_previous else PathAsked(token)
+        if head.asks:
+            self.sender.heartbeats.asked()
+        return None
 
     def _deliver_update(
         self, sequence: int, head: Head, departure: float, body: bytes, age: float
@@ -225,19 +297,22 @@ class Session:
             return DropReason.MALFORMED
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
-        if (tick - sent_tick) * self._parameters.tick_period > TICK_LEAD:
+        lead = (tick - sent_tick) * self._parameters.tick_period
+        if lead > TICK_LEAD:
             return DropReason.IMPLAUSIBLE
+        if -lead > self._parameters.silence + TICK_AGE_SLACK:
+            return DropReason.STALE
         self.sender.delivered[stream] = sequence
         return UpdateReceived(tick, head.selector, newest, gap, previous, age, stream)
 
     def _deliver_change(
         self, head: Head, departure: float, body: bytes
     ) -> ChangeProposed | ChangeAnswered | DropReason | None:
-        accord, content = self.sender.accord, unpack_change(body)
+        accord, (low_tick, content) = self.sender.accord, unpack_change(body)
         if head.has_previous:
             return accord.heard_answer(head.selector, content)
         sent_tick = departure / self._parameters.tick_period
-        tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
+        tick = expand_counter(low_tick, CHANGE_TICK_BITS, int(sent_tick))
         if abs(tick - sent_tick) * self._parameters.tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
         return accord.heard_proposal(head.selector, tick, content)

@@ -10,15 +10,15 @@ class State(Enum):
     """Where a conversation with the peer stands."""
 
     IDLE = auto()
-    """Nothing begun, or the peer has left and the next conversation is about to begin."""
+    """Nothing begun, or the last session has ended and the next one is about to begin."""
     CONNECTING = auto()
     """Calling the peer until it answers."""
     LISTENING = auto()
     """Waiting to be called."""
     ENGAGED = auto()
-    """In a session, and the peer was heard within the silence limit."""
+    """In a session, with a loop age (`protocol.liveness`) within the silence limit: each end hears the other."""
     SILENT = auto()
-    """In a session whose peer has not been heard for longer than the silence limit."""
+    """In a session whose loop age has passed the silence limit; it ends a few seconds later."""
     CLOSED = auto()
     """Over, by our own wish or because the peer refused. Final."""
 
@@ -30,6 +30,7 @@ class Trigger(Enum):
     LISTEN = auto()
     ESTABLISH = auto()
     FALL_SILENT = auto()
+    EXPIRE = auto()
     HEAR = auto()
     LEAVE = auto()
     REFUSE = auto()
@@ -64,6 +65,7 @@ TABLE: dict[State, dict[Trigger, State]] = {
     State.SILENT: {
         Trigger.ESTABLISH: State.ENGAGED,
         Trigger.HEAR: State.ENGAGED,
+        Trigger.EXPIRE: State.IDLE,
         Trigger.LEAVE: State.IDLE,
         Trigger.REFUSE: State.CLOSED,
         Trigger.CLOSE: State.CLOSED,

@@ -5,11 +5,12 @@ All fields are little endian; n is the number of values that the two ends agreed
 
 | part | field | format | bytes | meaning |
 |---|---|---|---|---|
-| head | kind | B | 1 | bits 0-2 kind, bit 3 mark, bits 4-7 selector |
+| head | kind | B | 1 | bits 0-2 kind, bit 3 mark, bits 4-6 selector, bit 7 key phase |
 | head | sequence | 3s | 3 | low 24 bits of the datagram's number; every datagram of a direction has its own |
 | head | ack | H | 2 | low 16 bits of the number of the newest update received of the first stream |
 | head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
-| head | tick | 3s | 3 | sample tick on the sender's clock, low 24 bits; 0 where there is no sample |
+| head | tick | H | 2 | sample tick on the sender's clock, low 16 bits; 0 where there is no sample |
+| head | echo | B | 1 | departure, on the receiver's clock, of the newest datagram heard from it (`protocol.liveness`) |
 | update | newest | nh | 2n | levels of the newest sample |
 | previous | gap | H | 2 | ticks between the two samples, 1..65535 |
 | previous | difference | nH | 2n | newest minus previous, modulo 2^16, hence always exact |
@@ -21,10 +22,14 @@ All fields are little endian; n is the number of values that the two ends agreed
 | heartbeat_credit | count | I | 4 | low 32 bits of the sender's credit; last of a heartbeat, likewise |
 | second_ack | ack | H | 2 | as in the head, of the second stream; ends updates and heartbeats where there is one |
 | bye | reason | 0-64s | 0-64 | why, UTF-8 |
-| change | body | 1-200s | 1-200 | what is to change at the head's tick, or the answer: 1 for yes, 0 and why not |
+| change | tick | I | 4 | sender's tick at which to make the change, low 32 bits; 0 in an answer |
+| change | body | 1-200s | 1-200 | what is to change, or the answer: 1 for yes, 0 and why not |
+| path | token | 8s | 8 | random bytes, which the answer returns |
 
 The mark of an update: a previous sample follows, or what the sender put in its place. Of a heartbeat: an answer is
-wanted at once. Of a change: it is an answer; the selector numbers the proposal.
+wanted at once. Of a change or path: it is an answer. The selector of a heartbeat is 1 if the sender's encoder runs,
+which an update says by itself; that of a change numbers the proposal. The key phase flips with each new key of the
+direction.
 
 After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
 encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.
@@ -37,21 +42,25 @@ from typing import NamedTuple
 from protocol.credit import HEARTBEAT_BITS, UPDATE_BITS
 from protocol.reasons import DropReason
 
+CHANGE_TICK_BYTES = 4
 CLEAR_BYTES = 4
 """Kind and sequence number, which travel in clear."""
 HEAD_BYTES = 12
-TICK_BITS = 24
+TICK_BITS = 16
 ACK_BYTES = 2
 LONGEST_REASON = 64
 LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
 """Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
 MAX_GAP = 0xFFFF
-MAX_SELECTOR = 0xF
+MAX_SELECTOR = 0b111
+CHANGE_TICK_BITS = 32
+TOKEN_BYTES = 8
 
 _KIND_MASK = 0b0111
 MARK = 0b1000
 _SELECTOR_SHIFT = 4
+PHASE = 0b1000_0000
 _SHAPE_MASK = _KIND_MASK | MARK
 _WORD = Struct("<Q")
 _HEARTBEAT = Struct("<IQqIIH")
@@ -68,6 +77,8 @@ _U32_MAX = 0xFFFF_FFFF
 class Kind(IntEnum):
     """The low three bits of every datagram."""
 
+    PATH = 0
+    """Asks whether the peer is at an address, or answers that."""
     HELLO = 1
     WELCOME = 2
     UPDATE = 3
@@ -82,6 +93,7 @@ UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)
 """By stream."""
 _UPDATE, _HEARTBEAT_KIND, _BYE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.BYE)
 _SECOND_UPDATE = int(Kind.SECOND_UPDATE)
+_CHANGE_TICK = Struct("<I")
 
 
 class Head(NamedTuple):
@@ -93,11 +105,18 @@ class Head(NamedTuple):
     ack: int
     sent: int
     tick: int
+    echo: int
 
     @property
     def asks(self) -> bool:
         """Whether the sender wants an answer at once."""
         return self.has_previous and self.kind == _HEARTBEAT_KIND
+
+    @property
+    def is_encoding(self) -> bool:
+        """Whether the sender's encoder ran when the datagram left."""
+        kind = self.kind
+        return kind in (_UPDATE, _SECOND_UPDATE) or (kind == _HEARTBEAT_KIND and self.selector == 1)
 
 
 class Report(NamedTuple):
@@ -130,27 +149,33 @@ def read_head(first: int, body: bytes) -> Head:
     return Head(
         first & _KIND_MASK,
         bool(first & MARK),
-        first >> _SELECTOR_SHIFT,
+        first >> _SELECTOR_SHIFT & MAX_SELECTOR,
         word & 0xFFFF,
         word >> 16 & 0xFFFFFF,
-        word >> 40,
+        word >> 40 & 0xFFFF,
+        word >> 56,
     )
+
+
+def pack_word(ack: int, sent: int, echo: int, tick: int = 0) -> int:
+    """The encrypted part of a head as one number."""
+    return ack | sent << 16 | tick << 40 | echo << 56
 
 
 def pack_heartbeat(
     sequence: int,
-    ack: int,
-    sent: int,
+    word: int,
     report: Report,
     credit: int | None = None,
     *,
     further_acks: tuple[int, ...] = (),
     asks: bool = False,
+    is_encoding: bool = False,
 ) -> bytes:
     """Datagram of a heartbeat, without tag; `credit` and the acknowledgements of further streams where carried."""
     data = _HEARTBEAT.pack(
-        Kind.HEARTBEAT | asks * MARK | sequence << 8,
-        ack | sent << 16,
+        Kind.HEARTBEAT | asks * MARK | is_encoding << _SELECTOR_SHIFT | sequence << 8,
+        word,
         report.minimum_us,
         min(report.latest_us, _U32_MAX),
         min(report.late_us, _U32_MAX),
@@ -190,18 +215,28 @@ def stream_of(kind: int) -> int:
     return 1 if kind == _SECOND_UPDATE else 0
 
 
-def pack_bye(sequence: int, ack: int, sent: int, reason: str) -> bytes:
+def pack_bye(sequence: int, word: int, reason: str) -> bytes:
     text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return (Kind.BYE | sequence << 8).to_bytes(4, "little") + _WORD.pack(ack | sent << 16) + text
+    return (Kind.BYE | sequence << 8).to_bytes(4, "little") + _WORD.pack(word) + text
 
 
-def pack_change(sequence: int, ack: int, sent: int, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
+def pack_change(sequence: int, word: int, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
     """Datagram of a proposed change or of the answer to one, without tag."""
     first = Kind.CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT | sequence << 8
-    return first.to_bytes(4, "little") + _WORD.pack(ack | sent << 16 | tick << 40) + body[:LONGEST_CHANGE]
+    return first.to_bytes(4, "little") + _WORD.pack(word) + _CHANGE_TICK.pack(tick) + body[:LONGEST_CHANGE]
 
 
-def unpack_change(body: bytes) -> bytes:
+def unpack_change(body: bytes) -> tuple[int, bytes]:
+    """Truncated tick and content."""
+    return _CHANGE_TICK.unpack_from(body, _WORD.size)[0], body[_WORD.size + _CHANGE_TICK.size :]
+
+
+def pack_path(sequence: int, word: int, token: bytes, *, is_answer: bool) -> bytes:
+    """Datagram that asks whether the peer is at an address, or answers that; without tag."""
+    return (Kind.PATH | is_answer * MARK | sequence << 8).to_bytes(4, "little") + _WORD.pack(word) + token
+
+
+def unpack_path(body: bytes) -> bytes:
     return body[_WORD.size :]
 
 
@@ -246,9 +281,7 @@ class UpdateLayout:
     def pack(
         self,
         sequence: int,
-        ack: int,
-        sent: int,
-        tick: int,
+        word: int,
         selector: int,
         newest: tuple[int, ...],
         gap: int,
@@ -256,9 +289,8 @@ class UpdateLayout:
         credit: int = 0,
         further_acks: tuple[int, ...] = (),
     ) -> bytes:
-        """Datagram of one update, without tag; `sequence`, `sent`, `tick` and acknowledgements already truncated."""
+        """Datagram of one update, without tag; `sequence` and acknowledgements already truncated."""
         first = self._kind | selector << _SELECTOR_SHIFT | sequence << 8
-        word = ack | sent << 16 | tick << 40
         last = (credit & _UPDATE_CREDIT_MASK, *further_acks) if self.carries_credit else further_acks
         if not previous:
             return self._plain.pack(first, word, *newest, *last)

@@ -1,0 +1,101 @@
+"""Whether the two ends hear each other, measured by each of them on its own clock.
+
+Every datagram echoes the departure of the newest datagram that its sender has heard from the receiver, as a time on the
+receiver's clock. So an end knows the loop age: the time since the departure of its newest datagram that the peer is
+known to have heard. It contains the way there, the wait at the peer, the way back and the time since, needs no
+common clock, and makes no assumption about how the round trip divides. It bounds the age of whatever the peer has sent.
+
+An end takes part only while the loop age is within the silence limit. This is bidirectional forwarding detection (RFC
+5880) with the ages of both directions added: hearing the peer is not enough, the peer must hear this end too.
+
+The echo has 8 bits: the departure in units of 1/64 of the limit, rounded down, modulo 255; 255 if nothing was heard
+within the limit. It is unambiguous for almost four limits. What is heard is at most one limit old by the mapped
+clocks, which err by less than half a round trip, and is echoed for at most one limit.
+"""
+
+from math import floor, inf
+
+DEAF = 255
+"""The echo of an end that has heard nothing within the limit."""
+UNITS = 64
+"""Units of the echo in the silence limit; the loop age is overestimated by at most one."""
+_MODULUS = 255
+
+
+class Liveness:
+    """Both directions of one session.
+
+    Attributes:
+        heard_at: arrival of the newest fresh datagram [s].
+        confirmed_at: departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
+        encoder_heard_at: arrival of the newest fresh datagram whose sender's encoder ran [s]; -inf before the first.
+        is_peer_encoding: whether the encoder of the peer ran when its newest fresh datagram left.
+    """
+
+    __slots__ = (
+        "_departure",
+        "_epoch",
+        "_newest",
+        "_silence",
+        "_unit",
+        "confirmed_at",
+        "encoder_heard_at",
+        "heard_at",
+        "is_peer_encoding",
+    )
+
+    def __init__(self, epoch: float, silence: float, departure: float, now: float, confirmed_at: float = -inf) -> None:
+        """Begin with a handshake datagram of the peer.
+
+        Args:
+            epoch: when our clock was at 0 [s].
+            silence: the limit, which both ends have agreed on [s].
+            departure: of that datagram on the peer's clock [s].
+            now: its arrival [s].
+            confirmed_at: departure of our datagram that it answers [s]; -inf if it answers none.
+        """
+        self._epoch = epoch
+        self._silence = silence
+        self._unit = silence / UNITS
+        self._departure = departure
+        self._newest = -1
+        self.heard_at = now
+        self.confirmed_at = confirmed_at
+        self.encoder_heard_at = -inf
+        self.is_peer_encoding = False
+
+    def echo(self, now: float) -> int:
+        """What a datagram that leaves now tells the peer."""
+        if now - self.heard_at > self._silence:
+            return DEAF
+        return floor(self._departure / self._unit) % _MODULUS
+
+    def confirmation(self, echo: int, now: float) -> float:
+        """Departure of our newest datagram that the sender of this echo had heard [s]; -inf if it had heard none."""
+        if echo == DEAF:
+            return -inf
+        newest = floor((now - self._epoch) / self._unit)
+        return self._epoch + (newest - (newest - echo) % _MODULUS) * self._unit
+
+    def is_current(self, echo: int, now: float) -> bool:
+        """Whether the loop age of a datagram with this echo is within the limit as it arrives."""
+        return now - self.confirmation(echo, now) <= self._silence
+
+    def hear(self, sequence: int, departure: float, echo: int, *, is_encoding: bool, now: float) -> None:
+        """Take a fresh datagram.
+
+        Args:
+            sequence: its number.
+            departure: on the peer's clock [s].
+            echo: what it says.
+            is_encoding: whether the sender's encoder ran.
+            now: [s].
+        """
+        self.heard_at = now
+        self._departure = max(self._departure, departure)
+        self.confirmed_at = max(self.confirmed_at, self.confirmation(echo, now))
+        if sequence > self._newest:
+            self._newest = sequence
+            self.is_peer_encoding = is_encoding
+        if is_encoding:
+            self.encoder_heard_at = now

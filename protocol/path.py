@@ -1,0 +1,98 @@
+"""Where the peer is: an address is used once the peer has shown that it receives what is sent there.
+
+Whoever copies the peer's datagrams and delivers them first from an address of its own must not attract what is sent
+to the peer. So a datagram from elsewhere makes its address a candidate only. The candidate is sent random bytes and has
+to return them, as in RFC 9000, section 8.2; and as long as authentic datagrams come from the present address, copies
+included, nothing moves. A relay that forwards everything both ways is part of the network, and no address tells it
+from the peer.
+"""
+
+from collections.abc import Callable
+from math import inf
+
+from protocol.events import Address
+from protocol.wire import TOKEN_BYTES
+
+PACE = 0.02
+"""Least time between two challenges [s]."""
+OVERTAKEN = 3
+"""Fresh datagrams in a row from the candidate before the present address is quiet: an original follows its copy."""
+
+
+class Path:
+    """The addresses of one session's peer.
+
+    Attributes:
+        address: where the peer is.
+    """
+
+    __slots__ = (
+        "_answered",
+        "_asked_at",
+        "_candidate",
+        "_entropy",
+        "_heard_at",
+        "_in_a_row",
+        "_is_proven",
+        "_quiet",
+        "_token",
+        "address",
+    )
+
+    def __init__(self, address: Address, entropy: Callable[[int], bytes], quiet: float) -> None:
+        """Begin at the address of the handshake, which is not yet proven.
+
+        Args:
+            address: of the peer.
+            entropy: random bytes of a number.
+            quiet: how long nothing must come from a proven address before another one is used [s].
+        """
+        self.address = address
+        self._entropy = entropy
+        self._quiet = quiet
+        self._is_proven = False
+        self._heard_at = -inf
+        self._in_a_row = 0
+        self._candidate: Address | None = None
+        self._answered = False
+        self._token = b""
+        self._asked_at = -inf
+
+    def hear(self, source: Address, now: float, *, is_fresh: bool) -> None:
+        """Take note of an authentic datagram; it is fresh if none that left later has come before it."""
+        if source == self.address:
+            self._heard_at, self._in_a_row = now, 0
+        elif is_fresh:
+            if source != self._candidate:
+                self._candidate, self._answered, self._in_a_row, self._token = source, False, 0, b""
+            self._in_a_row += 1
+            self._settle(now)
+
+    def challenge(self, now: float) -> tuple[bytes, Address] | None:
+        """Token to be sent now, and where to; None if nothing has to be asked."""
+        target = self.address if self._candidate is None else self._candidate
+        is_open = not self._is_proven if self._candidate is None else not self._answered
+        if not is_open or now < self._asked_at + PACE:
+            return None
+        self._asked_at = now
+        self._token = self._token or self._entropy(TOKEN_BYTES)
+        return self._token, target
+
+    def answer(self, token: bytes, source: Address, now: float) -> None:
+        """Take the answer to a challenge, which must come from the address that was asked."""
+        if not self._token or token != self._token:
+            return
+        if source == self._candidate:
+            self._answered = True
+            self._settle(now)
+        elif source == self.address and self._candidate is None:
+            self._is_proven, self._token = True, b""
+
+    def _settle(self, now: float) -> None:
+        """Use the candidate if the present address is not proven, or has gone quiet."""
+        if self._candidate is None or not self._answered:
+            return
+        if self._is_proven and (self._in_a_row < OVERTAKEN or now - self._heard_at < self._quiet):
+            return
+        self.address, self._is_proven, self._heard_at = self._candidate, True, now
+        self._candidate, self._answered, self._token = None, False, b""
