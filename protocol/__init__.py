@@ -16,6 +16,8 @@ from protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    SessionExpired,
+    UpdateLost,
     UpdateReceived,
 )
 from protocol.reasons import DropReason
@@ -37,8 +39,10 @@ __all__ = [
     "PeerSilent",
     "Refused",
     "Role",
+    "SessionExpired",
     "State",
     "StateError",
     "Statistics",
+    "UpdateLost",
     "UpdateReceived",
 ]

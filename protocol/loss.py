@@ -1,4 +1,4 @@
-"""Loss measured from gaps in sequence numbers, and how many datagrams it takes to stand it. Knows no clock."""
+"""Loss measured from gaps in sequence numbers, and how many copies of an update it takes. Knows no clock."""
 
 from math import ceil, log
 
@@ -10,7 +10,6 @@ _RATES = (1 / 32, 1 / 1024)
 
 LOSSY = 0.001
 """Measured loss above which a link counts as lossy."""
-MOST_NEEDED = 50
 MOST_COPIES = 3
 RESIDUAL = 0.02
 """Share of updates that may stay lost although they were sent again early."""
@@ -81,28 +80,6 @@ class LossMeter:
             self._lost -= 1
             self._fast = max(0.0, self._fast - _RATES[0] * (1.0 - _RATES[0]) ** since)
             self._slow = max(0.0, self._slow - _RATES[1] * (1.0 - _RATES[1]) ** since)
-
-
-def datagrams_needed(loss: float, window: float, rate: float, otherwise: float = 1.0) -> int:
-    """The least number of datagrams in any window, so that the loss of all of them by chance stays rare.
-
-    n datagrams in a window leave at a rate of n / window; each is with probability loss^n the first of n that are lost,
-    if losses are independent. So n is the least number with otherwise * n * loss^n / window < rate. Bursts longer than
-    the window are not covered: nothing that is sent outlasts them.
-
-    Args:
-        loss: share of our datagrams that the peer misses, 0..1.
-        window: silence that must not happen by chance [s].
-        rate: at which it may all the same [1/s].
-        otherwise: probability that nothing else breaks that silence.
-
-    Returns:
-        1 to `MOST_NEEDED`.
-    """
-    count = 1
-    while count < MOST_NEEDED and otherwise * count * loss**count >= rate * window:
-        count += 1
-    return count
 
 
 def copies_needed(loss: float) -> int:

@@ -262,7 +262,7 @@ class Session:
             return DropReason.STALE
         self.is_fresh = True
         self.liveness.hear(sequence, departure, head.echo, is_encoding=head.is_encoding, now=now)
-        self.sender.heartbeats.heard(now)
+        self.sender.heartbeats.confirmed(self.liveness.confirmed_at)
         if head.kind in _FOR_THE_ENDPOINT:
             return self._note(head, body)
         if age is None:

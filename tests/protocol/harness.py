@@ -12,14 +12,19 @@ from random import Random
 from protocol import Address, Connected, DatagramDropped, DropReason, Endpoint, Event, Role, UpdateReceived
 from protocol.checksum import Checksum
 from protocol.emulation import EmulatedLink, Emulation
+from protocol.heartbeat import HeartbeatSchedule
 from protocol.psk import PresharedKey
 from protocol.security import Security
+from protocol.session import FADE_SHARE
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
 KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
+SILENCE = 0.1
+INTERVAL = HeartbeatSchedule(0.0, fade=FADE_SHARE * SILENCE, silence=SILENCE, tick_period=TICK).interval
+"""Of heartbeats over a path without delay [s]."""
 
 
 @dataclass
@@ -211,4 +216,4 @@ def suites() -> list[Security]:
 def update_fields(tick: int) -> tuple[int, int, tuple[int, ...], int, tuple[int, ...]]:
     """Tick, selector, newest, gap, previous of a position sample that tells its tick."""
     newest = (tick % 1000, -tick % 1000, 7)
-    return tick, tick % 16, newest, 3, (newest[0] - 5, newest[1] + 5, -7)
+    return tick, tick % 8, newest, 3, (newest[0] - 5, newest[1] + 5, -7)

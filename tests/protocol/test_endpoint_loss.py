@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from protocol import PeerSilent, State
 from protocol.emulation import Emulation
-from protocol.heartbeat import ASK_PACE, CLEAN_INTERVAL
+from protocol.heartbeat import ASK_PACE
 from protocol.repetition import EARLY_PER_S, SHORTEST_PACE
 from protocol.wire import Kind, kind_of
 from tests.examples import examples
-from tests.protocol.harness import Pair, Side, update_fields
+from tests.protocol.harness import INTERVAL, Pair, Side, update_fields
 
 MENDED_WITHIN = 0.15
 """After the last loss of a silence that was none, the newest update is there: one interval of the other end's
@@ -101,7 +101,7 @@ def test_no_storm_follows_a_blackout(seed: int, darkness: float) -> None:
     pair.swallow = lambda side, data: False
     before = len(pair.tap)
     pair.run(0.2)
-    assert in_the_dark <= 2 * (0.1 / ASK_PACE) + 12 + 2 * darkness / CLEAN_INTERVAL + 10 * darkness
+    assert in_the_dark <= 2 * (0.1 / ASK_PACE) + 12 + 2 * darkness / INTERVAL + 10 * darkness
     assert len(pair.tap) - before <= 60, f"seed {seed}"
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
 
@@ -126,6 +126,6 @@ def test_a_peer_that_is_overdue_is_asked_and_answers_over_a_short_path() -> None
             pair.run(0.001)
             heard.append(pair.master.endpoint.heard_at)
         gaps.append(max(later - earlier for earlier, later in pairwise(heard)))
-    assert max(gaps) < CLEAN_INTERVAL + 0.01
+    assert max(gaps) < INTERVAL + 0.01
     asks = [data for _, _, data in pair.tap if kind_of(data) == Kind.HEARTBEAT and data[0] & _MARK]
     assert len(asks) >= 50

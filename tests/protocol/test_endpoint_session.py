@@ -5,13 +5,14 @@ from itertools import pairwise
 
 import pytest
 
-from protocol import Connected, DropReason, PeerReturned, PeerSilent, Role, State, UpdateReceived
+from protocol import Connected, DropReason, PeerReturned, PeerSilent, Role, SessionExpired, State, UpdateReceived
 from protocol.checksum import Checksum
 from protocol.emulation import Emulation
-from protocol.heartbeat import CLEAN_INTERVAL, REPORT_INTERVAL
+from protocol.heartbeat import REPORT_INTERVAL
 from protocol.security import Security
+from protocol.session import EXPIRY
 from protocol.wire import Kind, kind_of
-from tests.protocol.harness import MASTER, Pair, Side, make_endpoint, suites, update_fields
+from tests.protocol.harness import INTERVAL, MASTER, SILENCE, Pair, Side, make_endpoint, suites, update_fields
 
 DARK = Emulation(loss=1.0)
 STORM = Emulation(
@@ -80,7 +81,7 @@ def test_what_cannot_be_sent_is_a_fault_of_the_caller() -> None:
     sent = endpoint.statistics.sent
     for fields, message in (
         ((-1, 0, (1, 2, 3), 0, ()), "tick"),
-        ((1, 16, (1, 2, 3), 0, ()), "selector"),
+        ((1, 8, (1, 2, 3), 0, ()), "selector"),
         ((1, 0, (1, 2), 0, ()), "3 levels"),
         ((1, 0, (1, 2, 40_000), 0, ()), "int16"),
         ((1, 0, (1, 2, 3), 0, (1, 2, 3)), "gap"),
@@ -194,20 +195,41 @@ def test_after_a_short_blackout_the_session_goes_on_and_the_newest_state_is_rest
         assert matches(pair.slave.updates()[-1], last)
 
 
-def test_one_way_darkness_is_silence_at_one_end_only_and_the_session_returns() -> None:
+@pytest.mark.parametrize("toward", ["slave", "master"])
+def test_a_one_way_cut_ends_both_sides_within_the_limit(toward: str) -> None:
+    """Both fall silent within the limit of the last datagram heard, each knows why, and both return together."""
+    pair = Pair().engage().run(0.5)
+    deaf, heard = pair.sides[::-1] if toward == "slave" else pair.sides
+    clear = pair.forward, pair.backward
+    if toward == "slave":
+        pair.forward = pair.link(DARK)
+    else:
+        pair.backward = pair.link(DARK)
+    cut = pair.now
+    while pair.now < cut + SILENCE + 0.002:
+        pair.run(0.001)
+    assert [side.endpoint.state for side in pair.sides] == [State.SILENT] * 2
+    assert deaf.of(PeerSilent) == [PeerSilent(is_heard=False)]
+    assert heard.of(PeerSilent) == [PeerSilent(is_heard=True)]
+    pair.forward, pair.backward = clear
+    pair.run(0.6)
+    assert [side.endpoint.state for side in pair.sides] == [State.ENGAGED] * 2
+    for side in pair.sides:
+        assert side.of(PeerReturned) or len(side.of(Connected)) == 2
+
+
+def test_a_session_is_over_after_seconds_of_silence_and_another_follows() -> None:
     pair = Pair().engage()
-    clear = pair.forward
+    clear = pair.forward, pair.backward
     pair.forward = pair.link(DARK)
-    pair.run(0.3)
-    assert pair.slave.endpoint.state is State.SILENT
-    assert pair.master.endpoint.state is State.ENGAGED
-    tick = send(pair, pair.master)
-    pair.run(0.2)
-    pair.forward = clear
-    pair.run(0.2)
-    assert pair.slave.of(PeerReturned)
-    assert len(pair.slave.of(Connected)) == 1
-    assert matches(pair.slave.updates()[-1], tick)
+    pair.run(SILENCE + EXPIRY + 0.1)
+    assert len(pair.master.of(SessionExpired)) == len(pair.slave.of(SessionExpired)) == 1
+    assert pair.master.endpoint.state is State.CONNECTING
+    assert pair.slave.endpoint.state is State.LISTENING
+    pair.forward, pair.backward = clear
+    pair.run(1.0)
+    assert [side.endpoint.state for side in pair.sides] == [State.ENGAGED] * 2
+    assert [len(side.of(Connected)) for side in pair.sides] == [2, 2]
 
 
 def test_the_first_update_after_every_fault_is_the_newest_state() -> None:
@@ -376,12 +398,12 @@ def test_silence_and_the_heartbeats_of_a_clean_link() -> None:
     assert pair.slave.endpoint.heard_at > heard
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]
-        assert len(times) == pytest.approx(10.0 / CLEAN_INTERVAL, abs=2)
-        assert max(later - earlier for earlier, later in pairwise(times)) <= CLEAN_INTERVAL + 1e-6
+        assert len(times) == pytest.approx(10.0 / INTERVAL, abs=2)
+        assert max(later - earlier for earlier, later in pairwise(times)) <= INTERVAL + 1e-6
         assert not side.of(PeerSilent)
     pair.forward = pair.link(DARK)
     pair.run(0.3)
-    assert pair.slave.of(PeerSilent) == [PeerSilent()]
+    assert pair.slave.of(PeerSilent) == [PeerSilent(is_heard=False)]
     assert pair.now > start
 
 
@@ -422,7 +444,7 @@ def test_heartbeats_grow_denser_with_loss_where_there_is_no_time_to_ask() -> Non
         rates.append((pair.master.endpoint.statistics.heartbeats - before) / 20.0)
     assert rates[1:] == sorted(rates[1:])
     assert rates[0] < 0.6 * rates[2], "over a short path those who are overdue are asked"
-    assert rates[-1] > 4.0 / CLEAN_INTERVAL
+    assert rates[-1] > 4.0 / INTERVAL
 
 
 def test_the_heartbeats_calm_down_when_the_link_is_clean_again() -> None:
@@ -434,11 +456,11 @@ def test_the_heartbeats_calm_down_when_the_link_is_clean_again() -> None:
         pair.run(duration)
         return (pair.master.endpoint.statistics.heartbeats - before) / duration
 
-    assert rate(2.0) > 4.0 / CLEAN_INTERVAL
+    assert rate(2.0) > 4.0 / INTERVAL
     clean = Emulation(delay_s=0.045)
     pair.forward, pair.backward = pair.link(clean), pair.link(clean)
     pair.run(60.0)
-    assert rate(5.0) < 2.5 / CLEAN_INTERVAL
+    assert rate(5.0) < 2.5 / INTERVAL
 
 
 def test_reordering_and_duplicates_are_not_loss() -> None:

@@ -7,12 +7,10 @@ from hypothesis import strategies as st
 from protocol.loss import (
     LOSSY,
     MOST_COPIES,
-    MOST_NEEDED,
     PATIENCE,
     RESIDUAL,
     LossMeter,
     copies_needed,
-    datagrams_needed,
 )
 
 
@@ -81,36 +79,6 @@ def test_a_very_long_gap_costs_no_time_and_stays_in_range() -> None:
     made = meter([0, 2**40, 2**40 + 1, 2**40 + 2, 2**40 + 3])
     assert made.lost == 2**40 - 1
     assert 0.9 < made.fraction <= 1.0
-
-
-@given(st.floats(0.0, 1.0), st.floats(0.02, 1.0), st.floats(1e-4, 1.0), st.floats(0.0, 1.0))
-def test_the_least_number_keeps_a_chance_silence_rare(
-    loss: float, window: float, rate: float, otherwise: float
-) -> None:
-    def expected(count: int) -> float:
-        return otherwise * count * loss**count / window
-
-    count = datagrams_needed(loss, window, rate, otherwise)
-    assert 1 <= count <= MOST_NEEDED
-    assert count == MOST_NEEDED or expected(count) < rate * (1.0 + 1e-9)
-    assert count == 1 or expected(count - 1) >= rate * (1.0 - 1e-9)
-
-
-def test_chance_silences_are_as_rare_as_asked_for() -> None:
-    """Datagrams lost by the dice, evenly sent: runs as long as the window come at most at the rate that was allowed."""
-    random = Random(5)
-    window, rate, loss = 0.1, 0.5, 0.3
-    count = datagrams_needed(loss, window, rate)
-    run, silences, total = 0, 0, 400_000
-    for _ in range(total):
-        run = run + 1 if random.random() < loss else 0
-        silences += run == count
-    assert 0 < silences / (total * window / count) < rate
-
-
-def test_the_numbers_of_the_default_limits() -> None:
-    alarm = [datagrams_needed(loss, 0.1, 1 / 3600) for loss in (0.0, 1e-3, 0.01, 0.1, 0.3, 1.0)]
-    assert alarm == [1, 2, 3, 6, 11, MOST_NEEDED]
 
 
 @given(st.floats(0.0, 1.0))

@@ -55,7 +55,7 @@ def test_a_session_goes_on_past_the_wrap_of_its_numbers(security: Security) -> N
         assert outcome.tick == step > last
         last = step
         assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
-        assert sender.sender.next_timer(is_engaged=True) > now
+        assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > now
     assert received.lost == counted.lost == 0
     assert counted.repeats == 0
 
@@ -66,7 +66,7 @@ def test_acknowledgements_go_on_past_the_wrap_of_theirs() -> None:
         now = 0.5 * step
         deliver(receiver, sender.sender.send_update(now, *update_fields(step)), now)
         deliver(sender, receiver.sender.send_heartbeat(now), now)
-        while sender.sender.handle_timer(now + 0.4, is_engaged=True) is not None:
+        while sender.sender.handle_timer(now + 0.4, is_engaged=True, is_encoding=True) is not None:
             pass  # without an acknowledgement this would repeat the update
     assert counted.repeats == 0
 
@@ -82,7 +82,7 @@ def test_an_acknowledgement_of_long_ago_is_not_taken_for_one_of_now() -> None:
     for step in range(100):
         now = 1.02 + step * 0.05
         deliver(sender, receiver.sender.send_heartbeat(now), now)
-        while (data := sender.sender.handle_timer(now, is_engaged=True)) is not None:
+        while (data := sender.sender.handle_timer(now, is_engaged=True, is_encoding=True)) is not None:
             assert data
     assert counted.repeats > 5
 
@@ -91,40 +91,40 @@ def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
     sender, receiver, counted, _ = pair(Checksum())
     deliver(sender, receiver.sender.send_heartbeat(0.5), 0.5)
     sender.sender.send_update(0.5, *update_fields(500))
-    due = sender.sender.next_timer(is_engaged=True)
+    due = sender.sender.next_timer(is_engaged=True, is_encoding=True)
     deliver(sender, receiver.sender.send_heartbeat(0.51), 0.51)
-    assert sender.sender.next_timer(is_engaged=True) < due
-    data = sender.sender.handle_timer(0.511, is_engaged=True)
+    assert sender.sender.next_timer(is_engaged=True, is_encoding=True) < due
+    data = sender.sender.handle_timer(0.511, is_engaged=True, is_encoding=True)
     assert data is not None
     assert counted.repeats == 1
     outcome = deliver(receiver, data, 0.511)
     assert isinstance(outcome, UpdateReceived)
     assert outcome[:5] == update_fields(500)
     deliver(sender, receiver.sender.send_heartbeat(0.512), 0.512)
-    assert sender.sender.next_timer(is_engaged=True) > 0.53
+    assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > 0.53
 
 
 def test_a_datagram_that_left_before_the_update_arrived_is_no_evidence() -> None:
     sender, receiver, _, _ = pair(Checksum())
     early = receiver.sender.send_heartbeat(0.5)
     sender.sender.send_update(0.5, *update_fields(500))
-    due = sender.sender.next_timer(is_engaged=True)
+    due = sender.sender.next_timer(is_engaged=True, is_encoding=True)
     deliver(sender, early, 0.53)
-    assert sender.sender.next_timer(is_engaged=True) >= min(due, 0.55)
+    assert sender.sender.next_timer(is_engaged=True, is_encoding=True) >= min(due, 0.55)
 
 
 def test_who_is_asked_answers_at_once() -> None:
     sender, receiver, _, _ = pair(Checksum())
     overdue = 0.06
-    data = sender.sender.handle_timer(overdue, is_engaged=True)
+    data = sender.sender.handle_timer(overdue, is_engaged=True, is_encoding=True)
     assert data is not None
     assert deliver(receiver, data, overdue) is None
-    assert receiver.sender.next_timer(is_engaged=True) <= overdue
-    answer = receiver.sender.handle_timer(overdue, is_engaged=True)
+    assert receiver.sender.next_timer(is_engaged=True, is_encoding=True) <= overdue
+    answer = receiver.sender.handle_timer(overdue, is_engaged=True, is_encoding=True)
     assert answer is not None
     assert deliver(sender, answer, overdue) is None
-    assert receiver.sender.next_timer(is_engaged=True) > overdue
-    assert sender.sender.next_timer(is_engaged=True) > overdue
+    assert receiver.sender.next_timer(is_engaged=True, is_encoding=True) > overdue
+    assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > overdue
 
 
 def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
