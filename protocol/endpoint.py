@@ -185,13 +185,24 @@ class Endpoint:
 
     @property
     def encoder_heard_at(self) -> float:
-        """When the newest fresh datagram came that the peer sent while its encoder ran [s]; -inf before the first."""
+        """When the peer's encoder was last known to run, and all its updates to be held here [s]; -inf before that."""
         return -inf if self._liveness is None else self._liveness.encoder_heard_at
 
-    @property
-    def is_peer_encoding(self) -> bool:
-        """Whether the peer's encoder ran when its newest datagram left; False while the ends do not hear each other."""
-        return self.state is State.ENGAGED and self._liveness is not None and self._liveness.is_peer_encoding
+    def silent_for(self, now: float) -> float:
+        """How long the ends have been out of touch [s]: the loop age, or the time since the peer's encoder ran."""
+        if self._liveness is None:
+            return inf
+        return now - min(self._liveness.confirmed_at, self._liveness.encoder_heard_at)
+
+    def is_peer_encoding(self, now: float) -> bool:
+        """Whether what the peer encodes may be acted on: each end hears the other, and the peer's encoder runs."""
+        liveness = self._liveness
+        return (
+            self.state is State.ENGAGED
+            and liveness is not None
+            and liveness.is_peer_encoding
+            and now - liveness.encoder_heard_at <= self._parameters.silence
+        )
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""

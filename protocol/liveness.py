@@ -28,8 +28,9 @@ class Liveness:
     Attributes:
         heard_at: arrival of the newest fresh datagram [s].
         confirmed_at: departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
-        encoder_heard_at: arrival of the newest fresh datagram whose sender's encoder ran [s]; -inf before the first.
-        is_peer_encoding: whether the encoder of the peer ran when its newest fresh datagram left.
+        encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, and since whose
+            departure no update is known to be missing [s]; -inf before the first.
+        is_peer_encoding: whether the encoder of the peer ran when the newest fresh datagram left that says so.
     """
 
     __slots__ = (
@@ -81,21 +82,21 @@ class Liveness:
         """Whether the loop age of a datagram with this echo is within the limit as it arrives."""
         return now - self.confirmation(echo, now) <= self._silence
 
-    def hear(self, sequence: int, departure: float, echo: int, *, is_encoding: bool, now: float) -> None:
+    def hear(self, sequence: int, departure: float, echo: int, *, says_encoding: bool | None, now: float) -> None:
         """Take a fresh datagram.
 
         Args:
             sequence: its number.
             departure: on the peer's clock [s].
             echo: what it says.
-            is_encoding: whether the sender's encoder ran.
+            says_encoding: whether the sender's encoder ran and all its updates are held here; None if it does not say.
             now: [s].
         """
         self.heard_at = now
         self._departure = max(self._departure, departure)
         self.confirmed_at = max(self.confirmed_at, self.confirmation(echo, now))
-        if sequence > self._newest:
+        if says_encoding is not None and sequence > self._newest:
             self._newest = sequence
-            self.is_peer_encoding = is_encoding
-        if is_encoding:
-            self.encoder_heard_at = now
+            self.is_peer_encoding = says_encoding
+            if says_encoding:
+                self.encoder_heard_at = now

@@ -169,7 +169,7 @@ class Sender:
         self.said_encoding = is_encoding
         clear = pack_heartbeat(
             sequence & SEQUENCE_MASK,
-            self._word(now),
+            self._word(now, sum(stream.update.tick for stream in self._streams if stream.update is not None)),
             report,
             credit,
             further_acks=self._further_acks(),

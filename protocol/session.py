@@ -59,6 +59,7 @@ LONGEST_SILENCE = 10.0
 _HEARTBEAT, _BYE, _CHANGE, _PATH = int(Kind.HEARTBEAT), int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
 _WITHOUT_TAIL = (_BYE, _CHANGE, _PATH)
 """Kinds that carry neither credit nor acknowledgements of further streams."""
+_TICK_MASK = (1 << TICK_BITS) - 1
 _FOR_THE_ENDPOINT = (_HEARTBEAT, _PATH)
 
 
@@ -104,6 +105,7 @@ class Session:
     """
 
     __slots__ = (
+        "_held_ticks",
         "_incoming",
         "_incoming_phase",
         "_loss",
@@ -150,6 +152,7 @@ class Session:
         self.liveness = Liveness(parameters.epoch, parameters.silence, peer_clock, now, confirmed_at)
         self._replay = ReplayWindow()
         self._incoming_phase = 0
+        self._held_ticks = [0] * len(parameters.incoming.updates)
         self._loss = LossMeter()
         self._newest_report = -1
         self._newest_departure = peer_clock
@@ -261,7 +264,7 @@ class Session:
         if age is not None and age > self._parameters.silence:
             return DropReason.STALE
         self.is_fresh = True
-        self.liveness.hear(sequence, departure, head.echo, is_encoding=head.is_encoding, now=now)
+        self.liveness.hear(sequence, departure, head.echo, says_encoding=self._says_encoding(head), now=now)
         self.sender.heartbeats.confirmed(self.liveness.confirmed_at)
         if head.kind in _FOR_THE_ENDPOINT:
             return self._note(head, body)
@@ -278,6 +281,18 @@ class Session:
         if sequence < self.sender.delivered[stream_of(head.kind)]:
             return DropReason.SUPERSEDED
         return self._deliver_update(sequence, head, departure, body, age)
+
+    def _says_encoding(self, head: Head) -> bool | None:
+        """Whether the peer's encoder runs and this end holds what it encodes; None where the datagram does not say.
+
+        A heartbeat whose ticks are not those of the newest updates held here tells of an update that is missing. It
+        does not count, or who drops updates alone would have an old one followed for as long as heartbeats come.
+        """
+        if head.kind == _HEARTBEAT:
+            if head.is_encoding and head.tick != sum(self._held_ticks) & _TICK_MASK:
+                return None
+            return head.is_encoding
+        return True if head.is_encoding else None
 
     def _note(self, head: Head, body: bytes) -> PathAsked | PathAnswered | None:
         """Take what asks nothing of the owner."""
@@ -303,6 +318,7 @@ class Session:
         if -lead > self._parameters.silence + TICK_AGE_SLACK:
             return DropReason.STALE
         self.sender.delivered[stream] = sequence
+        self._held_ticks[stream] = tick
         return UpdateReceived(tick, head.selector, newest, gap, previous, age, stream)
 
     def _deliver_change(

@@ -9,7 +9,7 @@ All fields are little endian; n is the number of values that the two ends agreed
 | head | sequence | 3s | 3 | low 24 bits of the datagram's number; every datagram of a direction has its own |
 | head | ack | H | 2 | low 16 bits of the number of the newest update received of the first stream |
 | head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
-| head | tick | H | 2 | sample tick on the sender's clock, low 16 bits; 0 where there is no sample |
+| head | tick | H | 2 | sample tick on the sender's clock, low 16 bits; a heartbeat adds the newest of all streams |
 | head | echo | B | 1 | departure, on the receiver's clock, of the newest datagram heard from it (`protocol.liveness`) |
 | update | newest | nh | 2n | levels of the newest sample |
 | previous | gap | H | 2 | ticks between the two samples, 1..65535 |

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from random import Random
 from time import perf_counter
+from typing import Any
 
 from protocol import Endpoint, State
 from protocol.checksum import Checksum
@@ -62,6 +63,9 @@ class Meddled:
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
         return self.inner.open(sequence, datagram)  # type: ignore[attr-defined, no-any-return]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
 
 
 def mutate(data: bytes, random: Random) -> bytes:

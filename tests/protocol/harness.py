@@ -9,7 +9,18 @@ from dataclasses import dataclass, field
 from math import ceil, floor, inf
 from random import Random
 
-from protocol import Address, Connected, DatagramDropped, DropReason, Endpoint, Event, Role, UpdateReceived
+from protocol import (
+    Address,
+    Connected,
+    DatagramDropped,
+    DropReason,
+    Endpoint,
+    Event,
+    PeerReturned,
+    Role,
+    UpdateLost,
+    UpdateReceived,
+)
 from protocol.checksum import Checksum
 from protocol.emulation import EmulatedLink, Emulation
 from protocol.heartbeat import HeartbeatSchedule
@@ -38,6 +49,8 @@ class Side:
     events: list[Event] = field(default_factory=list)
     received_at: list[tuple[float, UpdateReceived]] = field(default_factory=list)
     sessions: int = 0
+    renewals: int = 0
+    """How often the owner was told that the peer needs a new state."""
 
     def local(self, world: float) -> float:
         return self.offset + world * (1.0 + self.drift)
@@ -49,6 +62,7 @@ class Side:
         while (event := self.endpoint.next_event()) is not None:
             self.events.append(event)
             self.sessions += isinstance(event, Connected)
+            self.renewals += isinstance(event, Connected | PeerReturned | UpdateLost)
             if isinstance(event, UpdateReceived):
                 self.received_at.append((world, event))
 
