@@ -129,10 +129,11 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
             "incoming_values": (3,) * streams,
             "security": Meddler(secure, random, rate),
             "carries_credit": random.random() < 0.5,
+            "silence": random.choice([0.1, 10.0]),
         }
         pair = Pair(
             seed=random.getrandbits(32),
-            master={**changes, "silence": random.choice([0.1, 10.0])},
+            master=changes,
             slave=changes,
         ).connect()
         for _ in range(150):
@@ -157,8 +158,8 @@ def recover(pair: Pair, streams: int) -> None:
     pair.run(8.0)
     if State.CLOSED in (pair.master.endpoint.state, pair.slave.endpoint.state):
         return
-    fields = update_fields(pair.ticks)
     for stream in range(streams):
+        fields = update_fields(pair.ticks)
         assert pair.master.endpoint.send_update(pair.now, *fields, stream=stream)
         pair.run(1.0)
         assert pair.slave.updates()[-1][:5] == fields

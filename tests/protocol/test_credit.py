@@ -97,7 +97,7 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for side, other in (pair.sides, pair.sides[::-1]):
             assert side.endpoint.peer_credit <= handed[other.endpoint.role]
-        if now > 10.0:
+        if now > 11.0:  # a storm may end with a new session, whose counts begin at 0
             return
         for side in pair.sides:
             side.endpoint.credit += step
@@ -108,9 +108,9 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=CARRIED, slave=CARRIED, on_tick=on_tick)
     pair.connect().run(10.0)
     pair.forward, pair.backward = pair.link(None), pair.link(None)
-    pair.run(1.0)
+    pair.run(2.0)
     for side, other in (pair.sides, pair.sides[::-1]):
-        assert side.endpoint.peer_credit == other.endpoint.credit > 1000 * step, f"seed {seed}"
+        assert side.endpoint.peer_credit == other.endpoint.credit > 100 * step, f"seed {seed}"
 
 
 def test_updates_repeats_and_heartbeats_carry_the_credit_of_the_moment() -> None:

@@ -26,14 +26,14 @@ def test_the_oldest_datagram_gives_way() -> None:
 def test_a_flood_of_drops_pushes_no_other_event_out() -> None:
     statistics = Statistics()
     mailbox = Mailbox(statistics)
-    mailbox.tell(PeerSilent())
+    mailbox.tell(PeerSilent(is_heard=False))
     for _ in range(10_000):
         mailbox.drop(DropReason.BAD_TAG)
     mailbox.tell(Refused("no"))
     events = []
     while (event := mailbox.next_event()) is not None:
         events.append(event)
-    assert events[0] == PeerSilent()
+    assert events[0] == PeerSilent(is_heard=False)
     assert events[-1] == Refused("no")
     assert len(events) < QUEUED_EVENTS
     assert DatagramDropped(DropReason.BAD_TAG) in events

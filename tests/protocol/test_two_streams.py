@@ -102,14 +102,15 @@ def test_evidence_that_one_stream_lacks_its_update_brings_the_repeat_forward(mis
 def test_neither_supersedes_the_other(first: int) -> None:
     """Reordered on the way, both are delivered; an older one of the same stream is not."""
     pair = two().engage()
-    datagrams = []
-    for stream, tick in ((first, 10), (1 - first, 11), (first, 12)):
+    datagrams, start = [], pair.ticks
+    for stream, tick in ((first, start), (1 - first, start + 1), (first, start + 2)):
         pair.master.endpoint.send_update(pair.now, tick, *update_fields(tick)[1:], stream=stream)
         datagrams += pair.master.endpoint.datagrams_to_send()
     for data, _ in reversed(datagrams):
         pair.slave.endpoint.receive_datagram(data, pair.master.address, pair.now + 0.001)
     pair.slave.collect(pair.now)
-    assert [(event.stream, event.tick) for event in pair.slave.updates()] == [(first, 12), (1 - first, 11)]
+    delivered = [(event.stream, event.tick) for event in pair.slave.updates()]
+    assert delivered == [(first, start + 2), (1 - first, start + 1)]
     assert pair.slave.faults() == [DropReason.SUPERSEDED]
 
 
