@@ -44,8 +44,9 @@ ATTESTED_TICKS = 10
 """An encoder counts as running for so long, or for so many ticks, after its owner last said so."""
 MOST_TICKS = 1 << TICK_BITS - 1
 """Ticks that the silence limit may span."""
-QUIET_SHARE = 0.2
-"""Share of the silence limit for which nothing must come from the peer's address before it counts as gone."""
+QUIET_SHARE, LONGEST_QUIET = 0.2, 0.05
+"""For what share of the silence limit, and for how long at most [s], nothing must come from the peer's address before
+another one is used."""
 
 
 class Endpoint:
@@ -558,7 +559,7 @@ class Endpoint:
         self._liveness = session.liveness
         self._address = address
         if self._role is Role.RESPONDER:
-            self._path = Path(address, self._entropy, QUIET_SHARE * self._parameters.silence)
+            self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))
         self._mailbox.tell(Connected(address, self._agreement))
 
     def _end_session(self) -> None:
