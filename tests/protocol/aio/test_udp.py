@@ -257,7 +257,7 @@ def test_a_short_stall_is_no_silence_however_slow_the_reads_are() -> None:
             events.append(event)
         assert slave.state is State.ENGAGED
         assert not any(isinstance(event, PeerSilent) for event in events)
-        assert [event.tick for event in events if isinstance(event, UpdateReceived)]
+        assert slave.statistics.received > 1
         for shell in (master_shell, slave_shell):
             shell.close()
 
