@@ -38,18 +38,39 @@ class Checksum:
 
 
 class ChecksumProtection:
-    """One session's start values of the CRC."""
+    """One session's start values of the CRC; a change of keys changes them."""
 
-    __slots__ = ("_incoming", "_outgoing")
+    __slots__ = ("_incoming", "_outgoing", "_previous")
 
     def __init__(self, outgoing: int, incoming: int) -> None:
         self._outgoing = outgoing
         self._incoming = incoming
+        self._previous: int | None = None
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
         return clear + crc32(clear, (self._outgoing + sequence) & 0xFFFF_FFFF).to_bytes(_TAG, "little")
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        clear = datagram[:-_TAG]
-        expected = crc32(clear, (self._incoming + sequence) & 0xFFFF_FFFF)
-        return clear[CLEAR_BYTES:] if expected == int.from_bytes(datagram[-_TAG:], "little") else None
+        return _open(self._incoming, sequence, datagram)
+
+    def rekey_outgoing(self) -> None:
+        self._outgoing = _next_start(self._outgoing)
+
+    def rekey_incoming(self) -> None:
+        self._previous, self._incoming = self._incoming, _next_start(self._incoming)
+
+    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
+        return _open(_next_start(self._incoming), sequence, datagram)
+
+    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
+        return None if self._previous is None else _open(self._previous, sequence, datagram)
+
+
+def _open(start: int, sequence: int, datagram: bytes) -> bytes | None:
+    clear = datagram[:-_TAG]
+    expected = crc32(clear, (start + sequence) & 0xFFFF_FFFF)
+    return clear[CLEAR_BYTES:] if expected == int.from_bytes(datagram[-_TAG:], "little") else None
+
+
+def _next_start(start: int) -> int:
+    return crc32(b"weberlink key update", start)

@@ -16,6 +16,18 @@ class Protection(Protocol):
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
         """What follows the first `CLEAR_BYTES`, if the whole is authentic under this number, else None."""
 
+    def rekey_outgoing(self) -> None:
+        """Replace the outgoing keys by the next ones, which follow from them in one direction only."""
+
+    def rekey_incoming(self) -> None:
+        """Replace the incoming keys by the next ones; `open_previous` knows those until now."""
+
+    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
+        """As `open`, under the incoming keys after the present ones; changes nothing, however often it is asked."""
+
+    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
+        """As `open`, under the incoming keys before the present ones; None before the first change of keys."""
+
 
 class Security(Protocol):
     """A suite, with its secret if it has one."""

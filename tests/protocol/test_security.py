@@ -62,6 +62,34 @@ def test_wrong_number_direction_and_session_are_found(security: Security) -> Non
 
 
 @pytest.mark.parametrize("security", suites())
+def test_rekeyed_directions_open_under_next_then_previous_keys(security: Security) -> None:
+    sealing, opening = sessions(security)
+    before = sealing.seal(1, DATAGRAM)
+    sealing.rekey_outgoing()
+    after = sealing.seal(2, DATAGRAM)
+    for _ in range(2):  # asking changes nothing
+        assert opening.open(1, before) == opening.open_next(2, after) == DATAGRAM[4:]
+        assert opening.open(2, after) is opening.open_next(1, before) is opening.open_previous(1, before) is None
+    opening.rekey_incoming()
+    assert opening.open(2, after) == opening.open_previous(1, before) == DATAGRAM[4:]
+    assert opening.open(1, before) is opening.open_next(2, after) is opening.open_previous(2, after) is None
+    assert sealing.open(3, opening.seal(3, DATAGRAM)) == DATAGRAM[4:], "the other direction keeps its keys"
+
+
+@pytest.mark.parametrize("security", suites())
+def test_every_rekeying_gives_new_keys(security: Security) -> None:
+    sealing, opening = sessions(security)
+    sealed = set()
+    for phase in range(20):
+        datagram = sealing.seal(7, DATAGRAM)
+        assert opening.open(7, datagram) == DATAGRAM[4:], phase
+        sealed.add(datagram)
+        sealing.rekey_outgoing()
+        opening.rekey_incoming()
+    assert len(sealed) == 20
+
+
+@pytest.mark.parametrize("security", suites())
 def test_a_proof_depends_on_the_message(security: Security) -> None:
     assert len(security.proof(b"a")) == security.proof_size
     assert security.proof(b"a") != security.proof(b"b")
