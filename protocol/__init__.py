@@ -16,6 +16,7 @@ from protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    TakenOver,
     UpdateReceived,
 )
 from protocol.reasons import DropReason
@@ -40,5 +41,6 @@ __all__ = [
     "State",
     "StateError",
     "Statistics",
+    "TakenOver",
     "UpdateReceived",
 ]

@@ -13,7 +13,7 @@ from protocol import Address, Connected, DatagramDropped, DropReason, Endpoint, 
 from protocol.checksum import Checksum
 from protocol.emulation import EmulatedLink, Emulation
 from protocol.psk import PresharedKey
-from protocol.security import Security
+from protocol.security import Protection, Security
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
@@ -71,6 +71,19 @@ def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
         "peer": SLAVE if role is Role.INITIATOR else None,
     }
     return Endpoint(**{**arguments, **changes})  # type: ignore[arg-type]
+
+
+def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple[Protection, Protection]:
+    """Both ends of a session of its own: the initiator's and the responder's."""
+    entropy = Random(f"exchange {seed}").randbytes
+    outgoing = security.call(prologue, entropy(security.private_size))
+    incoming = security.hear(prologue, outgoing.hello(b"hello"))
+    assert incoming is not None and incoming.payload == b"hello"
+    answered = incoming.answer(b"welcome", entropy(security.private_size))
+    assert answered is not None
+    opened = outgoing.open(answered[0])
+    assert opened is not None and opened[0] == b"welcome"
+    return opened[1], answered[1]
 
 
 Tick = Callable[["Pair", float, int], None]
