@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+
 import pytest
 
 from protocol.checksum import Checksum
@@ -74,7 +75,7 @@ def test_every_rekeying_gives_new_keys(security: Security) -> None:
 @pytest.mark.parametrize("security", suites())
 def test_a_handshake_message_is_bound_to_its_prologue_and_question(security: Security) -> None:
     private = bytes(range(security.private_size))
-    outgoing, other = (security.call(b"head", bytes((first,)) + private[1:]) for first in (1, 2))
+    outgoing, other = (security.call(b"head", private[:-2] + bytes((number, 0))) for number in (1, 2))
     hello = outgoing.hello(b"payload")
     other.hello(b"payload")
     assert len(hello) == len(b"payload") + security.overhead
