@@ -166,7 +166,15 @@ class Listener:
         if exchange is None:
             return DropReason.UNPROVEN
         master = self._remember(header)
-        return self._answer(header, exchange, master, len(data), now, serving, is_engaged=is_engaged)
+        if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
+            return DropReason.OVERLOADED
+        hello = self._read(header, exchange, serving)
+        if isinstance(hello, DropReason):
+            return hello
+        if isinstance(hello, str):
+            return self._refuse(header, exchange, hello, len(data), now)
+        master.exchanged_at = now
+        return self._welcome(header, exchange, hello, now)
 
     def _answer_stale(self, header: HelloHeader, data: bytes, newest: int, now: float) -> Reply | DropReason:
         """Tell a master whose clock went back, now and then, which stamp it must exceed; drop recordings."""
@@ -191,32 +199,18 @@ class Listener:
         self._masters[header.identity] = _Master(header.stamp)
         return self._masters[header.identity]
 
-    def _answer(
-        self,
-        header: HelloHeader,
-        exchange: Incoming,
-        master: _Master,
-        size: int,
-        now: float,
-        serving: Caller | None,
-        *,
-        is_engaged: bool,
-    ) -> Reply | DropReason:
+    def _read(self, header: HelloHeader, exchange: Incoming, serving: Caller | None) -> Hello | str | DropReason:
+        """What a HELLO says, why it is refused, or why it is of no use."""
         body = read_map(exchange.payload)
         if body is None:
             return DropReason.MALFORMED
         if header.version != self._version:
-            return self._refuse(header, exchange, version_mismatch(header.version, self._version), size, now)
+            return version_mismatch(header.version, self._version)
         hello = read_hello(body)
         agreement = None if hello is None else read_map(hello.agreement)
         if hello is None or agreement is None or header.identity != identity_of(hello.name):
             return DropReason.MALFORMED
-        if why_not := self._objection(hello, agreement, serving):
-            return self._refuse(header, exchange, why_not, size, now)
-        if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
-            return DropReason.OVERLOADED
-        master.exchanged_at = now
-        return self._welcome(header, exchange, hello, now)
+        return self._objection(hello, agreement, serving) or hello
 
     def _objection(self, hello: Hello, agreement: dict[str, object], serving: Caller | None) -> str:
         """Why this master gets no session; "" if it does."""

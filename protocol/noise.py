@@ -19,6 +19,8 @@ from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
 NAME = b"Noise_NNpsk0_25519_AESGCM_SHA256"
+_FIRST = NAME.ljust(32, b"\0")
+"""InitializeSymmetric: a name of up to 32 bytes is its own hash, padded with zeros."""
 PSK_BYTES = 32
 PRIVATE_BYTES = 32
 PUBLIC_BYTES = 32
@@ -46,18 +48,26 @@ def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:
     return outputs
 
 
+class SharedKey:
+    """A pre-shared key after the token `psk` (section 9.2), which comes first and so is the same in every handshake."""
+
+    __slots__ = ("chaining_key", "mixed")
+
+    def __init__(self, psk: bytes) -> None:
+        self.chaining_key, self.mixed, _ = hkdf(_FIRST, psk, 3)
+
+
 class SymmetricState:
     """Section 5.2, with the CipherState of section 5.1; ready for the first token after `psk`."""
 
     __slots__ = ("_chaining_key", "_hash", "_key", "_nonce")
 
-    def __init__(self, psk: bytes, prologue: bytes) -> None:
-        # InitializeSymmetric: a name of up to 32 bytes is its own hash, padded with zeros.
-        self._chaining_key = NAME.ljust(32, b"\0")
-        self._hash = sha256(self._chaining_key + prologue).digest()
-        self._key = b""
+    def __init__(self, shared: SharedKey, prologue: bytes) -> None:
+        self._chaining_key = shared.chaining_key
+        self._hash = sha256(_FIRST + prologue).digest()
+        self.mix_hash(shared.mixed)
+        self._key = b""  # until the token `e`
         self._nonce = 0
-        self._mix_key_and_hash(psk)
 
     def copy(self) -> "SymmetricState":
         """The same state, to try something with."""
@@ -77,11 +87,6 @@ class SymmetricState:
         """The token `e` of a pattern with a pre-shared key (section 9.2)."""
         self.mix_hash(public)
         self.mix_key(public)
-
-    def _mix_key_and_hash(self, material: bytes) -> None:
-        self._chaining_key, mixed, self._key = hkdf(self._chaining_key, material, 3)
-        self.mix_hash(mixed)
-        self._nonce = 0
 
     def encrypt_and_hash(self, clear: bytes) -> bytes:
         sealed = AESGCM(self._key).encrypt(self._take_nonce(), clear, self._hash)
@@ -113,16 +118,16 @@ class Initiator:
 
     __slots__ = ("_private", "_state")
 
-    def __init__(self, psk: bytes, prologue: bytes, private: bytes) -> None:
+    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes) -> None:
         """Prepare.
 
         Args:
-            psk: shared key, of `PSK_BYTES`.
+            shared: made of `PSK_BYTES`.
             prologue: what both ends must see alike; it is not sent by this.
             private: `PRIVATE_BYTES` random bytes that serve for this message alone.
         """
         self._private = X25519PrivateKey.from_private_bytes(private)
-        self._state = SymmetricState(psk, prologue)
+        self._state = SymmetricState(shared, prologue)
 
     def write(self, payload: bytes) -> bytes:
         """The message `psk, e`; only once."""
@@ -157,9 +162,9 @@ class Responder:
         self.payload = payload
 
     @classmethod
-    def read(cls, psk: bytes, prologue: bytes, message: bytes) -> "Responder | None":
+    def read(cls, shared: SharedKey, prologue: bytes, message: bytes) -> "Responder | None":
         """Take the message `psk, e`; None if it is not authentic. Costs no X25519."""
-        state, public = SymmetricState(psk, prologue), message[:PUBLIC_BYTES]
+        state, public = SymmetricState(shared, prologue), message[:PUBLIC_BYTES]
         state.mix_ephemeral(public)
         payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
         return None if payload is None else cls(state, public, payload)
@@ -182,7 +187,7 @@ class Responder:
 
 
 def _exchange(private: X25519PrivateKey, public: bytes) -> bytes | None:
-    """DH of section 12.1; None for a wrong length, or a point of low order, whose secret everybody knows."""
+    """DH of section 12.1. None for a wrong length, or a point of low order, whose secret everybody knows."""
     try:
         return private.exchange(X25519PublicKey.from_public_bytes(public))
     except ValueError:

@@ -15,7 +15,7 @@ from hmac import digest
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
-from protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets
+from protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
 from protocol.wire import CLEAR_BYTES
 
 KEY_BYTES = PSK_BYTES
@@ -42,7 +42,7 @@ class PresharedKey:
         """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a pre-shared key has {KEY_BYTES} bytes, not {len(key)}")
-        self._key = key
+        self._key = SharedKey(key)
 
     def call(self, prologue: bytes, private: bytes) -> "OutgoingExchange":
         return OutgoingExchange(Initiator(self._key, prologue, private))

@@ -5,9 +5,9 @@ from random import Random
 import pytest
 from noise.connection import Keypair, NoiseConnection
 
-from protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets
+from protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
 
-PSK = bytes(range(PSK_BYTES))
+PSK = SharedKey(bytes(range(PSK_BYTES)))
 PROLOGUE = b"\x01\x02 who and when"
 
 
@@ -42,11 +42,11 @@ def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
     random = Random(seed)
     psk, prologue, first, second = (random.randbytes(size) for size in (32, seed * 9, 32, 32))
     payloads = random.randbytes(seed * 40), random.randbytes(seed * 7)
-    ours = Initiator(psk, prologue, first)
+    ours = Initiator(SharedKey(psk), prologue, first)
     theirs = judge(initiates=True, psk=psk, prologue=prologue, private=first)
     hello = ours.write(payloads[0])
     assert hello == theirs.write_message(payloads[0])
-    answering = Responder.read(psk, prologue, hello)
+    answering = Responder.read(SharedKey(psk), prologue, hello)
     their_answering = judge(initiates=False, psk=psk, prologue=prologue, private=second)
     assert answering is not None
     assert answering.payload == payloads[0] == their_answering.read_message(hello)
@@ -89,7 +89,7 @@ def test_every_flipped_bit_of_either_message_is_found() -> None:
 def test_another_prologue_or_key_is_not_authentic() -> None:
     _, hello, answering = exchange((PROLOGUE, b"other"))
     assert answering is None
-    assert Responder.read(bytes(PSK_BYTES), PROLOGUE, hello) is None
+    assert Responder.read(SharedKey(bytes(PSK_BYTES)), PROLOGUE, hello) is None
 
 
 @pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31)])
