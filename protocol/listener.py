@@ -169,12 +169,10 @@ class Listener:
         if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
             return DropReason.OVERLOADED
         hello = self._read(header, exchange, serving)
-        if isinstance(hello, DropReason):
-            return hello
-        if isinstance(hello, str):
-            return self._refuse(header, exchange, hello, len(data), now)
-        master.exchanged_at = now
-        return self._welcome(header, exchange, hello, now)
+        if isinstance(hello, Hello):
+            master.exchanged_at = now
+            return self._welcome(header, exchange, hello, now)
+        return hello if isinstance(hello, DropReason) else self._refuse(header, exchange, hello, len(data), now)
 
     def _answer_stale(self, header: HelloHeader, data: bytes, newest: int, now: float) -> Reply | DropReason:
         """Tell a master whose clock went back, now and then, which stamp it must exceed; drop recordings."""
