@@ -13,9 +13,9 @@ A listener that was restarted knows no stamps, so recordings pass step 1 until t
 opened. Its stamp is above theirs. From then on they end at step 1, and the master's next HELLO finds the pace free.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
@@ -42,10 +42,9 @@ from protocol.security import Incoming, Protection, Security
 from protocol.session import Session
 
 PENDING_LIMIT = 4
-"""Sessions on paper of one master, and masters that have any. A HELLO that is repeated before its answer can have come
-back opens a further one."""
+"""Sessions on paper of one master. A HELLO repeated before its answer can be back opens a further one."""
 KNOWN_MASTERS = 16
-"""Masters whose newest stamp is remembered."""
+"""Masters that are remembered, those with the newest stamps: a recording pushes out no master that calls now."""
 EXCHANGE_PACE = 0.01
 """Least time between two key exchanges with one master, each of which takes some 0.2 ms [s]."""
 EXCHANGE_PACE_ENGAGED = 0.1
@@ -70,10 +69,11 @@ class _Pending(NamedTuple):
 
 @dataclass(slots=True)
 class _Master:
-    """What is remembered of a master that has proven the key."""
+    """What is remembered of a master that has proven the key: newest stamp, latest exchange, sessions on paper."""
 
     stamp: int
     exchanged_at: float = -inf
+    pending: deque[_Pending] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
 
 
 class Listener:
@@ -89,7 +89,6 @@ class Listener:
         "_masters",
         "_name",
         "_open_session",
-        "_pending",
         "_refused_at",
         "_security",
         "_version",
@@ -125,7 +124,6 @@ class Listener:
         self._open_session = open_session
         self._name = name
         self._expects = expects
-        self._pending: OrderedDict[bytes, deque[_Pending]] = OrderedDict()
         self._masters: dict[bytes, _Master] = {}
         self._floor = 0
         self._refused_at = self._answered_stale_at = -inf
@@ -133,16 +131,17 @@ class Listener:
     @property
     def pending(self) -> Iterable[Session]:
         """Sessions that no datagram has confirmed yet."""
-        return tuple(pending.session for of_master in self._pending.values() for pending in of_master)
+        return tuple(pending.session for master in self._masters.values() for pending in master.pending)
 
     def caller_of(self, session: Session) -> Caller | None:
         """Who called for a session that is still pending."""
-        found = (each.caller for of_master in self._pending.values() for each in of_master if each.session is session)
-        return next(found, None)
+        pending = (each for master in self._masters.values() for each in master.pending)
+        return next((each.caller for each in pending if each.session is session), None)
 
     def settle(self) -> None:
         """One of them was confirmed, or none is wanted: the others are void."""
-        self._pending.clear()
+        for master in self._masters.values():
+            master.pending.clear()
 
     def receive(
         self, data: bytes, now: float, *, serving: Caller | None = None, is_engaged: bool = False
@@ -171,7 +170,7 @@ class Listener:
         hello = self._read(header, exchange, serving)
         if isinstance(hello, Hello):
             master.exchanged_at = now
-            return self._welcome(header, exchange, hello, now)
+            return self._welcome(header, exchange, hello, master, now)
         return hello if isinstance(hello, DropReason) else self._refuse(header, exchange, hello, len(data), now)
 
     def _answer_stale(self, header: HelloHeader, data: bytes, newest: int, now: float) -> Reply | DropReason:
@@ -223,19 +222,17 @@ class Listener:
         another = "another run of " if hello.name == serving.name else ""
         return f"slave {self._name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"
 
-    def _welcome(self, header: HelloHeader, exchange: Incoming, hello: Hello, now: float) -> Reply | DropReason:
+    def _welcome(
+        self, header: HelloHeader, exchange: Incoming, hello: Hello, master: _Master, now: float
+    ) -> Reply | DropReason:
         clock, departure = now - self._epoch, hello.clock_us * 1e-6
         welcome = Welcome(round(clock * 1e6), round((clock - departure) * 1e6), self._name)
         answered = exchange.answer(pack_map(welcome._asdict()), self._entropy(self._security.private_size))
         if answered is None:
             return DropReason.MALFORMED
         message, protection = answered
-        pending = _Pending(self._open_session(protection, departure, now), Caller(hello.name, hello.instance))
-        if header.identity not in self._pending:
-            self._pending[header.identity] = deque(maxlen=PENDING_LIMIT)
-            if len(self._pending) > PENDING_LIMIT:
-                self._pending.popitem(last=False)
-        self._pending[header.identity].append(pending)
+        session = self._open_session(protection, departure, now)
+        master.pending.append(_Pending(session, Caller(hello.name, hello.instance)))
         return Reply(header.pack_answer() + message, None)
 
     def _refuse(
