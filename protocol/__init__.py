@@ -17,6 +17,7 @@ from protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    TakenOver,
     UpdateLost,
     UpdateReceived,
 )
@@ -43,6 +44,7 @@ __all__ = [
     "State",
     "StateError",
     "Statistics",
+    "TakenOver",
     "UpdateLost",
     "UpdateReceived",
 ]

@@ -10,6 +10,7 @@ from zlib import crc32
 from protocol.wire import CLEAR_BYTES
 
 _TAG = 4
+_NONCE = 16
 
 
 class Checksum:
@@ -18,23 +19,70 @@ class Checksum:
     __slots__ = ()
 
     tag_size = _TAG
-    proof_size = _TAG
-    private_size = 0
-    public_size = 0
+    overhead = _NONCE + _TAG
+    private_size = _NONCE
 
-    def public_key(self, private: bytes) -> bytes:
-        return private
+    def call(self, prologue: bytes, private: bytes) -> "OutgoingExchange":
+        return OutgoingExchange(prologue, private)
 
-    def proof(self, message: bytes) -> bytes:
-        return crc32(message).to_bytes(_TAG, "little")
+    def hear(self, prologue: bytes, message: bytes) -> "IncomingExchange | None":
+        payload = _unwrap(prologue, message)
+        return None if payload is None else IncomingExchange(prologue + message, payload)
 
-    def protect(
-        self, *, is_initiator: bool, private: bytes, peer_public: bytes, transcript: bytes
-    ) -> "ChecksumProtection":
-        del private, peer_public  # of no bytes here
-        session = sha256(transcript).digest()
-        forward, backward = int.from_bytes(session[:4], "little"), int.from_bytes(session[4:8], "little")
-        return ChecksumProtection(forward, backward) if is_initiator else ChecksumProtection(backward, forward)
+
+class OutgoingExchange:
+    """The initiator's part in one handshake."""
+
+    __slots__ = ("_nonce", "_said")
+
+    def __init__(self, prologue: bytes, nonce: bytes) -> None:
+        self._said = prologue
+        self._nonce = nonce
+
+    def hello(self, payload: bytes) -> bytes:
+        message = _wrap(self._said, self._nonce + payload)
+        self._said += message
+        return message
+
+    def open(self, message: bytes) -> "tuple[bytes, ChecksumProtection] | None":
+        payload = _unwrap(self._said, message)
+        if payload is None:
+            return None
+        forward, backward = _starts(self._said + message)
+        return payload, ChecksumProtection(forward, backward)
+
+
+class IncomingExchange:
+    """The responder's part in one handshake."""
+
+    __slots__ = ("_said", "payload")
+
+    def __init__(self, said: bytes, payload: bytes) -> None:
+        self._said = said
+        self.payload = payload
+
+    def answer(self, payload: bytes, private: bytes) -> "tuple[bytes, ChecksumProtection]":
+        message = _wrap(self._said, private + payload)
+        forward, backward = _starts(self._said + message)
+        return message, ChecksumProtection(backward, forward)
+
+
+def _wrap(before: bytes, content: bytes) -> bytes:
+    """Content and its checksum, which starts from what was said before; a checksum over both would not depend on it."""
+    start = int.from_bytes(sha256(before).digest()[:4], "little")
+    return content + crc32(content, start).to_bytes(_TAG, "little")
+
+
+def _unwrap(before: bytes, message: bytes) -> bytes | None:
+    """The payload of a message: a nonce, the payload, the checksum of all that was said."""
+    content = message[:-_TAG]
+    return content[_NONCE:] if len(content) >= _NONCE and _wrap(before, content) == message else None
+
+
+def _starts(said: bytes) -> tuple[int, int]:
+    """Where the checksums of each direction start, from all that was said."""
+    session = sha256(said).digest()
+    return int.from_bytes(session[:4], "little"), int.from_bytes(session[4:8], "little")
 
 
 class ChecksumProtection:

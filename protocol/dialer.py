@@ -1,24 +1,35 @@
-"""The initiator's half of the handshake: says HELLO until it is answered. Its mirror is `protocol.listener`."""
+"""The initiator's half of the handshake: says HELLO until it is answered. Its mirror is `protocol.listener`.
 
+Each HELLO is a key exchange of its own, with a fresh ephemeral key: under one key two different HELLOs must not be
+sealed. The exchanges of the latest HELLOs stay open, since on a long path the answer to one comes after the next ones
+have left.
+"""
+
+from collections import OrderedDict
 from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
 from protocol.handshake import (
-    NONCE_BYTES,
+    LARGEST_STAMP,
+    WELCOME_HEADER,
+    Caller,
     Hello,
-    open_frame,
+    HelloHeader,
+    identity_of,
     pack_hello,
+    read_answered,
+    read_integer,
     read_map,
     read_welcome,
-    transcript,
-    version_mismatch,
 )
 from protocol.reasons import DropReason
-from protocol.security import Protection, Security
+from protocol.security import Outgoing, Protection, Security
 
 FIRST_INTERVAL = 0.02
 LONGEST_INTERVAL = 0.5
+OPEN_CALLS = 16
+"""HELLOs whose answer is still taken."""
 
 
 class Answer(NamedTuple):
@@ -27,81 +38,152 @@ class Answer(NamedTuple):
     protection: Protection
     peer_clock: float
     outward_delay: float
+    name: str
 
 
 class Dialer:
-    """One call after another; each has its own nonce and ephemeral key."""
+    """One call after another.
 
-    __slots__ = ("_agreement", "_entropy", "_epoch", "_hello", "_interval", "_private", "_security", "_version", "due")
+    Attributes:
+        due: when the next HELLO is to be sent [s]; infinity when not calling.
+        expects: name of the slave that is called; "" until it is known. The first that answers sets it.
+        takes_over: whether a master that the slave serves is to be replaced; not any more after the first answer, so
+            that two masters do not take the slave from each other for ever.
+    """
+
+    __slots__ = (
+        "_agreement",
+        "_caller",
+        "_entropy",
+        "_epoch",
+        "_first_interval",
+        "_interval",
+        "_newest",
+        "_open",
+        "_security",
+        "_stamp",
+        "_version",
+        "due",
+        "expects",
+        "takes_over",
+    )
 
     def __init__(
-        self, security: Security, entropy: Callable[[int], bytes], agreement: bytes, version: int, epoch: float
+        self,
+        security: Security,
+        entropy: Callable[[int], bytes],
+        agreement: bytes,
+        version: int,
+        epoch: float,
+        *,
+        caller: Caller,
+        expects: str = "",
+        takes_over: bool = False,
+        stamp: Callable[[float], int],
+        silence: float = 0.0,
     ) -> None:
         """Prepare to call.
 
         Args:
-            entropy: random bytes of a number, for keys and nonces.
+            entropy: random bytes of a number, for keys.
             agreement: from `pack_agreement`.
             epoch: when our clock was at 0 [s].
+            caller: who calls.
+            expects: name of the slave; "" for any.
+            takes_over: as of the attribute.
+            stamp: wall clock [ns] at `now` [s]; where it goes back, stamps go on rising by one.
+            silence: of the session [s]. The round trip is shorter, so a fifth of it between two HELLOs is enough, and
+                the listener keeps the session of each until its answer is back.
         """
         self._security = security
         self._entropy = entropy
         self._agreement = agreement
         self._version = version
         self._epoch = epoch
-        self._hello: Hello | None = None
-        self._private = b""
-        self._interval = FIRST_INTERVAL
+        self._caller = caller
+        self._stamp = stamp
+        self._newest = 0
+        self._open: OrderedDict[int, Outgoing] = OrderedDict()
+        self._first_interval = self._interval = max(FIRST_INTERVAL, 0.2 * silence)
+        self.expects = expects
+        self.takes_over = takes_over
         self.due = inf
-        """When the next HELLO is to be sent [s]; infinity when not calling."""
 
     def start(self, now: float) -> None:
         """Begin a new call; the first HELLO is due at once."""
-        self._private = self._entropy(self._security.private_size)
-        public = self._security.public_key(self._private)
-        self._hello = Hello(self._agreement, self._entropy(NONCE_BYTES), public, 0)
-        self._interval = FIRST_INTERVAL
+        self._open.clear()
+        self._interval = self._first_interval
         self.due = now
 
     def stop(self) -> None:
         """Hang up; an answer that still comes is not expected any more."""
-        self._hello = None
-        self._private = b""
+        self._open.clear()
         self.due = inf
 
     def hello(self, now: float) -> bytes:
         """The next HELLO of this call, and schedule the one after it."""
-        assert self._hello is not None
         self.due = now + self._interval
-        self._interval = min(2.0 * self._interval, LONGEST_INTERVAL)
-        hello = self._hello._replace(clock_us=round((now - self._epoch) * 1e6))
-        return pack_hello(hello, self._version, self._security)
-
-    def receive(self, data: bytes) -> Answer | str | DropReason:
-        """Take a WELCOME: the session that it opens, the text of a refusal, or why it is of no use."""
-        if self._hello is None:
-            return DropReason.UNEXPECTED
-        frame = open_frame(data, self._security, self._hello.nonce)
-        if frame is None:
-            return DropReason.UNPROVEN
-        version, packed = frame
-        body = read_map(packed)
-        if body is not None and isinstance(body.get("refusal"), str):
-            return str(body["refusal"])
-        if version != self._version:
-            return version_mismatch(self._version, version)
-        answer = None if body is None else self._agree(body)
-        return DropReason.MALFORMED if answer is None else answer
-
-    def _agree(self, body: dict[str, object]) -> Answer | None:
-        welcome = read_welcome(body, self._security)
-        if welcome is None:
-            return None
-        assert self._hello is not None
-        protection = self._security.protect(
-            is_initiator=True,
-            private=self._private,
-            peer_public=welcome.key,
-            transcript=transcript(self._version, self._hello, welcome.nonce, welcome.key),
+        self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 2.0 * self._first_interval))
+        self._newest = max(self._stamp(now), self._newest + 1)
+        hello = Hello(
+            self._agreement,
+            round((now - self._epoch) * 1e6),
+            *self._caller,
+            expects=self.expects,
+            takes_over=self.takes_over,
         )
-        return None if protection is None else Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6)
+        header = HelloHeader(self._version, identity_of(self._caller.name), self._newest).pack()
+        exchange = self._security.call(header, self._entropy(self._security.private_size))
+        self._open[self._newest] = exchange
+        if len(self._open) > OPEN_CALLS:
+            self._open.popitem(last=False)
+        return header + exchange.hello(pack_hello(hello, self._security.overhead))
+
+    def receive(self, data: bytes) -> Answer | str | DropReason | None:
+        """Take a WELCOME.
+
+        Returns:
+            The session that it opens, the text of a refusal, why it is of no use, or None if all that follows from it
+            is that the next HELLO is due at once.
+        """
+        answered = read_answered(data)
+        exchange = None if answered is None else self._open.get(answered)
+        if exchange is None:
+            return DropReason.UNEXPECTED
+        opened = exchange.open(data[WELCOME_HEADER:])
+        if opened is None:
+            return DropReason.UNPROVEN
+        packed, protection = opened
+        body = read_map(packed)
+        if body is None:
+            return DropReason.MALFORMED
+        if isinstance(body.get("refusal"), str):
+            return str(body["refusal"])
+        if "newest" in body:
+            return self._catch_up(body)
+        return self._agree(body, protection)
+
+    def _catch_up(self, body: dict[str, object]) -> DropReason | None:
+        """The slave has heard a later stamp of this master: our clock went back. Go on from there."""
+        newest = read_integer(body, "newest", LARGEST_STAMP - 1)
+        if newest is None:
+            return DropReason.MALFORMED
+        if newest <= self._newest:  # it answers a copy of a HELLO that was repeated since
+            return DropReason.SUPERSEDED
+        self._newest = newest
+        self.due = -inf
+        return None
+
+    def _agree(self, body: dict[str, object], protection: Protection) -> Answer | str | DropReason:
+        welcome = read_welcome(body)
+        if welcome is None:
+            return DropReason.MALFORMED
+        if self.expects and welcome.name != self.expects:
+            return unexpected_slave(self.expects, welcome.name)
+        self.expects, self.takes_over = welcome.name, False
+        return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6, welcome.name)
+
+
+def unexpected_slave(expected: str, name: str) -> str:
+    """Why there is no session with another slave than the one that was meant."""
+    return f"the master expects slave {expected!r}, and {name!r} answered"

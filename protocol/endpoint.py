@@ -21,10 +21,11 @@ from protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    TakenOver,
     UpdateLost,
     UpdateReceived,
 )
-from protocol.handshake import PROTOCOL_VERSION, pack_agreement, read_map
+from protocol.handshake import INSTANCE_BYTES, PROTOCOL_VERSION, Caller, check_name, pack_agreement, read_map
 from protocol.listener import Listener
 from protocol.liveness import Liveness
 from protocol.mailbox import Mailbox
@@ -38,6 +39,8 @@ from protocol.statistics import Statistics
 from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS, Kind, kind_of, length_fault
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
+TAKEN_OVER = "taken over by "
+"""How the farewell to a master begins that another one has replaced; its name follows."""
 
 ATTESTED_S = 0.02
 ATTESTED_TICKS = 10
@@ -80,6 +83,7 @@ class Endpoint:
         "_parameters",
         "_path",
         "_role",
+        "_served",
         "_session",
         "state",
         "statistics",
@@ -100,6 +104,10 @@ class Endpoint:
         peer: Address | None = None,
         version: int = PROTOCOL_VERSION,
         carries_credit: bool = False,
+        name: str = "",
+        expects: str = "",
+        take_over: bool = False,
+        stamp: Callable[[float], int] | None = None,
     ) -> None:
         """Compose one end.
 
@@ -117,6 +125,11 @@ class Endpoint:
             version: of the protocol; another one than this code's only to study a mismatch.
             carries_credit: whether every update and heartbeat, of both ends, carries the sender's `credit`; follows
                 from something in the agreement.
+            name: of this end, as the other end shows it; "" for that of its role.
+            expects: name of the only peer that is spoken to; "" for any. An initiator keeps to the first that answers.
+            take_over: whether an initiator replaces another master that the slave serves, in its first session.
+            stamp: wall clock [ns] at `now` [s], for the stamps of an initiator's calls, which a responder remembers
+                beyond this process; None to count `now`.
 
         Raises:
             ValueError: naming the argument.
@@ -141,8 +154,24 @@ class Endpoint:
         self.statistics = Statistics()
         self._parameters = Parameters(outgoing, incoming, epoch, tick_period, silence)
         self._lengths = self._parameters.incoming.lengths(security.tag_size)
-        self._dialer = Dialer(security, entropy, packed, version, epoch)
-        self._listener = Listener(security, entropy, self._agreement, version, epoch, self._open_session)
+        name = check_name(name or role.value)
+        expects = check_name(expects) if expects else ""
+        self._served: Caller | None = None  # the master of the present session
+        self._dialer = Dialer(
+            security,
+            entropy,
+            packed,
+            version,
+            epoch,
+            caller=Caller(name, entropy(INSTANCE_BYTES)),
+            expects=expects,
+            takes_over=take_over,
+            stamp=stamp or _nanoseconds,
+            silence=silence,
+        )
+        self._listener = Listener(
+            security, entropy, self._agreement, version, epoch, self._open_session, name=name, expects=expects
+        )
         self._entropy = entropy
         self._session: Session | None = None
         self._former: Session | None = None
@@ -447,14 +476,19 @@ class Endpoint:
             self._receive_hello(data, address, now)
 
     def _receive_hello(self, data: bytes, address: Address, now: float) -> None:
-        reply = self._listener.receive(data, now, is_engaged=self.state is State.ENGAGED)
+        serving = None if self._session is None else self._served
+        is_engaged = self.state is State.ENGAGED
+        reply = self._listener.receive(data, now, serving=serving, is_engaged=is_engaged)
         if isinstance(reply, DropReason):
             self._mailbox.drop(reply)
             return
-        self._mailbox.count(data)
-        if reply.refusal is not None:
-            self._mailbox.tell(Refused(reply.refusal))
         self._mailbox.post(reply.welcome, address)
+        if reply.refusal is None:
+            self._mailbox.count(data)
+            return
+        self._mailbox.drop(DropReason.REFUSED)
+        if self._session is None:
+            self._mailbox.tell(Refused(reply.refusal))
 
     def _receive_welcome(self, data: bytes, address: Address, now: float) -> None:
         answer = self._dialer.receive(data)
@@ -462,6 +496,8 @@ class Endpoint:
             self._mailbox.drop(answer)
             return
         self._mailbox.count(data)
+        if answer is None:
+            return
         if isinstance(answer, str):
             self._turn(Trigger.REFUSE)
             self._end_session()
@@ -493,7 +529,7 @@ class Endpoint:
             if not session.is_fresh or now >= session.silent_at:
                 self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
                 return
-            self._listener.settle()
+            self._change_master(session, now)
             self._establish(session, address)
         session.measure()
         self._locate(session, address, now, is_newest=is_newest)
@@ -521,6 +557,16 @@ class Endpoint:
             token, target = challenge
             self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
 
+    def _change_master(self, session: Session, now: float) -> None:
+        """A session on paper is confirmed: tell the master that it takes the place of."""
+        caller = self._listener.caller_of(session)
+        self._listener.settle()
+        replaced = self._served
+        self._served = caller
+        if self._session is None or caller is None or replaced is None or caller.instance == replaced.instance:
+            return
+        self._post(self._session.sender.send_bye(now, TAKEN_OVER + caller.name))
+
     def _match(self, data: bytes) -> tuple[Session, Opened] | DropReason:
         """The session under whose keys a datagram is authentic; one on paper becomes the session by this."""
         session = self._session
@@ -540,12 +586,20 @@ class Endpoint:
             self.statistics.updates_received[outcome.stream] += 1
             self._mailbox.tell(outcome)
         elif isinstance(outcome, PeerClosed):
-            self._turn(Trigger.LEAVE)
-            self._end_session()
-            self._mailbox.tell(outcome)
-            self.connect(now)
+            self._take_farewell(outcome, now)
         elif outcome is not None:
             self._mailbox.tell(outcome)
+
+    def _take_farewell(self, farewell: PeerClosed, now: float) -> None:
+        if self._role is Role.INITIATOR and farewell.reason.startswith(TAKEN_OVER):
+            self._turn(Trigger.CLOSE)  # to call again would be to take it back
+            self._end_session()
+            self._mailbox.tell(TakenOver(farewell.reason.removeprefix(TAKEN_OVER)))
+            return
+        self._turn(Trigger.LEAVE)
+        self._end_session()
+        self._mailbox.tell(farewell)
+        self.connect(now)
 
     def _open_session(
         self, protection: Protection, peer_clock: float, now: float, confirmed_at: float = -inf
@@ -574,3 +628,8 @@ class Endpoint:
     def _post(self, datagram: bytes) -> None:
         assert self._address is not None
         self._mailbox.post(datagram, self._address)
+
+
+def _nanoseconds(now: float) -> int:
+    """A stamp from the owner's clock, where that is the only one (in virtual time)."""
+    return max(0, round(now * 1e9))

@@ -68,8 +68,17 @@ class PeerClosed(NamedTuple):
     reason: str
 
 
+class TakenOver(NamedTuple):
+    """The slave serves another master from now on, which asked for that; final for this one."""
+
+    name: str
+
+
 class Refused(NamedTuple):
-    """The two ends do not agree; `message` names each key and both values."""
+    """The two ends do not agree; `message` names each key and both values.
+
+    Final for an initiator. A responder is told only while it has no session; the call changes nothing there.
+    """
 
     message: str
 
@@ -126,6 +135,7 @@ Event = (
     | PeerReturned
     | SessionExpired
     | PeerClosed
+    | TakenOver
     | Refused
     | ChangeProposed
     | ChangeAnswered

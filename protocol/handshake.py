@@ -1,84 +1,142 @@
 """The two messages that open a session, and the comparison of what the two ends were configured with.
 
-Outer framing, the same in every version of the protocol, so that two versions can at least tell each other apart:
+| datagram | in clear, authenticated | then |
+|---|---|---|
+| HELLO | kind u8, version u8, identity 8s, stamp u64 | first message of the key exchange |
+| WELCOME | kind u8, version u8, stamp u64 of the HELLO that it answers | second message |
 
-    kind u8 | protocol version u8 | msgpack map | proof
+Little endian. The header of the HELLO is the prologue of the key exchange (`protocol.security`), so both ends agree on
+it or there is no session; that of the WELCOME says nothing else. The payload of both messages is a msgpack map:
+`Hello`; `Welcome`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must
+exceed). Header and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
 
-The proof is over everything before it and, in a WELCOME, over the nonce of the HELLO that it answers. A HELLO holds
-`nonce` and a refusing WELCOME holds `refusal` in every version; the rest is that of version 1, in `Hello` and
-`Welcome`. Both also carry the sender's clock, so the first two datagrams already map the clocks.
-
-Knows neither sockets nor sessions; `protocol.dialer` and `protocol.listener` drive it.
+The identity is a hash of the master's name. The stamp, in ns, rises with every HELLO of a master, so that a responder
+drops a recorded HELLO for the cost of a look-up. Both messages carry the sender's clock, so the first two datagrams
+already map the clocks. Pure; `protocol.dialer` and `protocol.listener` drive it.
 """
 
 from collections.abc import Mapping
 from hashlib import sha256
-from hmac import compare_digest
+from struct import Struct
 from typing import NamedTuple
 
 import msgpack
 
 from protocol.roles import Role
-from protocol.security import Security
 from protocol.wire import LONGEST_DATAGRAM, Kind
 
-PROTOCOL_VERSION = 1
-NONCE_BYTES = 16
+PROTOCOL_VERSION = 2
 PADDED_HELLO = 512
 """A HELLO is at least this long, so that an answer with a reason in it need not be longer than the question."""
-_FRAME_BYTES = 2
+INSTANCE_BYTES = 8
+LONGEST_NAME = 64
+"""Characters of the name of an end."""
+LARGEST_STAMP = (1 << 63) - 1
+_HELLO = Struct("<BB8sQ")
+_WELCOME = Struct("<BBQ")
+HELLO_HEADER, WELCOME_HEADER = _HELLO.size, _WELCOME.size
 _LONGEST_CLOCK_US = 1 << 53
 _NOTHING = object()
 
 
+class Caller(NamedTuple):
+    """A master: what it calls itself, and random bytes of this run of it."""
+
+    name: str
+    instance: bytes
+
+
 class Hello(NamedTuple):
-    """What the initiator opens with; `agreement` stays packed, as both ends hash these very bytes."""
+    """What the initiator opens with.
+
+    Args:
+        agreement: packed.
+        clock_us: departure on the sender's clock.
+        name, instance: of the sender.
+        expects: name of the slave that it wants; "" for any.
+        takes_over: whether a master that the slave serves now is to be replaced.
+    """
 
     agreement: bytes
-    nonce: bytes
-    key: bytes
     clock_us: int
+    name: str
+    instance: bytes
+    expects: str
+    takes_over: bool
 
 
 class Welcome(NamedTuple):
     """The answer of a responder that agrees; `delta_us` is the raw delay of the HELLO as it saw it."""
 
-    nonce: bytes
-    key: bytes
     clock_us: int
     delta_us: int
+    name: str
 
 
-def pack_frame(kind: Kind, version: int, body: Mapping[str, object], security: Security, bound: bytes = b"") -> bytes:
-    """One handshake datagram; `bound` is proven with it without being sent."""
-    frame: bytes = bytes((kind, version)) + msgpack.packb(dict(body))
-    return frame + security.proof(bound + frame)
+class HelloHeader(NamedTuple):
+    """What a HELLO says in clear."""
+
+    version: int
+    identity: bytes
+    stamp: int
+
+    def pack(self) -> bytes:
+        return _HELLO.pack(Kind.HELLO, self.version, self.identity, self.stamp)
+
+    def pack_answer(self) -> bytes:
+        """The header of a WELCOME to this."""
+        return _WELCOME.pack(Kind.WELCOME, self.version, self.stamp)
 
 
-def open_frame(data: bytes, security: Security, bound: bytes = b"") -> tuple[int, bytes] | None:
-    """Version and packed body, if the sender proved the secret; nothing is parsed before that."""
-    frame, proof = data[: -security.proof_size], data[-security.proof_size :]
-    if len(frame) < _FRAME_BYTES or not compare_digest(security.proof(bound + frame), proof):
-        return None
-    return frame[1], frame[_FRAME_BYTES:]
+def identity_of(name: str) -> bytes:
+    return sha256(name.encode()).digest()[:8]
 
 
-def pack_hello(hello: Hello, version: int, security: Security) -> bytes:
-    """A HELLO datagram, padded to `PADDED_HELLO`."""
+def check_name(name: str) -> str:
+    """The name of an end.
+
+    Raises:
+        ValueError: it is empty, too long, or cannot be printed.
+    """
+    if not _is_name(name):
+        raise ValueError(f"a name has 1 to {LONGEST_NAME} printable characters, not {name!r}")
+    return name
+
+
+def _is_name(name: object) -> bool:
+    return isinstance(name, str) and 1 <= len(name) <= LONGEST_NAME and name.isprintable()
+
+
+def read_hello_header(data: bytes) -> HelloHeader | None:
+    """The header of a HELLO; None for a datagram that is shorter than a HELLO can be."""
+    return HelloHeader(*_HELLO.unpack_from(data)[1:]) if len(data) >= PADDED_HELLO else None
+
+
+def read_answered(data: bytes) -> int | None:
+    """The stamp of the HELLO that a WELCOME answers; None for a datagram that is shorter."""
+    stamp: int | None = _WELCOME.unpack_from(data)[2] if len(data) >= WELCOME_HEADER else None
+    return stamp
+
+
+def pack_hello(hello: Hello, overhead: int) -> bytes:
+    """The payload of a HELLO, padded so that the datagram has `PADDED_HELLO` bytes."""
     body = {**hello._asdict(), "padding": b""}
-    short = PADDED_HELLO - len(pack_frame(Kind.HELLO, version, body, security))
-    return pack_frame(Kind.HELLO, version, {**body, "padding": bytes(max(0, short))}, security)
+    short = PADDED_HELLO - HELLO_HEADER - overhead - len(pack_map(body))
+    return pack_map({**body, "padding": bytes(max(0, short))})
 
 
-def pack_refusal(message: str, nonce: bytes, version: int, security: Security, limit: int) -> bytes:
-    """A refusing WELCOME of at most `limit` bytes; a long message is cut."""
-    empty = len(pack_frame(Kind.WELCOME, version, {"refusal": ""}, security))
+def pack_refusal(message: str, room: int) -> bytes:
+    """The payload of a refusing WELCOME, of at most `room` bytes; a long message is cut."""
+    room -= len(pack_map({"refusal": ""})) + 2  # msgpack spends up to two bytes more on the length of a long text
     text = message.encode(errors="replace")
-    room = limit - empty - 2  # msgpack spends up to two bytes more on the length of a long text
     if len(text) > room:
         text = text[: max(0, room - 3)] + b"..."
-    body = {"refusal": text.decode(errors="ignore")}
-    return pack_frame(Kind.WELCOME, version, body, security, nonce)
+    return pack_map({"refusal": text.decode(errors="ignore")})
+
+
+def pack_map(body: Mapping[str, object]) -> bytes:
+    packed: bytes = msgpack.packb(dict(body))
+    return packed
 
 
 def read_map(packed: bytes) -> dict[str, object] | None:
@@ -92,42 +150,33 @@ def read_map(packed: bytes) -> dict[str, object] | None:
     return body
 
 
-def read_hello(body: Mapping[str, object], security: Security) -> Hello | None:
+def read_hello(body: Mapping[str, object]) -> Hello | None:
     """The fields of a HELLO, each of its type and size, or None."""
-    agreement = _read_bytes(body, "agreement", None)
-    nonce = _read_bytes(body, "nonce", NONCE_BYTES)
-    key = _read_bytes(body, "key", security.public_size)
-    clock_us = _read_integer(body, "clock_us")
-    if agreement is None or nonce is None or key is None or clock_us is None:
+    agreement, instance = body.get("agreement"), body.get("instance")
+    name, expects, takes_over = body.get("name"), body.get("expects"), body.get("takes_over")
+    clock_us = read_integer(body, "clock_us", _LONGEST_CLOCK_US)
+    if not (isinstance(agreement, bytes) and isinstance(instance, bytes) and len(instance) == INSTANCE_BYTES):
         return None
-    return Hello(agreement, nonce, key, clock_us)
+    if not (isinstance(name, str) and isinstance(expects, str) and isinstance(takes_over, bool)):
+        return None
+    if clock_us is None or not _is_name(name) or not (expects == "" or _is_name(expects)):
+        return None
+    return Hello(agreement, clock_us, name, instance, expects, takes_over)
 
 
-def read_welcome(body: Mapping[str, object], security: Security) -> Welcome | None:
+def read_welcome(body: Mapping[str, object]) -> Welcome | None:
     """The fields of a WELCOME that agrees, each of its type and size, or None."""
-    nonce = _read_bytes(body, "nonce", NONCE_BYTES)
-    key = _read_bytes(body, "key", security.public_size)
-    clock_us = _read_integer(body, "clock_us")
-    delta_us = _read_integer(body, "delta_us")
-    if nonce is None or key is None or clock_us is None or delta_us is None:
+    clock_us = read_integer(body, "clock_us", _LONGEST_CLOCK_US)
+    delta_us = read_integer(body, "delta_us", _LONGEST_CLOCK_US)
+    name = body.get("name")
+    if clock_us is None or delta_us is None or not isinstance(name, str) or not _is_name(name):
         return None
-    return Welcome(nonce, key, clock_us, delta_us)
+    return Welcome(clock_us, delta_us, name)
 
 
-def _read_bytes(body: Mapping[str, object], name: str, size: int | None) -> bytes | None:
+def read_integer(body: Mapping[str, object], name: str, largest: int) -> int | None:
     value = body.get(name)
-    return value if isinstance(value, bytes) and (size is None or len(value) == size) else None
-
-
-def _read_integer(body: Mapping[str, object], name: str) -> int | None:
-    value = body.get(name)
-    return value if type(value) is int and abs(value) <= _LONGEST_CLOCK_US else None
-
-
-def transcript(version: int, hello: Hello, nonce: bytes, key: bytes) -> bytes:
-    """Hash of all that the session keys depend on but the secrets."""
-    agreement = sha256(hello.agreement).digest()
-    return sha256(bytes((version,)) + agreement + hello.nonce + nonce + hello.key + key).digest()
+    return value if type(value) is int and abs(value) <= largest else None
 
 
 def pack_agreement(agreement: Mapping[str, object]) -> bytes:

@@ -1,41 +1,58 @@
-"""The responder's half of the handshake: answers proven HELLOs. Its mirror is `protocol.dialer`.
+"""The responder's half of the handshake: answers HELLOs. Its mirror is `protocol.dialer`.
 
 An answer opens a session only on paper. It becomes the session of the endpoint when the first datagram under its keys
-arrives, which only the sender of the HELLO can make: a recorded HELLO that somebody plays back costs a key exchange and
-nothing else.
+arrives, which only the sender of the HELLO can make: a recorded HELLO that somebody plays back opens nothing.
+
+What a HELLO costs, in this order:
+
+1. A look-up, if its stamp is not above the newest one that this master has proven. Recordings end here.
+2. Opening its payload. A forgery ends here, and changes nothing.
+3. A key exchange, at a pace for each master, or a refusal, at one pace for all. The stamp counts as proven in any case.
+
+A listener that was restarted knows no stamps, so recordings pass step 1 until the first HELLO of the master itself is
+opened. Its stamp is above theirs. From then on they end at step 1, and the master's next HELLO finds the pace free.
 """
 
-from collections import OrderedDict
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
+from protocol.dialer import unexpected_slave
 from protocol.handshake import (
-    NONCE_BYTES,
+    HELLO_HEADER,
+    WELCOME_HEADER,
+    Caller,
     Hello,
+    HelloHeader,
+    Welcome,
     differences,
-    open_frame,
-    pack_frame,
+    identity_of,
+    pack_map,
     pack_refusal,
     read_hello,
+    read_hello_header,
     read_map,
-    transcript,
     version_mismatch,
 )
 from protocol.reasons import DropReason
 from protocol.roles import Role
-from protocol.security import Protection, Security
+from protocol.security import Incoming, Protection, Security
 from protocol.session import Session
-from protocol.wire import Kind
 
 PENDING_LIMIT = 4
-"""Sessions on paper; more than one, so that played-back HELLOs do not push a real one out at once."""
-REMEMBERED_NONCES = 4096
-EXCHANGE_PACE = 0.005
-"""Least time between two key exchanges, each of which takes some 0.2 ms [s]."""
+"""Sessions on paper of one master. A HELLO repeated before its answer can be back opens a further one."""
+KNOWN_MASTERS = 16
+"""Masters that are remembered, those with the newest stamps: a recording pushes out no master that calls now."""
+EXCHANGE_PACE = 0.01
+"""Least time between two key exchanges with one master, each of which takes some 0.2 ms [s]."""
 EXCHANGE_PACE_ENGAGED = 0.1
 """The same while there is a session whose peer is heard: who else calls can wait [s]."""
-_SPENT = 1 << 64
+REFUSAL_PACE = 0.1
+"""Least time between two refusals, which take a key exchange too [s]."""
+STALE_PACE = 0.25
+"""Least time between two answers to a stamp that is too old [s]."""
 
 
 class Reply(NamedTuple):
@@ -47,8 +64,16 @@ class Reply(NamedTuple):
 
 class _Pending(NamedTuple):
     session: Session
-    nonce: bytes
-    key: bytes
+    caller: Caller
+
+
+@dataclass(slots=True)
+class _Master:
+    """What is remembered of a master that has proven the key: newest stamp, latest exchange, sessions on paper."""
+
+    stamp: int
+    exchanged_at: float = -inf
+    pending: deque[_Pending] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
 
 
 class Listener:
@@ -56,12 +81,15 @@ class Listener:
 
     __slots__ = (
         "_agreement",
+        "_answered_stale_at",
         "_entropy",
         "_epoch",
-        "_exchanged_at",
-        "_known",
+        "_expects",
+        "_floor",
+        "_masters",
+        "_name",
         "_open_session",
-        "_pending",
+        "_refused_at",
         "_security",
         "_version",
     )
@@ -74,14 +102,19 @@ class Listener:
         version: int,
         epoch: float,
         open_session: Callable[[Protection, float, float], Session],
+        *,
+        name: str,
+        expects: str = "",
     ) -> None:
         """Prepare to be called.
 
         Args:
-            entropy: random bytes of a number, for keys and nonces.
+            entropy: random bytes of a number, for keys.
             agreement: as msgpack gives it back.
             epoch: when our clock was at 0 [s].
             open_session: makes a session of its keys, the peer's clock [s] and now [s].
+            name: of this slave.
+            expects: name of the only master that is served; "" for any with the key.
         """
         self._security = security
         self._entropy = entropy
@@ -89,101 +122,131 @@ class Listener:
         self._version = version
         self._epoch = epoch
         self._open_session = open_session
-        self._pending: OrderedDict[bytes, _Pending] = OrderedDict()
-        self._known: OrderedDict[bytes, int] = OrderedDict()
-        self._exchanged_at = -inf
+        self._name = name
+        self._expects = expects
+        self._masters: dict[bytes, _Master] = {}
+        self._floor = 0
+        self._refused_at = self._answered_stale_at = -inf
 
     @property
     def pending(self) -> Iterable[Session]:
-        """Sessions that no datagram has confirmed yet, oldest first."""
-        return tuple(pending.session for pending in self._pending.values())
+        """Sessions that no datagram has confirmed yet."""
+        return tuple(pending.session for master in self._masters.values() for pending in master.pending)
+
+    def caller_of(self, session: Session) -> Caller | None:
+        """Who called for a session that is still pending."""
+        pending = (each for master in self._masters.values() for each in master.pending)
+        return next((each.caller for each in pending if each.session is session), None)
 
     def settle(self) -> None:
-        """One of them was confirmed: the others are void, and the calls that they came from are over."""
-        for nonce in self._pending:
-            self._known[nonce] = _SPENT
-        self._pending.clear()
+        """One of them was confirmed, or none is wanted: the others are void."""
+        for master in self._masters.values():
+            master.pending.clear()
 
-    def receive(self, data: bytes, now: float, *, is_engaged: bool = False) -> Reply | DropReason:
+    def receive(
+        self, data: bytes, now: float, *, serving: Caller | None = None, is_engaged: bool = False
+    ) -> Reply | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, or why there is none.
 
         Args:
             data: the datagram.
             now: [s].
+            serving: the master of the present session; None without one.
             is_engaged: whether there is a session whose peer is heard.
         """
-        frame = open_frame(data, self._security)
-        if frame is None:
+        header = read_hello_header(data)
+        if header is None:
+            return DropReason.TRUNCATED
+        master = self._masters.get(header.identity)
+        newest = self._floor if master is None else master.stamp
+        if header.stamp <= newest:
+            return self._answer_stale(header, data, newest, now)
+        exchange = self._security.hear(data[:HELLO_HEADER], data[HELLO_HEADER:])
+        if exchange is None:
             return DropReason.UNPROVEN
-        version, packed = frame
-        body = read_map(packed)
+        master = self._remember(header)
+        if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
+            return DropReason.OVERLOADED
+        hello = self._read(header, exchange, serving)
+        if isinstance(hello, Hello):
+            master.exchanged_at = now
+            return self._welcome(header, exchange, hello, master, now)
+        return hello if isinstance(hello, DropReason) else self._refuse(header, exchange, hello, len(data), now)
+
+    def _answer_stale(self, header: HelloHeader, data: bytes, newest: int, now: float) -> Reply | DropReason:
+        """Tell a master whose clock went back, now and then, which stamp it must exceed; drop recordings."""
+        if header.stamp == newest or now < self._answered_stale_at + STALE_PACE:
+            return DropReason.REPLAYED
+        self._answered_stale_at = now
+        exchange = self._security.hear(data[:HELLO_HEADER], data[HELLO_HEADER:])
+        if exchange is None:
+            return DropReason.UNPROVEN
+        return self._reply(header, exchange, pack_map({"newest": newest}))
+
+    def _remember(self, header: HelloHeader) -> _Master:
+        """Take a stamp as proven. Of too many masters the one with the oldest stamp is forgotten; its stamp is from
+        then on the least that an unknown master must exceed, so that nothing recorded is taken again."""
+        master = self._masters.get(header.identity)
+        if master is not None:
+            master.stamp = header.stamp
+            return master
+        if len(self._masters) >= KNOWN_MASTERS:
+            oldest = min(self._masters, key=lambda identity: self._masters[identity].stamp)
+            self._floor = max(self._floor, self._masters.pop(oldest).stamp)
+        self._masters[header.identity] = _Master(header.stamp)
+        return self._masters[header.identity]
+
+    def _read(self, header: HelloHeader, exchange: Incoming, serving: Caller | None) -> Hello | str | DropReason:
+        """What a HELLO says, why it is refused, or why it is of no use."""
+        body = read_map(exchange.payload)
         if body is None:
             return DropReason.MALFORMED
-        if version != self._version:
-            nonce = body.get("nonce")
-            if not isinstance(nonce, bytes) or len(nonce) != NONCE_BYTES:
-                return DropReason.MALFORMED
-            return self._refuse(version_mismatch(version, self._version), nonce, len(data))
-        hello = read_hello(body, self._security)
+        if header.version != self._version:
+            return version_mismatch(header.version, self._version)
+        hello = read_hello(body)
         agreement = None if hello is None else read_map(hello.agreement)
-        if hello is None or agreement is None:
+        if hello is None or agreement is None or header.identity != identity_of(hello.name):
             return DropReason.MALFORMED
-        return self._answer(hello, agreement, len(data), now, EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE)
+        return self._objection(hello, agreement, serving) or hello
 
-    def _answer(
-        self, hello: Hello, agreement: dict[str, object], limit: int, now: float, pace: float
-    ) -> Reply | DropReason:
-        is_new = hello.nonce not in self._known
-        if is_new and now < self._exchanged_at + pace:
-            return DropReason.OVERLOADED
-        if not self._is_fresh(hello):
-            return DropReason.REPLAYED
+    def _objection(self, hello: Hello, agreement: dict[str, object], serving: Caller | None) -> str:
+        """Why this master gets no session; "" if it does."""
+        if hello.expects and hello.expects != self._name:
+            return unexpected_slave(hello.expects, self._name)
+        if self._expects and hello.name != self._expects:
+            return f"slave {self._name!r} serves master {self._expects!r} alone, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):
-            return self._refuse(message, hello.nonce, limit)
-        clock = now - self._epoch
-        departure = hello.clock_us * 1e-6
-        pending = self._pending.get(hello.nonce)
-        if pending is None:
-            self._exchanged_at = now
-            pending = self._agree(hello, departure, now)
-        else:
-            pending.session.retime(departure, now)
-        if pending is None:
+            return message
+        if serving is None or hello.instance == serving.instance or hello.takes_over:
+            return ""
+        another = "another run of " if hello.name == serving.name else ""
+        return f"slave {self._name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"
+
+    def _welcome(
+        self, header: HelloHeader, exchange: Incoming, hello: Hello, master: _Master, now: float
+    ) -> Reply | DropReason:
+        clock, departure = now - self._epoch, hello.clock_us * 1e-6
+        welcome = Welcome(round(clock * 1e6), round((clock - departure) * 1e6), self._name)
+        answered = exchange.answer(pack_map(welcome._asdict()), self._entropy(self._security.private_size))
+        if answered is None:
             return DropReason.MALFORMED
-        body = {
-            "nonce": pending.nonce,
-            "key": pending.key,
-            "clock_us": round(clock * 1e6),
-            "delta_us": round((clock - departure) * 1e6),
-        }
-        return Reply(pack_frame(Kind.WELCOME, self._version, body, self._security, hello.nonce), None)
+        message, protection = answered
+        session = self._open_session(protection, departure, now)
+        master.pending.append(_Pending(session, Caller(hello.name, hello.instance)))
+        return Reply(header.pack_answer() + message, None)
 
-    def _is_fresh(self, hello: Hello) -> bool:
-        """A call repeats its HELLO with a later clock each time, until its session is confirmed."""
-        known = self._known.get(hello.nonce)
-        if known is not None and hello.clock_us <= known:
-            return False
-        self._known[hello.nonce] = hello.clock_us
-        if len(self._known) > REMEMBERED_NONCES:
-            self._known.popitem(last=False)
-        return True
+    def _refuse(
+        self, header: HelloHeader, exchange: Incoming, why_not: str, size: int, now: float
+    ) -> Reply | DropReason:
+        if now < self._refused_at + REFUSAL_PACE:
+            return DropReason.OVERLOADED
+        self._refused_at = now
+        room = size - WELCOME_HEADER - self._security.overhead
+        return self._reply(header, exchange, pack_refusal(why_not, room), why_not)
 
-    def _agree(self, hello: Hello, departure: float, now: float) -> _Pending | None:
-        private, nonce = self._entropy(self._security.private_size), self._entropy(NONCE_BYTES)
-        key = self._security.public_key(private)
-        protection = self._security.protect(
-            is_initiator=False,
-            private=private,
-            peer_public=hello.key,
-            transcript=transcript(self._version, hello, nonce, key),
-        )
-        if protection is None:
-            return None
-        pending = _Pending(self._open_session(protection, departure, now), nonce, key)
-        self._pending[hello.nonce] = pending
-        if len(self._pending) > PENDING_LIMIT:
-            self._pending.popitem(last=False)
-        return pending
-
-    def _refuse(self, message: str, nonce: bytes, limit: int) -> Reply:
-        return Reply(pack_refusal(message, nonce, self._version, self._security, limit), message)
+    def _reply(
+        self, header: HelloHeader, exchange: Incoming, payload: bytes, refusal: str | None = None
+    ) -> Reply | DropReason:
+        """An answer without a session."""
+        answered = exchange.answer(payload, self._entropy(self._security.private_size))
+        return DropReason.MALFORMED if answered is None else Reply(header.pack_answer() + answered[0], refusal)

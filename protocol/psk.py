@@ -1,10 +1,11 @@
 """The suite with a pre-shared key: fresh session keys, every datagram encrypted and authenticated.
 
-The only module that loads `cryptography`; nothing here imports it unless a key is configured.
+With `protocol.noise` the only module that loads `cryptography`; nothing imports it unless a key is configured.
 
-- Proof of a handshake message: HMAC-SHA256 under a key derived from the PSK, first 16 bytes.
-- Session keys: HKDF-SHA256 (RFC 5869) over the X25519 secret (RFC 7748) of two ephemeral keys, salted with a second key
-  derived from the PSK, with the transcript as info. Who learns the PSK later cannot read what was recorded earlier.
+- Handshake: Noise_NNpsk0_25519_AESGCM_SHA256 (`protocol.noise`). Who learns the key later cannot read what was recorded
+  earlier.
+- Secret of a direction: HKDF-Extract (RFC 5869) of that direction's key from Split(), with the handshake hash as salt.
+- Key and nonce salt of a direction: HKDF-Expand of its secret. The next secret: HKDF-Expand of it under another label.
 - Datagrams: AES-128-CCM with an 8-byte tag (RFC 6655 uses the same), which keeps a 3-DoF update at 48 bytes. Nonce:
   5 bytes of salt for the direction and the full sequence number, which never repeats under a key.
 """
@@ -12,72 +13,96 @@ The only module that loads `cryptography`; nothing here imports it unless a key 
 from hmac import digest
 
 from cryptography.exceptions import InvalidTag
-from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
-from cryptography.hazmat.primitives.hashes import SHA256
-from cryptography.hazmat.primitives.hmac import HMAC
-from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
+from protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
 from protocol.wire import CLEAR_BYTES
 
-KEY_BYTES = 32
+KEY_BYTES = PSK_BYTES
+SECRET_BYTES = 32
 _CCM_KEY = 16
 _SALT = 5
 _TAG = 8
-SECRET_BYTES = 32
-_PROOF = 16
-
-
-def _derive(secret: bytes, length: int, salt: bytes | None, info: bytes) -> bytes:
-    return HKDF(SHA256(), length=length, salt=salt, info=info).derive(secret)
 
 
 class PresharedKey:
     """The `Security` of two ends that hold the same key."""
 
-    __slots__ = ("_mixing_key", "_proof_key")
+    __slots__ = ("_key",)
 
     tag_size = _TAG
-    proof_size = _PROOF
-    private_size = 32
-    public_size = 32
+    overhead = OVERHEAD
+    private_size = PRIVATE_BYTES
 
     def __init__(self, key: bytes) -> None:
-        """Derive what the suite needs from the shared key.
+        """Take the shared key.
 
         Raises:
             ValueError: if the key is not of `KEY_BYTES`.
         """
         if len(key) != KEY_BYTES:
             raise ValueError(f"a pre-shared key has {KEY_BYTES} bytes, not {len(key)}")
-        self._proof_key = _derive(key, 32, None, b"weberlink handshake proof")
-        self._mixing_key = _derive(key, 32, None, b"weberlink session keys")
+        self._key = SharedKey(key)
 
-    def public_key(self, private: bytes) -> bytes:
-        return X25519PrivateKey.from_private_bytes(private).public_key().public_bytes_raw()
+    def call(self, prologue: bytes, private: bytes) -> "OutgoingExchange":
+        return OutgoingExchange(Initiator(self._key, prologue, private))
 
-    def proof(self, message: bytes) -> bytes:
-        mac = HMAC(self._proof_key, SHA256())
-        mac.update(message)
-        return mac.finalize()[:_PROOF]
+    def hear(self, prologue: bytes, message: bytes) -> "IncomingExchange | None":
+        heard = Responder.read(self._key, prologue, message)
+        return None if heard is None else IncomingExchange(heard)
 
-    def protect(
-        self, *, is_initiator: bool, private: bytes, peer_public: bytes, transcript: bytes
-    ) -> "CcmProtection | None":
-        try:
-            peer = X25519PublicKey.from_public_bytes(peer_public)
-            shared = X25519PrivateKey.from_private_bytes(private).exchange(peer)
-        except ValueError:  # wrong length, or a point of low order, whose secret everybody knows
+
+class OutgoingExchange:
+    """The initiator's part in one handshake."""
+
+    __slots__ = ("_initiator",)
+
+    def __init__(self, initiator: Initiator) -> None:
+        self._initiator = initiator
+
+    def hello(self, payload: bytes) -> bytes:
+        return self._initiator.write(payload)
+
+    def open(self, message: bytes) -> "tuple[bytes, CcmProtection] | None":
+        opened = self._initiator.read(message)
+        if opened is None:
             return None
-        material = _derive(shared, 2 * SECRET_BYTES, self._mixing_key, transcript)
-        forward, backward = material[:SECRET_BYTES], material[SECRET_BYTES:]
-        return CcmProtection(forward, backward) if is_initiator else CcmProtection(backward, forward)
+        payload, secrets = opened
+        forward, backward = _traffic_secrets(secrets)
+        return payload, CcmProtection(forward, backward)
+
+
+class IncomingExchange:
+    """The responder's part in one handshake."""
+
+    __slots__ = ("_responder",)
+
+    def __init__(self, responder: Responder) -> None:
+        self._responder = responder
+
+    @property
+    def payload(self) -> bytes:
+        return self._responder.payload
+
+    def answer(self, payload: bytes, private: bytes) -> "tuple[bytes, CcmProtection] | None":
+        written = self._responder.write(payload, private)
+        if written is None:
+            return None
+        message, secrets = written
+        forward, backward = _traffic_secrets(secrets)
+        return message, CcmProtection(backward, forward)
+
+
+def _traffic_secrets(secrets: Secrets) -> tuple[bytes, bytes]:
+    """First secret of the direction from initiator to responder, and of the other."""
+    forward, backward = (digest(secrets.handshake_hash, key, "sha256") for key in (secrets.forward, secrets.backward))
+    return forward, backward
 
 
 class CcmProtection:
     """The keys of one session: a secret per direction, from which key and nonce salt follow, and the next secret.
 
-    `open` of one phase and the next is RFC 9001 section 6: only the secrets change, sequence numbers go on.
+    Secrets are replaced as in RFC 9001 section 6; sequence numbers go on.
     """
 
     __slots__ = ("_decrypt", "_encrypt", "_incoming", "_next", "_outgoing", "_previous")

@@ -29,6 +29,35 @@ class Protection(Protocol):
         """As `open`, under the incoming keys before the present ones; None before the first change of keys."""
 
 
+class Outgoing(Protocol):
+    """The initiator's part in one key exchange."""
+
+    def hello(self, payload: bytes) -> bytes:
+        """The first message; only once."""
+
+    def open(self, message: bytes) -> tuple[bytes, Protection] | None:
+        """Payload of the second message, and the session that it opens; None if it is no answer to the first."""
+
+
+class Incoming(Protocol):
+    """The responder's part in one key exchange, after the first message.
+
+    Attributes:
+        payload: of the first message, whose sender holds or once held the secret.
+    """
+
+    @property
+    def payload(self) -> bytes: ...
+
+    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection] | None:
+        """The second message and the session that it opens; only once. None if the first held no public key.
+
+        Args:
+            payload: to be sent.
+            private: `Security.private_size` random bytes, for this answer alone.
+        """
+
+
 class Security(Protocol):
     """A suite, with its secret if it has one."""
 
@@ -37,24 +66,20 @@ class Security(Protocol):
         """Bytes that `Protection.seal` adds."""
 
     @property
-    def proof_size(self) -> int:
-        """Bytes of a proof."""
+    def overhead(self) -> int:
+        """Bytes that a handshake message adds to its payload."""
 
     @property
     def private_size(self) -> int:
         """Random bytes in an ephemeral private key; may be 0."""
 
-    @property
-    def public_size(self) -> int:
-        """Bytes of an ephemeral public key; may be 0."""
+    def call(self, prologue: bytes, private: bytes) -> Outgoing:
+        """Begin a key exchange.
 
-    def public_key(self, private: bytes) -> bytes:
-        """The half of an ephemeral key that travels."""
+        Args:
+            prologue: sent in clear beside the messages; the exchange fails where the two ends see it differently.
+            private: `private_size` random bytes, for this call alone.
+        """
 
-    def proof(self, message: bytes) -> bytes:
-        """What shows that the sender of a handshake message holds the secret."""
-
-    def protect(
-        self, *, is_initiator: bool, private: bytes, peer_public: bytes, transcript: bytes
-    ) -> Protection | None:
-        """Keys of the session that two ends with this transcript share; None for a public key that is no key."""
+    def hear(self, prologue: bytes, message: bytes) -> Incoming | None:
+        """Open the first message of a key exchange; None if it is not authentic."""

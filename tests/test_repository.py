@@ -39,7 +39,6 @@ def test_readme_lists_the_folders_that_are_there() -> None:
 def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
     commands = get_command(app).commands  # type: ignore[attr-defined]
     rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*)\|", README, re.M))
-    rows["slave"] = rows["master"]
     assert set(rows) == set(commands)
     for name, row in rows.items():
         # A group, as `device`, has its options in its own commands.

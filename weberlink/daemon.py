@@ -10,16 +10,19 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from getpass import getuser
 from pathlib import Path
 from random import Random
 from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask, signal
-from time import monotonic, perf_counter
+from socket import gethostname
+from time import monotonic, perf_counter, time_ns
 from types import FrameType
 from typing import Any, Protocol
 
 from control.tuning import Tuning
 from protocol.aio.udp import UdpShell
 from protocol.endpoint import Endpoint
+from protocol.handshake import LONGEST_NAME
 from realtime.garbage import GarbageSchedule
 from realtime.process import Grants, die_with_parent, prepare
 from realtime.shell import REASONS, Run, Transport, run
@@ -27,9 +30,9 @@ from realtime.shell import Side as Ticking
 from telemetry.record import Record
 from telemetry.ring import RingWriter
 from weberlink import description
-from weberlink.composition.link import build_security
+from weberlink.composition.link import Identity, build_security
 from weberlink.composition.live import permitted
-from weberlink.configuration import MASTER, Configuration, ConfigurationError, load
+from weberlink.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.configuration.model import split_address
 from weberlink.live_change import Door, WithDoor
 
@@ -81,6 +84,7 @@ class Order:
         ring: where to write telemetry.
         parent: process that the daemon stops with.
         duration_s: length of the run; None to run until it is stopped.
+        take_over: whether a master replaces another one that the slave serves.
     """
 
     side: str
@@ -89,6 +93,7 @@ class Order:
     ring: str
     parent: int
     duration_s: float | None = None
+    take_over: bool = False
 
     def to_json(self) -> str:
         return json.dumps(asdict(self))
@@ -127,7 +132,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     realtime = system.realtime
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic() + HEAD_START
-    side = _build(order.side, configuration, epoch)
+    side = _build(order, configuration, epoch)
     # Not before: what a side imports may be large, and importing it with real-time rights holds up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
     transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
@@ -145,20 +150,47 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     return _summary(run_, side, grants)
 
 
-def _build(name: str, configuration: Configuration, epoch: float) -> Side:
-    system = configuration.system
+def _build(order: Order, configuration: Configuration, epoch: float) -> Side:
     security = build_security(configuration)
+    link = configuration.system.link
+    identity = Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns())
     # Each side imports its own parts only.
-    if name == MASTER:
+    if order.side == MASTER:
         from weberlink.composition.master import build_master  # noqa: PLC0415
 
-        peer = split_address(system.link.slave)
+        peer = split_address(link.slave)
         return build_master(
-            configuration, security=security, entropy=os.urandom, epoch=epoch, stopwatch=perf_counter, peer=peer
+            configuration,
+            security=security,
+            entropy=os.urandom,
+            epoch=epoch,
+            stopwatch=perf_counter,
+            peer=peer,
+            identity=identity,
         )
     from weberlink.composition.slave import build_slave  # noqa: PLC0415
 
-    return build_slave(configuration, security=security, entropy=os.urandom, epoch=epoch, stopwatch=perf_counter)
+    return build_slave(
+        configuration,
+        security=security,
+        entropy=os.urandom,
+        epoch=epoch,
+        stopwatch=perf_counter,
+        identity=identity,
+    )
+
+
+def _default_name(side: str, listen: str) -> str:
+    """What a side calls itself where the file does not say."""
+    host = gethostname()
+    if side == SLAVE:
+        name = f"{host}:{split_address(listen)[1]}"
+    else:
+        try:
+            name = f"{getuser()}@{host}"
+        except (KeyError, OSError):  # a user id without a name, as in containers
+            name = f"{os.getuid()}@{host}"
+    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
 
 
 def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoch: float) -> UdpShell:

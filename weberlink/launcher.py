@@ -139,6 +139,7 @@ class Session:
         watch: called about ten times a second with the newest records and the figures so far.
         record: where to record the session, as MCAP; None to record nothing.
         journal: told what happens; None for no log.
+        take_over: whether the master replaces another one that the slave serves.
     """
 
     configuration: Configuration
@@ -148,6 +149,7 @@ class Session:
     watch: Callable[[dict[str, Any], dict[str, Any]], None] | None = None
     record: Path | None = None
     journal: Journal | None = None
+    take_over: bool = False
     daemons: dict[str, Daemon] = field(default_factory=dict)
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
@@ -215,6 +217,7 @@ class Session:
             parent=os.getpid(),
             # Of two sides the slave ends when the master has left.
             duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
+            take_over=self.take_over,
         )
 
     def _end(self, daemon: Daemon) -> dict[str, Any]:

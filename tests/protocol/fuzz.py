@@ -15,8 +15,9 @@ from typing import Any
 
 from protocol import Endpoint, State
 from protocol.checksum import Checksum
+from protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
 from protocol.psk import PresharedKey
-from protocol.security import Security
+from protocol.security import Incoming, Outgoing, Protection, Security
 from protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, update_fields
 
@@ -28,26 +29,49 @@ class Meddler:
 
     def __init__(self, inner: Security, random: Random, rate: float) -> None:
         self.inner, self.random, self.rate = inner, random, rate
-        self.tag_size, self.proof_size = inner.tag_size, inner.proof_size
-        self.private_size, self.public_size = inner.private_size, inner.public_size
+        self.tag_size, self.overhead, self.private_size = inner.tag_size, inner.overhead, inner.private_size
 
-    def public_key(self, private: bytes) -> bytes:
-        return self.inner.public_key(private)
+    def call(self, prologue: bytes, private: bytes) -> Outgoing:
+        return MeddledCall(self, self.inner.call(prologue, private))
 
-    def proof(self, message: bytes) -> bytes:
-        return self.inner.proof(message)
+    def hear(self, prologue: bytes, message: bytes) -> Incoming | None:
+        heard = self.inner.hear(prologue, message)
+        return None if heard is None else MeddledAnswer(self, heard)
 
-    def protect(self, *, is_initiator: bool, private: bytes, peer_public: bytes, transcript: bytes) -> "Meddled | None":
-        made = self.inner.protect(
-            is_initiator=is_initiator, private=private, peer_public=peer_public, transcript=transcript
-        )
-        return None if made is None else Meddled(self, made)
+    def meddle(self, payload: bytes) -> bytes:
+        """Now and then another payload."""
+        return mutate(payload, self.random) if self.random.random() < self.rate else payload
+
+
+class MeddledCall:
+    """The key exchanges of a `Meddler` that calls."""
+
+    def __init__(self, owner: Meddler, inner: Outgoing) -> None:
+        self.owner, self.inner = owner, inner
+
+    def hello(self, payload: bytes) -> bytes:
+        return self.inner.hello(self.owner.meddle(payload))
+
+    def open(self, message: bytes) -> tuple[bytes, Protection] | None:
+        opened = self.inner.open(message)
+        return None if opened is None else (opened[0], Meddled(self.owner, opened[1]))
+
+
+class MeddledAnswer:
+    """The key exchanges of a `Meddler` that is called."""
+
+    def __init__(self, owner: Meddler, inner: Incoming) -> None:
+        self.owner, self.inner, self.payload = owner, inner, inner.payload
+
+    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection] | None:
+        answered = self.inner.answer(self.owner.meddle(payload), private)
+        return None if answered is None else (answered[0], Meddled(self.owner, answered[1]))
 
 
 class Meddled:
     """The sessions of a `Meddler`."""
 
-    def __init__(self, owner: Meddler, inner: object) -> None:
+    def __init__(self, owner: Meddler, inner: Protection) -> None:
         self.owner, self.inner = owner, inner
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
@@ -59,10 +83,22 @@ class Meddled:
                     [0, 0x7F, 0x80, 0xFF, random.getrandbits(8)]
                 )
             clear = bytes(changed)
-        return self.inner.seal(sequence, clear)  # type: ignore[attr-defined, no-any-return]
+        return self.inner.seal(sequence, clear)
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open(sequence, datagram)  # type: ignore[attr-defined, no-any-return]
+        return self.inner.open(sequence, datagram)
+
+    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
+        return self.inner.open_next(sequence, datagram)
+
+    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
+        return self.inner.open_previous(sequence, datagram)
+
+    def rekey_outgoing(self) -> None:
+        self.inner.rekey_outgoing()
+
+    def rekey_incoming(self) -> None:
+        self.inner.rekey_incoming()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
@@ -88,10 +124,15 @@ def mutate(data: bytes, random: Random) -> bytes:
     return bytes(changed)
 
 
-def forge_handshake(security: Security, random: Random, recorded: bytes) -> bytes:
-    """A handshake datagram with any content and a valid proof."""
-    body = mutate(recorded[: -security.proof_size], random)[:LONGEST_DATAGRAM]
-    return body + security.proof(body)
+def forge_hello(security: Security, random: Random, recorded: bytes) -> bytes:
+    """A HELLO with any content, from someone with the key."""
+    exchange = security.hear(recorded[:HELLO_HEADER], recorded[HELLO_HEADER:])
+    payload = random.randbytes(600) if exchange is None else mutate(exchange.payload, random)
+    header = read_hello_header(recorded.ljust(PADDED_HELLO))
+    assert header is not None
+    header = header._replace(stamp=(header.stamp + random.getrandbits(20)) % LARGEST_STAMP).pack()
+    call = security.call(header, random.randbytes(security.private_size))
+    return (header + call.hello(payload))[: LONGEST_DATAGRAM + random.randrange(10)]
 
 
 def harm(pair: Pair, side: Side, source: tuple[str, int], recorded: list[bytes], random: Random) -> None:
@@ -101,7 +142,7 @@ def harm(pair: Pair, side: Side, source: tuple[str, int], recorded: list[bytes],
     if choice < 0.6:
         data = mutate(data, random)
     elif choice < 0.8 and kind_of(data) in (Kind.HELLO, Kind.WELCOME):
-        data = forge_handshake(Checksum() if random.random() < 0.5 else PresharedKey(KEY), random, data)
+        data = forge_hello(Checksum() if random.random() < 0.5 else PresharedKey(KEY), random, data)
     address = source if random.random() < 0.7 else STRANGER
     side.endpoint.receive_datagram(data, address, side.local(pair.now))
 

@@ -25,7 +25,7 @@ from protocol.checksum import Checksum
 from protocol.emulation import EmulatedLink, Emulation
 from protocol.heartbeat import HeartbeatSchedule
 from protocol.psk import PresharedKey
-from protocol.security import Security
+from protocol.security import Protection, Security
 from protocol.session import FADE_SHARE
 
 MASTER: Address = ("192.0.2.1", 40_000)
@@ -92,6 +92,19 @@ def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
     return Endpoint(**{**arguments, **changes})  # type: ignore[arg-type]
 
 
+def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple[Protection, Protection]:
+    """Both ends of a session of its own: the initiator's and the responder's."""
+    entropy = Random(f"exchange {seed}").randbytes
+    outgoing = security.call(prologue, entropy(security.private_size))
+    incoming = security.hear(prologue, outgoing.hello(b"hello"))
+    assert incoming is not None and incoming.payload == b"hello"
+    answered = incoming.answer(b"welcome", entropy(security.private_size))
+    assert answered is not None
+    opened = outgoing.open(answered[0])
+    assert opened is not None and opened[0] == b"welcome"
+    return opened[1], answered[1]
+
+
 Tick = Callable[["Pair", float, int], None]
 
 
@@ -138,6 +151,8 @@ class Pair:
         )
         self.forward = self.link(forward)
         self.backward = self.link(backward)
+        self.guests: list[Side] = []
+        """Further masters, over the same links."""
         self.tap: list[tuple[float, Side, bytes]] = []
         """Everything sent: world time, sender, bytes."""
         self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
@@ -150,6 +165,10 @@ class Pair:
     @property
     def sides(self) -> tuple[Side, Side]:
         return self.master, self.slave
+
+    @property
+    def everyone(self) -> tuple[Side, ...]:
+        return (*self.sides, *self.guests)
 
     def connect(self) -> "Pair":
         for side in self.sides:
@@ -173,7 +192,7 @@ class Pair:
         while self.now < end - 1e-9:
             self.now = min(self._next(is_idle=is_idle), end)
             self._deliver()
-            for side in self.sides:
+            for side in self.everyone:
                 local = side.local(self.now)
                 due = side.endpoint.next_timer()
                 if due is not None and due <= local + 1e-9:
@@ -187,7 +206,7 @@ class Pair:
         return self
 
     def _tick(self) -> None:
-        for side in self.sides:
+        for side in self.everyone:
             side.endpoint.handle_timer(side.local(self.now))
             side.collect(self.now)
         if self._on_tick is not None and self.ticks % self._every == 0:
@@ -197,7 +216,7 @@ class Pair:
     def _next(self, *, is_idle: bool) -> float:
         times = [self._next_tick(is_idle=is_idle)]
         times += [due for link in (self.forward, self.backward) if (due := link.next_due()) is not None]
-        for side in self.sides:
+        for side in self.everyone:
             if (due := side.endpoint.next_timer()) is not None:
                 times.append(side.world(due))
         return max(self.now, min(times))
@@ -208,18 +227,20 @@ class Pair:
         return inf if self._on_tick is None else ceil(self.ticks / self._every) * self._every * TICK
 
     def _deliver(self) -> None:
-        for link, to in ((self.forward, self.slave), (self.backward, self.master)):
+        for link in (self.forward, self.backward):
             for data, (source, target) in link.receive(self.now):
-                if target == to.address:
-                    to.endpoint.receive_datagram(data, source, to.local(self.now))
+                for to in self.everyone:
+                    if target == to.address:
+                        to.endpoint.receive_datagram(data, source, to.local(self.now))
 
     def _transmit(self) -> None:
-        for side, link in ((self.master, self.forward), (self.slave, self.backward)):
+        for side in self.everyone:
+            link = self.backward if side is self.slave else self.forward
             for data, target in side.endpoint.datagrams_to_send():
                 self.tap.append((self.now, side, data))
                 if not self.swallow(side, data):
                     link.send(data, (side.address, target), self.now)
-        for side in self.sides:
+        for side in self.everyone:
             side.collect(self.now)
 
 

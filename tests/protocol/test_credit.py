@@ -174,7 +174,7 @@ def test_a_new_session_starts_at_nothing_on_both_ends() -> None:
         side.endpoint.credit = 1000
     pair.run(0.1)
     assert [side.endpoint.peer_credit for side in pair.sides] == [1000, 1000]
-    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=51, epoch=pair.now, **CARRIED)
+    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=51, epoch=pair.now, take_over=True, **CARRIED)
     pair.master.endpoint.connect(pair.now)
     pair.run(0.05)
     assert len(pair.slave.of(Connected)) == 2

@@ -423,7 +423,7 @@ def test_a_restarted_slave_drops_data_until_it_is_called() -> None:
 def test_a_restarted_master_takes_the_session_over() -> None:
     pair = Pair().engage()
     old = pair.master.endpoint
-    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=51, epoch=pair.now)
+    pair.master.endpoint = make_endpoint(Role.INITIATOR, seed=51, epoch=pair.now, take_over=True)
     pair.master.endpoint.connect(pair.now)
     pair.run(0.05)
     assert len(pair.slave.of(Connected)) == 2
@@ -643,8 +643,9 @@ def test_an_owner_that_does_not_come_loses_the_oldest() -> None:
         (b"\x03" * 200, DropReason.WRONG_LENGTH),
         (b"\x04" * 38, DropReason.BAD_TAG),
         (b"\x01" * 5000, DropReason.WRONG_LENGTH),
-        (b"\x01" * 40, DropReason.UNPROVEN),
-        (b"\x01", DropReason.UNPROVEN),
+        (b"\x01" * 600, DropReason.UNPROVEN),
+        (b"\x01" * 40, DropReason.TRUNCATED),
+        (b"\x01", DropReason.TRUNCATED),
     ],
 )
 def test_each_bad_datagram_has_its_reason(data: bytes, reason: DropReason) -> None:

@@ -1,68 +1,72 @@
-import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.checksum import Checksum
 from protocol.handshake import (
-    NONCE_BYTES,
+    INSTANCE_BYTES,
+    LARGEST_STAMP,
+    LONGEST_NAME,
     PADDED_HELLO,
     Hello,
+    HelloHeader,
     Welcome,
+    check_name,
     differences,
-    open_frame,
+    identity_of,
     pack_agreement,
-    pack_frame,
     pack_hello,
+    pack_map,
     pack_refusal,
+    read_answered,
     read_hello,
+    read_hello_header,
     read_map,
     read_welcome,
-    transcript,
     version_mismatch,
 )
 from protocol.roles import Role
-from protocol.security import Security
 from protocol.wire import Kind
-from tests.protocol.harness import AGREEMENT, suites
+from tests.protocol.harness import AGREEMENT
 
-NONCE = bytes(range(NONCE_BYTES))
-
-
-def hello(security: Security) -> Hello:
-    return Hello(pack_agreement(AGREEMENT), NONCE, bytes(security.public_size), 123_456)
+HELLO = Hello(pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True)
 
 
-@pytest.mark.parametrize("security", suites())
-def test_a_hello_survives_its_frame(security: Security) -> None:
-    data = pack_hello(hello(security), 1, security)
-    assert data[:2] == bytes((Kind.HELLO, 1))
-    assert len(data) >= PADDED_HELLO
-    frame = open_frame(data, security)
-    assert frame is not None
-    version, packed = frame
-    body = read_map(packed)
-    assert version == 1
+@pytest.mark.parametrize("overhead", [20, 48])
+@pytest.mark.parametrize("size", [0, 10, 200, 235, 250, 490, 600])
+def test_a_hello_survives_and_is_padded(overhead: int, size: int) -> None:
+    hello = HELLO._replace(agreement=bytes(size))
+    payload = pack_hello(hello, overhead)
+    header = HelloHeader(2, identity_of(hello.name), 9).pack()
+    assert len(header) + overhead + len(payload) >= PADDED_HELLO
+    body = read_map(payload)
     assert body is not None
-    assert read_hello(body, security) == hello(security)
-    assert read_map(hello(security).agreement) == AGREEMENT
+    assert read_hello(body) == hello
 
 
-@pytest.mark.parametrize("security", suites())
-def test_every_flipped_bit_of_a_frame_is_found(security: Security) -> None:
-    data = pack_hello(hello(security), 1, security)
-    for bit in range(0, 8 * len(data), 7):
-        damaged = bytearray(data)
-        damaged[bit // 8] ^= 1 << bit % 8
-        assert open_frame(bytes(damaged), security) is None
+@given(st.integers(0, 255), st.binary(min_size=8, max_size=8), st.integers(0, LARGEST_STAMP))
+def test_headers_survive(version: int, identity: bytes, stamp: int) -> None:
+    header = HelloHeader(version, identity, stamp)
+    assert header.pack()[:2] == bytes((Kind.HELLO, version))
+    assert header.pack_answer()[:2] == bytes((Kind.WELCOME, version))
+    assert read_hello_header(header.pack().ljust(PADDED_HELLO)) == header
+    assert read_hello_header(header.pack().ljust(PADDED_HELLO - 1)) is None
+    assert read_answered(header.pack_answer()) == stamp
+    assert read_answered(header.pack_answer()[:-1]) is None
 
 
-@pytest.mark.parametrize("security", suites())
-def test_a_frame_proves_what_it_is_bound_to(security: Security) -> None:
-    data = pack_frame(Kind.WELCOME, 1, {}, security, NONCE)
-    assert open_frame(data, security, NONCE) == (1, b"\x80")
-    assert open_frame(data, security, bytes(NONCE_BYTES)) is None
-    assert open_frame(data, security) is None
+def test_other_names_have_other_identities() -> None:
+    assert len({identity_of(f"user{number}@host") for number in range(1000)}) == 1000
+    assert len(identity_of("ann@operator")) == 8
+
+
+@pytest.mark.parametrize("name", ["", "a" * (LONGEST_NAME + 1), "a\x1b[2J", "a\n", "\u202e"])
+def test_what_is_no_name_is_refused(name: str) -> None:
+    with pytest.raises(ValueError, match="printable"):
+        check_name(name)
+    assert read_hello({**HELLO._asdict(), "name": name}) is None
+    assert read_welcome({"clock_us": 0, "delta_us": 0, "name": name}) is None
+    if name:
+        assert read_hello({**HELLO._asdict(), "expects": name}) is None
 
 
 @given(st.binary(max_size=200))
@@ -93,54 +97,41 @@ def test_what_is_no_map_of_texts_is_none(packed: bytes) -> None:
     assert read_map(packed) is None
 
 
-@pytest.mark.parametrize("security", suites())
-@pytest.mark.parametrize("field", ["agreement", "nonce", "key", "clock_us"])
-@pytest.mark.parametrize("value", [None, "text", b"x" * 15, [1], {}, True, 2**63, 1.5])
-def test_a_hello_with_a_false_field_is_none(security: Security, field: str, value: object) -> None:
-    body = {**hello(security)._asdict(), field: value}
+FALSE = [None, [1], {}, 2**63, 1.5, b"x" * 7, "x" * 65, -(2**60)]
+
+
+@pytest.mark.parametrize("field", Hello._fields)
+@pytest.mark.parametrize("value", FALSE)
+def test_a_hello_with_a_false_field_is_none(field: str, value: object) -> None:
+    body = HELLO._asdict()
+    assert read_hello({key: content for key, content in body.items() if key != field}) is None
     if field == "agreement" and isinstance(value, bytes):
         return
-    assert read_hello(body, security) is None
-    assert read_hello({key: content for key, content in body.items() if key != field}, security) is None
+    assert read_hello({**body, field: value}) is None
 
 
-@pytest.mark.parametrize("security", suites())
-@pytest.mark.parametrize("field", ["nonce", "key", "clock_us", "delta_us"])
-@pytest.mark.parametrize("value", [None, "text", b"x" * 15, [1], {}, True, 2**63, 1.5])
-def test_a_welcome_with_a_false_field_is_none(security: Security, field: str, value: object) -> None:
-    good = Welcome(NONCE, bytes(security.public_size), 1, -2)
-    assert read_welcome(good._asdict(), security) == good
-    assert read_welcome({**good._asdict(), field: value}, security) is None
+@pytest.mark.parametrize("field", Welcome._fields)
+@pytest.mark.parametrize("value", [*FALSE, True])
+def test_a_welcome_with_a_false_field_is_none(field: str, value: object) -> None:
+    good = Welcome(1, -2, "robot:47000")
+    assert read_welcome(good._asdict()) == good
+    assert read_welcome({**good._asdict(), field: value}) is None
 
 
 @given(st.text(max_size=2000), st.integers(40, 600))
-def test_a_refusal_is_cut_to_its_limit(message: str, limit: int) -> None:
-    for security in suites():
-        data = pack_refusal(message, NONCE, 1, security, limit)
-        assert len(data) <= limit
-        frame = open_frame(data, security, NONCE)
-        assert frame is not None
-        body = read_map(frame[1])
-        assert body is not None
-        said = body["refusal"]
-        assert isinstance(said, str)
-        whole = message.encode(errors="replace").decode()
-        assert said == whole or whole.startswith(said.removesuffix("..."))
+def test_a_refusal_is_cut_to_its_room(message: str, room: int) -> None:
+    payload = pack_refusal(message, room)
+    assert len(payload) <= room
+    body = read_map(payload)
+    assert body is not None
+    said = body["refusal"]
+    assert isinstance(said, str)
+    whole = message.encode(errors="replace").decode()
+    assert said == whole or whole.startswith(said.removesuffix("..."))
 
 
-def test_the_transcript_depends_on_everything() -> None:
-    base = hello(Checksum())._replace(key=b"k")
-    seen = {
-        transcript(1, base, NONCE, b"K"),
-        transcript(2, base, NONCE, b"K"),
-        transcript(1, base._replace(agreement=b"other"), NONCE, b"K"),
-        transcript(1, base._replace(nonce=bytes(16)), NONCE, b"K"),
-        transcript(1, base._replace(key=b"j"), NONCE, b"K"),
-        transcript(1, base, bytes(16), b"K"),
-        transcript(1, base, NONCE, b"J"),
-    }
-    assert len(seen) == 7
-    assert transcript(1, base._replace(clock_us=9), NONCE, b"K") in seen, "a repeated HELLO opens the same session"
+def test_msgpack_is_what_travels() -> None:
+    assert pack_map({"refusal": "no"}) == b"\x81\xa7refusal\xa2no"
 
 
 VALUES = st.one_of(st.integers(-1000, 1000), st.booleans(), st.text(max_size=5), st.none(), st.floats(-10, 10))
@@ -182,8 +173,3 @@ def test_versions_are_named() -> None:
 def test_what_cannot_travel_is_named(value: object) -> None:
     with pytest.raises(ValueError, match=r"'codec\.x'"):
         pack_agreement({"codec.x": value})
-
-
-def test_msgpack_is_what_travels() -> None:
-    data = pack_frame(Kind.WELCOME, 1, {"refusal": "no"}, Checksum())
-    assert msgpack.unpackb(data[2:-4]) == {"refusal": "no"}

@@ -11,10 +11,10 @@ from protocol.security import Security
 from tests.protocol.harness import KEY, Pair, Side, update_fields
 
 RECORDED = {
-    ("checksum", False): "1d9417872c531683defec7cb8588d99c18533a5bc090beeefb9c19ddf6325e5c",
-    ("checksum", True): "d03308d264b40a465aa4a3e0bca50ca642a0b0d4c7eff79a16a146004a615719",
-    ("psk", False): "3bf0b732b86b2373495dbff86b9f924c20c9104a1ddea93a4da1c3ce9857c0fc",
-    ("psk", True): "47d6124b13b68ec65e3dfbaff75c82996f83da5b46c3a5e5c6c7618b36bf6216",
+    ("checksum", False): "1d2b7936b21160d2fba14e83bb0f9a67f6a69e2b25512d7af22729000f50e5cb",
+    ("checksum", True): "db30972eb49def99421e96cabd70bdfed0dfe38c06371b1d6a90de69e414b942",
+    ("psk", False): "2cd878a762925cae603b055b4f492ce25cc681d4a1f504b764e4015aeed8bf81",
+    ("psk", True): "d9a07ffc5bdf5c20bfba8b281acda5b4aff2dce8b3b5f314c2855b1355aa938e",
 }
 """Of the script below: SHA-256 of every datagram in the order in which they left."""
 

@@ -2,38 +2,21 @@
 
 import subprocess
 import sys
-from random import Random
 
 import pytest
 
 from protocol.checksum import Checksum
 from protocol.psk import PresharedKey
-from protocol.security import Protection, Security
-from tests.protocol.harness import KEY, suites
+from protocol.security import Security
+from tests.protocol.harness import KEY, exchanged, suites
 
 CLEAR = b"\x03\x01\x00\x00"
 DATAGRAM = CLEAR + b"what follows is hidden"
 
 
-def sessions(security: Security, transcript: bytes = b"t", seed: int = 1) -> tuple[Protection, Protection]:
-    random = Random(seed)
-    privates = [random.randbytes(security.private_size) for _ in range(2)]
-    publics = [security.public_key(private) for private in privates]
-    assert all(len(public) == security.public_size for public in publics)
-    made = [
-        security.protect(
-            is_initiator=side == 0, private=privates[side], peer_public=publics[1 - side], transcript=transcript
-        )
-        for side in range(2)
-    ]
-    assert made[0] is not None
-    assert made[1] is not None
-    return made[0], made[1]
-
-
 @pytest.mark.parametrize("security", suites())
 def test_each_end_opens_what_the_other_seals(security: Security) -> None:
-    for sealing, opening in (sessions(security), sessions(security)[::-1]):
+    for sealing, opening in (exchanged(security), exchanged(security)[::-1]):
         for sequence in (0, 1, 2**24, 2**40):
             sealed = sealing.seal(sequence, DATAGRAM)
             assert sealed[:4] == CLEAR
@@ -43,7 +26,7 @@ def test_each_end_opens_what_the_other_seals(security: Security) -> None:
 
 @pytest.mark.parametrize("security", suites())
 def test_every_flipped_bit_is_found(security: Security) -> None:
-    sealing, opening = sessions(security)
+    sealing, opening = exchanged(security)
     sealed = sealing.seal(9, DATAGRAM)
     for bit in range(8 * len(sealed)):
         damaged = bytearray(sealed)
@@ -53,17 +36,17 @@ def test_every_flipped_bit_is_found(security: Security) -> None:
 
 @pytest.mark.parametrize("security", suites())
 def test_wrong_number_direction_and_session_are_found(security: Security) -> None:
-    sealing, opening = sessions(security)
+    sealing, opening = exchanged(security)
     sealed = sealing.seal(9, DATAGRAM)
     assert opening.open(10, sealed) is None
     assert opening.open(9 + 2**24, sealed) is None
     assert sealing.open(9, sealed) is None
-    assert sessions(security, transcript=b"other")[1].open(9, sealed) is None
+    assert exchanged(security, prologue=b"other")[1].open(9, sealed) is None
 
 
 @pytest.mark.parametrize("security", suites())
 def test_rekeyed_directions_open_under_next_then_previous_keys(security: Security) -> None:
-    sealing, opening = sessions(security)
+    sealing, opening = exchanged(security)
     before = sealing.seal(1, DATAGRAM)
     sealing.rekey_outgoing()
     after = sealing.seal(2, DATAGRAM)
@@ -78,7 +61,7 @@ def test_rekeyed_directions_open_under_next_then_previous_keys(security: Securit
 
 @pytest.mark.parametrize("security", suites())
 def test_every_rekeying_gives_new_keys(security: Security) -> None:
-    sealing, opening = sessions(security)
+    sealing, opening = exchanged(security)
     sealed = set()
     for phase in range(20):
         datagram = sealing.seal(7, DATAGRAM)
@@ -90,33 +73,49 @@ def test_every_rekeying_gives_new_keys(security: Security) -> None:
 
 
 @pytest.mark.parametrize("security", suites())
-def test_a_proof_depends_on_the_message(security: Security) -> None:
-    assert len(security.proof(b"a")) == security.proof_size
-    assert security.proof(b"a") != security.proof(b"b")
-    assert security.proof(b"a") == security.proof(b"a")
+def test_a_handshake_message_is_bound_to_its_prologue_and_question(security: Security) -> None:
+    private = bytes(range(security.private_size))
+    outgoing, other = (security.call(b"head", private[:-2] + bytes((number, 0))) for number in (1, 2))
+    hello = outgoing.hello(b"payload")
+    other.hello(b"payload")
+    assert len(hello) == len(b"payload") + security.overhead
+    incoming = security.hear(b"head", hello)
+    assert incoming is not None
+    assert security.hear(b"heat", hello) is None
+    assert all(security.hear(b"head", hello[:size]) is None for size in range(len(hello)))
+    answered = incoming.answer(b"yes", private)
+    assert answered is not None
+    assert len(answered[0]) == len(b"yes") + security.overhead
+    assert other.open(answered[0]) is None
+    assert outgoing.open(answered[0][:-1]) is None
+    assert outgoing.open(answered[0]) is not None
 
 
-def test_another_key_gives_another_proof_and_another_session() -> None:
+@pytest.mark.parametrize("security", suites())
+def test_every_flipped_bit_of_the_handshake_is_found(security: Security) -> None:
+    outgoing = security.call(b"head", bytes(security.private_size))
+    hello = outgoing.hello(b"payload")
+    for bit in range(8 * len(hello)):
+        damaged = bytearray(hello)
+        damaged[bit // 8] ^= 1 << bit % 8
+        assert security.hear(b"head", bytes(damaged)) is None
+
+
+def test_another_key_opens_neither_handshake_nor_session() -> None:
     ours, theirs = PresharedKey(KEY), PresharedKey(bytes(32))
-    assert ours.proof(b"a") != theirs.proof(b"a")
-    sealed = sessions(ours)[0].seal(1, DATAGRAM)
-    assert sessions(theirs)[1].open(1, sealed) is None
+    assert theirs.hear(b"", ours.call(b"", KEY).hello(b"")) is None
+    sealed = exchanged(ours)[0].seal(1, DATAGRAM)
+    assert exchanged(theirs)[1].open(1, sealed) is None
 
 
 def test_the_session_key_needs_the_ephemeral_keys_too() -> None:
-    sealed = sessions(PresharedKey(KEY), seed=1)[0].seal(1, DATAGRAM)
-    assert sessions(PresharedKey(KEY), seed=2)[1].open(1, sealed) is None
+    sealed = exchanged(PresharedKey(KEY), seed=1)[0].seal(1, DATAGRAM)
+    assert exchanged(PresharedKey(KEY), seed=2)[1].open(1, sealed) is None
 
 
 def test_what_is_sealed_is_hidden() -> None:
-    assert b"hidden" not in sessions(PresharedKey(KEY))[0].seal(1, DATAGRAM)
-    assert b"hidden" in sessions(Checksum())[0].seal(1, DATAGRAM)
-
-
-@pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31), b"short", b""])
-def test_a_public_key_that_is_none_is_refused(public: bytes) -> None:
-    security = PresharedKey(KEY)
-    assert security.protect(is_initiator=True, private=KEY, peer_public=public, transcript=b"t") is None
+    assert b"hidden" not in exchanged(PresharedKey(KEY))[0].seal(1, DATAGRAM)
+    assert b"hidden" in exchanged(Checksum())[0].seal(1, DATAGRAM)
 
 
 @pytest.mark.parametrize("size", [0, 16, 31, 33])

@@ -13,24 +13,16 @@ from protocol.security import Security
 from protocol.session import Parameters, Session
 from protocol.statistics import Statistics
 from protocol.wire import pack_word
-from tests.protocol.harness import suites, update_fields
+from tests.protocol.harness import exchanged, suites, update_fields
 
 
 def pair(
     security: Security, first_sequence: int = 1, silence: float = 0.1
 ) -> tuple[Session, Session, Statistics, Statistics]:
     parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, silence)
-    privates = [bytes([side + 1]) * security.private_size for side in range(2)]
     made: list[Session] = []
     counted: list[Statistics] = []
-    for side in range(2):
-        protection = security.protect(
-            is_initiator=side == 0,
-            private=privates[side],
-            peer_public=security.public_key(privates[1 - side]),
-            transcript=b"t",
-        )
-        assert protection is not None
+    for side, protection in enumerate(exchanged(security)):
         counted.append(Statistics())
         session = Session(protection, parameters, counted[side], 0.0, 0.0, first_sequence=first_sequence)
         session.clock.learn(0.0, 0.0, 0.0)
@@ -134,11 +126,8 @@ def test_who_is_asked_answers_at_once() -> None:
 
 
 def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
-    security = Checksum()
     parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, 0.1)
-    protections = [
-        security.protect(is_initiator=side == 0, private=b"", peer_public=b"", transcript=b"t") for side in range(2)
-    ]
+    protections = exchanged(Checksum())
     sender = Session(protections[0], parameters, Statistics(), 0.0, 0.0)
     receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
     assert deliver(receiver, sender.sender.send_update(0.01, *update_fields(1)), 0.01) is DropReason.UNTIMED
@@ -151,9 +140,7 @@ def test_an_update_that_contradicts_itself_is_malformed() -> None:
     direction = Direction([3])
     layout = direction.updates[0]
     parameters = Parameters(direction, direction, 0.0, 0.001, 0.1)
-    protections = [
-        Checksum().protect(is_initiator=side == 0, private=b"", peer_public=b"", transcript=b"t") for side in range(2)
-    ]
+    protections = exchanged(Checksum())
     receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
     receiver.clock.learn(0.0, 0.0, 0.0)
     outcomes = []

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from random import Random
 
 from protocol.dialer import Dialer
-from protocol.handshake import PROTOCOL_VERSION, open_frame, read_map
+from protocol.handshake import HELLO_HEADER, PROTOCOL_VERSION, Caller, read_hello, read_hello_header, read_map
 from protocol.psk import PresharedKey
 from protocol.wire import CLEAR_BYTES, Kind, kind_of
 
@@ -66,15 +66,18 @@ def _calls(genuine: Sequence[bytes], key: bytes, random: Random) -> list[bytes]:
     """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
     security = PresharedKey(key)
     hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
-    frame = None if hello is None else open_frame(hello, security)
-    body = None if frame is None else read_map(frame[1])
-    if body is None:
+    exchange = None if hello is None else security.hear(hello[:HELLO_HEADER], hello[HELLO_HEADER:])
+    body = None if exchange is None else read_map(exchange.payload)
+    said = None if body is None else read_hello(body)
+    if hello is None or said is None:
         raise ValueError("no genuine HELLO was recorded to make others of")
-    agreement = body["agreement"]
-    assert isinstance(agreement, bytes)
-    calls = []
-    for _ in range(ROUNDS):
-        dialer = Dialer(security, random.randbytes, agreement, PROTOCOL_VERSION, 0.0)
-        dialer.start(0.0)
-        calls.append(dialer.hello(1.0))
-    return calls
+    header = read_hello_header(hello)
+    assert header is not None
+    caller = Caller(said.name, said.instance)
+
+    def before(_now: float) -> int:
+        return header.stamp - ROUNDS  # and rising, as those of a recording
+
+    dialer = Dialer(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, caller=caller, stamp=before)
+    dialer.start(0.0)
+    return [dialer.hello(1.0) for _ in range(ROUNDS)]

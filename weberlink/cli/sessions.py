@@ -41,9 +41,12 @@ def master(
     record: Record = None,
     log: Log = None,
     set_: Set = None,
+    take_over: Annotated[
+        bool, typer.Option("--take-over", help="Replace the master that the slave serves now, which then stops.")
+    ] = False,
 ) -> None:
     """Run the operator's side."""
-    _live("master", file, set_ or (), [MASTER], duration, json_out, record, log)
+    _live("master", file, set_ or (), [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
 def slave(
@@ -68,7 +71,7 @@ def check(file: File, set_: Set = None) -> None:
 
 
 def keygen(out: Annotated[Path, typer.Argument(metavar="OUT", help="Where to write the key, with mode 0600.")]) -> None:
-    """Write a new pre-shared key."""
+    """Write a new pre-shared key, for one master and one slave."""
     from protocol.keys import KeyFileError, generate  # noqa: PLC0415
 
     try:
@@ -106,6 +109,8 @@ def _live(
     json_out: Path | None,
     record: Path | None,
     log: Path | None,
+    *,
+    take_over: bool = False,
 ) -> None:
     from weberlink.composition.trial import try_out  # noqa: PLC0415
     from weberlink.launcher import Session  # noqa: PLC0415
@@ -129,7 +134,9 @@ def _live(
             live.update(Text(status_line(records, summary)))
 
         watcher = watch if console.is_terminal else None
-        with Session(configuration, overrides, sides, duration, watcher, record, journal) as session:
+        with Session(
+            configuration, overrides, sides, duration, watcher, record, journal, take_over=take_over
+        ) as session:
             summary = session.run()
     finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
 

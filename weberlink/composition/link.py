@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from codec import Channel, force_channel, position_channel
 from codec.predictors import Trust
@@ -18,6 +18,23 @@ from weberlink.configuration import Configuration, ConfigurationError, System
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
+
+
+class Identity(NamedTuple):
+    """What a process says of itself to the other end.
+
+    Args:
+        name: where the file sets none; "" for that of the role.
+        take_over: whether a master replaces another one that the slave serves.
+        stamp: wall clock [ns] at `now` [s]; None to count `now`.
+    """
+
+    name: str = ""
+    take_over: bool = False
+    stamp: Callable[[float], int] | None = None
+
+
+ANONYMOUS = Identity()
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -141,7 +158,10 @@ def build_endpoint(
     outgoing: tuple[Channel, ...],
     incoming: tuple[Channel, ...],
     peer: Address | None,
+    identity: Identity = ANONYMOUS,
 ) -> Endpoint:
+    names = system.link.names
+    own, other = (names.master, names.slave) if role is Role.INITIATOR else (names.slave, names.master)
     return Endpoint(
         role=role,
         agreement=agreement(system),
@@ -154,6 +174,10 @@ def build_endpoint(
         silence=system.link.silence_ms * 1e-3,
         peer=peer,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
+        name=own or identity.name,
+        expects=other or "",
+        take_over=identity.take_over,
+        stamp=identity.stamp,
     )
 
 

@@ -14,7 +14,9 @@ from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE
 from weberlink.composition.link import (
+    ANONYMOUS,
     Entropy,
+    Identity,
     Stopwatch,
     build_endpoint,
     check_axes,
@@ -39,6 +41,7 @@ def build_master(
     epoch: float,
     stopwatch: Stopwatch,
     peer: Address,
+    identity: Identity = ANONYMOUS,
 ) -> MasterLoop:
     """The operator's side, not yet open.
 
@@ -55,7 +58,7 @@ def build_master(
         decoder=Decoder(backward[0]),
         control=control,
         tuning=build_master_tuning(system, control),
-        endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer),
+        endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity),
         gate=ForceGate(
             ramp=system.master.limits.ramp_ms * 1e-3,
             silence=system.link.silence_ms * 1e-3,

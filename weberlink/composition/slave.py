@@ -14,7 +14,9 @@ from slave.safety import CommandGuard, Workspace
 from slave.scenes.scene import Scene
 from slave.scenes.settings import build
 from weberlink.composition.link import (
+    ANONYMOUS,
     Entropy,
+    Identity,
     Stopwatch,
     build_endpoint,
     check_axes,
@@ -37,6 +39,7 @@ def build_slave(
     entropy: Entropy,
     epoch: float,
     stopwatch: Stopwatch,
+    identity: Identity = ANONYMOUS,
 ) -> SlaveLoop:
     """The teleoperator's side, not yet open.
 
@@ -54,7 +57,7 @@ def build_slave(
         decoder=Decoder(forward[0]),
         control=control,
         tuning=build_slave_tuning(system, control, encoder),
-        endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None),
+        endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity),
         guard=CommandGuard(
             workspace=workspace_of(configuration, robot),
             speed=limits.speed_m_s,

@@ -8,9 +8,10 @@ from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
+from protocol.handshake import check_name
 from slave.scenes.settings import SceneSettings
 from weberlink.configuration.deadband import (
     ConeSettings,
@@ -27,6 +28,8 @@ TORQUE_BANK = ("zoh", "linear", "trend", "affine")
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
 Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 Interval = tuple[float, float]
+Name = Annotated[str, AfterValidator(check_name)]
+
 Probability = Annotated[float, Field(ge=0, le=1)]
 
 PERCEPTUAL_WEBER_LIMIT = 0.27
@@ -93,6 +96,16 @@ class EmulationSettings(Settings):
     """Same seed, same faults."""
 
 
+class NameSettings(Settings):
+    """What the two sides call themselves, and so whom each of them is to meet."""
+
+    master: Name | None = None
+    """The slave serves the master of this name alone. Without it, a master calls itself user@host."""
+    slave: Name | None = None
+    """The master takes the slave of this name alone, and else the first that answers, until it ends. Without it, a
+    slave calls itself host:port."""
+
+
 class LinkSettings(Settings):
     """Where the two sides meet, and how they trust each other."""
 
@@ -102,6 +115,7 @@ class LinkSettings(Settings):
     """Address at which the master finds the slave."""
     security: Literal["psk", "none"] = "psk"
     """`psk`: a pre-shared key encrypts every datagram. `none`: a checksum only, on loopback addresses only."""
+    names: NameSettings = NameSettings()
     key_file: Path | None = None
     """The key, as written by `weberlink keygen`; needed with `psk`."""
     silence_ms: float = Field(default=100.0, ge=10, le=60_000)

@@ -1,4 +1,4 @@
-"""Who may look: the two messages that open a connection, made of those of `protocol.handshake`. Pure.
+"""Who may look: the two messages that open a connection, a key exchange as that of `protocol.handshake`. Pure.
 
 The caller proves the key with its first message, and nothing is said before that. Its message may be an old one that
 somebody plays back: telemetry is sent only after the first message under fresh keys, which only the caller can make.
@@ -7,27 +7,16 @@ somebody plays back: telemetry is sent only after the first message under fresh 
 from collections.abc import Callable
 from hmac import digest
 
-from protocol.handshake import (
-    NONCE_BYTES,
-    Hello,
-    open_frame,
-    pack_agreement,
-    pack_frame,
-    pack_hello,
-    pack_refusal,
-    read_hello,
-    read_map,
-    read_welcome,
-    transcript,
-)
+from protocol.handshake import PADDED_HELLO, pack_map, pack_refusal, read_map
 from protocol.psk import PresharedKey
 from protocol.wire import Kind
 from telemetry.record import RECORD
 from telemetry.ring import SCHEMA
 from weberlink.monitor.remote.channel import Channel
 
-VERSION = 1
+VERSION = 2
 Entropy = Callable[[int], bytes]
+_HELLO, _WELCOME = (bytes((kind, VERSION)) for kind in (Kind.HELLO, Kind.WELCOME))
 
 
 class RefusedError(ConnectionError):
@@ -39,8 +28,8 @@ def suite(key: bytes) -> PresharedKey:
     return PresharedKey(digest(key, b"weberlink telemetry link", "sha256"))
 
 
-def _agreement() -> bytes:
-    return pack_agreement({"records": SCHEMA, "record_bytes": RECORD.size})
+def _agreement() -> dict[str, object]:
+    return {"records": SCHEMA, "record_bytes": RECORD.size}
 
 
 class Call:
@@ -52,13 +41,12 @@ class Call:
     """
 
     def __init__(self, security: PresharedKey, entropy: Entropy) -> None:
-        self._security = security
-        self._private = entropy(security.private_size)
-        self._hello = Hello(_agreement(), entropy(NONCE_BYTES), security.public_key(self._private), 0)
+        self._exchange = security.call(_HELLO, entropy(security.private_size))
+        self._payload = pack_map({**_agreement(), "padding": bytes(PADDED_HELLO - security.overhead)})
 
     def hello(self) -> bytes:
-        """The first message."""
-        return pack_hello(self._hello, VERSION, self._security)
+        """The first message, longer than its answer; only once."""
+        return _HELLO + self._exchange.hello(self._payload)
 
     def answered(self, frame: bytes) -> Channel:
         """The connection that an answer opens.
@@ -66,25 +54,14 @@ class Call:
         Raises:
             RefusedError: the other end did not prove the key, or refuses and says why.
         """
-        opened = open_frame(frame, self._security, self._hello.nonce)
+        opened = self._exchange.open(frame[len(_WELCOME) :])
         if opened is None:
             raise RefusedError("it does not prove the key; --key-file must be a copy of the one there")
-        version, packed = opened
+        packed, protection = opened
         body = read_map(packed)
         if body is not None and isinstance(body.get("refusal"), str):
             raise RefusedError(str(body["refusal"]))
-        welcome = None if body is None or version != VERSION else read_welcome(body, self._security)
-        protection = (
-            None
-            if welcome is None
-            else self._security.protect(
-                is_initiator=True,
-                private=self._private,
-                peer_public=welcome.key,
-                transcript=transcript(VERSION, self._hello, welcome.nonce, welcome.key),
-            )
-        )
-        if protection is None:
+        if body is None or frame[: len(_WELCOME)] != _WELCOME:
             raise RefusedError("its answer cannot be read; use the same release of weberlink on both hosts")
         return Channel(protection)
 
@@ -95,26 +72,16 @@ def answer(frame: bytes, security: PresharedKey, entropy: Entropy) -> tuple[byte
     Returns:
         None for a message that proves nothing, which gets no answer; without a connection, a refusal.
     """
-    opened = open_frame(frame, security)
-    if opened is None or frame[0] != Kind.HELLO:
+    head, message = frame[: len(_HELLO)], frame[len(_HELLO) :]
+    exchange = security.hear(head, message) if head[:1] == _HELLO[:1] else None
+    body = None if exchange is None else read_map(exchange.payload)
+    if exchange is None or body is None:
         return None
-    version, packed = opened
-    body = read_map(packed)
-    hello = None if body is None else read_hello(body, security)
-    if hello is None:
+    agrees = head == _HELLO and {**_agreement(), "padding": body.get("padding")} == body
+    why = "" if agrees else "the two hosts have different releases of weberlink; use the same one on both"
+    payload = pack_map({}) if agrees else pack_refusal(why, len(message) - security.overhead)
+    answered = exchange.answer(payload, entropy(security.private_size))
+    if answered is None:
         return None
-    if version != VERSION or hello.agreement != _agreement():
-        why = "the two hosts have different releases of weberlink; use the same one on both"
-        return pack_refusal(why, hello.nonce, version, security, len(frame)), None
-    private, nonce = entropy(security.private_size), entropy(NONCE_BYTES)
-    key = security.public_key(private)
-    protection = security.protect(
-        is_initiator=False,
-        private=private,
-        peer_public=hello.key,
-        transcript=transcript(VERSION, hello, nonce, key),
-    )
-    if protection is None:
-        return None
-    welcome = {"nonce": nonce, "key": key, "clock_us": 0, "delta_us": 0}
-    return pack_frame(Kind.WELCOME, VERSION, welcome, security, hello.nonce), Channel(protection)
+    reply, protection = answered
+    return _WELCOME + reply, Channel(protection) if agrees else None

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from protocol.dialer import Dialer
-from protocol.handshake import pack_agreement
+from protocol.handshake import INSTANCE_BYTES, Caller, pack_agreement
 from protocol.listener import Listener
 from protocol.psk import PresharedKey
 from protocol.reasons import DropReason
@@ -75,8 +75,10 @@ def test_releases_that_differ_are_told_so(monkeypatch: pytest.MonkeyPatch) -> No
 def test_no_message_of_the_one_protocol_is_one_of_the_other() -> None:
     """The daemons prove the same key."""
     daemons = PresharedKey(KEY)
-    dialer = Dialer(daemons, os.urandom, pack_agreement({"rate_hz": 1000}), 1, 0.0)
+    agreement = pack_agreement({"rate_hz": 1000})
+    caller = Caller("master", bytes(INSTANCE_BYTES))
+    dialer = Dialer(daemons, os.urandom, agreement, 2, 0.0, caller=caller, stamp=lambda now: 1)
     dialer.start(0.0)
     assert answer(dialer.hello(0.0), OURS, os.urandom) is None
-    listener = Listener(daemons, os.urandom, {}, 1, 0.0, lambda *_: None)  # type: ignore[arg-type]
-    assert listener.receive(Call(OURS, os.urandom).hello(), 0.0) is DropReason.UNPROVEN  # type: ignore[arg-type]
+    listener = Listener(daemons, os.urandom, {}, 2, 0.0, lambda *_: None, name="slave")  # type: ignore[arg-type]
+    assert listener.receive(Call(OURS, os.urandom).hello(), 0.0) is DropReason.UNPROVEN

@@ -1,0 +1,194 @@
+"""Noise_NNpsk0_25519_AESGCM_SHA256: two messages that make fresh keys of a pre-shared one.
+
+Section numbers are those of the Noise Protocol Framework, revision 34. The pattern (sections 7.4 and 9.4):
+
+    -> psk, e       `Initiator.write`, `Responder.read`
+    <- e, ee        `Initiator.read`, `Responder.write`
+
+Both messages carry an encrypted payload. What the first one shows is that its sender holds the key at some time; it may
+be a recording. The keys of `split` are known to nobody but the two ends, even if the pre-shared key is known later.
+An ephemeral key must never be used for two messages: the payload is encrypted under a key that follows from it.
+"""
+
+from hashlib import sha256
+from hmac import digest
+from typing import NamedTuple
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
+NAME = b"Noise_NNpsk0_25519_AESGCM_SHA256"
+_FIRST = NAME.ljust(32, b"\0")
+"""InitializeSymmetric: a name of up to 32 bytes is its own hash, padded with zeros."""
+PSK_BYTES = 32
+PRIVATE_BYTES = 32
+PUBLIC_BYTES = 32
+OVERHEAD = PUBLIC_BYTES + 16
+"""Bytes that each message adds to its payload: the public key and the tag."""
+
+
+class Secrets(NamedTuple):
+    """What two ends have in common after both messages."""
+
+    forward: bytes
+    """Key from initiator to responder, of 32 bytes."""
+    backward: bytes
+    handshake_hash: bytes
+    """Of everything that was said (section 11.2)."""
+
+
+def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:
+    """Two or three keys of 32 bytes (section 4.3)."""
+    temporary = digest(chaining_key, material, "sha256")
+    outputs: list[bytes] = []
+    for number in range(1, count + 1):
+        previous = outputs[-1] if outputs else b""
+        outputs.append(digest(temporary, previous + bytes((number,)), "sha256"))
+    return outputs
+
+
+class SharedKey:
+    """A pre-shared key after the token `psk` (section 9.2), which comes first and so is the same in every handshake."""
+
+    __slots__ = ("chaining_key", "mixed")
+
+    def __init__(self, psk: bytes) -> None:
+        self.chaining_key, self.mixed, _ = hkdf(_FIRST, psk, 3)
+
+
+class SymmetricState:
+    """Section 5.2, with the CipherState of section 5.1; ready for the first token after `psk`."""
+
+    __slots__ = ("_chaining_key", "_hash", "_key", "_nonce")
+
+    def __init__(self, shared: SharedKey, prologue: bytes) -> None:
+        self._chaining_key = shared.chaining_key
+        self._hash = sha256(_FIRST + prologue).digest()
+        self.mix_hash(shared.mixed)
+        self._key = b""  # until the token `e`
+        self._nonce = 0
+
+    def copy(self) -> "SymmetricState":
+        """The same state, to try something with."""
+        other = object.__new__(SymmetricState)
+        other._chaining_key, other._hash = self._chaining_key, self._hash
+        other._key, other._nonce = self._key, self._nonce
+        return other
+
+    def mix_key(self, material: bytes) -> None:
+        self._chaining_key, self._key = hkdf(self._chaining_key, material, 2)
+        self._nonce = 0
+
+    def mix_hash(self, data: bytes) -> None:
+        self._hash = sha256(self._hash + data).digest()
+
+    def mix_ephemeral(self, public: bytes) -> None:
+        """The token `e` of a pattern with a pre-shared key (section 9.2)."""
+        self.mix_hash(public)
+        self.mix_key(public)
+
+    def encrypt_and_hash(self, clear: bytes) -> bytes:
+        sealed = AESGCM(self._key).encrypt(self._take_nonce(), clear, self._hash)
+        self.mix_hash(sealed)
+        return sealed
+
+    def decrypt_and_hash(self, sealed: bytes) -> bytes | None:
+        """The clear text; None, and the state is of no more use, if it is not authentic."""
+        try:
+            clear = AESGCM(self._key).decrypt(self._take_nonce(), sealed, self._hash)
+        except InvalidTag:
+            return None
+        self.mix_hash(sealed)
+        return clear
+
+    def _take_nonce(self) -> bytes:
+        """Section 12.3: 32 bits of zero, then the counter, big-endian."""
+        nonce = self._nonce.to_bytes(12, "big")
+        self._nonce += 1
+        return nonce
+
+    def split(self) -> Secrets:
+        forward, backward = hkdf(self._chaining_key, b"", 2)
+        return Secrets(forward, backward, self._hash)
+
+
+class Initiator:
+    """Writes the first message and reads the second."""
+
+    __slots__ = ("_private", "_state")
+
+    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes) -> None:
+        """Prepare.
+
+        Args:
+            shared: made of `PSK_BYTES`.
+            prologue: what both ends must see alike; it is not sent by this.
+            private: `PRIVATE_BYTES` random bytes that serve for this message alone.
+        """
+        self._private = X25519PrivateKey.from_private_bytes(private)
+        self._state = SymmetricState(shared, prologue)
+
+    def write(self, payload: bytes) -> bytes:
+        """The message `psk, e`; only once."""
+        public = self._private.public_key().public_bytes_raw()
+        self._state.mix_ephemeral(public)
+        return public + self._state.encrypt_and_hash(payload)
+
+    def read(self, message: bytes) -> tuple[bytes, Secrets] | None:
+        """Payload of the message `e, ee`, and the secrets; None if it is not authentic. May be tried again."""
+        state, public = self._state.copy(), message[:PUBLIC_BYTES]
+        state.mix_ephemeral(public)
+        shared = _exchange(self._private, public)
+        if shared is None:
+            return None
+        state.mix_key(shared)
+        payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
+        return None if payload is None else (payload, state.split())
+
+
+class Responder:
+    """Has read the first message, and writes the second.
+
+    Attributes:
+        payload: of the first message.
+    """
+
+    __slots__ = ("_peer", "_state", "payload")
+
+    def __init__(self, state: SymmetricState, peer: bytes, payload: bytes) -> None:
+        self._state = state
+        self._peer = peer
+        self.payload = payload
+
+    @classmethod
+    def read(cls, shared: SharedKey, prologue: bytes, message: bytes) -> "Responder | None":
+        """Take the message `psk, e`; None if it is not authentic. Costs no X25519."""
+        state, public = SymmetricState(shared, prologue), message[:PUBLIC_BYTES]
+        state.mix_ephemeral(public)
+        payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
+        return None if payload is None else cls(state, public, payload)
+
+    def write(self, payload: bytes, private: bytes) -> tuple[bytes, Secrets] | None:
+        """The message `e, ee` and the secrets; only once. None if the peer's public key is none.
+
+        Args:
+            payload: to be sent.
+            private: `PRIVATE_BYTES` random bytes that serve for this message alone.
+        """
+        ours = X25519PrivateKey.from_private_bytes(private)
+        shared = _exchange(ours, self._peer)
+        if shared is None:
+            return None
+        public = ours.public_key().public_bytes_raw()
+        self._state.mix_ephemeral(public)
+        self._state.mix_key(shared)
+        return public + self._state.encrypt_and_hash(payload), self._state.split()
+
+
+def _exchange(private: X25519PrivateKey, public: bytes) -> bytes | None:
+    """DH of section 12.1. None for a wrong length, or a point of low order, whose secret everybody knows."""
+    try:
+        return private.exchange(X25519PublicKey.from_public_bytes(public))
+    except ValueError:
+        return None

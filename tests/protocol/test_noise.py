@@ -1,0 +1,101 @@
+"""The handshake against an independent implementation of the Noise Protocol Framework."""
+
+from random import Random
+
+import pytest
+from noise.connection import Keypair, NoiseConnection
+
+from protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
+
+PSK = SharedKey(bytes(range(PSK_BYTES)))
+PROLOGUE = b"\x01\x02 who and when"
+
+
+def judge(*, initiates: bool, psk: bytes, prologue: bytes, private: bytes) -> NoiseConnection:
+    """The other end, by the other implementation, with an ephemeral key that is known."""
+    connection = NoiseConnection.from_name(NAME)
+    connection.set_psks(psk)
+    connection.set_prologue(prologue)
+    if initiates:
+        connection.set_as_initiator()
+    else:
+        connection.set_as_responder()
+    connection.set_keypair_from_private_bytes(Keypair.EPHEMERAL, private)
+    connection.start_handshake()
+    return connection
+
+
+def keys(connection: NoiseConnection) -> set[bytes]:
+    protocol = connection.noise_protocol
+    return {protocol.cipher_state_encrypt.k, protocol.cipher_state_decrypt.k}
+
+
+def agrees(connection: NoiseConnection, secrets: Secrets) -> bool:
+    return keys(connection) == {secrets.forward, secrets.backward} and (
+        connection.get_handshake_hash() == secrets.handshake_hash
+    )
+
+
+@pytest.mark.filterwarnings("ignore:One of ephemeral keypairs:UserWarning")
+@pytest.mark.parametrize("seed", range(8))
+def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
+    random = Random(seed)
+    psk, prologue, first, second = (random.randbytes(size) for size in (32, seed * 9, 32, 32))
+    payloads = random.randbytes(seed * 40), random.randbytes(seed * 7)
+    ours = Initiator(SharedKey(psk), prologue, first)
+    theirs = judge(initiates=True, psk=psk, prologue=prologue, private=first)
+    hello = ours.write(payloads[0])
+    assert hello == theirs.write_message(payloads[0])
+    answering = Responder.read(SharedKey(psk), prologue, hello)
+    their_answering = judge(initiates=False, psk=psk, prologue=prologue, private=second)
+    assert answering is not None
+    assert answering.payload == payloads[0] == their_answering.read_message(hello)
+    written = answering.write(payloads[1], second)
+    assert written is not None
+    welcome, secrets = written
+    assert welcome == their_answering.write_message(payloads[1])
+    assert len(welcome) == OVERHEAD + len(payloads[1])
+    assert ours.read(welcome) == (payloads[1], secrets)
+    assert theirs.read_message(welcome) == payloads[1]
+    assert agrees(theirs, secrets) and agrees(their_answering, secrets)
+    assert theirs.encrypt(b"first") == their_answering.noise_protocol.cipher_state_decrypt.cipher.encrypt(
+        secrets.forward, 0, b"", b"first"
+    ), "forward is the key from the initiator"
+
+
+def exchange(prologues: tuple[bytes, bytes] = (PROLOGUE, PROLOGUE)) -> tuple[Initiator, bytes, Responder | None]:
+    ours = Initiator(PSK, prologues[0], bytes([7] * PRIVATE_BYTES))
+    hello = ours.write(b"payload")
+    return ours, hello, Responder.read(PSK, prologues[1], hello)
+
+
+def test_every_flipped_bit_of_either_message_is_found() -> None:
+    ours, hello, answering = exchange()
+    assert answering is not None
+    written = answering.write(b"answer", bytes([8] * PRIVATE_BYTES))
+    assert written is not None
+    for message, read in ((hello, lambda data: Responder.read(PSK, PROLOGUE, data)), (written[0], ours.read)):
+        for bit in range(0, 8 * len(message), 5):
+            if bit == 255:  # RFC 7748 section 5 has receivers ignore this bit of a key; Noise hashes it all the same
+                continue
+            damaged = bytearray(message)
+            damaged[bit // 8] ^= 1 << bit % 8
+            assert read(bytes(damaged)) is None
+        for size in (0, 1, 31, 32, 47, len(message) - 1):
+            assert read(message[:size]) is None
+    assert ours.read(written[0]) is not None, "a bad answer spoils nothing"
+
+
+def test_another_prologue_or_key_is_not_authentic() -> None:
+    _, hello, answering = exchange((PROLOGUE, b"other"))
+    assert answering is None
+    assert Responder.read(SharedKey(bytes(PSK_BYTES)), PROLOGUE, hello) is None
+
+
+@pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31)])
+def test_a_public_key_of_low_order_makes_no_session(public: bytes) -> None:
+    ours, _, answering = exchange()
+    assert answering is not None
+    assert ours.read(public + bytes(30)) is None
+    answering._peer = public
+    assert answering.write(b"", bytes([8] * PRIVATE_BYTES)) is None

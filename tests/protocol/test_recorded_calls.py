@@ -1,0 +1,229 @@
+"""Played-back and forged calls: what they cost, and that the master gets in while they come."""
+
+from collections.abc import Callable, Iterator
+from itertools import cycle
+from random import Random
+
+import pytest
+
+from protocol import DropReason, Endpoint, Role, State
+from protocol.dialer import Dialer
+from protocol.handshake import INSTANCE_BYTES, Caller, HelloHeader, pack_agreement, read_hello_header
+from protocol.listener import (
+    EXCHANGE_PACE,
+    EXCHANGE_PACE_ENGAGED,
+    KNOWN_MASTERS,
+    PENDING_LIMIT,
+    REFUSAL_PACE,
+    STALE_PACE,
+)
+from protocol.psk import PresharedKey
+from protocol.wire import Kind, kind_of
+from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
+
+STRANGER = ("203.0.113.9", 9)
+
+
+def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
+    """HELLOs of earlier runs of a master: proven, with rising stamps, and nobody waits for their answers."""
+    stamps = iter(range(first, first + count * step, step))
+    dialer = Dialer(
+        PresharedKey(KEY),
+        Random(f"{name} {first}").randbytes,
+        pack_agreement(AGREEMENT),
+        2,
+        0.0,
+        caller=Caller(name, bytes(INSTANCE_BYTES)),
+        stamp=lambda now: next(stamps),
+    )
+    dialer.start(0.0)
+    return [dialer.hello(0.0) for _ in range(count)]
+
+
+def forged(count: int) -> list[bytes]:
+    """HELLOs of somebody without the key."""
+    random = Random(4)
+    header = HelloHeader(2, bytes(8), 2**60).pack()
+    return [header + random.randbytes(494) for _ in range(count)]
+
+
+def listening(seed: int = 0) -> Endpoint:
+    slave = make_endpoint(Role.RESPONDER, seed=seed)
+    slave.connect(0.0)
+    return slave
+
+
+def answers(slave: Endpoint) -> int:
+    return sum(kind_of(data) == Kind.WELCOME for data, _ in slave.datagrams_to_send())
+
+
+class CountingKey(PresharedKey):
+    """Counts what was opened."""
+
+    opened = 0
+
+    def hear(self, prologue: bytes, message: bytes):  # type: ignore[no-untyped-def]
+        self.opened += 1
+        return super().hear(prologue, message)
+
+
+def test_a_repeated_hello_is_dropped_before_any_cryptography() -> None:
+    key = CountingKey(KEY)
+    pair = Pair(slave={"security": key}).engage()
+    hello = next(data for _, _, data in pair.tap if kind_of(data) == Kind.HELLO)
+    before = key.opened
+    for _ in range(500):
+        pair.slave.endpoint.receive_datagram(hello, STRANGER, pair.now)
+    assert key.opened == before
+    assert pair.slave.endpoint.statistics.dropped == {DropReason.REPLAYED: 500}
+    assert not answers(pair.slave.endpoint)
+
+
+def test_recordings_of_a_known_master_are_opened_at_a_pace_of_their_own() -> None:
+    key = CountingKey(KEY)
+    slave = make_endpoint(Role.RESPONDER, security=key)
+    slave.connect(0.0)
+    *old, newest = recorded(400)
+    slave.receive_datagram(newest, STRANGER, 0.0)
+    for number in range(20_000):
+        slave.receive_datagram(old[number % len(old)], STRANGER, 1.0 + number * 5e-5)
+    assert key.opened <= 2 + 1.0 / STALE_PACE
+    assert slave.statistics.dropped[DropReason.REPLAYED] == 20_000 - (key.opened - 1)
+
+
+@pytest.mark.parametrize("flood", [recorded(1), forged(50)])
+def test_what_is_dropped_leaves_the_pace_to_others(flood: list[bytes]) -> None:
+    """A call is answered at once, though others came at every instant before it."""
+    slave = listening()
+    slave.receive_datagram(flood[0], STRANGER, 0.0)
+    answers(slave)
+    for step in range(1, 1000):
+        slave.receive_datagram(flood[step % len(flood)], STRANGER, step * 1e-4)
+    assert not answers(slave)
+    slave.receive_datagram(recorded(1, first=50)[0], MASTER, 0.1)
+    assert answers(slave) == 1
+
+
+@pytest.mark.parametrize(("is_engaged", "pace"), [(False, EXCHANGE_PACE), (True, EXCHANGE_PACE_ENGAGED)])
+def test_keys_are_exchanged_at_a_pace_however_many_calls_come(is_engaged: bool, pace: float) -> None:
+    pair = Pair(master={"name": "ann"}).connect()
+    if is_engaged:
+        pair.run(0.2)
+    slave = pair.slave.endpoint
+    answered = 0
+    for hello in recorded(400):
+        pair.run(0.001)
+        slave.receive_datagram(hello, STRANGER, pair.now)
+        answered += answers(slave)
+    assert 1 <= answered <= 1 + 0.4 / (REFUSAL_PACE if is_engaged else pace)
+    assert slave.statistics.dropped[DropReason.OVERLOADED] == 400 - answered
+
+
+def test_sessions_on_paper_are_bounded_for_each_master_and_in_all() -> None:
+    slave = listening()
+    calls = [recorded(8, name=f"user{number}@host") for number in range(2 * KNOWN_MASTERS)]
+    for step, hello in enumerate(hello for row in zip(*calls, strict=True) for hello in row):
+        slave.receive_datagram(hello, STRANGER, step * EXCHANGE_PACE)
+        assert len(list(slave._listener.pending)) <= PENDING_LIMIT * KNOWN_MASTERS
+    assert len(list(slave._listener.pending)) >= KNOWN_MASTERS
+
+
+def test_a_forgotten_master_does_not_reopen_its_recordings() -> None:
+    slave = listening()
+    of_all = [recorded(2, name=f"user{number}@host", first=1000 + number) for number in range(4 * KNOWN_MASTERS)]
+    now = 0.0
+    for _, second in of_all:
+        now += EXCHANGE_PACE
+        slave.receive_datagram(second, STRANGER, now)
+    answers(slave)
+    dropped = slave.statistics.dropped[DropReason.REPLAYED]
+    for calls in of_all:
+        for hello in calls:
+            slave.receive_datagram(hello, STRANGER, now)
+    replayed = slave.statistics.dropped[DropReason.REPLAYED] - dropped
+    assert replayed + answers(slave) == 2 * len(of_all), "all but one, which was told the stamp that it must exceed"
+    assert replayed >= 2 * len(of_all) - 1
+
+
+@pytest.mark.parametrize("back", [1e-9, 1.0, 1e9])
+def test_a_master_whose_clock_went_back_goes_on_from_its_newest_stamp(back: float) -> None:
+    def clock(ahead: float) -> Callable[[float], int]:
+        return lambda now: round((2e9 + ahead + now) * 1e9)
+
+    pair = Pair(master={"stamp": clock(0.0)}).engage()
+    pair.master.endpoint.close(pair.now, "restarted")
+    pair.run(0.1)
+    restarted = make_endpoint(Role.INITIATOR, seed=8, epoch=pair.now, stamp=clock(-back - pair.now))
+    pair.master.endpoint = restarted
+    restarted.connect(pair.now)
+    pair.run(0.1)
+    assert restarted.state is pair.slave.endpoint.state is State.ENGAGED
+
+
+def test_a_repeated_answer_about_stamps_moves_nothing_back() -> None:
+    pair = Pair()
+    pair.slave.endpoint.connect(0.0)
+    pair.slave.endpoint.receive_datagram(recorded(1, first=10**12)[0], STRANGER, 0.0)
+    pair.slave.endpoint.datagrams_to_send()
+    pair.master.endpoint.connect(0.0)
+    pair.run(0.05)
+    stamps = [read_hello_header(data) for _, side, data in pair.tap if side is pair.master and kind_of(data) == 1]
+    assert [header.stamp > 10**12 for header in stamps if header is not None] == [False, True, True]
+    assert pair.master.faults() == [], "it expects no answer to the first one any more"
+    assert pair.slave.endpoint.state is State.ENGAGED
+
+
+RATE = 20_000
+"""Calls a second that somebody sends."""
+SHARE = 0.3
+"""Of a processor, that a shell spends on an open port (`protocol.aio.udp.PEER_SHARE`)."""
+BUFFER = 160
+"""HELLOs that wait in the kernel before it drops (212,992 bytes of buffer, 1,280 for each)."""
+COST = {True: 60e-6, False: 10e-6}
+"""Of a HELLO that is opened, and of one that is not [s]: several times what was measured on a quiet machine."""
+
+
+def flood_until_engaged(flood: Iterator[bytes], key: CountingKey, limit: float) -> float:
+    """Time until the master is in, which starts with the flood, at a slave that was just started [s]."""
+    pair = Pair(slave={"security": key}).connect()
+    slave, random = pair.slave.endpoint, Random(1)
+    genuine: list[bytes] = []
+    pair.swallow = lambda side, data: side is pair.master and not genuine.append(data)  # it goes through the port below
+    port: list[tuple[bytes, tuple[str, int]]] = []
+    budget = 0.0
+    while pair.now < limit:
+        pair.run(0.001)
+        arrivals = [(next(flood), STRANGER) for _ in range(round(RATE * 0.001))]
+        for data in genuine:
+            arrivals.insert(random.randrange(len(arrivals)), (data, MASTER))
+        genuine.clear()
+        port = (port + arrivals)[:BUFFER]
+        budget = min(budget + SHARE * 0.001, 0.002)
+        while port and budget > 0.0:
+            opened = key.opened
+            slave.receive_datagram(*port.pop(0), pair.now)
+            budget -= COST[key.opened > opened]
+        if slave.state is State.ENGAGED is pair.master.endpoint.state:
+            return pair.now
+    return limit
+
+
+FLOODS = {
+    "one recording": lambda: cycle(recorded(1)),
+    "rising stamps": lambda: iter(RISING),
+    "rising stamps, over and over": lambda: cycle(RISING[:500]),
+    "forty masters": lambda: cycle(
+        [hello for row in zip(*(recorded(30, name=f"user{n}@host") for n in range(40)), strict=True) for hello in row]
+    ),
+    "forged": lambda: cycle(forged(100)),
+}
+RISING: list[bytes] = []
+
+
+@pytest.mark.parametrize("kind", FLOODS)
+def test_the_master_gets_in_while_20000_calls_a_second_arrive(kind: str) -> None:
+    if not RISING:
+        RISING.extend(recorded(6_000))
+    flood = FLOODS[kind]()
+    endless = (hello for part in (flood, cycle(RISING[-1:])) for hello in part)
+    assert flood_until_engaged(endless, CountingKey(KEY), 3.5) <= 3.0
