@@ -151,7 +151,7 @@ def test_a_replayed_hello_does_not_hurt_a_live_session() -> None:
 
 def test_a_call_is_answered_however_long_the_path() -> None:
     """HELLOs are repeated before the first answer is back; the slave keeps the session of each that long."""
-    for one_way, silence in ((0.045, 0.1), (0.2, 0.5), (0.9, 2.0), (4.5, 10.0)):
+    for one_way, silence in ((0.045, 0.3), (0.2, 1.2), (0.9, 5.0), (1.8, 10.0)):
         slow = Emulation(delay_s=one_way)
         pair = Pair(forward=slow, backward=slow, master={"silence": silence}, slave={"silence": silence})
         pair.connect().run(3.2 * one_way)

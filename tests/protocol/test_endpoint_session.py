@@ -129,6 +129,8 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
     changes = {"security": security, "incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=changes, slave=changes, on_tick=on_tick)
     pair.connect().run(11.0)
+    pair.forward, pair.backward = pair.link(None), pair.link(None)
+    pair.run(1.0)
     for sender, receiver in (pair.sides, pair.sides[::-1]):
         ticks = [event.tick for event in receiver.updates()]
         assert ticks == sorted(ticks), f"seed {seed}"

@@ -11,10 +11,10 @@ from protocol.security import Security
 from tests.protocol.harness import KEY, Pair, Side, update_fields
 
 RECORDED = {
-    ("checksum", False): "1d2b7936b21160d2fba14e83bb0f9a67f6a69e2b25512d7af22729000f50e5cb",
-    ("checksum", True): "db30972eb49def99421e96cabd70bdfed0dfe38c06371b1d6a90de69e414b942",
-    ("psk", False): "2cd878a762925cae603b055b4f492ce25cc681d4a1f504b764e4015aeed8bf81",
-    ("psk", True): "d9a07ffc5bdf5c20bfba8b281acda5b4aff2dce8b3b5f314c2855b1355aa938e",
+    ("checksum", False): "f4eaff3f3830fc54872abef1cc6aec6ebb75171c3baf3fdd73e11cbe975e8041",
+    ("checksum", True): "993a1139e30b2dc13fde0c7c5d507a5372ca30da4a01d11d6e830758d9a6228d",
+    ("psk", False): "28b8285f8c51d75651a08a277372ee4f7c91698e76fc4fcca426fec2c8485b2d",
+    ("psk", True): "0c725e7f50f4ed3debf606ad3958408e5c1b56870c3debd2acfbb725415982de",
 }
 """Of the script below: SHA-256 of every datagram in the order in which they left."""
 
