@@ -553,7 +553,7 @@ class Endpoint:
             return
         path.hear(source, now, is_fresh=is_newest and session.is_fresh)
         self._address = path.address
-        if session.is_fresh and (challenge := path.challenge(now)) is not None:
+        if (challenge := path.challenge(now)) is not None:
             token, target = challenge
             self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
 

@@ -59,10 +59,13 @@ class Path:
         self._asked_at = -inf
 
     def hear(self, source: Address, now: float, *, is_fresh: bool) -> None:
-        """Take note of an authentic datagram; it is fresh if none that left later has come before it."""
+        """Take note of an authentic datagram; it is fresh if neither a copy nor one that left later has come before it.
+
+        While the present address is not proven, it may be that of the copies, so a copy makes a candidate too.
+        """
         if source == self.address:
             self._heard_at, self._in_a_row = now, 0
-        elif is_fresh:
+        elif is_fresh or not self._is_proven:
             if source != self._candidate:
                 self._candidate, self._answered, self._in_a_row, self._token = source, False, 0, b""
             self._in_a_row += 1

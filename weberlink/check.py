@@ -14,6 +14,7 @@ from codec.predictors import BANKS, PREDICTORS
 from codec.vector import ZERO, Vector
 from control.table import SCHEMES
 from master.devices.contract import Device
+from protocol.heartbeat import ROUND_TRIP_SHARE
 from protocol.wire import UpdateLayout
 from slave.robots.contract import Robot, RobotSpec
 from slave.scenes.scene import Scene
@@ -203,10 +204,11 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     if weber > PERCEPTUAL_WEBER_LIMIT:
         yield f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}"
     emulate = system.link.emulate or EmulationSettings()
-    if emulate.delay_ms + emulate.jitter_ms >= system.link.silence_ms:
+    round_trip_ms = 2.0 * (emulate.delay_ms + emulate.jitter_ms)
+    if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
         yield (
-            f"link.silence_ms {system.link.silence_ms:g}: commands are older than this when they arrive "
-            f"({emulate.delay_ms + emulate.jitter_ms:g} ms), so none would be executed"
+            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms, so "
+            f"the sides would lose each other; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
         )
     if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
         yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"

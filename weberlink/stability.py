@@ -22,6 +22,7 @@ from evaluation.stability.survey import WallRow, survey, walls
 from evaluation.stability.verdict import CellObserver, Verdict
 from evaluation.stability.wall import Wall
 from evaluation.workers import spread
+from protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.composition.link import channels
 from weberlink.configuration import Configuration, load
 from weberlink.configuration.model import ControlSettings
@@ -141,7 +142,7 @@ def configuration(cell: Cell, when: Timing) -> Configuration:
             "loss": cell.loss,
             "seed": cell.seed,
         },
-        "link.silence_ms": 200.0 + 2.0 * (one_way_ms + 1e3 * cell.jitter_s),
+        "link.silence_ms": 200.0 + 2.0 * (one_way_ms + 1e3 * cell.jitter_s) / ROUND_TRIP_SHARE,
         "codec.force.predictor": cell.predictor,
         "codec.force.weber": cell.weber,
         "codec.force.floor_n": cell.floor_n,

@@ -27,6 +27,7 @@ from protocol.heartbeat import HeartbeatSchedule
 from protocol.psk import PresharedKey
 from protocol.security import Protection, Security
 from protocol.session import FADE_SHARE
+from protocol.wire import kind_of
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
@@ -155,6 +156,8 @@ class Pair:
         """Further masters, over the same links."""
         self.tap: list[tuple[float, Side, bytes]] = []
         """Everything sent: world time, sender, bytes."""
+        self.sent_to: list[tuple[Address, int]] = []
+        """Target and kind of the same."""
         self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
         """A fault aimed at certain datagrams, on top of those of the links."""
 
@@ -238,6 +241,7 @@ class Pair:
             link = self.backward if side is self.slave else self.forward
             for data, target in side.endpoint.datagrams_to_send():
                 self.tap.append((self.now, side, data))
+                self.sent_to.append((target, kind_of(data) if data else -1))
                 if not self.swallow(side, data):
                     link.send(data, (side.address, target), self.now)
         for side in self.everyone:

@@ -10,9 +10,10 @@ from protocol.events import PeerClosed, UpdateReceived
 from protocol.heartbeat import INTRODUCTIONS
 from protocol.reasons import DropReason
 from protocol.security import Security
+from protocol.sending import REKEY_AFTER_S
 from protocol.session import Parameters, Session
 from protocol.statistics import Statistics
-from protocol.wire import pack_word
+from protocol.wire import PHASE, pack_word
 from tests.protocol.harness import exchanged, suites, update_fields
 
 
@@ -166,3 +167,37 @@ def test_a_farewell_arrives_however_late() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     data = sender.sender.send_bye(0.1, "robot: fault")
     assert deliver(receiver, data, 50.0) == PeerClosed("robot: fault")
+
+
+@pytest.mark.parametrize("security", suites())
+def test_keys_are_replaced_by_time_and_by_count_without_a_loss(security: Security) -> None:
+    """Datagrams of both keys arrive mixed at each change; one that was sealed before it may come after."""
+    sender, receiver, counted, received = pair(security, silence=10.0)
+    phases: list[int] = []
+    held: list[bytes] = []
+    for step in range(1, 400):
+        now = step * 1.0
+        data = sender.sender.send_update(now, *update_fields(1000 * step))
+        phases.append(data[0] & PHASE)
+        if step % 7 == 0:
+            held.append(data)
+        else:
+            assert isinstance(deliver(receiver, data, now), UpdateReceived)
+        if held and step % 7 == 2:
+            assert deliver(receiver, held.pop(), now) is DropReason.SUPERSEDED
+        assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
+    assert sum(earlier != later for earlier, later in pairwise(phases)) == 400 // REKEY_AFTER_S
+    assert counted.repeats == received.lost == 0
+
+
+def test_a_datagram_with_a_wrapped_time_stamp_is_not_new() -> None:
+    """Held back for 2^24 stamps, it seems to have just left; its number says that it has not."""
+    sender, receiver, _, _ = pair(Checksum(), silence=10.0)
+    wrap = 2**24 * 1e-5
+    held = sender.sender.send_update(1.0, *update_fields(1000))
+    now = 1.0
+    while now < 1.0 + wrap:
+        deliver(receiver, sender.sender.send_heartbeat(now), now)
+        deliver(sender, receiver.sender.send_heartbeat(now), now)
+        now += 0.5
+    assert deliver(receiver, held, 1.0 + wrap + 0.001) in (DropReason.IMPLAUSIBLE, DropReason.STALE)

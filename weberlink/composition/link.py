@@ -122,6 +122,7 @@ def agreement(system: System) -> dict[str, object]:
     return {
         "rate_hz": system.rate_hz,
         "axes": system.axes,
+        "link.silence_ms": system.link.silence_ms,
         **_flat(system.control.model_dump(mode="json"), "control."),
         **_flat(system.codec.model_dump(mode="json", exclude=_unused(system)), "codec."),
     }

@@ -12,6 +12,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validat
 
 from codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
 from protocol.handshake import check_name
+from protocol.endpoint import MOST_TICKS
+from protocol.session import LONGEST_SILENCE
 from slave.scenes.settings import SceneSettings
 from weberlink.configuration.deadband import (
     ConeSettings,
@@ -118,8 +120,9 @@ class LinkSettings(Settings):
     names: NameSettings = NameSettings()
     key_file: Path | None = None
     """The key, as written by `weberlink keygen`; needed with `psk`."""
-    silence_ms: float = Field(default=100.0, ge=10, le=60_000)
-    """Silence that counts as a fault; a command older than this is never executed."""
+    silence_ms: float = Field(default=100.0, ge=10, le=1e3 * LONGEST_SILENCE)
+    """Longest time since a datagram left that the other side is known to have heard; beyond it the force is zero, the
+    robot holds, and no command is executed. More than the round trip by two thirds."""
     emulate: EmulationSettings | None = None
     """Faults to put on the link; leave out for a real one."""
 
@@ -422,6 +425,13 @@ class System(Settings):
     def tick_period(self) -> float:
         """[s]."""
         return 1.0 / self.rate_hz
+
+    @model_validator(mode="after")
+    def _silence_fits(self) -> "System":
+        longest = 1e3 * MOST_TICKS / self.rate_hz
+        if self.link.silence_ms > longest:
+            raise ValueError(f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}")
+        return self
 
     @model_validator(mode="after")
     def _rotation_fits(self) -> "System":

@@ -1,0 +1,48 @@
+"""Loop age: what an end may conclude from an echo, for any clocks and delays; two ends in test_endpoint_session."""
+
+from math import inf
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.liveness import DEAF, UNITS, Liveness
+
+SILENCE = 0.1
+OFFSETS = st.floats(-1e6, 1e6)
+DELAYS = st.floats(0.0, SILENCE)
+
+
+@given(OFFSETS, OFFSETS, DELAYS, DELAYS, DELAYS)
+def test_echo_tells_departure_on_own_clock(own: float, other: float, there: float, wait: float, back: float) -> None:
+    """At 3 s of the world one end sends, the other answers after a while; both clocks are anyhow."""
+    peer = Liveness(0.0, SILENCE, 3.0 + own, 3.0 + there + other)
+    echo = peer.echo(3.0 + there + wait + other)
+    end = Liveness(0.0, SILENCE, 0.0, own)
+    now = 3.0 + there + wait + back + own
+    age = now - end.confirmation(echo, now)
+    true = there + wait + back
+    rounding = 1e-9 * (1.0 + abs(own))
+    assert true - rounding <= age <= true + SILENCE / UNITS + rounding
+    if age <= SILENCE:
+        assert back <= SILENCE + rounding, "what is executed left no longer ago"
+
+
+def test_nothing_heard_within_limit_echoes_deaf() -> None:
+    peer = Liveness(0.0, SILENCE, 5.0, 5.0)
+    assert peer.echo(5.0 + SILENCE) != DEAF
+    assert peer.echo(5.0 + SILENCE + 1e-6) == DEAF
+    assert Liveness(0.0, SILENCE, 5.0, 5.0).confirmation(DEAF, 5.0) == -inf
+
+
+def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
+    """The dead-man button was released; an update that left before it comes later."""
+    end = Liveness(0.0, SILENCE, 0.0, 0.0)
+    end.hear(2, 0.02, DEAF, says_encoding=False, now=0.03)
+    end.hear(1, 0.01, DEAF, says_encoding=True, now=0.04)
+    assert not end.is_peer_encoding
+    assert end.encoder_heard_at == -inf
+    end.hear(3, 0.05, DEAF, says_encoding=None, now=0.06)
+    assert not end.is_peer_encoding
+    end.hear(4, 0.06, DEAF, says_encoding=True, now=0.07)
+    assert end.is_peer_encoding
+    assert end.encoder_heard_at == 0.07

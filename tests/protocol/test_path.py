@@ -1,0 +1,83 @@
+"""Where traffic goes when datagrams come from elsewhere: an attacker who copies, a peer that moves."""
+
+from random import Random
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol import Address, Connected, State
+from protocol.path import OVERTAKEN, Path
+from protocol.wire import Kind, kind_of
+from tests.protocol.harness import Pair, Side
+
+HOME: Address = ("192.0.2.1", 40_000)
+ELSEWHERE: Address = ("203.0.113.9", 9)
+QUIET = 0.02
+
+
+def proven() -> Path:
+    path = Path(HOME, Random(1).randbytes, QUIET)
+    path.hear(HOME, 0.0, is_fresh=True)
+    challenge = path.challenge(0.0)
+    assert challenge is not None
+    path.answer(challenge[0], HOME, 0.001)
+    assert path.challenge(1.0) is None
+    return path
+
+
+@given(st.lists(st.floats(1e-4, 0.05), min_size=1, max_size=200), st.floats(1e-5, QUIET))
+def test_copies_never_move_a_proven_address(gaps: list[float], ahead: float) -> None:
+    """Every copy comes first, its original follows; the attacker even answers the challenge."""
+    path, now = proven(), 0.0
+    for gap in gaps:
+        now += gap
+        path.hear(ELSEWHERE, now, is_fresh=True)
+        if (challenge := path.challenge(now)) is not None:
+            path.answer(challenge[0], challenge[1], now)
+        path.hear(HOME, now + min(ahead, 0.9 * gap), is_fresh=False)
+        assert path.address == HOME
+
+
+@given(st.floats(1e-3, 0.05))
+def test_peer_that_moved_is_followed_once_it_has_answered(gap: float) -> None:
+    path, now, steps = proven(), 0.0, 0
+    while path.address == HOME:
+        now, steps = now + gap, steps + 1
+        path.hear(ELSEWHERE, now, is_fresh=True)
+        if (challenge := path.challenge(now)) is not None:
+            assert challenge[1] == ELSEWHERE
+            path.answer(challenge[0], ELSEWHERE, now)
+    assert steps >= OVERTAKEN
+    assert now <= max(OVERTAKEN + 1, QUIET / gap + 2) * gap
+
+
+def test_answer_counts_from_the_address_that_was_asked_only() -> None:
+    path = proven()
+    for step in range(100):
+        path.hear(ELSEWHERE, 0.1 + 0.01 * step, is_fresh=True)
+        if (challenge := path.challenge(0.1 + 0.01 * step)) is not None:
+            path.answer(challenge[0], ("198.51.100.7", 7), 0.1 + 0.01 * step)
+            path.answer(bytes(8), ELSEWHERE, 0.1 + 0.01 * step)
+    assert path.address == HOME
+
+
+def test_racer_who_drops_nothing_gets_only_challenges() -> None:
+    """Every datagram of the master also arrives earlier, from the attacker's address, from the first one on."""
+
+    def on_tick(pair: Pair, now: float, tick: int) -> None:
+        for side, values in ((pair.master, 3), (pair.slave, 6)):
+            if side.sessions and tick % 7 == 0:
+                side.endpoint.send_update(now, tick, 0, (tick % 100,) * values, 0, ())
+
+    def race(side: Side, data: bytes) -> bool:
+        if side is pair.master and kind_of(data) != Kind.HELLO:
+            pair.slave.endpoint.receive_datagram(data, ELSEWHERE, pair.now)
+        return False
+
+    pair = Pair(on_tick=on_tick)
+    pair.swallow = race
+    pair.connect().run(2.0)
+    assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
+    assert pair.slave.endpoint.peer == HOME
+    assert len(pair.slave.of(Connected)) == 1
+    assert {kind for target, kind in pair.sent_to if target == ELSEWHERE} <= {Kind.PATH}
