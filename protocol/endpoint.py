@@ -541,7 +541,7 @@ class Endpoint:
             self._mailbox.post(session.sender.send_path(now, outcome.token, is_answer=True), address)
         elif isinstance(outcome, PathAnswered):
             if self._path is not None:
-                self._path.answer(outcome.token, address, now)
+                self._path.answer(outcome.token, now)
                 self._address = self._path.address
         else:
             self._take(outcome, now)

@@ -73,23 +73,22 @@ class Path:
 
     def challenge(self, now: float) -> tuple[bytes, Address] | None:
         """Token to be sent now, and where to; None if nothing has to be asked."""
-        target = self.address if self._candidate is None else self._candidate
-        is_open = not self._is_proven if self._candidate is None else not self._answered
-        if not is_open or now < self._asked_at + PACE:
+        is_settled = self._is_proven if self._candidate is None else self._answered
+        if is_settled or now < self._asked_at + PACE:
             return None
         self._asked_at = now
         self._token = self._token or self._entropy(TOKEN_BYTES)
-        return self._token, target
+        return self._token, self._candidate or self.address
 
-    def answer(self, token: bytes, source: Address, now: float) -> None:
-        """Take the answer to a challenge, which must come from the address that was asked."""
+    def answer(self, token: bytes, now: float) -> None:
+        """Take the answer to a challenge, from whatever address: who has the token has received it where it was sent."""
         if not self._token or token != self._token:
             return
-        if source == self._candidate:
+        if self._candidate is None:
+            self._is_proven, self._token = True, b""
+        else:
             self._answered = True
             self._settle(now)
-        elif source == self.address and self._candidate is None:
-            self._is_proven, self._token = True, b""
 
     def _settle(self, now: float) -> None:
         """Use the candidate if the present address is not proven, or has gone quiet."""
