@@ -478,7 +478,7 @@ class Endpoint:
     def _receive_hello(self, data: bytes, address: Address, now: float) -> None:
         serving = None if self._session is None else self._served
         is_engaged = self.state is State.ENGAGED
-        reply = self._listener.receive(data, now, serving=serving, is_engaged=is_engaged)
+        reply = self._listener.receive(data, address, now, serving=serving, is_engaged=is_engaged)
         if isinstance(reply, DropReason):
             self._mailbox.drop(reply)
             return
@@ -521,6 +521,9 @@ class Endpoint:
             self._mailbox.drop(match)
             return
         session, opened = match
+        if session is not self._session and now - session.liveness.heard_at > self._parameters.silence:
+            self._mailbox.drop(DropReason.STALE)
+            return
         is_newest = session.is_newest(opened)
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
@@ -529,8 +532,8 @@ class Endpoint:
             if not session.is_fresh or now >= session.silent_at:
                 self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
                 return
-            self._change_master(session, now)
-            self._establish(session, address)
+            called_from = self._change_master(session, now)
+            self._establish(session, called_from)
         session.measure()
         self._locate(session, address, now, is_newest=is_newest)
         if session.is_fresh and self.state is State.SILENT and now < session.silent_at:
@@ -557,15 +560,18 @@ class Endpoint:
             token, target = challenge
             self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
 
-    def _change_master(self, session: Session, now: float) -> None:
-        """A session on paper is confirmed: tell the master that it takes the place of."""
-        caller = self._listener.caller_of(session)
+    def _change_master(self, session: Session, now: float) -> Address:
+        """A session on paper is confirmed: tell the master that it takes the place of; where the new one has called.
+
+        It has received the WELCOME there, and so has proved the address.
+        """
+        caller, address = self._listener.origin_of(session)
         self._listener.settle()
         replaced = self._served
         self._served = caller
-        if self._session is None or caller is None or replaced is None or caller.instance == replaced.instance:
-            return
-        self._post(self._session.sender.send_bye(now, TAKEN_OVER + caller.name))
+        if self._session is not None and replaced is not None and caller.instance != replaced.instance:
+            self._post(self._session.sender.send_bye(now, TAKEN_OVER + caller.name))
+        return address
 
     def _match(self, data: bytes) -> tuple[Session, Opened] | DropReason:
         """The session under whose keys a datagram is authentic; one on paper becomes the session by this."""

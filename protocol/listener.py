@@ -20,6 +20,7 @@ from math import inf
 from typing import NamedTuple
 
 from protocol.dialer import unexpected_slave
+from protocol.events import Address
 from protocol.handshake import (
     HELLO_HEADER,
     WELCOME_HEADER,
@@ -65,6 +66,7 @@ class Reply(NamedTuple):
 class _Pending(NamedTuple):
     session: Session
     caller: Caller
+    address: Address
 
 
 @dataclass(slots=True)
@@ -133,10 +135,10 @@ class Listener:
         """Sessions that no datagram has confirmed yet."""
         return tuple(pending.session for master in self._masters.values() for pending in master.pending)
 
-    def caller_of(self, session: Session) -> Caller | None:
-        """Who called for a session that is still pending."""
+    def origin_of(self, session: Session) -> tuple[Caller, Address]:
+        """Who called for a session that is still pending, and from where."""
         pending = (each for master in self._masters.values() for each in master.pending)
-        return next((each.caller for each in pending if each.session is session), None)
+        return next((each.caller, each.address) for each in pending if each.session is session)
 
     def settle(self) -> None:
         """One of them was confirmed, or none is wanted: the others are void."""
@@ -144,12 +146,13 @@ class Listener:
             master.pending.clear()
 
     def receive(
-        self, data: bytes, now: float, *, serving: Caller | None = None, is_engaged: bool = False
+        self, data: bytes, address: Address, now: float, *, serving: Caller | None = None, is_engaged: bool = False
     ) -> Reply | DropReason:
         """Take a HELLO: the answer to send, never longer than the HELLO, or why there is none.
 
         Args:
             data: the datagram.
+            address: where it came from.
             now: [s].
             serving: the master of the present session; None without one.
             is_engaged: whether there is a session whose peer is heard.
@@ -170,7 +173,7 @@ class Listener:
         hello = self._read(header, exchange, serving)
         if isinstance(hello, Hello):
             master.exchanged_at = now
-            return self._welcome(header, exchange, hello, master, now)
+            return self._welcome(header, exchange, hello, master, address, now)
         return hello if isinstance(hello, DropReason) else self._refuse(header, exchange, hello, len(data), now)
 
     def _answer_stale(self, header: HelloHeader, data: bytes, newest: int, now: float) -> Reply | DropReason:
@@ -223,7 +226,7 @@ class Listener:
         return f"slave {self._name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"
 
     def _welcome(
-        self, header: HelloHeader, exchange: Incoming, hello: Hello, master: _Master, now: float
+        self, header: HelloHeader, exchange: Incoming, hello: Hello, master: _Master, address: Address, now: float
     ) -> Reply | DropReason:
         clock, departure = now - self._epoch, hello.clock_us * 1e-6
         welcome = Welcome(round(clock * 1e6), round((clock - departure) * 1e6), self._name)
@@ -232,7 +235,7 @@ class Listener:
             return DropReason.MALFORMED
         message, protection = answered
         session = self._open_session(protection, departure, now)
-        master.pending.append(_Pending(session, Caller(hello.name, hello.instance)))
+        master.pending.append(_Pending(session, Caller(hello.name, hello.instance), address))
         return Reply(header.pack_answer() + message, None)
 
     def _refuse(

@@ -33,24 +33,22 @@ class Path:
         "_entropy",
         "_heard_at",
         "_in_a_row",
-        "_is_proven",
         "_quiet",
         "_token",
         "address",
     )
 
     def __init__(self, address: Address, entropy: Callable[[int], bytes], quiet: float) -> None:
-        """Begin at the address of the handshake, which is not yet proven.
+        """Begin at the address where the peer has received our part of the handshake.
 
         Args:
             address: of the peer.
             entropy: random bytes of a number.
-            quiet: how long nothing must come from a proven address before another one is used [s].
+            quiet: how long nothing must come from an address before another one is used [s].
         """
         self.address = address
         self._entropy = entropy
         self._quiet = quiet
-        self._is_proven = False
         self._heard_at = -inf
         self._in_a_row = 0
         self._candidate: Address | None = None
@@ -59,13 +57,10 @@ class Path:
         self._asked_at = -inf
 
     def hear(self, source: Address, now: float, *, is_fresh: bool) -> None:
-        """Take note of an authentic datagram; it is fresh if neither a copy nor one that left later has come before it.
-
-        While the present address is not proven, it may be that of the copies, so a copy makes a candidate too.
-        """
+        """Take note of an authentic datagram; it is fresh if neither a copy nor one that left later came before it."""
         if source == self.address:
             self._heard_at, self._in_a_row = now, 0
-        elif is_fresh or not self._is_proven:
+        elif is_fresh:
             if source != self._candidate:
                 self._candidate, self._answered, self._in_a_row, self._token = source, False, 0, b""
             self._in_a_row += 1
@@ -73,28 +68,22 @@ class Path:
 
     def challenge(self, now: float) -> tuple[bytes, Address] | None:
         """Token to be sent now, and where to; None if nothing has to be asked."""
-        is_settled = self._is_proven if self._candidate is None else self._answered
-        if is_settled or now < self._asked_at + PACE:
+        if self._candidate is None or self._answered or now < self._asked_at + PACE:
             return None
         self._asked_at = now
         self._token = self._token or self._entropy(TOKEN_BYTES)
-        return self._token, self._candidate or self.address
+        return self._token, self._candidate
 
     def answer(self, token: bytes, now: float) -> None:
-        """Take the answer to a challenge, from whatever address: who has the token has received it where it was sent."""
-        if not self._token or token != self._token:
-            return
-        if self._candidate is None:
-            self._is_proven, self._token = True, b""
-        else:
+        """Take the answer to a challenge, from whatever address: only who got it at the candidate knows the token."""
+        if self._token and token == self._token:
             self._answered = True
             self._settle(now)
 
     def _settle(self, now: float) -> None:
-        """Use the candidate if the present address is not proven, or has gone quiet."""
+        """Use the candidate once it has answered and the present address has gone quiet."""
         if self._candidate is None or not self._answered:
             return
-        if self._is_proven and (self._in_a_row < OVERTAKEN or now - self._heard_at < self._quiet):
-            return
-        self.address, self._is_proven, self._heard_at = self._candidate, True, now
-        self._candidate, self._answered, self._token = None, False, b""
+        if self._in_a_row >= OVERTAKEN and now - self._heard_at >= self._quiet:
+            self.address, self._heard_at = self._candidate, now
+            self._candidate, self._answered, self._token = None, False, b""

@@ -19,7 +19,7 @@ from protocol.security import Protection
 from protocol.sending import Sender
 from protocol.sequence import SEQUENCE_BITS, expand_counter
 from protocol.statistics import Statistics
-from protocol.timing import EARLY_LIMIT, Clock
+from protocol.timing import Clock
 from protocol.wire import (
     CHANGE_TICK_BITS,
     PHASE,
@@ -105,11 +105,13 @@ class Session:
     """
 
     __slots__ = (
+        "_floor",
         "_held_ticks",
         "_incoming",
         "_incoming_phase",
         "_loss",
-        "_newest_departure",
+        "_mark",
+        "_marked_at",
         "_newest_report",
         "_parameters",
         "_protection",
@@ -155,7 +157,8 @@ class Session:
         self._held_ticks = [0] * len(parameters.incoming.updates)
         self._loss = LossMeter()
         self._newest_report = -1
-        self._newest_departure = peer_clock
+        self._floor = self._mark = -1
+        self._marked_at = now
         self.sender = Sender(
             protection,
             parameters.outgoing,
@@ -214,14 +217,16 @@ class Session:
         if sequence > self._replay.newest and first & PHASE != self._incoming_phase:
             self._protection.rekey_incoming()
             self._incoming_phase = first & PHASE
-        is_newest = sequence > self._replay.newest
+        self._raise_floor(now)
         self._replay.mark(sequence)
         self._statistics.lost += self._loss.record(sequence)
         self.sender.is_confirmed = True
         head = read_head(first, body)
         departure = self.clock.departure(head.sent, now)
-        if not self.clock.is_plausible(departure, now) or not self._is_in_order(departure, is_newest=is_newest):
+        if not self.clock.is_plausible(departure, now):
             return DropReason.IMPLAUSIBLE
+        if sequence <= self._floor:
+            return DropReason.STALE
         self.clock.record(departure, now)
         body = self._take_acks(head, body, departure)
         if head.kind == _BYE:
@@ -236,17 +241,13 @@ class Session:
             self.credit.learn(sequence, *unpack_credit(head.kind, body))
         return outcome
 
-    def _is_in_order(self, departure: float, *, is_newest: bool) -> bool:
-        """Whether a datagram left after those numbered below it, and before those numbered above.
+    def _raise_floor(self, now: float) -> None:
+        """Keep a number that was accepted at least one silence limit ago: what is numbered no higher is older than that.
 
-        A time stamp that has wrapped tells that a datagram held back for minutes has just left; its number does not.
+        Time stamps and echoes wrap, so one that was held back for minutes may look new; its number does not.
         """
-        if not is_newest:
-            return departure <= self._newest_departure + EARLY_LIMIT
-        if departure < self._newest_departure - EARLY_LIMIT:
-            return False
-        self._newest_departure = departure
-        return True
+        if now - self._marked_at >= self._parameters.silence:
+            self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
 
     def _take_acks(self, head: Head, body: bytes, departure: float) -> bytes:
         """What the datagram acknowledges of each stream of ours; returns the rest of it."""
