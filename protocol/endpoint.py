@@ -528,12 +528,9 @@ class Endpoint:
         outcome = session.accept(opened, now)
         if outcome is not DropReason.REPLAYED:
             self._mailbox.count(data)
-        if session is not self._session:
-            if not session.is_fresh or now >= session.silent_at:
-                self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
-                return
-            called_from = self._change_master(session, now)
-            self._establish(session, called_from)
+        if session is not self._session and not self._confirm(session, now):
+            self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
+            return
         session.measure()
         self._locate(session, address, now, is_newest=is_newest)
         if session.is_fresh and self.state is State.SILENT and now < session.silent_at:
@@ -559,6 +556,14 @@ class Endpoint:
         if (challenge := path.challenge(now)) is not None:
             token, target = challenge
             self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
+
+    def _confirm(self, session: Session, now: float) -> bool:
+        """A session on paper becomes the session, if what has come under its keys is fresh."""
+        if not session.is_fresh or now >= session.silent_at:
+            return False
+        called_from = self._change_master(session, now)
+        self._establish(session, called_from)
+        return True
 
     def _change_master(self, session: Session, now: float) -> Address:
         """A session on paper is confirmed: tell the master that it takes the place of; where the new one has called.

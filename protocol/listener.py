@@ -170,7 +170,7 @@ class Listener:
         master = self._remember(header)
         if now < master.exchanged_at + (EXCHANGE_PACE_ENGAGED if is_engaged else EXCHANGE_PACE):
             return DropReason.OVERLOADED
-        hello = self._read(header, exchange, serving)
+        hello = self._read(header, exchange, serving, is_engaged=is_engaged)
         if isinstance(hello, Hello):
             master.exchanged_at = now
             return self._welcome(header, exchange, hello, master, address, now)
@@ -199,7 +199,9 @@ class Listener:
         self._masters[header.identity] = _Master(header.stamp)
         return self._masters[header.identity]
 
-    def _read(self, header: HelloHeader, exchange: Incoming, serving: Caller | None) -> Hello | str | DropReason:
+    def _read(
+        self, header: HelloHeader, exchange: Incoming, serving: Caller | None, *, is_engaged: bool
+    ) -> Hello | str | DropReason:
         """What a HELLO says, why it is refused, or why it is of no use."""
         body = read_map(exchange.payload)
         if body is None:
@@ -210,6 +212,8 @@ class Listener:
         agreement = None if hello is None else read_map(hello.agreement)
         if hello is None or agreement is None or header.identity != identity_of(hello.name):
             return DropReason.MALFORMED
+        if serving is not None and serving.name == hello.name and not is_engaged:
+            serving = None  # a master that was started again calls in the silence of its former run
         return self._objection(hello, agreement, serving) or hello
 
     def _objection(self, hello: Hello, agreement: dict[str, object], serving: Caller | None) -> str:

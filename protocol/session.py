@@ -242,7 +242,7 @@ class Session:
         return outcome
 
     def _raise_floor(self, now: float) -> None:
-        """Keep a number that was accepted at least one silence limit ago: what is numbered no higher is older than that.
+        """Keep a number that was accepted at least one silence limit ago: what is numbered no higher left before that.
 
         Time stamps and echoes wrap, so one that was held back for minutes may look new; its number does not.
         """
