@@ -27,6 +27,7 @@ from protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    TakenOver,
     UpdateReceived,
 )
 from protocol.states import State
@@ -260,6 +261,9 @@ class MasterLoop:
                 self._faults.meet(Fault.REFUSED)
                 self.failure = f"refused: {message}"
                 self.stop(now, "refused")
+            case TakenOver(name):
+                self.failure = f"taken over by {name}"
+                self.stop(now, "taken over")
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE)
             case ChangeProposed(tick, body):
