@@ -255,8 +255,6 @@ class MasterLoop:
                 self._begin()
             case PeerSilent():
                 self._faults.meet(Fault.SILENCE)
-            case PeerClosed():
-                pass  # the gate fades the last force out; the next session starts afresh
             case Refused(message):
                 self._faults.meet(Fault.REFUSED)
                 self.failure = f"refused: {message}"
@@ -270,8 +268,8 @@ class MasterLoop:
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
-            case DatagramDropped():
-                pass  # counted by the endpoint; the session lives on
+            case PeerClosed() | DatagramDropped():
+                pass  # the gate fades the last force out, the next session starts afresh; counted by the endpoint
 
     def _begin(self) -> None:
         """A new session: nothing of the last one holds."""

@@ -93,8 +93,8 @@ class Dialer:
             expects: name of the slave; "" for any.
             takes_over: as of the attribute.
             stamp: wall clock [ns] at `now` [s]; where it goes back, stamps go on rising by one.
-            silence: of the session [s]; the round trip is shorter. Pauses grow from a twentieth to a fifth of it (or what
-                is longer), so that no more HELLOs are under way than the listener keeps sessions on paper.
+            silence: of the session [s]; the round trip is shorter. Pauses grow from a twentieth to a fifth of it, or to
+                what is longer, so that the listener keeps the session of each HELLO until its answer is back.
         """
         self._security = security
         self._entropy = entropy
