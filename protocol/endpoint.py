@@ -35,6 +35,8 @@ from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, Kind, kind_of, lengt
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 TAKEN_OVER = "taken over by "
 """How the farewell to a master begins that another one has replaced; its name follows."""
+PAPER_LIFE = 3.0
+"""Silence limits that a session may stay on paper; a round trip, and the time in which its master gives it up."""
 
 
 class Endpoint:
@@ -417,6 +419,9 @@ class Endpoint:
             return
         session, opened = match
         if session is not self._session:
+            if now > session.heard_at + PAPER_LIFE * self._parameters.silence:
+                self._mailbox.drop(DropReason.STALE)
+                return
             self._change_master(session, now)
             self._establish(session, address, now)
         self._mailbox.count(data)
