@@ -27,6 +27,7 @@ from protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    TakenOver,
     UpdateReceived,
 )
 from protocol.states import State
@@ -254,20 +255,21 @@ class MasterLoop:
                 self._begin()
             case PeerSilent():
                 self._faults.meet(Fault.SILENCE)
-            case PeerClosed():
-                pass  # the gate fades the last force out; the next session starts afresh
             case Refused(message):
                 self._faults.meet(Fault.REFUSED)
                 self.failure = f"refused: {message}"
                 self.stop(now, "refused")
+            case TakenOver(name):
+                self.failure = f"taken over by {name}"
+                self.stop(now, "taken over")
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE)
             case ChangeProposed(tick, body):
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
-            case DatagramDropped():
-                pass  # counted by the endpoint; the session lives on
+            case PeerClosed() | DatagramDropped():
+                pass  # the gate fades the last force out, the next session starts afresh; counted by the endpoint
 
     def _begin(self) -> None:
         """A new session: nothing of the last one holds."""

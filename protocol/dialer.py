@@ -27,7 +27,8 @@ from protocol.reasons import DropReason
 from protocol.security import Outgoing, Protection, Security
 
 FIRST_INTERVAL = 0.02
-LONGEST_INTERVAL = 0.5
+LONGEST_INTERVAL = 0.1
+"""A slave under a flood of calls reads a part of what comes; ten calls a second find their way."""
 OPEN_CALLS = 16
 """HELLOs whose answer is still taken."""
 
@@ -92,8 +93,8 @@ class Dialer:
             expects: name of the slave; "" for any.
             takes_over: as of the attribute.
             stamp: wall clock [ns] at `now` [s]; where it goes back, stamps go on rising by one.
-            silence: of the session [s]. The round trip is shorter, so a fifth of it between two HELLOs is enough, and
-                the listener keeps the session of each until its answer is back.
+            silence: of the session [s]; the round trip is shorter. Pauses grow from a twentieth to a fifth of it, or to
+                what is longer, so that the listener keeps the session of each HELLO until its answer is back.
         """
         self._security = security
         self._entropy = entropy
@@ -104,7 +105,7 @@ class Dialer:
         self._stamp = stamp
         self._newest = 0
         self._open: OrderedDict[int, Outgoing] = OrderedDict()
-        self._first_interval = self._interval = max(FIRST_INTERVAL, 0.2 * silence)
+        self._first_interval = self._interval = max(FIRST_INTERVAL, 0.05 * silence)
         self.expects = expects
         self.takes_over = takes_over
         self.due = inf
@@ -123,7 +124,7 @@ class Dialer:
     def hello(self, now: float) -> bytes:
         """The next HELLO of this call, and schedule the one after it."""
         self.due = now + self._interval
-        self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 2.0 * self._first_interval))
+        self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 4.0 * self._first_interval))
         self._newest = max(self._stamp(now), self._newest + 1)
         hello = Hello(
             self._agreement,

@@ -41,7 +41,6 @@ from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS, Kind, kin
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 TAKEN_OVER = "taken over by "
 """How the farewell to a master begins that another one has replaced; its name follows."""
-
 ATTESTED_S = 0.02
 ATTESTED_TICKS = 10
 """An encoder counts as running for so long, or for so many ticks, after its owner last said so."""

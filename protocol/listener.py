@@ -42,7 +42,7 @@ from protocol.roles import Role
 from protocol.security import Incoming, Protection, Security
 from protocol.session import Session
 
-PENDING_LIMIT = 4
+PENDING_LIMIT = 8
 """Sessions on paper of one master. A HELLO repeated before its answer can be back opens a further one."""
 KNOWN_MASTERS = 16
 """Masters that are remembered, those with the newest stamps: a recording pushes out no master that calls now."""

@@ -229,6 +229,22 @@ def test_of_two_masters_that_call_at_once_one_is_served(delay: float) -> None:
     assert len(pair.slave.of(Connected)) == 1
 
 
+def test_a_session_stays_on_paper_for_a_short_time() -> None:
+    """A relay holds the first datagrams of a call that a slave has answered."""
+    held: list[bytes] = []
+    pair = Pair()
+    pair.swallow = lambda side, data: side is pair.master and kind_of(data) != Kind.HELLO and not held.append(data)
+    pair.connect().run(0.1)
+    pair.swallow = lambda side, data: True
+    pair.run(5.0)
+    assert held
+    for data in held:
+        pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
+    pair.run(0.01)
+    assert pair.slave.endpoint.state is State.LISTENING
+    assert set(pair.slave.faults()) == {DropReason.STALE}
+
+
 @pytest.mark.parametrize("argument", ["name", "expects"])
 def test_a_name_that_cannot_be_printed_is_refused(argument: str) -> None:
     with pytest.raises(ValueError, match="printable"):

@@ -209,7 +209,7 @@ def test_the_robot_holds_when_the_master_dies_and_approaches_the_next_slowly(sys
         os.kill(killed.pid, signal.SIGKILL)
         killed_status = master.finish()[0]
         until(lambda: moved.last["fault"] == Fault.SILENCE, "silence")
-        with Program("master", system) as successor:
+        with Program("master", system, "--take-over") as successor:
             arrived = successor.engaged("master")
             until(lambda: moved.last["state"] == ENGAGED and not moved.last["ramping"], "the robot to arrive")
             status, output, errors = stop(slave)
@@ -220,6 +220,22 @@ def test_the_robot_holds_when_the_master_dies_and_approaches_the_next_slowly(sys
     assert (status, errors) == (0, "")
     assert set(document(output)["faults"]["slave"]) == {"silence"}
     assert killed_status == 1
+
+
+@realtime
+def test_a_second_master_is_refused_unless_it_takes_over(system: Path) -> None:
+    own = ("--set", "link.names.master=bob")
+    with Program("slave", system, "--json", "-") as slave, Program("master", system, "--json", "-") as first:
+        first.engaged("master")
+        with Program("master", system, "--json", "-", *own) as second:
+            status, output, _ = second.finish()
+            assert status == 1
+            assert all(word in document(output)["outcome"] for word in ("refused", "serves master", "--take-over"))
+        with Program("master", system, "--take-over", *own) as third:
+            third.engaged("master")
+            status, output, _ = first.finish()
+            assert (status, document(output)["outcome"]) == (1, "failed: taken over by bob")
+            assert "refused" not in document(stop(slave)[1])["faults"]["slave"]
 
 
 def check_approach(back: Records) -> None:
