@@ -61,7 +61,7 @@ class PolhemSerialEmulator(Board):
     transport: ClassVar[str] = "serial"
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
         **FAULTS,
-        "gimbal_error": "sensors of the gimbal that cannot be read: 1, 2, 4 or their sum; each is read every third time",
+        "gimbal_error": "sensors of the gimbal that cannot be read: 1, 2, 4 or their sum; 0: none",
         "wrong_model": "it says to be model 1, 2 or 3; 0: what it is",
     }
 
