@@ -8,13 +8,14 @@ from typing import Any
 
 import pytest
 
-from codec.vector import ZERO, Vector
+from codec.vector import ZERO, Vector, distance
 from master.devices.contract import DeviceFault
 from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
 from master.devices.polhem.options import PolhemHidOptions
 from master.devices.polhem.parameters import PARAMETERS
 from master.devices.polhem.polhem_device import PolhemDevice
 from master.devices.polhem.reports import LONG, SHORT, SetCounters
+from master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
 from tests.master.devices.polhem.boards import Board
 
 TICK = 0.001
@@ -37,7 +38,7 @@ def device_on() -> Iterator[Make]:
     """Makes a device on a board; with force, whatever the signs."""
     made: list[PolhemDevice] = []
 
-    def make(board: Board, **settings: Any) -> PolhemDevice:
+    def make(board: "Board | Desk", **settings: Any) -> PolhemDevice:
         options = PolhemHidOptions(port="/dev/hidraw9", **settings)
         options = options.model_copy(update={"signs_checked": PolhemHidDevice.fingerprint(options)})
         exchange = ReportExchange(options, options.wired(), 5.0, board)
@@ -101,6 +102,59 @@ def test_reports_of_the_other_length_are_refused(device_on: Make, said: int, sen
     with pytest.raises(DeviceFault, match=f"sends reports of {sent} bytes, the file says {said}.*report_bytes: {sent}"):
         device_on(board, report_bytes=said).open(monotonic())
     assert not any(any(command) for command in board.commands if isinstance(command, tuple))
+
+
+class Desk:
+    """An emulated device in place of its port, in real time."""
+
+    def __init__(self, **options: Any) -> None:
+        still = {"script": [{"motion": "rest", "duration_s": 1000.0}], "tremor_m": 0.0}
+        self.emulator = PolhemHidEmulator(PolhemHidEmulatorOptions.model_validate({"handle": still, **options}))
+        self.emulator.advance(monotonic())
+
+    def __call__(self, path: str) -> "Desk":
+        return self
+
+    def write(self, report: bytes) -> None:
+        self.emulator.receive(report, monotonic())
+
+    def read_all(self, until: float) -> list[bytes]:
+        while True:
+            now = monotonic()
+            self.emulator.advance(now)
+            reports = self.emulator.replies(now)
+            if reports or now >= until:
+                return reports
+            sleep(0.0002)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("built", "settings"),
+    [
+        ({"report": 14}, {}),
+        ({"report": 8}, {}),
+        ({"report": 8, "host": "haptikfabrikenapi"}, {"motor_directions": (1, 1, 1)}),
+        ({"report": 14, "encoder_signs": (-1, 1, 1)}, {"encoder_directions": (-1, 1, 1)}),
+        ({"report": 14, "motor_signs": (-1, 1, 1)}, {"motor_directions": (-1, 1, 1)}),
+        ({"report": 14, "parameters": "woodenhaptics_2019"}, {"parameters": "woodenhaptics_2019"}),
+        ({"report": 8, "parameters": "aluhaptics_v2"}, {"parameters": "aluhaptics_v2"}),
+        ({"report": 14, "parameters": "polhem_v3"}, {"parameters": "polhem_v3"}),
+    ],
+    ids=["14 bytes", "8 bytes", "other motors", "encoder A", "motor A", "2019", "aluhaptics", "polhem"],
+)
+def test_hand_and_force_agree_on_a_device_as_published(
+    device_on: Make, built: dict[str, Any], settings: dict[str, Any]
+) -> None:
+    desk = Desk(**built)
+    device = device_on(desk, report_bytes=built["report"], **settings)
+    device.open(monotonic())
+    force = (0.3, 0.6, -0.4)
+    press_until(device, force, lambda: distance(desk.emulator.force, force) < 0.05)
+    assert distance(device.latest(monotonic()).position, desk.emulator.position) < 5e-4
+    device.close()
 
 
 def test_another_kind_is_refused(device_on: Make) -> None:

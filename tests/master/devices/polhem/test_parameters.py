@@ -65,7 +65,10 @@ def test_the_old_key_is_both_where_the_published_signs_are_alike() -> None:
 @pytest.mark.parametrize(
     ("settings", "complaint"),
     [
-        ({"report_bytes": 8, "directions": (1, 1, 1)}, r"directions: .*\[-1, -1, -1\] and \[1, -1, -1\]; set encoder_d"),
+        (
+            {"report_bytes": 8, "directions": (1, 1, 1)},
+            r"directions: .*\[-1, -1, -1\] and \[1, -1, -1\]; set",
+        ),
         ({"directions": (1, 1, 1), "motor_directions": (1, 1, 1)}, "directions: leave it out beside"),
         ({"parameters": "aluhaptics_v2"}, "published for 8-byte reports, not for 14-byte reports: set encoder_dir"),
         ({"parameters": "aluhaptics_v2", "encoder_directions": (1, 1, 1)}, "published for 8-byte reports"),

@@ -164,7 +164,6 @@ def test_a_wrong_message_gets_its_error_the_last_counts_and_no_current(data: byt
 @pytest.mark.parametrize(
     "data",
     [b"[1,-2,3]", b"[1,-2,3]\n", b"[1,-2,3]\r\n\0\0\0\0\0", b"\0\0\n[1,-2,3]", b"[ 1, -2,+3]", b"[[1,-2,3.5]"],
-
 )
 def test_filling_around_a_message_is_no_error(data: bytes) -> None:
     desk = Desk()
