@@ -6,7 +6,7 @@ from codec.vector import Vector, add, norm, scale
 from master.devices.polhem.mechanism import Mechanism
 
 RAMP_S = 0.05
-"""In which the force comes up after a connection [s]."""
+"""In which the force comes up after a connection or a stall [s]."""
 
 
 class ForceStage:
@@ -26,9 +26,9 @@ class ForceStage:
         self._current_ma = current_ma
         self._carry = carry
 
-    def currents_ma(self, force: Vector, counts: Sequence[int], connected_for: float) -> tuple[int, int, int]:
-        """Currents for a force [N] in the pose of `counts`, `connected_for` [s] after the connection."""
-        limit = self._force_n * min(1.0, max(0.0, connected_for / RAMP_S))
+    def currents_ma(self, force: Vector, counts: Sequence[int], elapsed: float) -> tuple[int, int, int]:
+        """Currents for a force [N] in the pose of `counts`, `elapsed` [s] after the connection or a stall."""
+        limit = self._force_n * min(1.0, max(0.0, elapsed / RAMP_S))
         if self._carry:
             force = add(force, self._mechanism.carrying_force(counts))
         length = norm(force)

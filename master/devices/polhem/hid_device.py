@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from time import monotonic
 from typing import ClassVar
 
@@ -16,7 +17,7 @@ from master.devices.polhem.identity import Identity, located
 from master.devices.polhem.lock_step import LockStep
 from master.devices.polhem.options import PolhemHidOptions
 from master.devices.polhem.parameters import Parameters
-from master.devices.polhem.polhem_device import CARRY_S, PolhemDevice, spec_of
+from master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
 from master.devices.polhem.reports import SHORT, WATCHDOG_S, Currents, Sensors, SetCounters, Unwrapper
 from master.devices.polhem.sign_check import fingerprint
 from master.devices.polhem.whereabouts import Whereabouts
@@ -65,7 +66,8 @@ class ReportExchange:
         self._unwrapper = Unwrapper()
         self._whereabouts: Whereabouts | None = None
         self._relative: tuple[int, ...] = ()
-        self._connected_at = 0.0
+        self._asked_at = 0.0
+        self._force_from = 0.0
         self.commanded_at = 0.0
 
     def start_afresh(self) -> None:
@@ -83,9 +85,9 @@ class ReportExchange:
             if self._whereabouts is None:
                 self._whereabouts = Whereabouts(self._parameters, self._home_counts())
                 self._home(self._whereabouts)
-            self._connected_at = monotonic()
+            self._asked_at = self._force_from = asked = monotonic()
             counts = self._counts(self._insist(NO_CURRENT))
-            reading = self._whereabouts.begin(counts, self._connected_at, monotonic())
+            reading = self._whereabouts.begin(counts, asked, monotonic())
         except HardwareFault as fault:
             self.close()  # the next attempt could not open it otherwise
             raise located(path, fault) from None
@@ -95,10 +97,13 @@ class ReportExchange:
     def exchange(self, command: Vector) -> DeviceReading:
         assert self._whereabouts is not None
         asked, currents = monotonic(), NO_CURRENT
+        if asked - self._asked_at > STALL_S:
+            self._force_from = asked
+        self._asked_at = asked
         carry = self._options.gravity_compensation and asked - self.commanded_at < CARRY_S
         if carry or command != ZERO:
-            currents = self._stage.currents_ma(command, self._relative, asked - self._connected_at)
-        sensors = self._ask(currents)
+            currents = self._stage.currents_ma(command, self._relative, asked - self._force_from)
+        sensors = self._ask(currents, asked + STALL_S)
         counts = self._counts(sensors)
         reading = self._whereabouts.next(counts, asked, monotonic(), int(sensors.button))
         self._relative = self._whereabouts.relative(counts)
@@ -112,14 +117,14 @@ class ReportExchange:
             self._line = None
             line.close()
 
-    def _ask(self, command: Currents | SetCounters) -> Sensors:
-        """One report out and one in; raises BadReply where none comes in time."""
+    def _ask(self, command: Currents | SetCounters, fresh_until: float = inf) -> Sensors:
+        """One report out and one in; raises BadReply where none comes in time. `fresh_until`: see `LockStep.ask`."""
         if self._talk is not None:
-            return self._talk.ask(command, REPORT_S)
+            return self._talk.ask(command, REPORT_S, fresh_until)
         line = self._line
         assert line is not None
         line.hear(0.0)  # of before
-        line.send(command)
+        line.send(command if monotonic() <= fresh_until else NO_CURRENT)
         reports = line.hear(monotonic() + REPORT_S)
         if not reports or reports[-1] is None:
             raise BadReply("does not answer")

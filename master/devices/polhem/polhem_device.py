@@ -14,6 +14,9 @@ from master.devices.threaded_device import ThreadedDevice
 BAD_REPLIES = 50
 """In a row are a fault, 10 ms each where nothing answers; from the first of them on the motors get no current."""
 
+STALL_S = 0.05
+"""After such a time without an exchange the force comes up from zero again [s]: this process has stood still."""
+
 CARRY_S = 0.03
 """After such a time without a command the weight of the links is carried no more [s]: the loop has failed."""
 

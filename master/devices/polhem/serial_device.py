@@ -1,6 +1,7 @@
 """`polhem_serial`: Polhem, SensAble PHANTOM with new electronics, or WoodenHaptics, on a Teensy's serial port."""
 
 from contextlib import suppress
+from math import inf
 from pathlib import Path
 from time import monotonic
 from typing import ClassVar
@@ -15,7 +16,7 @@ from master.devices.polhem.homing import await_press, zeroed
 from master.devices.polhem.identity import Identity, located
 from master.devices.polhem.lock_step import LockStep
 from master.devices.polhem.options import PolhemSerialOptions
-from master.devices.polhem.polhem_device import CARRY_S, PolhemDevice, spec_of
+from master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
 from master.devices.polhem.serial_line import SerialLine
 from master.devices.polhem.sign_check import fingerprint
 from master.devices.polhem.whereabouts import Whereabouts
@@ -54,7 +55,8 @@ class BracketExchange:
         self._stage: ForceStage | None = None
         self._gimbal_doubted = 0
         self._counts: tuple[int, ...] = ()
-        self._connected_at = 0.0
+        self._asked_at = 0.0
+        self._force_from = 0.0
         self.commanded_at = 0.0
 
     def start_afresh(self) -> None:
@@ -72,9 +74,9 @@ class BracketExchange:
                 self._home(self._whereabouts)
             else:
                 self._recognise(model)
-            self._connected_at = monotonic()
+            self._asked_at = self._force_from = asked = monotonic()
             self._counts = self._insist().counts
-            return self._whereabouts.begin(self._counts, self._connected_at, monotonic(), oriented=self._oriented)
+            return self._whereabouts.begin(self._counts, asked, monotonic(), oriented=self._oriented)
         except HardwareFault as fault:
             self.close()  # the next attempt could not open it otherwise
             raise located(path, fault) from None
@@ -83,11 +85,14 @@ class BracketExchange:
         assert self._whereabouts is not None
         assert self._stage is not None
         asked, currents = monotonic(), NO_CURRENT
+        if asked - self._asked_at > STALL_S:
+            self._force_from = asked
+        self._asked_at = asked
         carry = self._options.gravity_compensation and asked - self.commanded_at < CARRY_S
         if carry or command != ZERO:
             relative = self._whereabouts.relative(self._counts)
-            currents = self._stage.currents_ma(command, relative, asked - self._connected_at)
-        counts = self._ask(currents).counts
+            currents = self._stage.currents_ma(command, relative, asked - self._force_from)
+        counts = self._ask(currents, asked + STALL_S).counts
         reading = self._whereabouts.next(counts, asked, monotonic(), oriented=self._oriented)
         self._counts = counts
         return reading
@@ -99,14 +104,14 @@ class BracketExchange:
                 self._ask(NO_CURRENT)
             line.close()
 
-    def _ask(self, currents: Currents) -> Status:
+    def _ask(self, currents: Currents, fresh_until: float = inf) -> Status:
         """One round trip; raises BadReply for an error of the message, since the currents were not applied then.
 
         A sensor of the gimbal that cannot be read comes after the currents were applied, and leaves the main counts
         good. The firmware reads one sensor per message, so all three are good again after three answers without error.
         """
         assert self._talk is not None
-        status = self._talk.ask(currents, REPLY_S)
+        status = self._talk.ask(currents, REPLY_S, fresh_until)
         if status.error & GIMBAL_ERRORS or (status.error and self._gimbal_doubted):
             self._gimbal_doubted = SENSORS
         elif status.error == 0:

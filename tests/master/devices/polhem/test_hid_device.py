@@ -13,7 +13,7 @@ from master.devices.contract import DeviceFault
 from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
 from master.devices.polhem.options import PolhemHidOptions
 from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.polhem_device import PolhemDevice
+from master.devices.polhem.polhem_device import STALL_S, PolhemDevice
 from master.devices.polhem.reports import LONG, SHORT, SetCounters
 from master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
 from tests.master.devices.polhem.boards import Board
@@ -155,6 +155,26 @@ def test_hand_and_force_agree_on_a_device_as_published(
     press_until(device, force, lambda: distance(desk.emulator.force, force) < 0.05)
     assert distance(device.latest(monotonic()).position, desk.emulator.position) < 5e-4
     device.close()
+
+
+def test_after_a_stall_of_the_host_the_force_comes_up_again() -> None:
+    board = Board(MIDDLE)
+    options = PolhemHidOptions(port="/dev/hidraw9")
+    exchange = ReportExchange(options, options.wired(), 5.0, board)
+    exchange.open()
+    force = (0.0, 0.0, 4.0)
+    full = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
+
+    def pressed() -> bool:
+        exchange.exchange(force)
+        return board.commands[-1] == full
+
+    until(pressed)
+    sleep(1.5 * STALL_S)
+    exchange.exchange(force)
+    assert board.commands[-1] == (0, 0, 0)
+    until(pressed)
+    exchange.close()
 
 
 def test_another_kind_is_refused(device_on: Make) -> None:
