@@ -69,6 +69,7 @@ class ReportExchange:
         self._asked_at = 0.0
         self._force_from = 0.0
         self.commanded_at = 0.0
+        self.orientation_trouble: str | None = None
 
     def start_afresh(self) -> None:
         self._identity.forget()

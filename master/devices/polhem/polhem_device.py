@@ -27,6 +27,11 @@ class PolhemExchange(Exchange[Vector, DeviceReading], Protocol):
     commanded_at: float
     """When the loop last commanded a force, zero included [s]: while it does, the weight of the links is carried."""
 
+    @property
+    def orientation_trouble(self) -> str | None:
+        """Why readings have no orientation although the device has sensors for it; None where they have."""
+        ...
+
     def start_afresh(self) -> None: ...
 
 
@@ -54,6 +59,10 @@ class PolhemDevice(ThreadedDevice):
         self.close()
         self._exchange.start_afresh()
         super().open(now)
+
+    @property
+    def trouble(self) -> str | None:
+        return super().trouble or self._exchange.orientation_trouble
 
     def command(self, force: Vector, now: float) -> None:
         super().command(force, now)

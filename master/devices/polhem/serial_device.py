@@ -54,6 +54,7 @@ class BracketExchange:
         self._whereabouts: Whereabouts | None = None
         self._stage: ForceStage | None = None
         self._gimbal_doubted = 0
+        self._gimbal_complaint = ""
         self._counts: tuple[int, ...] = ()
         self._asked_at = 0.0
         self._force_from = 0.0
@@ -112,6 +113,8 @@ class BracketExchange:
         """
         assert self._talk is not None
         status = self._talk.ask(currents, REPLY_S, fresh_until)
+        if status.error & GIMBAL_ERRORS:
+            self._gimbal_complaint = complaint(status.error & GIMBAL_ERRORS)
         if status.error & GIMBAL_ERRORS or (status.error and self._gimbal_doubted):
             self._gimbal_doubted = SENSORS
         elif status.error == 0:
@@ -123,6 +126,10 @@ class BracketExchange:
     @property
     def _oriented(self) -> bool:
         return self._gimbal_doubted == 0
+
+    @property
+    def orientation_trouble(self) -> str | None:
+        return None if self._oriented else self._gimbal_complaint
 
     def _insist(self) -> Status:
         """A good answer, from a board that may still have to begin."""

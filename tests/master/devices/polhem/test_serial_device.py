@@ -286,6 +286,7 @@ def test_a_broken_gimbal_costs_the_orientation_and_not_the_force(
         sleep(0.0005)
     assert weakest > 0.95
     assert oriented == 0
+    assert device.trouble == "gimbal sensor 2 does not answer"
     emulator.inject("gimbal_error", 0.0)
     until(lambda: device.latest(monotonic()).orientation is not None)
 
