@@ -31,6 +31,7 @@ class DeviceSpec:
         buttons: How many buttons it has.
         orientation: Whether its readings have an orientation.
         torque_n_m: Largest torque that it displays [N m]; more is cut to it. 0 without torque feedback.
+        watchdog_s: Time without a message after which the board itself removes the force [s]; None if it never does.
         note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
     """
 
@@ -44,6 +45,7 @@ class DeviceSpec:
     buttons: int = 0
     orientation: bool = False
     torque_n_m: float = 0.0
+    watchdog_s: float | None = None
     note: str = ""
 
 

@@ -52,12 +52,14 @@ class RobotReading(NamedTuple):
     """Measured at `at` [s]: position of the tip [m], and the force of the environment on the robot [N].
 
     `torque` is that of the environment on the tool about the tip [N m], axes of the robot's frame as for the force.
+    `sampled_at` is when the newest sample behind an interpolated reading was measured [s]; None where `at` says it.
     """
 
     at: float
     position: Vector
     force: Vector
     torque: Vector = ZERO
+    sampled_at: float | None = None
 
 
 class Robot(Protocol):

@@ -44,6 +44,13 @@ class Interpolation:
         if not samples or sample.at > samples[-1].at:
             self._samples = (*samples[1 - self._keep :], sample)
 
+    @property
+    def newest_at(self) -> float:
+        """When the newest sample was measured [s]; LookupError where there is none."""
+        if not self._samples:
+            raise LookupError("no sample yet")
+        return self._samples[-1].at
+
     def at(self, now: float) -> Sample:
         """The values of `now - lag` with that moment, or a sample as it is where that is beyond either end.
 

@@ -27,6 +27,8 @@ from hardware.found import Found
 from hardware.pty_device import PtyDevice
 from master import devices, emulators
 from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from slave import emulators as robot_emulators
+from slave import robots
 from slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from tests.weberlink.processes import PATIENCE
 from tests.weberlink.systems import CONFIGS
@@ -38,7 +40,7 @@ from weberlink.device_test.force_check import GIVES_WAY_M, PUSH_N
 from weberlink.device_test.gauge import Gauge
 from weberlink.device_test.master import try_master
 from weberlink.device_test.outcome import uninterrupted
-from weberlink.device_test.robot import WAY_M, try_robot
+from weberlink.device_test.robot import WAY_M, RobotView, try_robot
 from weberlink.device_test.sense import FRAME, LEAST_M, Sense, sense
 
 WIDTH = 80
@@ -113,6 +115,7 @@ class Handle:
 
     Options = HandleOptions
     SIGN_OPTIONS: ClassVar[dict[str, str]] = {"x": "the second of directions"}
+    FORCE_OPTIONS: ClassVar[dict[str, str]] = {"y": "the first of motor_directions"}
     hand: ClassVar[Vector] = ZERO
     turn: ClassVar[Callable[[Vector], Vector]]
     log: ClassVar[list[tuple[str, Any]]]
@@ -227,8 +230,7 @@ def assert_safe() -> None:
 def test_a_good_device_from_the_first_reading_to_the_last_push() -> None:
     screen, error = at_the_bench(*OPEN, *SIGNS, *PUSHES)
     assert error is None
-    assert "  signs_checked: a1b2c3d4\n" in screen
-    assert screen.endswith("The force is right.\n")
+    assert screen.endswith("The force is right.\nPut this line under master.device:\n  signs_checked: a1b2c3d4\n")
     assert screen.count(": right\n") == 3
     assert "Note: hold it at home when it is opened" in screen
     assert "100/s" in screen
@@ -241,6 +243,7 @@ def test_before_the_yes_nothing_is_opened_with_force() -> None:
     screen, error = at_the_bench(*OPEN, *SIGNS, "y")  # not the word
     assert error is None
     assert "No force, then." in screen
+    assert "signs_checked: " not in screen
     assert [armed for kind, armed in Handle.log if kind == "open"] == [False]
     assert set(forces()) == {ZERO}
 
@@ -264,9 +267,14 @@ def test_a_push_is_felt_again_on_request_and_a_wrong_answer_is_asked_again() -> 
     assert "Please type one of y, n, r, and Enter." in screen
 
 
-def test_a_force_that_is_felt_elsewhere_fails() -> None:
-    _, error = at_the_bench(*OPEN, *SIGNS, "yes", "", "", "y", "", "n", "", "y")
-    assert "its force is not felt along y as it should be: leave signs_checked out" in str(error)
+@pytest.mark.parametrize("wrong", "xyz")
+def test_a_force_that_is_felt_elsewhere_fails_without_a_licence(wrong: str) -> None:
+    answers = [each for axis in "xyz" for each in ("", "n" if axis == wrong else "y")]
+    screen, error = at_the_bench(*OPEN, *SIGNS, "yes", "", *answers)
+    assert f"its force is not felt along {wrong} as it should be: leave signs_checked out" in str(error)
+    advice = Handle.FORCE_OPTIONS.get(wrong, "the direction of its motor")
+    assert f"turn round {wrong} ({advice}), and test it again" in str(error)
+    assert "signs_checked" not in screen
     assert_safe()
 
 
@@ -323,7 +331,7 @@ def test_a_wrong_direction_is_named_and_ends_before_any_force(turn: Callable[[Ve
 
 def test_a_motion_that_says_nothing_is_asked_for_again() -> None:
     small, askew = (moved(0.01, 0.0, 0.0), ""), (moved(0.04, 0.04, 0.0), "")
-    screen, error = at_the_bench(*OPEN, CENTRE, small, CENTRE, askew, *SIGNS, "no")
+    screen, error = at_the_bench(*OPEN, CENTRE, small, CENTRE, askew, *SIGNS, *PUSHES)
     assert error is None
     assert "The position changed by 10 mm, which is too little: move it by about 5 cm." in screen
     assert "(+40, +40, +0) mm, along no one axis: move it straight toward you." in screen
@@ -382,7 +390,7 @@ def test_digits_alone_are_printed_so_that_a_file_takes_them_for_text() -> None:
         def __init__(self, options: HandleOptions, tick_period: float) -> None:
             super().__init__(HandleOptions(signs_checked="a1b2c3d4" if options.signs_checked else None), tick_period)
 
-    screen, _ = at_the_bench(*OPEN, *SIGNS, "no", driver=Digits)
+    screen, _ = at_the_bench(*OPEN, *SIGNS, *PUSHES, driver=Digits)
     (line,) = (line for line in screen.splitlines() if "signs_checked" in line)
     assert yaml.safe_load(line) == {"signs_checked": "12345678"}
 
@@ -564,7 +572,7 @@ def test_an_emulated_phantom_passes_and_its_line_gives_force(tmp_path: Path) -> 
     with emulated("polhem_serial", tmp_path) as (device, port):
         screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom")
     assert error == "", screen
-    assert screen.endswith("The force is right.\n")
+    assert "The force is right.\n" in screen
     (line,) = (line for line in screen.splitlines() if "signs_checked" in line and ": " in line)
     driver: Any = devices.load("polhem_serial")
     options = driver.Options(model="vintage_phantom", **yaml.safe_load(line))
@@ -575,14 +583,14 @@ def test_an_emulated_planar_device_is_asked_for_two_axes(tmp_path: Path) -> None
     with emulated("haply_2diy", tmp_path) as (device, port):
         screen, error = device.check("haply_2diy", port, "xy")
     assert error == "", screen
-    assert screen.endswith("The force is right.\n")
+    assert "The force is right.\n" in screen
 
 
 @pytest.mark.parametrize(
     ("built", "complaint"),
     [
-        ({"directions": (1, 1, -1)}, "moves the wrong way, so there must be no force"),
-        ({"motor_signs": (-1, 1, 1)}, "its force is not felt along y as it should be"),
+        ({"encoder_signs": (-1, 1, 1)}, "turn round y (the first of encoder_directions), and test it again"),
+        ({"motor_signs": (-1, 1, 1)}, "turn round y (the first of motor_directions), and test it again"),
     ],
     ids=["a body turns the other way", "a motor pulls the other way"],
 )
@@ -590,8 +598,23 @@ def test_an_emulated_phantom_that_is_built_otherwise_fails(
     built: dict[str, Any], complaint: str, tmp_path: Path
 ) -> None:
     with emulated("polhem_serial", tmp_path, **built) as (device, port):
-        _, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom")
+        screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom")
     assert complaint in error
+    assert "signs_checked: " not in screen
+
+
+@pytest.mark.parametrize("wrong", ["encoder", "motor"])
+def test_its_advice_makes_a_phantom_right(wrong: str, tmp_path: Path) -> None:
+    """An encoder is turned round without its motor, and a motor without its encoder."""
+    with emulated("polhem_serial", tmp_path, **{f"{wrong}_signs": (-1, 1, 1)}) as (device, port):
+        advice = f"{wrong}_directions=[1, 1, -1]"
+        screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom", advice)
+    assert error == "", screen
+    (line,) = (line for line in screen.splitlines() if line.strip().startswith("signs_checked:"))
+    driver: Any = devices.load("polhem_serial")
+    settings = {"model": "vintage_phantom", **yaml.safe_load(line)}
+    assert driver(driver.Options(**settings, **{f"{wrong}_directions": (1, 1, -1)}), 0.001).spec.force_feedback
+    assert not driver(driver.Options(**settings), 0.001).spec.force_feedback
 
 
 def test_a_phantom_that_is_unplugged_ends_it_in_one_line(tmp_path: Path) -> None:
@@ -712,6 +735,26 @@ def test_a_robot_without_room_does_not_move() -> None:
     assert "arm: is at 200 mm along z, outside of its workspace of -100 to 100 mm" in str(error)
 
 
+def test_an_arm_of_250_hz_is_not_said_to_be_faster(tmp_path: Path) -> None:
+    """Its readings are interpolated: each look finds another moment, but not another sample."""
+    driver = robots.load("dynamixel")
+    emulator = robot_emulators.load("dynamixel")
+    with PtyDevice(emulator(), tmp_path / "arm") as wire:
+        patient = {"timeout_ms": 100.0, "bus_watchdog_ms": 2000.0}  # for a machine that pauses
+        robot = driver(driver.Options(port=str(wire.path), **patient), None, 0.001)
+        view = RobotView(robot)
+        robot.open(monotonic())
+        try:
+            until = monotonic() + 0.5
+            while monotonic() < until:
+                view.look(monotonic())
+                sleep(0.001)
+        finally:
+            robot.close()
+    (rate,) = re.findall(r"(\d+)/s", view.lines()[0])
+    assert 0 < int(rate) <= 265
+
+
 def test_point_is_a_robot_too() -> None:
     screen = io.StringIO()
     run(Request("point"), sitting(Clock(), screen, "", "yes")[0])
@@ -762,6 +805,16 @@ def test_the_rate_is_that_of_new_samples_and_the_age_the_greatest_of_the_last_se
     assert gauge.rate_hz == pytest.approx(250.0, rel=0.01)
     assert gauge.oldest_s == pytest.approx(0.003)
     assert gauge.in_words(0.0004) == "250/s, age 3.0 ms, trip 0.40 ms"
+
+
+def test_interpolated_readings_count_once_per_sample() -> None:
+    """A loop of 1 kHz looks at an arm of 250 Hz, whose readings are of every moment."""
+    gauge = Gauge()
+    for tick in range(3000):
+        now = tick * 0.001
+        gauge.note(now, now - 0.006, sampled_at=(tick // 4) * 0.004)
+    assert gauge.rate_hz == pytest.approx(250.0, rel=0.01)
+    assert gauge.oldest_s == pytest.approx(0.006)
 
 
 def test_before_anything_is_known_the_gauge_says_zero() -> None:

@@ -33,12 +33,13 @@ def _size(device: Device) -> float:
     return min(PUSH_N, device.spec.force_n)
 
 
-def check_force(device: Device, frame: Frame, dialog: Dialog, *, may_move: bool) -> None:
+def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog, *, may_move: bool) -> None:
     """Push a little along every axis, and ask whether it was felt there.
 
     Args:
         device: open, and with force.
         frame: where its axes lead.
+        options: which option turns the force along an axis round, by axis; for the advice.
         dialog: with the person.
         may_move: whether the handle moves without being pushed.
 
@@ -49,9 +50,11 @@ def check_force(device: Device, frame: Frame, dialog: Dialog, *, may_move: bool)
     gives_way = inf if may_move else GIVES_WAY_M
     wrong = [axis for axis in spec.axes if not _felt(axis, push, device, frame, gives_way, dialog)]
     if wrong:
+        advice = ", ".join(f"{axis} ({options.get(axis, 'the direction of its motor')})" for axis in wrong)
         raise DeviceTestError(
             f"{spec.name}: its force is not felt along {', '.join(wrong)} as it should be: leave signs_checked out "
-            "of the file; is it the model that the options say, and are its motors wired as its encoders are?"
+            f"of the file; is it the model that the options say? Where it pushes the other way, turn round {advice}, "
+            "and test it again"
         )
     dialog.tell("The force is right.")
 

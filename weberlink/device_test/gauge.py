@@ -14,14 +14,18 @@ class Gauge:
         self._began: float | None = None
         self._last_at: float | None = None
 
-    def note(self, now: float, at: float) -> None:
-        """A look at `now` [s] that found the sample measured at `at` [s]."""
+    def note(self, now: float, at: float, sampled_at: float | None = None) -> None:
+        """A look at `now` [s] that found a reading of the moment `at` [s].
+
+        `sampled_at` is when the newest sample behind the reading was measured, for a reading between two samples.
+        """
+        sampled_at = at if sampled_at is None else sampled_at
         if self._began is None:
             self._began = now
-        if at != self._last_at:
+        if sampled_at != self._last_at:
             if self._last_at is not None:  # when the first one came is not known
-                self._arrivals.append((now, at))
-            self._last_at = at
+                self._arrivals.append((now, sampled_at))
+            self._last_at = sampled_at
         self._ages.append((now, now - at))
         for kept in (self._arrivals, self._ages):
             while kept and kept[0][0] <= now - WINDOW_S:

@@ -18,7 +18,10 @@ from weberlink.device_test.sign_check import check_signs
 
 READY = "Put the handle where it has to be when a session begins."
 SIGNS = "signs_checked"
-"""The option of drivers that give no force until a person has seen that their directions are right."""
+"""The option of drivers that give no force until a person has seen and felt that their directions are right.
+
+Its value is printed only after the last axis was felt: a position that goes the right way says nothing of the motors.
+"""
 
 
 @runtime_checkable
@@ -57,16 +60,20 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
             check_signs(device, frame, getattr(driver, "SIGN_OPTIONS", {}), DeviceView, dialog)
         else:
             dialog.tell("It is computed: there is no handle to move, and no sign to check.")
-    if fingerprint is not None and armed.spec.force_feedback:
-        dialog.tell("The signs are right. Put this line under master.device:", f"  {SIGNS}: {_yaml(fingerprint)}")
     if not armed.spec.force_feedback:
         dialog.tell("There is no force to feel with these options; that was all.")
-    elif agrees(armed, dialog):
-        if is_hardware:
-            dialog.tell(READY)
-            dialog.ask("Hold it; Enter opens it, with force: ")
-        with _opened(armed, dialog) as device:
-            check_force(device, frame, dialog, may_move=not is_hardware)
+        return
+    if not agrees(armed, dialog):
+        if fingerprint is not None:
+            dialog.tell(f"The signs of its motors are not checked, so there is no {SIGNS} to print.")
+        return
+    if is_hardware:
+        dialog.tell(READY)
+        dialog.ask("Hold it; Enter opens it, with force: ")
+    with _opened(armed, dialog) as device:
+        check_force(device, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_hardware)
+    if fingerprint is not None:
+        dialog.tell("Put this line under master.device:", f"  {SIGNS}: {_yaml(fingerprint)}")
 
 
 def _with_signs(options: BaseModel, fingerprint: str | None) -> BaseModel:

@@ -57,7 +57,7 @@ class RobotView:
 
     def look(self, now: float) -> None:
         self._reading = self._robot.latest(now)
-        self._gauge.note(now, self._reading.at)
+        self._gauge.note(now, self._reading.at, self._reading.sampled_at)
 
     def lines(self) -> list[str]:
         reading, spec = self._reading, self._robot.spec

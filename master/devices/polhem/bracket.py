@@ -1,8 +1,9 @@
 """The text protocol of the devices on a serial port, `[...]` both ways; pure.
 
 Every message from the host, `[a,b,c]` with currents in mA, is answered by exactly one, `[model,e0,...,e5,error]`. An
-answer with an error carries the counts of before, and the currents were not applied. A current beyond
-`CURRENT_LIMIT_MA` is not cut: that motor gets none. Read in firmware 2.0 and in its maker's host code.
+answer with an error of the message carries the counts of before, and the currents were not applied; one of
+`GIMBAL_ERRORS` comes after they were. A current beyond `CURRENT_LIMIT_MA` is not cut: that motor gets none. Read in
+firmware 2.0 and in its maker's host code.
 """
 
 import re

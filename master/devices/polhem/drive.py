@@ -20,13 +20,17 @@ MA_PER_A = 1e3
 
 @dataclass(frozen=True)
 class Drive:
-    """angle_i = d_i 2 pi (count_i + home_i) / N_i c_i / b_i, and I_i = d_i torque_i c_i / b_i / Kt_i.
+    """angle_i = e_i 2 pi (count_i + home_i) / N_i c_i / b_i, and I_i = m_i torque_i c_i / b_i / Kt_i.
+
+    The signs e and m are independent: e depends on the encoder's wiring and the firmware's counting table, m on the
+    motor's wiring and the amplifier.
 
     Args:
         capstan_m: diameters c on the motors [m].
         body_m: diameters b on the bodies [m].
         counts_per_turn: N of a motor, all edges counted.
-        directions: d, each +1 or -1.
+        encoder_directions: e, each +1 or -1.
+        motor_directions: m, each +1 or -1.
         home_counts: what the encoders would read in the home pose if their zero were that of the angles.
         torque_constant_n_m_a: Kt of the motors [N m/A].
         gimbal_counts_per_turn: of the sensors of the handle's orientation, in the order of their axes; 0 for none.
@@ -37,7 +41,8 @@ class Drive:
     capstan_m: Triple
     body_m: Triple
     counts_per_turn: Counts
-    directions: Signs
+    encoder_directions: Signs
+    motor_directions: Signs
     home_counts: Counts
     torque_constant_n_m_a: Triple
     gimbal_counts_per_turn: Counts = (0, 0, 0)
@@ -47,24 +52,25 @@ class Drive:
     def __post_init__(self) -> None:
         ratios = [c / b for c, b in zip(self.capstan_m, self.body_m, strict=True)]
         a, b, c = (
-            d * tau / n * ratio for d, n, ratio in zip(self.directions, self.counts_per_turn, ratios, strict=True)
+            d * tau / n * ratio
+            for d, n, ratio in zip(self.encoder_directions, self.counts_per_turn, ratios, strict=True)
         )
         object.__setattr__(self, "_per_count", (a, b, c))
         a, b, c = (
             d * ratio / constant * MA_PER_A
-            for d, ratio, constant in zip(self.directions, ratios, self.torque_constant_n_m_a, strict=True)
+            for d, ratio, constant in zip(self.motor_directions, ratios, self.torque_constant_n_m_a, strict=True)
         )
         object.__setattr__(self, "_ma_per_n_m", (a, b, c))
 
     @property
     def radians_per_count(self) -> Triple:
-        """Of the bodies; negative where the direction is."""
+        """Of the bodies; negative where the encoder's direction is."""
         per_count: Triple = self._per_count  # type: ignore[attr-defined]
         return per_count
 
     @property
     def ma_per_n_m(self) -> Triple:
-        """Current for a torque on the body [mA/(N m)]; negative where the direction is."""
+        """Current for a torque on the body [mA/(N m)]; negative where the motor's direction is."""
         ma_per_n_m: Triple = self._ma_per_n_m  # type: ignore[attr-defined]
         return ma_per_n_m
 

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from codec.vector import Vector, norm, scale
+from codec.vector import Vector, add, norm, scale
 from master.devices.polhem.mechanism import Mechanism
 
 RAMP_S = 0.05
-"""In which the force comes up after a connection [s]."""
+"""In which the force comes up after a connection or a stall [s]."""
 
 
 class ForceStage:
@@ -17,16 +17,20 @@ class ForceStage:
         force_n: largest force [N]; 0 for never a current.
         current_ma: largest current per motor [mA]. Where one motor would need more, all get less, so that the force
             keeps its direction.
+        carry: whether the motors carry the weight of the links too. The limits hold for the sum.
     """
 
-    def __init__(self, mechanism: Mechanism, force_n: float, current_ma: float) -> None:
+    def __init__(self, mechanism: Mechanism, force_n: float, current_ma: float, *, carry: bool = False) -> None:
         self._mechanism = mechanism
         self._force_n = force_n
         self._current_ma = current_ma
+        self._carry = carry
 
-    def currents_ma(self, force: Vector, counts: Sequence[int], connected_for: float) -> tuple[int, int, int]:
-        """Currents for a force [N] in the pose of `counts`, `connected_for` [s] after the connection."""
-        limit = self._force_n * min(1.0, max(0.0, connected_for / RAMP_S))
+    def currents_ma(self, force: Vector, counts: Sequence[int], elapsed: float) -> tuple[int, int, int]:
+        """Currents for a force [N] in the pose of `counts`, `elapsed` [s] after the connection or a stall."""
+        limit = self._force_n * min(1.0, max(0.0, elapsed / RAMP_S))
+        if self._carry:
+            force = add(force, self._mechanism.carrying_force(counts))
         length = norm(force)
         if length == 0.0 or limit == 0.0:
             return (0, 0, 0)

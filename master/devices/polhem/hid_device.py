@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from time import monotonic
 from typing import ClassVar
 
@@ -15,9 +16,9 @@ from master.devices.polhem.homing import await_press
 from master.devices.polhem.identity import Identity, located
 from master.devices.polhem.lock_step import LockStep
 from master.devices.polhem.options import PolhemHidOptions
-from master.devices.polhem.parameters import PARAMETERS, Parameters
-from master.devices.polhem.polhem_device import PolhemDevice, spec_of
-from master.devices.polhem.reports import SHORT, Currents, Sensors, SetCounters, Unwrapper
+from master.devices.polhem.parameters import Parameters
+from master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
+from master.devices.polhem.reports import SHORT, WATCHDOG_S, Currents, Sensors, SetCounters, Unwrapper
 from master.devices.polhem.sign_check import fingerprint
 from master.devices.polhem.whereabouts import Whereabouts
 
@@ -56,14 +57,19 @@ class ReportExchange:
         self._options = options
         self._parameters = parameters
         self._connect = connect
-        self._stage = ForceStage(parameters.mechanism, force_n, options.max_current_ma)
+        self._stage = ForceStage(
+            parameters.mechanism, force_n, options.max_current_ma, carry=options.gravity_compensation
+        )
         self._identity = Identity(NAME, options.port, PolhemHidDevice.plugged)
         self._line: HidLine | None = None
         self._talk: LockStep[Currents | SetCounters, Sensors] | None = None
         self._unwrapper = Unwrapper()
         self._whereabouts: Whereabouts | None = None
         self._relative: tuple[int, ...] = ()
-        self._connected_at = 0.0
+        self._asked_at = 0.0
+        self._force_from = 0.0
+        self.commanded_at = 0.0
+        self.orientation_trouble: str | None = None
 
     def start_afresh(self) -> None:
         self._identity.forget()
@@ -75,13 +81,14 @@ class ReportExchange:
         self._line, self._talk = HidLine(path, self._connect), None
         try:
             self._line.find_size(monotonic, OPENING_S, REPORT_S)
+            self._check_kind(self._line.size)
             self._talk = None if self._line.size == SHORT else LockStep(self._line, NO_CURRENT)
             if self._whereabouts is None:
                 self._whereabouts = Whereabouts(self._parameters, self._home_counts())
                 self._home(self._whereabouts)
-            self._connected_at = monotonic()
+            self._asked_at = self._force_from = asked = monotonic()
             counts = self._counts(self._insist(NO_CURRENT))
-            reading = self._whereabouts.begin(counts, self._connected_at, monotonic())
+            reading = self._whereabouts.begin(counts, asked, monotonic())
         except HardwareFault as fault:
             self.close()  # the next attempt could not open it otherwise
             raise located(path, fault) from None
@@ -90,11 +97,14 @@ class ReportExchange:
 
     def exchange(self, command: Vector) -> DeviceReading:
         assert self._whereabouts is not None
-        currents = NO_CURRENT
-        if command != ZERO:
-            currents = self._stage.currents_ma(command, self._relative, monotonic() - self._connected_at)
-        asked = monotonic()
-        sensors = self._ask(currents)
+        asked, currents = monotonic(), NO_CURRENT
+        if asked - self._asked_at > STALL_S:
+            self._force_from = asked
+        self._asked_at = asked
+        carry = self._options.gravity_compensation and asked - self.commanded_at < CARRY_S
+        if carry or command != ZERO:
+            currents = self._stage.currents_ma(command, self._relative, asked - self._force_from)
+        sensors = self._ask(currents, asked + STALL_S)
         counts = self._counts(sensors)
         reading = self._whereabouts.next(counts, asked, monotonic(), int(sensors.button))
         self._relative = self._whereabouts.relative(counts)
@@ -108,14 +118,14 @@ class ReportExchange:
             self._line = None
             line.close()
 
-    def _ask(self, command: Currents | SetCounters) -> Sensors:
-        """One report out and one in; raises BadReply where none comes in time."""
+    def _ask(self, command: Currents | SetCounters, fresh_until: float = inf) -> Sensors:
+        """One report out and one in; raises BadReply where none comes in time. `fresh_until`: see `LockStep.ask`."""
         if self._talk is not None:
-            return self._talk.ask(command, REPORT_S)
+            return self._talk.ask(command, REPORT_S, fresh_until)
         line = self._line
         assert line is not None
         line.hear(0.0)  # of before
-        line.send(command)
+        line.send(command if monotonic() <= fresh_until else NO_CURRENT)
         reports = line.hear(monotonic() + REPORT_S)
         if not reports or reports[-1] is None:
             raise BadReply("does not answer")
@@ -130,6 +140,14 @@ class ReportExchange:
             except BadReply:
                 if monotonic() > until:
                     raise
+
+    def _check_kind(self, size: int) -> None:
+        expected = self._options.report_bytes
+        if size != expected:
+            raise HardwareFault(
+                f"sends reports of {size} bytes, the file says {expected}; their signs differ: set "
+                f"master.device.report_bytes: {size} and check the signs"
+            )
 
     def _home(self, whereabouts: Whereabouts) -> None:
         homing = self._options.homing
@@ -183,7 +201,7 @@ class ReportExchange:
 
 
 class PolhemHidDevice(PolhemDevice):
-    """14-byte reports in lock-step, or the older ones of 8 bytes, told by their length.
+    """14-byte reports in lock-step, or the older ones of 8 bytes; what the file says is checked.
 
     Without a report for 0.5 s the device itself switches its motors off; it has no other limit.
     """
@@ -193,8 +211,16 @@ class PolhemHidDevice(PolhemDevice):
 
     def __init__(self, options: PolhemHidOptions, tick_period: float) -> None:
         """Raises ValueError where the options ask for more than the makers publish."""
-        parameters = parameters_of(options)
-        spec = spec_of(NAME, options, parameters, tick_period, signs=self.fingerprint(options), buttons=1)
+        parameters = options.wired()
+        spec = spec_of(
+            NAME,
+            options,
+            parameters,
+            tick_period,
+            signs=self.fingerprint(options),
+            watchdog_s=WATCHDOG_S,
+            buttons=1,
+        )
         exchange = ReportExchange(options, parameters, spec.force_n)
         super().__init__(spec, exchange, tick_period, options.reconnect_s)
 
@@ -205,8 +231,4 @@ class PolhemHidDevice(PolhemDevice):
     @classmethod
     def fingerprint(cls, options: PolhemHidOptions) -> str:
         """Of the settings that a sign check is good for."""
-        return fingerprint(NAME, parameters_of(options))
-
-
-def parameters_of(options: PolhemHidOptions) -> Parameters:
-    return PARAMETERS[options.parameters].over_hid().turned(options.directions, options.home_counts)
+        return fingerprint(f"{NAME} {options.report_bytes}", options.wired())

@@ -1,6 +1,7 @@
 """The reports of either kind on a HID port: commands go out, sensors come in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from time import monotonic
 from typing import Protocol
 
 from hardware.fault import HardwareFault
@@ -21,25 +22,49 @@ class ReportPort(Protocol):
     def close(self) -> None: ...
 
 
+class HidHandle(Protocol):
+    """What is needed of a device of hidapi that is set not to block."""
+
+    def read(self, size: int, timeout_ms: int = 0, /) -> Sequence[int]:
+        """One report, the oldest that waits; nothing where none comes in time."""
+        ...
+
+
 class HidReports(HidPort):
     """A HID port that drops nothing: where every report has its answer, they have to be counted."""
 
     def read_all(self, until: float) -> list[bytes]:
-        """All reports that have come, as soon as there are any; none where none comes by `until` [s, monotonic].
+        """As `all_reports`.
 
         Raises:
             HardwareFault: it was unplugged.
         """
-        reports = []
         try:
-            while report := self._device.read(LONGEST_REPORT):
-                reports.append(bytes(report))
+            return all_reports(self._device, until)
         except (OSError, ValueError):
             raise HardwareFault(f"{self.path}: unplugged") from None
-        if reports or until == 0.0:
-            return reports
-        report = self.read(LONGEST_REPORT, until)
-        return [bytes(report)] if report else []
+
+
+def all_reports(device: HidHandle, until: float) -> list[bytes]:
+    """All reports that have come, as soon as there are any; none where none comes by `until` [s, monotonic].
+
+    Args:
+        device: set not to block.
+        until: 0 for not to wait.
+    """
+    reports = _waiting(device)
+    if reports or until == 0.0:
+        return reports
+    # A timeout of 0 ms would mean to wait without end.
+    first = device.read(LONGEST_REPORT, max(1, round((until - monotonic()) * 1e3)))
+    return [bytes(first), *_waiting(device)] if first else []
+
+
+def _waiting(device: HidHandle) -> list[bytes]:
+    reports = []
+    while report := device.read(LONGEST_REPORT):
+        reports.append(bytes(report))
+    return reports
 
 
 class HidLine:

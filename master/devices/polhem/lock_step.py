@@ -6,6 +6,7 @@ for long and then answered a single message with a single answer. Knows no bytes
 """
 
 from collections.abc import Callable
+from math import inf
 from time import monotonic
 from typing import Generic, NoReturn, Protocol, TypeVar
 
@@ -60,8 +61,10 @@ class LockStep(Generic[Message, Answer]):
         self._heard_at = 0.0
         self._complaint = ""
 
-    def ask(self, message: Message, patience: float) -> Answer:
+    def ask(self, message: Message, patience: float, fresh_until: float = inf) -> Answer:
         """Send a message and wait for its answer, for at most `patience` [s].
+
+        After `fresh_until` [s] the rest goes out in its place: this process has stood still since the message was made.
 
         Raises:
             BadReply: it does not come, cannot be understood, or could be that to another message; the device was told
@@ -69,7 +72,7 @@ class LockStep(Generic[Message, Answer]):
             HardwareFault: the line is cut.
         """
         self._settle()
-        self._line.send(message)
+        self._line.send(message if self._clock() <= fresh_until else self._rest)
         answers = self._line.hear(self._clock() + patience)
         if not answers:
             self._doubt(2, SILENT)

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import copysign, cos, sin
 
-from codec.vector import Vector, dot
+from codec.vector import ZERO, Vector, dot
 from master.devices.contract import Quaternion
 from master.devices.polhem.drive import Angles, Counts, Drive, Triple
 from master.devices.polhem.five_bar import FiveBar
 from master.devices.polhem.linkage import Jacobian, Linkage, SerialParallelogram
+from master.devices.polhem.weight import Weight
 
 __all__ = ["Angles", "Counts", "Drive", "FiveBar", "Jacobian", "Linkage", "Mechanism", "SerialParallelogram"]
 
@@ -27,11 +28,13 @@ class Mechanism:
         drive: between counts and angles.
         linkage: between angles and position.
         gimbal_axes: about which the handle turns against the forearm, first to last, of "x", "y" and "z".
+        weight: of the links; None where no masses are published.
     """
 
     drive: Drive
     linkage: Linkage
     gimbal_axes: str = "xyx"
+    weight: Weight | None = None
 
     def position(self, counts: Sequence[int]) -> Vector:
         """Of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
@@ -49,10 +52,19 @@ class Mechanism:
         )
 
     def force(self, currents_ma: Triple, counts: Sequence[int]) -> Vector:
-        """The force on the hand [N] that currents make, F = J^-T tau; bounded at singular poses instead of infinite."""
-        rows = self.linkage.jacobian(self._angles(counts))
-        torques = self.drive.torques(currents_ma)
-        x, y, z = rows
+        """The force on the hand [N] that currents make; bounded at singular poses instead of infinite."""
+        return self._tip_force(self.drive.torques(currents_ma), self._angles(counts))
+
+    def carrying_force(self, counts: Sequence[int]) -> Vector:
+        """The force at the handle [N] that carries the links against gravity; zero without published masses."""
+        if self.weight is None:
+            return ZERO
+        angles = self._angles(counts)
+        return self._tip_force(self.weight.torques(angles), angles)
+
+    def _tip_force(self, torques: Triple, angles: Angles) -> Vector:
+        """F = J^-T tau."""
+        x, y, z = self.linkage.jacobian(angles)
         # The rows of J^-T are those of the cofactors over the determinant.
         cofactors = (_cross(y, z), _cross(z, x), _cross(x, y))
         determinant = dot(x, cofactors[0])

@@ -1,12 +1,16 @@
 """What a file may say about these devices, on either kind of cable."""
 
-from typing import Annotated, Literal
+from dataclasses import replace
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from master.devices.polhem.bracket import CURRENT_LIMIT_MA
+from master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS
+from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, Parameters, Wiring
+from master.devices.polhem.reports import LONG
 
 Sign = Literal[-1, 1]
+Signs = tuple[Sign, Sign, Sign]
 Homing = Literal["power_up", "at_open", "button"]
 SetName = Literal[
     "woodenhaptics_2015",
@@ -20,6 +24,8 @@ SetName = Literal[
 ]
 Model = Literal["polhem", "vintage_phantom", "woodenhaptics"]
 
+BOARDS: dict[Board, str] = {"serial": "the serial board", "hid14": "14-byte reports", "hid8": "8-byte reports"}
+
 HID_CURRENT_LIMIT_MA = 3000
 """The firmware there does not limit; beyond this the usual one leaves the range that its amplifiers understand."""
 
@@ -31,11 +37,28 @@ class PolhemOptions(BaseModel):
 
     port: str | None = Field(default=None, description="path of the device; the only one plugged in if not given")
     reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for it when it is gone")
-    directions: tuple[Sign, Sign, Sign] | None = Field(
-        default=None, description="+1 or -1 per motor A, B, C: which way its body turns; as published if not given"
+    encoder_directions: Signs | None = Field(
+        default=None,
+        description="+1 or -1 per encoder A, B, C: which way its body turns as it counts up; published if not given",
+    )
+    motor_directions: Signs | None = Field(
+        default=None,
+        description="+1 or -1 per motor A, B, C: which way a positive current turns its body; published if not given",
+    )
+    directions: Signs | None = Field(
+        default=None, description="old key for both of the above, where the published ones are alike"
     )
     home_counts: tuple[int, int, int] | None = Field(
         default=None, description="added to the counters A, B, C in the home pose; as published if not given"
+    )
+    gimbal_directions: Signs | None = Field(
+        default=None,
+        description="+1 or -1 per sensor of the gimbal; the third is roll, whose sign differs between versions of the "
+        "makers' software; as published if not given",
+    )
+    gravity_compensation: bool = Field(
+        default=False,
+        description="carry the weight of the links by the motors, within force_n; where masses are published",
     )
     homing: Homing = Field(
         default="power_up",
@@ -50,6 +73,44 @@ class PolhemOptions(BaseModel):
         default=None, description="what `weberlink device test` printed; without it there is no force"
     )
 
+    def wire(self, name: str, board: Board) -> Parameters:
+        """The set `name` with the signs published for `board`, changed as these options say.
+
+        Raises:
+            ValueError: signs are missing or given twice, or masses are missing.
+        """
+        known = PARAMETERS[name]
+        wiring = known.wirings.get(board)
+        encoder, motor = self.encoder_directions, self.motor_directions
+        if self.directions is not None:
+            if encoder is not None or motor is not None:
+                raise ValueError("directions: leave it out beside encoder_directions and motor_directions")
+            if wiring is not None and wiring.encoder != wiring.motor:
+                raise ValueError(
+                    f"directions: encoders and motors of {name} have different signs on this board, published as "
+                    f"{list(wiring.encoder)} and {list(wiring.motor)}; set encoder_directions and motor_directions"
+                )
+            encoder = motor = self.directions
+        if self.gravity_compensation and known.mechanism.weight is None:
+            raise ValueError(f"gravity_compensation: no masses are published for {name}")
+        if wiring is None:
+            if encoder is None or motor is None or self.home_counts is None:
+                boards = " and ".join(BOARDS[each] for each in known.wirings)
+                raise ValueError(
+                    f"parameters: signs of {name} are published for {boards}, not for {BOARDS[board]}: set "
+                    "encoder_directions, motor_directions and home_counts"
+                )
+            wiring = Wiring(encoder, motor, self.home_counts, "the configuration")
+        return known.wired(
+            replace(
+                wiring,
+                encoder=encoder or wiring.encoder,
+                motor=motor or wiring.motor,
+                home_counts=self.home_counts or wiring.home_counts,
+                gimbal=self.gimbal_directions or wiring.gimbal,
+            )
+        )
+
 
 class PolhemSerialOptions(PolhemOptions):
     """Options of `polhem_serial`."""
@@ -62,12 +123,26 @@ class PolhemSerialOptions(PolhemOptions):
         default=2000.0, gt=0.0, le=CURRENT_LIMIT_MA, description="per motor; beyond 6000 the device would give none"
     )
 
+    def wired(self, model: str) -> Parameters:
+        """What the options make of a model, or of a stand-in for `auto`, which has no force."""
+        numbers = {name: number for number, name in MODELS.items()}
+        return self.wire(self.parameters or MODEL_SETS[numbers.get(model, numbers["woodenhaptics"])], "serial")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.wired(self.model)
+        return self
+
 
 class PolhemHidOptions(PolhemOptions):
     """Options of `polhem_hid`."""
 
     parameters: SetName = Field(
         default="woodenhaptics_2015", description="set of its mechanism; the device cannot say it"
+    )
+    report_bytes: Literal[14, 8] = Field(
+        default=14,
+        description="bytes of its reports, 14 or the older 8: their firmware counts the other way round; checked",
     )
     max_current_ma: float = Field(
         default=2000.0, gt=0.0, le=HID_CURRENT_LIMIT_MA, description="per motor; the device has no limit of its own"
@@ -76,3 +151,12 @@ class PolhemHidOptions(PolhemOptions):
         default=False,
         description="the counters hold the home counts in the home pose, as the makers' software sets them, not zero",
     )
+
+    def wired(self) -> Parameters:
+        """The mechanism with the signs of these options."""
+        return self.wire(self.parameters, "hid14" if self.report_bytes == LONG else "hid8")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.wired()
+        return self

@@ -14,9 +14,23 @@ from master.devices.threaded_device import ThreadedDevice
 BAD_REPLIES = 50
 """In a row are a fault, 10 ms each where nothing answers; from the first of them on the motors get no current."""
 
+STALL_S = 0.05
+"""After such a time without an exchange the force comes up from zero again [s]: this process has stood still."""
+
+CARRY_S = 0.03
+"""After such a time without a command the weight of the links is carried no more [s]: the loop has failed."""
+
 
 class PolhemExchange(Exchange[Vector, DeviceReading], Protocol):
     """Takes a force [N]; after `start_afresh`, its next `open` is the first."""
+
+    commanded_at: float
+    """When the loop last commanded a force, zero included [s]: while it does, the weight of the links is carried."""
+
+    @property
+    def orientation_trouble(self) -> str | None:
+        """Why readings have no orientation although the device has sensors for it; None where they have."""
+        ...
 
     def start_afresh(self) -> None: ...
 
@@ -25,11 +39,17 @@ class PolhemDevice(ThreadedDevice):
     """A `Device` whose first connection after `open` finds its home, and whose later ones keep it."""
 
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = {
-        "x": "directions of B and C, or home_counts",
-        "y": "the direction of A, the first of directions",
-        "z": "directions of B and C, or home_counts",
+        "x": "encoder_directions of B and C, or home_counts",
+        "y": "the first of encoder_directions",
+        "z": "encoder_directions of B and C, or home_counts",
     }
-    """What to change where an axis goes the wrong way."""
+    """What to change where the position along an axis goes the wrong way."""
+    FORCE_OPTIONS: ClassVar[Mapping[str, str]] = {
+        "x": "motor_directions of B and C",
+        "y": "the first of motor_directions",
+        "z": "motor_directions of B and C",
+    }
+    """What to change where the force along an axis goes the wrong way."""
 
     def __init__(self, spec: DeviceSpec, exchange: PolhemExchange, tick_period: float, reconnect: float) -> None:
         super().__init__(spec, exchange, tick_period, bad_replies=BAD_REPLIES, reconnect=reconnect)
@@ -40,6 +60,14 @@ class PolhemDevice(ThreadedDevice):
         self._exchange.start_afresh()
         super().open(now)
 
+    @property
+    def trouble(self) -> str | None:
+        return super().trouble or self._exchange.orientation_trouble
+
+    def command(self, force: Vector, now: float) -> None:
+        super().command(force, now)
+        self._exchange.commanded_at = now
+
 
 def spec_of(
     name: str,
@@ -48,6 +76,7 @@ def spec_of(
     tick_period: float,
     *,
     signs: str,
+    watchdog_s: float,
     named: bool = True,
     buttons: int = 0,
 ) -> DeviceSpec:
@@ -59,6 +88,7 @@ def spec_of(
         parameters: of the mechanism.
         tick_period: [s].
         signs: fingerprint of the settings, which `options.signs_checked` has to be for any force.
+        watchdog_s: of the board [s].
         named: whether the file says which device it is.
         buttons: on the handle.
 
@@ -77,5 +107,6 @@ def spec_of(
         force_feedback=force_n > 0.0,
         buttons=buttons,
         orientation=0 not in parameters.mechanism.drive.gimbal_counts_per_turn,
+        watchdog_s=watchdog_s,
         note="; ".join(notes_of(name, options, parameters, force_n, named=named)),
     )

@@ -1,6 +1,7 @@
 """`polhem_serial`: Polhem, SensAble PHANTOM with new electronics, or WoodenHaptics, on a Teensy's serial port."""
 
 from contextlib import suppress
+from math import inf
 from pathlib import Path
 from time import monotonic
 from typing import ClassVar
@@ -9,14 +10,13 @@ from codec.vector import ZERO, Vector
 from hardware.fault import BadReply, HardwareFault
 from hardware.found import Found, UsbId, serial_ports
 from master.devices.contract import DeviceReading
-from master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, Currents, Status, complaint
+from master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, WATCHDOG_S, Currents, Status, complaint
 from master.devices.polhem.force_stage import ForceStage
 from master.devices.polhem.homing import await_press, zeroed
 from master.devices.polhem.identity import Identity, located
 from master.devices.polhem.lock_step import LockStep
 from master.devices.polhem.options import PolhemSerialOptions
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
-from master.devices.polhem.polhem_device import PolhemDevice, spec_of
+from master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
 from master.devices.polhem.serial_line import SerialLine
 from master.devices.polhem.sign_check import fingerprint
 from master.devices.polhem.whereabouts import Whereabouts
@@ -26,6 +26,9 @@ NO_CURRENT: Currents = (0, 0, 0)
 REPLY_S = 0.01
 OPENING_S = 0.5
 """How long a port may take until its answers are good [s]: a board that was just plugged in takes a while."""
+
+SENSORS = 3
+"""Of the gimbal, of which the firmware reads one per message."""
 
 REPORTS = "reports"
 STRANGER = ": it is no such device, or its firmware is older than 2.0; `weberlink devices` lists what there is"
@@ -50,9 +53,12 @@ class BracketExchange:
         self._model: int | None = None
         self._whereabouts: Whereabouts | None = None
         self._stage: ForceStage | None = None
-        self._has_gimbal = False
+        self._gimbal_doubted = 0
+        self._gimbal_complaint = ""
         self._counts: tuple[int, ...] = ()
-        self._connected_at = 0.0
+        self._asked_at = 0.0
+        self._force_from = 0.0
+        self.commanded_at = 0.0
 
     def start_afresh(self) -> None:
         self._identity.forget()
@@ -69,9 +75,9 @@ class BracketExchange:
                 self._home(self._whereabouts)
             else:
                 self._recognise(model)
-            self._connected_at = monotonic()
+            self._asked_at = self._force_from = asked = monotonic()
             self._counts = self._insist().counts
-            return self._whereabouts.begin(self._counts, self._connected_at, monotonic())
+            return self._whereabouts.begin(self._counts, asked, monotonic(), oriented=self._oriented)
         except HardwareFault as fault:
             self.close()  # the next attempt could not open it otherwise
             raise located(path, fault) from None
@@ -79,13 +85,16 @@ class BracketExchange:
     def exchange(self, command: Vector) -> DeviceReading:
         assert self._whereabouts is not None
         assert self._stage is not None
-        currents = NO_CURRENT
-        if command != ZERO:
+        asked, currents = monotonic(), NO_CURRENT
+        if asked - self._asked_at > STALL_S:
+            self._force_from = asked
+        self._asked_at = asked
+        carry = self._options.gravity_compensation and asked - self.commanded_at < CARRY_S
+        if carry or command != ZERO:
             relative = self._whereabouts.relative(self._counts)
-            currents = self._stage.currents_ma(command, relative, monotonic() - self._connected_at)
-        asked = monotonic()
-        counts = self._ask(currents).counts
-        reading = self._whereabouts.next(counts, asked, monotonic())
+            currents = self._stage.currents_ma(command, relative, asked - self._force_from)
+        counts = self._ask(currents, asked + STALL_S).counts
+        reading = self._whereabouts.next(counts, asked, monotonic(), oriented=self._oriented)
         self._counts = counts
         return reading
 
@@ -96,13 +105,31 @@ class BracketExchange:
                 self._ask(NO_CURRENT)
             line.close()
 
-    def _ask(self, currents: Currents) -> Status:
-        """One round trip; raises BadReply for an error too, since the currents were not applied then."""
+    def _ask(self, currents: Currents, fresh_until: float = inf) -> Status:
+        """One round trip; raises BadReply for an error of the message, since the currents were not applied then.
+
+        A sensor of the gimbal that cannot be read comes after the currents were applied, and leaves the main counts
+        good. The firmware reads one sensor per message, so all three are good again after three answers without error.
+        """
         assert self._talk is not None
-        status = self._talk.ask(currents, REPLY_S)
-        if status.error & ~GIMBAL_ERRORS or (status.error and self._has_gimbal):
+        status = self._talk.ask(currents, REPLY_S, fresh_until)
+        if status.error & GIMBAL_ERRORS:
+            self._gimbal_complaint = complaint(status.error & GIMBAL_ERRORS)
+        if status.error & GIMBAL_ERRORS or (status.error and self._gimbal_doubted):
+            self._gimbal_doubted = SENSORS
+        elif status.error == 0:
+            self._gimbal_doubted = max(0, self._gimbal_doubted - 1)
+        if status.error & ~GIMBAL_ERRORS:
             raise BadReply(f"{REPORTS} {complaint(status.error)}")
         return status
+
+    @property
+    def _oriented(self) -> bool:
+        return self._gimbal_doubted == 0
+
+    @property
+    def orientation_trouble(self) -> str | None:
+        return None if self._oriented else self._gimbal_complaint
 
     def _insist(self) -> Status:
         """A good answer, from a board that may still have to begin."""
@@ -127,12 +154,13 @@ class BracketExchange:
                 f"says it is {_called(model)}, the file says {expected}; "
                 f"set master.device.model: {MODELS[model]}, or plug in the other"
             )
-        parameters = parameters_of(options, MODELS[model])
+        parameters = options.wired(MODELS[model])
         if expected == "auto":  # which cannot promise an orientation
             parameters = parameters.without_gimbal()
         self._model = model
-        self._has_gimbal = 0 not in parameters.mechanism.drive.gimbal_counts_per_turn
-        self._stage = ForceStage(parameters.mechanism, self._force_n, options.max_current_ma)
+        self._stage = ForceStage(
+            parameters.mechanism, self._force_n, options.max_current_ma, carry=options.gravity_compensation
+        )
         return Whereabouts(parameters, (0,) * 6)
 
     def _recognise(self, model: int) -> None:
@@ -159,13 +187,14 @@ class PolhemSerialDevice(PolhemDevice):
     def __init__(self, options: PolhemSerialOptions, tick_period: float) -> None:
         """Raises ValueError where the options ask for more than the makers publish."""
         named = options.model != "auto"
-        parameters = parameters_of(options, options.model)
+        parameters = options.wired(options.model)
         spec = spec_of(
             NAME,
             options,
             parameters if named else parameters.without_gimbal(),
             tick_period,
             signs=self.fingerprint(options),
+            watchdog_s=WATCHDOG_S,
             named=named,
         )
         super().__init__(spec, BracketExchange(options, spec.force_n), tick_period, options.reconnect_s)
@@ -178,14 +207,7 @@ class PolhemSerialDevice(PolhemDevice):
     @classmethod
     def fingerprint(cls, options: PolhemSerialOptions) -> str:
         """Of the settings that a sign check is good for."""
-        return fingerprint(f"{NAME} {options.model}", parameters_of(options, options.model))
-
-
-def parameters_of(options: PolhemSerialOptions, model: str) -> Parameters:
-    """What the options make of a model, or of a stand-in for `auto`, which has no force."""
-    numbers = {name: number for number, name in MODELS.items()}
-    name = options.parameters or MODEL_SETS[numbers.get(model, numbers["woodenhaptics"])]
-    return PARAMETERS[name].turned(options.directions, options.home_counts)
+        return fingerprint(f"{NAME} {options.model}", options.wired(options.model))
 
 
 def teensys(found: list[Found], by_id: Path) -> list[Found]:

@@ -5,6 +5,7 @@ from master.devices.polhem.parameters import Parameters
 
 
 def fingerprint(driver: str, parameters: Parameters) -> str:
-    """It changes with the driver, the set of parameters, its directions and home counts."""
+    """It changes with the driver, the set, the signs of encoders and motors, and the home counts."""
     drive = parameters.mechanism.drive
-    return sign_check.fingerprint(f"{driver} {parameters.name} {drive.directions} {drive.home_counts}")
+    signs = f"encoders {drive.encoder_directions} motors {drive.motor_directions}"
+    return sign_check.fingerprint(f"{driver} {parameters.name} {signs} {drive.home_counts}")

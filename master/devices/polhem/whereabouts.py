@@ -70,8 +70,10 @@ class Whereabouts:
         """To the home pose."""
         return tuple(count - zero for count, zero in zip(counts, self._zero, strict=True))
 
-    def begin(self, counts: Counts, asked: float, answered: float) -> DeviceReading:
+    def begin(self, counts: Counts, asked: float, answered: float, *, oriented: bool = True) -> DeviceReading:
         """The first reading of a connection, measured between two moments [s].
+
+        Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation.
 
         Raises:
             HardwareFault: it cannot be where it says to be, or not after where it was before.
@@ -82,10 +84,14 @@ class Whereabouts:
         else:
             self._believe_return(known, self._last)
         self._still_for = [0.0, 0.0, 0.0]
-        return self._take(known, answered, 0)
+        return self._take(known, answered, 0, oriented=oriented)
 
-    def next(self, counts: Counts, asked: float, answered: float, buttons: int = 0) -> DeviceReading:
+    def next(
+        self, counts: Counts, asked: float, answered: float, buttons: int = 0, *, oriented: bool = True
+    ) -> DeviceReading:
         """The next reading, measured between the moments when it was asked for and when the answer was read [s].
+
+        `oriented` is as for `begin`.
 
         Raises:
             BadReply: it cannot have got there, this once.
@@ -104,7 +110,7 @@ class Whereabouts:
             self._doubted = known.position
             raise BadReply(what)
         self._watch_encoders(before.counts, counts, gone)
-        return self._take(known, answered, buttons)
+        return self._take(known, answered, buttons, oriented=oriented)
 
     def _is_doubtful(self, counts: Counts, before: _Known, gone: float, elapsed: float) -> bool:
         if gone > SLACK_M + SPEED_M_S * elapsed:
@@ -112,12 +118,12 @@ class Whereabouts:
         near_zero = max(map(abs, counts[:3])) <= NEAR_COUNTS
         return near_zero and gone > SHIFT_M and _began_again(counts, before.counts)
 
-    def _take(self, known: _Known, answered: float, buttons: int) -> DeviceReading:
+    def _take(self, known: _Known, answered: float, buttons: int, *, oriented: bool) -> DeviceReading:
         self._last = known
         self._doubted = None
         reach = self._reach
         x, y, z = (min(max(component, -reach), reach) for component in known.position)
-        orientation = self._mechanism.orientation(self.relative(known.counts))
+        orientation = self._mechanism.orientation(self.relative(known.counts)) if oriented else None
         return DeviceReading(answered, (x, y, z), orientation=orientation, buttons=buttons)
 
     def _position(self, counts: Counts) -> Vector:

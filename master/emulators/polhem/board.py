@@ -2,12 +2,14 @@
 
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from codec.vector import Vector
 from hardware.emulator import WireFaults
-from master.devices.polhem.parameters import Parameters
+from master.devices.polhem.parameters import PARAMETERS
 from master.emulators.polhem.body import FAULTS, Body, BodyOptions, Counts6, Currents
+from master.emulators.polhem.built import Built
 
 FARTHEST_MM = 200
 
@@ -17,19 +19,28 @@ class Board:
 
     Args:
         options: of the device.
-        parameters: of its mechanism, as published.
+        name: of the set of parameters of its mechanism.
+        wiring: as a published host expects it.
         watchdog_s: how long the amplifiers stay on after a message [s].
     """
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
 
-    def __init__(self, options: BodyOptions, parameters: Parameters, watchdog_s: float) -> None:
+    def __init__(self, options: BodyOptions, name: str, wiring: Built, watchdog_s: float) -> None:
         self.faults = WireFaults()
         self.messages = 0
         """That came, right or wrong."""
         self.errors = 0
         """Of them, those that were wrong."""
-        self._body = Body(options, parameters, watchdog_s)
+        parameters = PARAMETERS[name]
+        self._parameters = parameters
+        mechanism, (a, b, c) = parameters.mechanism, options.encoder_signs
+        drive = wiring.wire(mechanism.drive)
+        d, e, f = drive.encoder_directions
+        g, h, i = drive.home_counts
+        # The home pose stays where it is: an encoder that counts the other way has its zero on the other side.
+        drive = replace(drive, encoder_directions=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
+        self._body = Body(options, replace(mechanism, drive=drive), watchdog_s)
         self._processing = options.processing_s
         self._orders: deque[tuple[str, float]] = deque()
 

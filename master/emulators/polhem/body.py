@@ -5,13 +5,11 @@ from math import sin, tau
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from codec.vector import ZERO, Vector
-from master.devices.polhem.drive import Counts
-from master.devices.polhem.options import SetName, Sign
-from master.devices.polhem.parameters import Parameters
+from codec.vector import ZERO, Vector, subtract
+from master.devices.polhem.mechanism import Mechanism
+from master.devices.polhem.options import SetName, Signs
 from master.emulators.handle import Handle, HandleOptions
 
-Signs = tuple[Sign, Sign, Sign]
 Currents = tuple[float, float, float]
 Counts6 = tuple[int, int, int, int, int, int]
 
@@ -39,11 +37,9 @@ class BodyOptions(BaseModel):
 
     handle: HandleOptions = Field(default=HandleOptions(), description="who holds it, and what that person does")
     parameters: SetName | None = Field(default=None, description="set of its mechanism")
-    directions: Signs | None = Field(
-        default=None, description="which way the bodies turn, if it is built otherwise than published"
-    )
+    encoder_signs: Signs = Field(default=(1, 1, 1), description="-1 for an encoder that counts the wrong way round")
     motor_signs: Signs = Field(default=(1, 1, 1), description="-1 for a motor wired the wrong way round")
-    home_counts: Counts | None = Field(default=None, description="of the home pose, if otherwise than published")
+    weight: bool = Field(default=False, description="the links have their published weight, which pulls at the hand")
     homed: bool = Field(
         default=True, description="was in its home pose at power-up; else counters begin where the handle is"
     )
@@ -55,12 +51,18 @@ class Body:
 
     Args:
         options: of the device.
-        parameters: of its mechanism, as published.
+        mechanism: as it is wired.
         watchdog_s: how long the amplifiers stay on after a message [s].
+
+    Raises:
+        ValueError: it is to have a weight, and none is published.
     """
 
-    def __init__(self, options: BodyOptions, parameters: Parameters, watchdog_s: float) -> None:
-        self.mechanism = parameters.turned(options.directions, options.home_counts).mechanism
+    def __init__(self, options: BodyOptions, mechanism: Mechanism, watchdog_s: float) -> None:
+        if options.weight and mechanism.weight is None:
+            raise ValueError("weight: no masses are published for this mechanism")
+        self.mechanism = mechanism
+        self._weight = options.weight
         self.handle = Handle(options.handle)
         self.currents_ma: Currents = OFF
         """That flow in the motors now [mA]."""
@@ -94,8 +96,9 @@ class Body:
 
     @property
     def force(self) -> Vector:
-        """On the hand now [N]."""
-        return ZERO if self.currents_ma == OFF else self.mechanism.force(self.currents_ma, self._truth)
+        """On the hand now [N]; with `weight`, that of the links pulls too."""
+        push = ZERO if self.currents_ma == OFF else self.mechanism.force(self.currents_ma, self._truth)
+        return subtract(push, self.mechanism.carrying_force(self._truth)) if self._weight else push
 
     @property
     def next_timer(self) -> float | None:

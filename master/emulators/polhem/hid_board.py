@@ -8,12 +8,11 @@ without. Guessed: that an amplifier follows its input to the end of the range, 3
 from collections import deque
 from collections.abc import Mapping
 from math import floor, inf, nextafter
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from hardware.umockdev.description import HidIdentity
-from master.devices.polhem.parameters import PARAMETERS
 from master.devices.polhem.reports import (
     LONG,
     SHORT,
@@ -25,6 +24,7 @@ from master.devices.polhem.reports import (
 )
 from master.emulators.polhem.board import Board
 from master.emulators.polhem.body import FAULTS, OFF, BodyOptions, Counts6
+from master.emulators.polhem.built import Built, Host, built
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
@@ -36,10 +36,26 @@ class PolhemHidEmulatorOptions(BodyOptions):
     """Options of the emulated `polhem_hid`. Without `parameters`, it is a WoodenHaptics of 2015."""
 
     report: Literal[14, 8] = Field(default=14, description="bytes of a report: 14 in lock-step, or the older 8")
+    host: Host | None = Field(
+        default=None,
+        description="the published host that drives it right: haptikfabrikenapi, or woody_experimental for 8 bytes",
+    )
     frame_s: float = Field(
         default=FRAME_S, ge=0.0, le=0.1, description="reports leave at multiples of it; 0: at once (of 14 bytes only)"
     )
     serial_number: str = Field(default="0123456789", description="by which two alike can be told apart")
+
+    @property
+    def set_name(self) -> str:
+        return self.parameters or "woodenhaptics_2015"
+
+    def built(self) -> Built:
+        return built(self.set_name, "hid14" if self.report == LONG else "hid8", self.host)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.built()
+        return self
 
 
 class PolhemHidEmulator(Board):
@@ -54,8 +70,7 @@ class PolhemHidEmulator(Board):
 
     def __init__(self, options: PolhemHidEmulatorOptions | None = None) -> None:
         options = PolhemHidEmulatorOptions() if options is None else options
-        self._parameters = PARAMETERS[options.parameters or "woodenhaptics_2015"].over_hid()
-        super().__init__(options, self._parameters, WATCHDOG_S)
+        super().__init__(options, options.set_name, options.built(), WATCHDOG_S)
         self.identity = HidIdentity(
             VENDOR, PRODUCT, "HID DEVICE", descriptor(options.report), options.report,
             options.serial_number, "mbed.org",

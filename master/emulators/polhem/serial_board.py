@@ -1,21 +1,23 @@
 """The board of the devices on a serial port, emulated: brackets in, brackets out.
 
-As firmware 2.0 has been described: exactly one answer for every message, right or wrong, and no current from a wrong
-one. Guessed: that what comes behind a message in the same instant is dropped with it, and that a wrong message does not
-feed the watchdog.
+As firmware 2.0 reads (forsslund/woodenhaptics, woody_teensy_mini.ino): exactly one answer for every message, right or
+wrong; a wrong one gives no current and does not feed the watchdog. Of two messages at once, the first takes the
+beginning of the second: they are answered with errors 8 and 256. One sensor of the gimbal is read per message, after
+the currents were set.
 """
 
 import re
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS, WATCHDOG_S, Status, encode_status
 from master.devices.polhem.options import Model
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS
+from master.devices.polhem.parameters import MODEL_SETS
 from master.emulators.polhem.board import Board
 from master.emulators.polhem.body import FAULTS, BodyOptions, Counts6, Currents
+from master.emulators.polhem.built import Built, built
 
 BUFFER = 127
 FILLING = b"\n\r\0"
@@ -24,13 +26,32 @@ TRAILING, FULL, NO_BEGINNING, NOT_THREE, UNREADABLE = 8, 128, 256, 512, 1024
 NUMBERS = {name: number for number, name in MODELS.items()}
 NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
 
-_NUMBER = re.compile(rb"\s*([+-]?\d{1,10})")
+_THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
+
+
+class Message(NamedTuple):
+    """Bytes up to a closing bracket, and what is wrong with them."""
+
+    text: bytes
+    error: int
 
 
 class PolhemSerialEmulatorOptions(BodyOptions):
     """Options of the emulated `polhem_serial`. Without `parameters`, it has the set of the model."""
 
     model: Model = Field(default="vintage_phantom", description="that it says it is")
+
+    @property
+    def set_name(self) -> str:
+        return self.parameters or MODEL_SETS[NUMBERS[self.model]]
+
+    def built(self) -> Built:
+        return built(self.set_name, "serial")
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        self.built()
+        return self
 
 
 class PolhemSerialEmulator(Board):
@@ -40,7 +61,7 @@ class PolhemSerialEmulator(Board):
     transport: ClassVar[str] = "serial"
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
         **FAULTS,
-        "gimbal_error": "every answer has these error bits too: 1, 2, 4 or their sum; 0: none",
+        "gimbal_error": "sensors of the gimbal that cannot be read: 1, 2, 4 or their sum; 0: none",
         "wrong_model": "it says to be model 1, 2 or 3; 0: what it is",
     }
 
@@ -48,11 +69,14 @@ class PolhemSerialEmulator(Board):
         options = PolhemSerialEmulatorOptions() if options is None else options
         self.model = self._true_model = NUMBERS[options.model]
         """What it says it is."""
-        super().__init__(options, PARAMETERS[options.parameters or MODEL_SETS[self.model]], WATCHDOG_S)
+        super().__init__(options, options.set_name, options.built(), WATCHDOG_S)
         self._waiting = b""
-        self._work: tuple[float, bytes] | None = None
+        self._buffer = b""
+        self._work: tuple[float, Message] | None = None
         self._answers: list[bytes] = []
-        self._last_counts = NO_COUNTS
+        self._loops = 0
+        self._counts = NO_COUNTS
+        """As read last: what an answer with an error repeats."""
         self._gimbal_error = 0
 
     def receive(self, data: bytes, now: float) -> None:
@@ -61,11 +85,11 @@ class PolhemSerialEmulator(Board):
 
     def advance(self, now: float) -> None:
         while self._work is not None and self._work[0] <= now:
-            at, text = self._work
+            at, message = self._work
             self._work = None
             self._body.advance(at)
             self._calibrate()
-            self._answer(text, at)
+            self._answer(message, at)
             self._begin(at)
         self._body.advance(now)
         self._take_orders()
@@ -80,30 +104,52 @@ class PolhemSerialEmulator(Board):
         return min(due, default=None)
 
     def _begin(self, now: float) -> None:
-        """Take all that has come, if it is a message or too much for one and the last one is done."""
+        """Read on, byte by byte, to the end of a message, unless the last one is still worked on (`await_message`)."""
         if self._work is not None:
             return
-        self._waiting = self._waiting.lstrip(FILLING)
-        if b"]" in self._waiting or len(self._waiting) > BUFFER:
-            self._work = (now + self._processing, self._waiting)
-            self._waiting = b""
+        end = self._waiting.find(b"]", 0, BUFFER - len(self._buffer))
+        taken = end + 1 or BUFFER - len(self._buffer)
+        self._buffer += self._waiting[:taken]
+        self._waiting = self._waiting[taken:]
+        if end < 0 and len(self._buffer) < BUFFER:
+            return
+        message, self._buffer = Message(self._buffer, FULL if end < 0 else _framing(self._buffer)), b""
+        if end >= 0 and not message.error:
+            waiting = self._waiting.lstrip(FILLING)  # dropped, as far as it has come by now
+            if waiting:
+                message = message._replace(error=TRAILING)
+            self._waiting = waiting[1:]
+        self._work = (now + self._processing, message)
 
-    def _answer(self, text: bytes, now: float) -> None:
+    def _answer(self, message: Message, now: float) -> None:
         self.messages += 1
-        currents, error = _read(text)
+        self._loops += 1
+        error = message.error
+        currents = None if error else _currents(message.text)
         if currents is None:
+            error = error or UNREADABLE
             self.errors += 1
         else:
             self._body.drive(currents, now)
-            *main, d, e, f = self._body.counts
-            gimbal = self._last_counts[3:] if self._gimbal_error else (d, e, f)
-            self._last_counts = (*main, *gimbal)  # type: ignore[assignment]
-        self._answers.append(encode_status(Status(self.model, self._last_counts, error | self._gimbal_error)))
+            error = self._measure()
+        self._answers.append(encode_status(Status(self.model, self._counts, error)))
+
+    def _measure(self) -> int:
+        """Read the encoders of the motors, and one sensor of the gimbal in turn; gives the error bit of that sensor."""
+        a, b, c, *gimbal = self._body.counts
+        d, e, f = self._counts[3:]
+        sensor = self._loops % 3
+        error = self._gimbal_error & 1 << sensor
+        if not error:
+            d, e, f = (new if i == sensor else old for i, (old, new) in enumerate(zip((d, e, f), gimbal, strict=True)))
+        self._counts = (a, b, c, d, e, f)
+        return error
 
     def _calibrate(self) -> None:
         if self._body.button_pressed:
             self._body.button_pressed = False
             self._body.set_counters(NO_COUNTS)
+            self._counts = NO_COUNTS
 
     def _suffer(self, name: str, value: float) -> None:
         match name:
@@ -112,29 +158,25 @@ class PolhemSerialEmulator(Board):
             case "gimbal_error":
                 self._gimbal_error = int(value)
             case "restart":
-                self._waiting, self._work, self._last_counts = b"", None, NO_COUNTS
+                self._waiting, self._buffer, self._work, self._counts = b"", b"", None, NO_COUNTS
                 self._answers.clear()
         super()._suffer(name, value)
 
 
-def _read(text: bytes) -> tuple[Currents | None, int]:
-    """The currents of a message [mA], none where one is too large; or None and what is wrong."""
-    head, bracket, tail = text[: BUFFER + 1].partition(b"]")
-    if not bracket:
-        return None, FULL
-    if tail.strip(FILLING):
-        return None, TRAILING
-    _, beginning, numbers = head.partition(b"[")
-    if not beginning:
-        return None, NO_BEGINNING
-    parts = numbers.split(b",")
-    if len(parts) != 3:
-        return None, NOT_THREE
-    matches = [_NUMBER.fullmatch(part) for part in parts]
-    if None in matches:
-        return None, UNREADABLE
-    a, b, c = (int(part) for part in parts)
-    return (_allowed(a), _allowed(b), _allowed(c)), 0
+def _framing(text: bytes) -> int:
+    """What is wrong with a message that ends with a bracket; all commas count, also those before its beginning."""
+    if b"[" not in text:
+        return NO_BEGINNING
+    return 0 if text.count(b",") == 2 else NOT_THREE
+
+
+def _currents(text: bytes) -> Currents | None:
+    """What `sscanf` makes of the part from the last bracket on [mA], none where one is too large; None for nothing."""
+    match = _THREE.match(text[text.rfind(b"[") :].split(b"\0")[0])
+    if match is None:
+        return None
+    a, b, c = (int(part) for part in match.groups())
+    return (_allowed(a), _allowed(b), _allowed(c))
 
 
 def _allowed(current_ma: int) -> float:

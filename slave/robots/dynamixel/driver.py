@@ -119,7 +119,8 @@ class DynamixelRobot:
         if self._reading is not None and now <= self._reading[0]:
             return self._reading[1]
         at, (x, y, z, fx, fy, fz) = self._interpolation.at(now)
-        reading = RobotReading(min(at, now), (x, y, z), saturated((fx, fy, fz), self._options.force_n))
+        force, sampled_at = saturated((fx, fy, fz), self._options.force_n), self._interpolation.newest_at
+        reading = RobotReading(min(at, now), (x, y, z), force, sampled_at=sampled_at)
         self._reading = (now, reading)
         return reading
 

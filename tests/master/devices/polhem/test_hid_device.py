@@ -8,18 +8,19 @@ from typing import Any
 
 import pytest
 
-from codec.vector import ZERO, Vector
+from codec.vector import ZERO, Vector, distance
 from master.devices.contract import DeviceFault
-from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange, parameters_of
+from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
 from master.devices.polhem.options import PolhemHidOptions
 from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.polhem_device import PolhemDevice
-from master.devices.polhem.reports import SHORT, SetCounters
+from master.devices.polhem.polhem_device import STALL_S, PolhemDevice
+from master.devices.polhem.reports import LONG, SHORT, SetCounters
+from master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
 from tests.master.devices.polhem.boards import Board
 
 TICK = 0.001
 PATIENCE = 10.0
-WOODY = PARAMETERS["woodenhaptics_2015"].over_hid().mechanism
+WOODY = PARAMETERS["woodenhaptics_2015"].on("hid14").mechanism
 MIDDLE = (*WOODY.counts_at(ZERO), 0, 0, 0)
 
 Make = Callable[..., PolhemDevice]
@@ -37,10 +38,10 @@ def device_on() -> Iterator[Make]:
     """Makes a device on a board; with force, whatever the signs."""
     made: list[PolhemDevice] = []
 
-    def make(board: Board, **settings: Any) -> PolhemDevice:
+    def make(board: "Board | Desk", **settings: Any) -> PolhemDevice:
         options = PolhemHidOptions(port="/dev/hidraw9", **settings)
         options = options.model_copy(update={"signs_checked": PolhemHidDevice.fingerprint(options)})
-        exchange = ReportExchange(options, parameters_of(options), 5.0, board)
+        exchange = ReportExchange(options, options.wired(), 5.0, board)
         made.append(PolhemDevice(PolhemHidDevice(options, TICK).spec, exchange, TICK, options.reconnect_s))
         return made[-1]
 
@@ -83,13 +84,97 @@ def test_force_and_button(device_on: Make) -> None:
     assert (board.commands[-1], board.closed) == ((0, 0, 0), 1)
 
 
-def test_the_older_kind_is_told_by_its_length(device_on: Make) -> None:
-    board = Board(MIDDLE[:3], stale=MIDDLE[:3])
+def test_the_older_kind_has_its_own_signs(device_on: Make) -> None:
+    middle = PARAMETERS["woodenhaptics_2015"].on("hid8").mechanism.counts_at(ZERO)
+    board = Board(middle, stale=middle)
     board.size = SHORT
-    device = device_on(board)
+    device = device_on(board, report_bytes=8)
     device.open(monotonic())
     assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
     press_until(device, (1.0, 0.0, 0.0), lambda: board.commands[-1] != (0, 0, 0))
+
+
+@pytest.mark.parametrize(("said", "sent"), [(14, 8), (8, 14)])
+def test_reports_of_the_other_length_are_refused(device_on: Make, said: int, sent: int) -> None:
+    """Their firmware counts the other way round."""
+    board = Board((0,) * (6 if sent == LONG else 3))
+    board.size = sent
+    with pytest.raises(DeviceFault, match=f"sends reports of {sent} bytes, the file says {said}.*report_bytes: {sent}"):
+        device_on(board, report_bytes=said).open(monotonic())
+    assert not any(any(command) for command in board.commands if isinstance(command, tuple))
+
+
+class Desk:
+    """An emulated device in place of its port, in real time."""
+
+    def __init__(self, **options: Any) -> None:
+        still = {"script": [{"motion": "rest", "duration_s": 1000.0}], "tremor_m": 0.0}
+        self.emulator = PolhemHidEmulator(PolhemHidEmulatorOptions.model_validate({"handle": still, **options}))
+        self.emulator.advance(monotonic())
+
+    def __call__(self, path: str) -> "Desk":
+        return self
+
+    def write(self, report: bytes) -> None:
+        self.emulator.receive(report, monotonic())
+
+    def read_all(self, until: float) -> list[bytes]:
+        while True:
+            now = monotonic()
+            self.emulator.advance(now)
+            reports = self.emulator.replies(now)
+            if reports or now >= until:
+                return reports
+            sleep(0.0002)
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize(
+    ("built", "settings"),
+    [
+        ({"report": 14}, {}),
+        ({"report": 8}, {}),
+        ({"report": 8, "host": "haptikfabrikenapi"}, {"motor_directions": (1, 1, 1)}),
+        ({"report": 14, "encoder_signs": (-1, 1, 1)}, {"encoder_directions": (-1, 1, 1)}),
+        ({"report": 14, "motor_signs": (-1, 1, 1)}, {"motor_directions": (-1, 1, 1)}),
+        ({"report": 14, "parameters": "woodenhaptics_2019"}, {"parameters": "woodenhaptics_2019"}),
+        ({"report": 8, "parameters": "aluhaptics_v2"}, {"parameters": "aluhaptics_v2"}),
+        ({"report": 14, "parameters": "polhem_v3"}, {"parameters": "polhem_v3"}),
+    ],
+    ids=["14 bytes", "8 bytes", "other motors", "encoder A", "motor A", "2019", "aluhaptics", "polhem"],
+)
+def test_hand_and_force_agree_on_a_device_as_published(
+    device_on: Make, built: dict[str, Any], settings: dict[str, Any]
+) -> None:
+    desk = Desk(**built)
+    device = device_on(desk, report_bytes=built["report"], **settings)
+    device.open(monotonic())
+    force = (0.3, 0.6, -0.4)
+    press_until(device, force, lambda: distance(desk.emulator.force, force) < 0.05)
+    assert distance(device.latest(monotonic()).position, desk.emulator.position) < 5e-4
+    device.close()
+
+
+def test_after_a_stall_of_the_host_the_force_comes_up_again() -> None:
+    board = Board(MIDDLE)
+    options = PolhemHidOptions(port="/dev/hidraw9")
+    exchange = ReportExchange(options, options.wired(), 5.0, board)
+    exchange.open()
+    force = (0.0, 0.0, 4.0)
+    full = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
+
+    def pressed() -> bool:
+        exchange.exchange(force)
+        return board.commands[-1] == full
+
+    until(pressed)
+    sleep(1.5 * STALL_S)
+    exchange.exchange(force)
+    assert board.commands[-1] == (0, 0, 0)
+    until(pressed)
+    exchange.close()
 
 
 def test_another_kind_is_refused(device_on: Make) -> None:
@@ -115,7 +200,7 @@ def test_counters_may_hold_the_home_counts(device_on: Make) -> None:
 
 
 def test_the_gimbal_of_a_polhem_is_wired_last_to_first(device_on: Make) -> None:
-    mechanism = PARAMETERS["polhem_v1"].mechanism
+    mechanism = PARAMETERS["polhem_v1"].on("hid14").mechanism
     device = device_on(Board((*mechanism.counts_at(ZERO), 256, 128, 0)), parameters="polhem_v1")
     device.open(monotonic())
     assert device.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 128, 256))
@@ -123,7 +208,7 @@ def test_the_gimbal_of_a_polhem_is_wired_last_to_first(device_on: Make) -> None:
 
 def test_its_home_counts_are_set_last_to_first_too() -> None:
     options = PolhemHidOptions(port="/dev/hidraw9", homing="at_open", counters_hold_home=True, parameters="polhem_v1")
-    known = parameters_of(options)
+    known = options.wired()
     drive = replace(known.mechanism.drive, gimbal_home_counts=(1, 2, 3))
     board = Board((0,) * 6)
     parameters = replace(known, mechanism=replace(known.mechanism, drive=drive))
@@ -134,7 +219,7 @@ def test_its_home_counts_are_set_last_to_first_too() -> None:
 
 
 def test_counters_that_hold_the_home_counts_say_the_same_pose(device_on: Make) -> None:
-    mechanism = PARAMETERS["polhem_v3"].mechanism
+    mechanism = PARAMETERS["polhem_v3"].on("hid14").mechanism
     raw = [count + home for count, home in zip(mechanism.counts_at(ZERO), mechanism.drive.home_counts, strict=True)]
     device = device_on(Board((*raw, 0, 30, 0)), parameters="polhem_v3", counters_hold_home=True)
     device.open(monotonic())
@@ -151,12 +236,12 @@ def test_a_board_that_does_not_set_its_counters_is_refused(device_on: Make) -> N
 def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
     board = Board((900, -70, 5), stale=(0, 0, 0))
     board.size = SHORT
-    device = device_on(board, homing="at_open")
+    device = device_on(board, homing="at_open", report_bytes=8)
     device.open(monotonic())
     assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
     assert set(board.commands) == {(0, 0, 0)}
     with pytest.raises(DeviceFault, match="without a calibration button; set homing: at_open"):
-        device_on(board, homing="button").open(monotonic())
+        device_on(board, homing="button", report_bytes=8).open(monotonic())
 
 
 def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) -> None:
@@ -218,7 +303,7 @@ def test_unplugged_and_back_without_them(device_on: Make) -> None:
 
 def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
     """A device that turns on and on, its home pose far away: 32767 is followed by -32768."""
-    mechanism = PARAMETERS["polhem_v2"].mechanism
+    mechanism = PARAMETERS["polhem_v2"].on("hid14").mechanism
     near = mechanism.counts_at(ZERO)
     shift = 32_760 - near[2]
     board = Board((near[0], near[1], near[2] + shift, 0, 0, 0))

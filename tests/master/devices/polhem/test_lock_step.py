@@ -59,6 +59,14 @@ def test_every_answer_is_that_to_its_message() -> None:
     assert [message for _, message in line.sent] == list(range(5))
 
 
+def test_a_message_that_is_no_longer_fresh_does_not_go_out() -> None:
+    line = DelayedLine()
+    dialogue = talk(line)
+    assert dialogue.ask(1, PATIENCE, line.now) == 1
+    assert dialogue.ask(2, PATIENCE, line.now - 1e-6) == REST
+    assert [message for _, message in line.sent] == [1, REST]
+
+
 def test_a_garbled_answer_is_one_all_the_same() -> None:
     line = DelayedLine()
     dialogue = talk(line)

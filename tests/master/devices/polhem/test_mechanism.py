@@ -13,7 +13,7 @@ from master.devices.polhem.drive import Angles, Counts, Drive
 from master.devices.polhem.five_bar import FiveBar
 from master.devices.polhem.linkage import SerialParallelogram
 from master.devices.polhem.mechanism import Mechanism
-from master.devices.polhem.parameters import PARAMETERS, Parameters
+from master.devices.polhem.parameters import PARAMETERS, Board, Parameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 ORIGIN: Vector = (0.0, 0.0, 0.0)
@@ -91,8 +91,8 @@ def test_the_home_pose_comes_back_too(parameters: Parameters) -> None:
 @every_set
 def test_virtual_work_is_the_same_at_the_hand_and_at_the_motors(parameters: Parameters) -> None:
     """F.dx = tau.dtheta, with the torque taken from the currents and the angle from the counts."""
-    mechanism, random = parameters.mechanism, Random(3)
-    drive = mechanism.drive
+    drive = replace(parameters.mechanism.drive, motor_directions=parameters.mechanism.drive.encoder_directions)
+    mechanism, random = replace(parameters.mechanism, drive=drive), Random(3)
     for position in positions(parameters, 40):
         counts = mechanism.counts_at(position)
         force = (random.uniform(-5, 5), random.uniform(-5, 5), random.uniform(-5, 5))
@@ -193,7 +193,9 @@ def test_the_three_published_sign_conventions_say_the_same_pose(directions: Coun
     """Each with counters that turn its own way: raw, offset minus raw, and with motor A the other way round."""
     reference = PARAMETERS["woodenhaptics_2015"].mechanism
     angles = (0.3, 0.2, 1.9)
-    drive = replace(reference.drive, directions=directions, home_counts=(0, 0, home_c))
+    drive = replace(
+        reference.drive, encoder_directions=directions, motor_directions=directions, home_counts=(0, 0, home_c)
+    )
     raw = drive.counts(angles)
     assert [count * sign for count, sign in zip(raw, directions, strict=True)] == pytest.approx(
         [0.3 / 1.9635e-4, 0.2 / 2.618e-4, (1.9 - pi / 2) / 2.618e-4], abs=2
@@ -208,9 +210,18 @@ def test_the_three_published_sign_conventions_say_the_same_pose(directions: Coun
 
 def test_a_wrong_direction_is_a_wrong_pose() -> None:
     right = PARAMETERS["woodenhaptics_2015"]
-    wrong = right.turned((1, 1, -1), None)
+    wrong = replace(right.mechanism, drive=replace(right.mechanism.drive, encoder_directions=(1, 1, -1)))
     counts = right.mechanism.counts_at((0.03, 0.02, -0.05))
-    assert distance(wrong.mechanism.position(counts), (0.03, 0.02, -0.05)) > 0.05
+    assert distance(wrong.position(counts), (0.03, 0.02, -0.05)) > 0.05
+
+
+def test_a_wrong_direction_of_a_motor_is_a_wrong_force_in_the_right_place() -> None:
+    right = PARAMETERS["woodenhaptics_2015"].mechanism
+    wrong = replace(right, drive=replace(right.drive, motor_directions=(-1, -1, -1)))
+    counts = right.counts_at((0.03, 0.02, -0.05))
+    assert wrong.position(counts) == right.position(counts)
+    mine, theirs = (each.currents_ma((1.0, 2.0, 3.0), counts) for each in (wrong, right))
+    assert mine == (-theirs[0], theirs[1], theirs[2])
 
 
 def published_forearm(t2: float, t3: float) -> float:
@@ -287,14 +298,16 @@ def test_the_forearm_of_the_serial_linkage_points_where_its_end_is() -> None:
 
 
 def test_the_last_axis_of_the_gimbal_rolls_the_handle() -> None:
-    mechanism = PARAMETERS["polhem_v1"].mechanism
-    counts = (*mechanism.counts_at(ORIGIN), 0, 0)
-    straight, rolled = mechanism.orientation((*counts, 0)), mechanism.orientation((*counts, 256))
-    assert straight is not None
-    assert rolled is not None
-    assert turned(rolled, (1.0, 0.0, 0.0)) == pytest.approx(turned(straight, (1.0, 0.0, 0.0)), abs=1e-12)
-    # A quarter turn, the negative way.
-    assert turned(rolled, (0.0, 1.0, 0.0)) == pytest.approx(turned(straight, (0.0, 0.0, -1.0)), abs=1e-12)
+    """By +count in the API of 2026, by -count in that of 2021: a quarter turn either way."""
+    boards: tuple[tuple[Board, float], ...] = (("serial", 1.0), ("hid14", -1.0))
+    for board, sign in boards:
+        mechanism = PARAMETERS["polhem_v1"].on(board).mechanism
+        counts = (*mechanism.counts_at(ORIGIN), 0, 0)
+        straight, rolled = mechanism.orientation((*counts, 0)), mechanism.orientation((*counts, 256))
+        assert straight is not None
+        assert rolled is not None
+        assert turned(rolled, (1.0, 0.0, 0.0)) == pytest.approx(turned(straight, (1.0, 0.0, 0.0)), abs=1e-12)
+        assert turned(rolled, (0.0, 1.0, 0.0)) == pytest.approx(turned(straight, (0.0, 0.0, sign)), abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["woodenhaptics_2015", "aluhaptics_v2", "vintage_phantom_2021"])
@@ -307,7 +320,7 @@ def test_three_counts_have_no_orientation() -> None:
 
 
 def test_a_drive_is_symmetric() -> None:
-    drive = Drive((0.01,) * 3, (0.1,) * 3, (1000,) * 3, (1, -1, 1), (5, 6, 7), (0.02, 0.03, 0.04))
+    drive = Drive((0.01,) * 3, (0.1,) * 3, (1000,) * 3, (1, -1, 1), (1, 1, -1), (5, 6, 7), (0.02, 0.03, 0.04))
     assert drive.counts(drive.angles((100, -200, 300))) == (100, -200, 300)
     assert drive.torques(drive.currents_ma((0.1, -0.2, 0.3))) == pytest.approx((0.1, -0.2, 0.3))
     # 0.1 N m on the body are 0.01 N m at the motor, and half an ampere.

@@ -9,15 +9,14 @@ import yaml
 
 from codec.vector import ZERO, Vector, distance, norm
 from master.devices import load
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS
+from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
 EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
-ROWS = {
-    cells[0].strip("`"): cells[1:]
-    for cells in ([cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines())
-    if len(cells) == 8 and cells[0].startswith("`")
-}
+CELLS = [[cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines()]
+ROWS = {cells[0].strip("`"): cells[1:] for cells in CELLS if len(cells) == 6 and cells[0].startswith("`")}
+SIGNS = {(cells[0].strip("`"), cells[1]): cells[2:] for cells in CELLS if len(cells) == 7 and cells[0].startswith("`")}
+BOARDS: dict[str, Board] = {"serial": "serial", "HID, 14 bytes": "hid14", "HID, 8 bytes": "hid8"}
 AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -35,15 +34,11 @@ def test_there_are_two_examples_and_a_row_for_every_set() -> None:
 
 @pytest.mark.parametrize("name", ROWS)
 def test_a_row_is_what_the_set_computes(name: str) -> None:
-    use, directions, home_counts, home, steps, currents, force = ROWS[name]
+    use, home, steps, currents, force = ROWS[name]
     parameters = PARAMETERS[name]
     mechanism = parameters.mechanism
     for number, of_model in MODEL_SETS.items():
         assert (f"model {number}" in use) == (of_model == name)
-    both = (parameters.mechanism.drive.directions, parameters.over_hid().mechanism.drive.directions)
-    said = [" ".join("+-"[sign < 0] for sign in signs) for signs in both]
-    assert directions == "; ".join(said)
-    assert home_counts == in_row(mechanism.drive.home_counts)
     assert home == in_row([round(component * 1e3) for component in mechanism.position((0, 0, 0))])
     middle = mechanism.counts_at(ZERO)
     here = mechanism.position(middle)
@@ -51,6 +46,23 @@ def test_a_row_is_what_the_set_computes(name: str) -> None:
     assert steps == in_row([round(distance(mechanism.position(counts), here) * 1e6) for counts in moved])
     assert currents == in_row([round(max(map(abs, mechanism.currents_ma(axis, middle)))) for axis in AXES])
     assert float(force) == pytest.approx(weakest(name), rel=0.05)
+
+
+def test_the_signs_are_those_of_the_drivers() -> None:
+    known = {(name, board) for name, each in PARAMETERS.items() for board in each.wirings}
+    assert {(name, BOARDS[board]) for name, board in SIGNS} == known
+    for (name, board), (encoders, motors, home_counts, gimbal, source) in SIGNS.items():
+        wiring = PARAMETERS[name].wirings[BOARDS[board]]
+        assert encoders == signs(wiring.encoder)
+        assert motors == signs(wiring.motor)
+        assert home_counts == in_row(wiring.home_counts)
+        has_gimbal = 0 not in PARAMETERS[name].mechanism.drive.gimbal_counts_per_turn
+        assert gimbal == (signs(wiring.gimbal) if has_gimbal else "")
+        assert source.split()[0] in wiring.source
+
+
+def signs(three: tuple[int, int, int]) -> str:
+    return " ".join("+-"[sign < 0] for sign in three)
 
 
 def in_row(numbers: Any) -> str:

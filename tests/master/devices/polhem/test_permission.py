@@ -39,7 +39,10 @@ def test_with_a_check_there_is_the_published_force_or_less() -> None:
 def test_the_check_is_of_these_settings_alone() -> None:
     settings: list[dict[str, Any]] = [
         {},
-        {"directions": (1, 1, 1)},
+        {"encoder_directions": (1, -1, 1)},
+        {"motor_directions": (1, -1, 1)},
+        {"directions": (1, -1, 1)},
+        {"report_bytes": 8},
         {"home_counts": (0, 0, -5999)},
         {"parameters": "woodenhaptics_2019"},
         {"parameters": "polhem_v3"},
@@ -47,7 +50,7 @@ def test_the_check_is_of_these_settings_alone() -> None:
     prints = [PolhemHidDevice.fingerprint(HID(**each)) for each in settings]
     prints += [PolhemSerialDevice.fingerprint(SERIAL(model=model)) for model in ("woodenhaptics", "polhem", "auto")]
     assert len(set(prints)) == len(prints)
-    stale = hid(signs_checked=prints[0], directions=(1, 1, 1))
+    stale = hid(signs_checked=prints[0], motor_directions=(1, -1, 1))
     assert not stale.spec.force_feedback
     assert "signs not checked with these settings" in stale.spec.note
 
@@ -56,7 +59,7 @@ def test_what_has_no_say_in_signs_keeps_the_check() -> None:
     signs = PolhemHidDevice.fingerprint(HID())
     assert signs == PolhemHidDevice.fingerprint(HID(force_n=2.0, port="/dev/hidraw9", homing="at_open"))
     # Said explicitly, the published ones are still those.
-    assert signs == PolhemHidDevice.fingerprint(HID(directions=(-1, -1, -1), home_counts=(0, 0, -6000)))
+    assert signs == PolhemHidDevice.fingerprint(HID(directions=(1, 1, 1), home_counts=(0, 0, 6000)))
 
 
 def test_a_fingerprint_is_eight_digits_that_yaml_takes_for_a_text() -> None:
@@ -102,6 +105,7 @@ def test_specs_before_opening() -> None:
     assert device.spec.orientation
     assert device.spec.stiffness_n_m == 2000.0
     assert hid().spec.buttons == 1
+    assert (device.spec.watchdog_s, hid().spec.watchdog_s) == (0.1, 0.5)
     assert not hid().spec.orientation
     assert "hold the handle in its home pose" in hid(homing="at_open").spec.note
     assert "12 times" in hid(parameters="woodenhaptics_2019").spec.note

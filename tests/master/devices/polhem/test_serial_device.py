@@ -10,11 +10,14 @@ from typing import Any
 import pytest
 
 from codec.vector import ZERO, Vector, norm
+from hardware.fault import BadReply
 from hardware.pty_device import PtyDevice
-from master.devices.contract import DeviceFault
+from master.devices.contract import DeviceFault, DeviceReading
+from master.devices.polhem.lock_step import QUIET_S
 from master.devices.polhem.options import PolhemSerialOptions
 from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.serial_device import PolhemSerialDevice
+from master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
+from master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from tests.master.devices.polhem.boards import Counts6, Teensy
 
 TICK = 0.001
@@ -174,6 +177,9 @@ def test_an_orientation_comes_where_there_are_sensors(device_of: Make, board: Pt
     orientation = device.latest(monotonic()).orientation
     assert orientation is not None
     assert sum(part * part for part in orientation) == pytest.approx(1.0)
+    teensy(board).error = 2
+    until(lambda: device.latest(monotonic()).orientation is None)
+    until(lambda: device.trouble == "gimbal sensor 2 does not answer")
 
 
 def test_no_answer_is_one_line(device_of: Make, board: PtyDevice) -> None:
@@ -238,14 +244,9 @@ def test_garbled_answers_rest_the_motors_and_are_survived(device_of: Make, board
     device.latest(monotonic())
 
 
-@pytest.mark.parametrize(("error", "model"), [(8, "woodenhaptics"), (1024, "woodenhaptics"), (1, "polhem")])
-def test_an_error_that_stays_is_a_fault_and_no_current_goes(
-    device_of: Make, board: PtyDevice, error: int, model: str
-) -> None:
-    if model == "polhem":
-        teensy(board).model = 1
-        teensy(board).counts = (*PARAMETERS["polhem_v3"].mechanism.counts_at(ZERO), 0, 0, 0)
-    device = device_of(model=model)
+@pytest.mark.parametrize("error", [8, 1024, 1 | 8])
+def test_an_error_that_stays_is_a_fault_and_no_current_goes(device_of: Make, board: PtyDevice, error: int) -> None:
+    device = device_of()
     device.open(monotonic())
     teensy(board).error = error
     with pytest.raises(DeviceFault, match="reports "):
@@ -259,6 +260,97 @@ def test_a_gimbal_that_is_not_there_may_be_missing(device_of: Make, board: PtyDe
     teensy(board).error = 1 | 2 | 4
     teensy(board).counts = (*WOODY.counts_at((0.002, 0.0, 0.0)), 0, 0, 0)
     until(lambda: device.latest(monotonic()).position == pytest.approx((0.002, 0.0, 0.0), abs=1e-4))
+
+
+@pytest.fixture
+def polhem(tmp_path: Path) -> Iterator[tuple[PolhemSerialEmulator, Path]]:
+    """An emulated Polhem with its firmware's habits: one sensor of the gimbal is read per message."""
+    still = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
+    emulator = PolhemSerialEmulator(PolhemSerialEmulatorOptions.model_validate({"model": "polhem", "handle": still}))
+    with PtyDevice(emulator, tmp_path / "polhem") as pty:
+        yield emulator, pty.path
+
+
+def test_a_broken_gimbal_costs_the_orientation_and_not_the_force(polhem: tuple[PolhemSerialEmulator, Path]) -> None:
+    emulator, path = polhem
+    exchange = BracketExchange(PolhemSerialOptions(port=str(path), model="polhem"), 5.0)
+    force = (0.0, 0.0, 1.0)
+
+    def readings(count: int) -> list[DeviceReading]:
+        """As many as that; what a busy machine answers too late does not count."""
+        found: list[DeviceReading] = []
+        gives_up = monotonic() + PATIENCE
+        while len(found) < count:
+            assert monotonic() < gives_up
+            try:
+                found.append(exchange.exchange(force))
+            except BadReply as reply:
+                assert "gimbal" not in str(reply)
+        return found
+
+    exchange.open()
+    assert any(each.orientation for each in readings(50))
+    emulator.inject("gimbal_error", 2.0)
+    until(lambda: readings(1)[0].orientation is None)
+    assert not any(each.orientation for each in readings(60))
+    assert exchange.orientation_trouble == "gimbal sensor 2 does not answer"
+    until(lambda: bool(readings(1)) and norm(emulator.force) > 0.95)
+    emulator.inject("gimbal_error", 0.0)
+    until(lambda: readings(1)[0].orientation is not None)
+    exchange.close()
+
+
+class Jammed(PolhemSerialEmulator):
+    """What the host sends is held up until `release_at` messages are there, and then comes at once."""
+
+    release_at = 0
+
+    def receive(self, data: bytes, now: float) -> None:
+        if self.release_at and (self._waiting + data).count(b"]") < self.release_at:
+            self._waiting += data
+            return
+        self.release_at = 0
+        super().receive(data, now)
+
+
+def test_two_messages_at_once_cost_an_exchange_and_no_more(device_of: Make, tmp_path: Path) -> None:
+    """A message that was held up comes together with the zeros that follow it: the board answers 8, then 256."""
+    still = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
+    emulator = Jammed(PolhemSerialEmulatorOptions.model_validate({"model": "polhem", "handle": still}))
+    with PtyDevice(emulator, tmp_path / "jammed") as pty:
+        device = device_of(port=str(pty.path), model="polhem")
+        device.open(monotonic())
+        force = (0.0, 0.0, 1.0)
+        press_until(device, force, lambda: norm(emulator.force) > 0.95)
+        errors = emulator.errors
+        emulator.release_at = 2
+        press_until(device, force, lambda: emulator.errors >= errors + 2)
+        began = monotonic()
+        press_until(device, force, lambda: norm(emulator.force) > 0.95)
+        assert monotonic() - began < QUIET_S, "two answers were owed and came: there is no silence to wait for"
+        assert emulator.errors == errors + 2
+        device.latest(monotonic())
+        device.close()
+
+
+def test_the_weight_is_carried_while_the_loop_commands_and_not_longer(device_of: Make, tmp_path: Path) -> None:
+    handle = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
+    options = PolhemSerialEmulatorOptions.model_validate({"model": "polhem", "handle": handle, "weight": True})
+    emulator = PolhemSerialEmulator(options)
+    with PtyDevice(emulator, tmp_path / "heavy") as pty:
+        device = device_of(port=str(pty.path), model="polhem", gravity_compensation=True)
+        device.open(monotonic())
+        assert emulator.currents_ma == (0.0, 0.0, 0.0)
+        press_until(device, ZERO, lambda: norm(emulator.force) < 0.03)
+        until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0))
+        press_until(device, ZERO, lambda: emulator.currents_ma != (0.0, 0.0, 0.0))
+        device.close()
+        until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0))
+        unchecked = device_of(port=str(pty.path), model="polhem", gravity_compensation=True, signs_checked="a0000000")
+        unchecked.open(monotonic())
+        messages = emulator.messages
+        press_until(unchecked, ZERO, lambda: emulator.messages > messages + 80)
+        assert emulator.currents_ma == (0.0, 0.0, 0.0)
 
 
 def test_unplugged_is_a_fault(device_of: Make, board: PtyDevice) -> None:

@@ -156,11 +156,13 @@ def test_the_button_of_the_stylus_is_in_the_fourth_count() -> None:
     assert not desk.command((0, 0, 0))[0].button
 
 
-@pytest.mark.parametrize("report", [14, 8])
-@pytest.mark.parametrize("parameters", ["woodenhaptics_2015", "polhem_v1", "polhem_v3"])
+@pytest.mark.parametrize(
+    ("parameters", "report"),
+    [("woodenhaptics_2015", 14), ("woodenhaptics_2015", 8), ("aluhaptics_v2", 8), ("polhem_v1", 14), ("polhem_v3", 14)],
+)
 def test_its_counts_are_those_of_the_handles_place_as_hid_boards_turn_them(parameters: str, report: int) -> None:
     desk = Desk(parameters=parameters, report=report, handle={})
-    mechanism = PARAMETERS[parameters].over_hid().mechanism
+    mechanism = PARAMETERS[parameters].on("hid14" if report == 14 else "hid8").mechanism
     reports = desk.wait(0.5) if report == 8 else desk.wait() + [desk.command((0, 0, 0))[0] for _ in range(200)]
     unwrapper = Unwrapper()
     there = mechanism.position([unwrapper.unwrap(each.counts) for each in reports][-1])

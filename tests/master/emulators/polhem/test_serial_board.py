@@ -129,30 +129,32 @@ def test_the_watchdog_bites_in_time_however_late_anybody_looks() -> None:
 
 
 @pytest.mark.parametrize(
-    ("data", "error"),
+    ("data", "errors"),
     [
-        (b"[1,2,3]\n[4,5,6]\n", 8),
-        (b"[1,2,3]x", 8),
-        (b"[1,2,3" + b" " * 200, 128),
-        (b"1,2,3]", 256),
-        (b"[1,2]", 512),
-        (b"[1,[2,3,4]", 512),
-        (b"[1,2,3,4]", 512),
-        (b"[1,2,x]", 1024),
-        (b"[1,,3]", 1024),
-        (b"[1.5,2,3]", 1024),
+        (b"[1,2,3]\n[4,5,6]\n", [8, 256]),  # the first takes the beginning of the second
+        (b"[1,2,3]\n[4,5,6]\n]", [8, 256, 256]),
+        (b"[1,2,3]x", [8]),
+        (b"[1,2,3" + b" " * 200, [128]),
+        (b"1,2,3]", [256]),
+        (b"[1,2]", [512]),
+        (b"[1,[2,3,4]", [512]),
+        (b"[1,2,3,4]", [512]),
+        (b"[1,2,x]", [1024]),
+        (b"[1,,3]", [1024]),
+        (b"[1.5,2,3]", [1024]),
+        (b"[1,2\0,3]", [1024]),
     ],
 )
-def test_a_wrong_message_gets_its_error_the_last_counts_and_no_current(data: bytes, error: int) -> None:
+def test_a_wrong_message_gets_its_error_the_last_counts_and_no_current(data: bytes, errors: list[int]) -> None:
     desk = Desk(handle={})
     last = desk.ask(100, 100, 100).counts
     desk.wait(0.05)
     assert desk.emulator.counts != last
-    (answer,) = desk.say(data)
-    assert answer.error == error
-    assert answer.counts == last
+    answers = desk.say(data)
+    assert [answer.error for answer in answers] == errors
+    assert {answer.counts for answer in answers} == {last}
     assert desk.emulator.currents_ma == (100.0, 100.0, 100.0)
-    assert desk.emulator.errors == 1
+    assert desk.emulator.errors == len(errors)
     good = desk.ask(7, 8, 9)
     assert good.error == 0
     assert good.counts != last
@@ -160,7 +162,8 @@ def test_a_wrong_message_gets_its_error_the_last_counts_and_no_current(data: byt
 
 
 @pytest.mark.parametrize(
-    "data", [b"[1,-2,3]", b"[1,-2,3]\n", b"[1,-2,3]\r\n\0\0\0\0\0", b"\0\0\n[1,-2,3]", b"[ 1, -2,+3]"]
+    "data",
+    [b"[1,-2,3]", b"[1,-2,3]\n", b"[1,-2,3]\r\n\0\0\0\0\0", b"\0\0\n[1,-2,3]", b"[ 1, -2,+3]", b"[[1,-2,3.5]"],
 )
 def test_filling_around_a_message_is_no_error(data: bytes) -> None:
     desk = Desk()
@@ -181,7 +184,7 @@ def test_the_host_that_runs_ahead_is_told_so() -> None:
     desk = Desk(processing_s=0.0005)
     for current in (1, 2, 3):  # the second and the third wait together, while the first is worked on
         desk.emulator.receive(b"[%d,0,0]\n" % current, desk.now)
-    assert [answer.error for answer in desk.wait(0.01)] == [0, 8]
+    assert [answer.error for answer in desk.wait(0.01)] == [0, 8, 256]
     assert desk.emulator.currents_ma == (1.0, 0.0, 0.0)
 
 
@@ -274,13 +277,16 @@ def test_it_may_say_to_be_another_model_or_to_have_a_broken_gimbal() -> None:
     desk.emulator.inject("wrong_model", 3.0)
     desk.emulator.inject("gimbal_error", 5.0)
     desk.wait(TICK)
-    first = desk.ask(100, 0, 0)
-    assert (first.model, first.error) == (3, 5)
+    answers = [desk.ask(100 + i, 0, 0) for i in range(6)]
+    assert {answer.model for answer in answers} == {3}
+    assert sorted(answer.error for answer in answers) == [0, 0, 1, 1, 4, 4], "one sensor is read per message"
+    assert desk.emulator.currents_ma == (105.0, 0.0, 0.0), "set before the sensor is read"
+    first = answers[-1]
     desk.wait(0.05)
-    later = desk.ask(100, 0, 0)
+    later = [desk.ask(100, 0, 0) for _ in range(3)][-1]
     assert later.counts[:3] != first.counts[:3]
-    assert later.counts[3:] == first.counts[3:]
-    assert desk.emulator.currents_ma == (100.0, 0.0, 0.0)
+    assert (later.counts[3], later.counts[5]) == (first.counts[3], first.counts[5])
+    assert later.counts[4] != first.counts[4]
 
 
 def test_a_motor_wired_the_wrong_way_round_pushes_the_other_way() -> None:
