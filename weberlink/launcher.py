@@ -32,8 +32,10 @@ from typing import Any, Self
 import numpy as np
 
 from evaluation.session import Records, SessionScore
+from protocol.keys import generate
 from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path, process_started
+from telemetry.runtime_directory import directories, directory
 from weberlink import description, live_change
 from weberlink.composition.deadband import measure_of
 from weberlink.composition.link import banks
@@ -45,7 +47,7 @@ from weberlink.recorder import Recorder
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
 """Between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)-(?:master|slave)\.(?:ring|json|ask)")
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")
 LEFT_FOR_S = 3600.0
 """Until what nobody writes any more is removed [s]: its last records may be of use to somebody."""
 STOP_LIMIT_S = 15.0
@@ -156,6 +158,8 @@ class Session:
     def __enter__(self) -> Self:
         sweep()
         system = self.configuration.system
+        if system.link.security == "session":
+            self._make_key()
         self.score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # by nohup, say
@@ -171,6 +175,14 @@ class Session:
             self.daemons[side] = daemon
             self._stack.callback(daemon.release)
         return self
+
+    def _make_key(self) -> None:
+        """A key that both daemons read at their start, in memory and as long as the session."""
+        path = directory() / f"weberlink-{os.getpid()}.key"
+        path.unlink(missing_ok=True)  # of an earlier process that had our number
+        generate(path)
+        self._stack.callback(path.unlink, missing_ok=True)
+        self.overrides = [*self.overrides, f"link.key_file={json.dumps(str(path))}"]
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for daemon in self.daemons.values():
@@ -247,12 +259,16 @@ class Session:
         self._signals.append(Signals(number))
 
 
-def sweep() -> None:
-    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while."""
-    for path in Path(_ring(MASTER)).parent.glob("weberlink-*"):
+def sweep(folders: Sequence[Path] | None = None) -> None:
+    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while.
+
+    Args:
+        folders: where to look; None for the runtime directories of this user.
+    """
+    for path in (path for folder in (directories() if folders is None else folders) for path in folder.iterdir()):
         found = LEFT_BEHIND.fullmatch(path.name)
-        with suppress(OSError):  # of another user, or gone by now
-            if found and time() - path.stat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
+        with suppress(OSError):  # gone by now
+            if found and time() - path.lstat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
                 path.unlink()
 
 

@@ -22,7 +22,7 @@ from master.emulators import load
 from tests.weberlink.systems import CONFIGS
 
 DEVICE = """
-link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:9", security: none}}
+link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:9", security: psk, key_file: KEY}}
 codec: {{position: {{step_m: 0.00001}}}}
 master: {{device: {device}}}
 """

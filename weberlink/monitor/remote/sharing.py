@@ -42,14 +42,16 @@ class Sharing:
     """The server.
 
     Args:
-        key: pre-shared, as of `protocol.keys.load`.
-        where: folder of the rings.
+        security: as of `handshake.suite`.
+        where: folder of the rings; None for those of this user.
         only: name of the one session to share; None for the newest.
         tell: told in a line who comes and goes.
     """
 
-    def __init__(self, key: bytes, where: Path, only: str | None, tell: Callable[[str], None]) -> None:
-        self._security: PresharedKey = handshake.suite(key)
+    def __init__(
+        self, security: PresharedKey, where: Path | None, only: str | None, tell: Callable[[str], None]
+    ) -> None:
+        self._security = security
         self._where = where
         self._only = only
         self._tell = tell
@@ -139,7 +141,7 @@ class Outlet:
         where, only: as of `Sharing`.
     """
 
-    def __init__(self, where: Path, only: str | None) -> None:
+    def __init__(self, where: Path | None, only: str | None) -> None:
         self._where = where
         self._only = only
         self._feeds: dict[str, RingFeed] = {}

@@ -64,7 +64,7 @@ class Host:
 
     @asynccontextmanager
     async def sharing(self, key: bytes = KEY, port: int = 0) -> AsyncIterator[int]:
-        sharing = Sharing(key, self.folder, None, self.said.append)
+        sharing = Sharing(suite(key), self.folder, None, self.said.append)
         _, port = await sharing.open("127.0.0.1", port)
         try:
             yield port
@@ -74,7 +74,7 @@ class Host:
     @asynccontextmanager
     async def looking(self, port: int, key: bytes = KEY) -> AsyncIterator[Watch]:
         watch = Watch(self.folder, None, lambda _: None)
-        following = Following(key, ("127.0.0.1", port), watch, self.folder, self.said.append)
+        following = Following(suite(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
         tasks = [asyncio.ensure_future(task) for task in (watch.run(), following.run())]
         try:
             yield watch
