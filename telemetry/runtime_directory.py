@@ -53,10 +53,10 @@ class Places:
         Raises:
             RuntimeDirectoryError: there is none, and none can be made.
         """
-        for base in self._bases():
-            if _is_private(base) and self._in_memory(base):
-                return _checked(_made(base / NAME))
+        parent = self.memory()
         try:
+            if parent != self.shared:
+                return _checked(_made(parent / NAME))
             plain = _made(self._plain)
             if _owner(plain) == os.geteuid():
                 return _checked(plain)
@@ -67,9 +67,13 @@ class Places:
             raise
         except OSError as error:
             raise RuntimeDirectoryError(
-                f"no directory in memory for telemetry: {self._plain} cannot be made ({error.strerror}); mount a tmpfs"
+                f"no directory in memory for telemetry: none can be made in {parent} ({error.strerror}); mount a tmpfs"
                 f" at {self.shared}, or set XDG_RUNTIME_DIR to a directory of yours on a tmpfs"
             ) from None
+
+    def memory(self) -> Path:
+        """The directory, kept in memory, in which that of this user is or would be made; it need not be there."""
+        return next((base for base in self._bases() if _is_private(base) and self._in_memory(base)), self.shared)
 
     def directories(self) -> list[Path]:
         """All directories of this user that there are: sessions started in other ways may use another one."""
