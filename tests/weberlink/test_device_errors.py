@@ -19,6 +19,7 @@ import pytest
 from hardware.pty_device import PtyDevice
 from hardware.umockdev import HidNode, Testbed, missing
 from master.emulators import load
+from protocol.keys import generate
 from tests.weberlink.systems import CONFIGS
 
 DEVICE = """
@@ -115,6 +116,7 @@ def two_hid_devices(bed: Testbed) -> Iterator[list[str]]:
 
 def written(folder: Path, device: str) -> Path:
     file = folder / "system.yaml"
+    generate(folder / "KEY")
     file.write_text(DEVICE.format(device=device), encoding="utf-8")
     return file
 
