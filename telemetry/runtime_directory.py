@@ -18,8 +18,13 @@ from pathlib import Path
 from tempfile import mkdtemp
 
 NAME = "weberlink"
-_KINDS = {stat.S_IFLNK: "a symbolic link", stat.S_IFDIR: "a directory", stat.S_IFREG: "a file", stat.S_IFIFO: "a FIFO"}
-_KINDS[stat.S_IFSOCK] = "a socket"
+_KINDS = {
+    stat.S_IFREG: "a file",
+    stat.S_IFDIR: "a directory",
+    stat.S_IFLNK: "a symbolic link",
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFSOCK: "a socket",
+}
 IN_MEMORY = ("tmpfs", "ramfs")
 
 

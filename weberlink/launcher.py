@@ -84,6 +84,11 @@ class Daemon:
         return self._process.poll() is None
 
     @property
+    def begun(self) -> bool:
+        """Whether it has made its ring, and so has read what it reads at its start."""
+        return self._reader is not None
+
+    @property
     def wall_offset_s(self) -> float:
         """From the clock of the records to the wall clock [s]; 0 while there are none."""
         reader = self._reader
@@ -154,6 +159,7 @@ class Session:
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
     _recorder: Recorder | None = None
+    _key: Path | None = None
 
     def __enter__(self) -> Self:
         sweep()
@@ -177,8 +183,8 @@ class Session:
         return self
 
     def _make_key(self) -> None:
-        """A key that both daemons read at their start, in memory and as long as the session."""
-        path = directory() / f"weberlink-{os.getpid()}.key"
+        """Write a key, in memory, for both daemons to read at their start; it is removed when they have."""
+        self._key = path = directory() / f"weberlink-{os.getpid()}.key"
         path.unlink(missing_ok=True)  # of an earlier process that had our number
         generate(path)
         self._stack.callback(path.unlink, missing_ok=True)
@@ -236,6 +242,9 @@ class Session:
     def _look(self) -> None:
         empty = np.empty(0, DTYPE)
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
+        if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
+            self._key.unlink(missing_ok=True)
+            self._key = None
         self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
         if self.journal is not None:
             for side, daemon in self._in_order():
