@@ -155,8 +155,11 @@ _FIXED = {
 
 
 def _read(body: bytes) -> dict[str, object] | None:
+    """A change as the peer wrote it: names with numbers or texts, nothing nested."""
     try:
         change = json.loads(body)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
-    return change if isinstance(change, dict) else None
+    if not isinstance(change, dict) or any(isinstance(value, dict | list) for value in change.values()):
+        return None
+    return change

@@ -3,6 +3,7 @@
 weberlink-key-1 <64 hexadecimal digits>
 """
 
+import errno
 import os
 import secrets
 import stat
@@ -38,13 +39,17 @@ def load(path: Path) -> bytes:
     """Read the key, of `KEY_BYTES`.
 
     Raises:
-        KeyFileError: if the file is missing, open to other users, or not a key file.
+        KeyFileError: if the file is missing, a symbolic link, of another user than this one or root, open to other
+            users, or not a key file.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # nothing waits for a pipe by that name
+        # O_NONBLOCK: nothing waits for a pipe by that name.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW | os.O_CLOEXEC)
     except FileNotFoundError:
         raise KeyFileError(f"{path} does not exist; `weberlink keygen {path}` makes a key") from None
     except OSError as problem:
+        if problem.errno == errno.ELOOP:
+            raise KeyFileError(f"{path} is a symbolic link; name the key file itself") from None
         raise KeyFileError(f"{path} cannot be read: {problem.strerror}") from None
     try:
         return _parse(_read(descriptor, path), path)
@@ -56,6 +61,9 @@ def _read(descriptor: int, path: Path) -> bytes:
     status = os.fstat(descriptor)
     if not stat.S_ISREG(status.st_mode):
         raise KeyFileError(f"{path} is not a file")
+    owner, user = status.st_uid, os.geteuid()
+    if owner not in (0, user):  # who could put another key there at any time
+        raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
     if status.st_mode & 0o077:
         mode = stat.S_IMODE(status.st_mode)
         raise KeyFileError(f"{path} is open to other users (mode {mode:04o}); run: chmod 600 {path}")

@@ -1,13 +1,14 @@
 """What a real-time process asks of the kernel, and whether it was granted.
 
-Owns scheduling class, memory lock, CPU affinity, timer slack, idle latency and the tie to the parent process. Knows no
-loop. A permission that is missing is an answer in words, not an error: the same program runs on a laptop and on a tuned
-machine, and says which.
+Owns scheduling class, memory lock, CPU affinity, timer slack, idle latency, core dumps and the tie to the parent
+process. Knows no loop. A permission that is missing is an answer in words, not an error: the same program runs on a
+laptop and on a tuned machine, and says which.
 """
 
 import ctypes
 import errno
 import os
+import resource
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from signal import Signals
@@ -97,6 +98,19 @@ def die_with_parent(signal: Signals, parent: int | None = None) -> None:
     _checked(_libc.prctl(_SET_PARENT_DEATH_SIGNAL, signal, 0, 0, 0))
     if os.getppid() != expected:
         os.kill(os.getpid(), signal)
+
+
+def forbid_core_dumps() -> None:
+    """Have the kernel write no core dump of this process and of those that it starts: they may hold a key.
+
+    The limit is one byte. That is less than any core file, and the only limit at which the kernel does not start a
+    program named in `core_pattern` either (fs/coredump.c); at 0 it does. PR_SET_DUMPABLE would have the same effect,
+    but give this process's files in /proc to root: where /proc hides processes (ProtectProc= of systemd), the monitor
+    of the same user could no longer see that a daemon lives.
+    """
+    _, hard = resource.getrlimit(resource.RLIMIT_CORE)
+    limit = min(hard, 1) if hard != resource.RLIM_INFINITY else 1
+    resource.setrlimit(resource.RLIMIT_CORE, (limit, limit))
 
 
 def _schedule(priority: int) -> Grant:

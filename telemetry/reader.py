@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from telemetry.record import DESCRIPTION, RECORD
-from telemetry.ring import CLOSED_AT, COUNTER_AT, RECORDS_AT, is_alive, read_header
+from telemetry.ring import CLOSED_AT, COUNTER_AT, LARGEST_FILE, RECORDS_AT, is_alive, read_header
+from telemetry.runtime_directory import open_file
 
 DTYPE = np.dtype(DESCRIPTION)
 
@@ -26,6 +27,7 @@ class RingReader:
 
     Raises:
         FileNotFoundError: there is no such file.
+        ForeignFileError: it is no regular file of this user or of root, or it is too large.
         RingFormatError: it is not a ring that this release can read.
     """
 
@@ -33,7 +35,7 @@ class RingReader:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        fd = os.open(self.path, os.O_RDONLY | os.O_CLOEXEC)
+        fd = open_file(self.path, LARGEST_FILE)
         try:
             self._header = read_header(self.path, fd)
             self._capacity = self._header.capacity

@@ -15,12 +15,13 @@ from contextlib import suppress
 from mmap import MAP_POPULATE, MAP_SHARED, mmap
 from pathlib import Path
 from struct import Struct
-from tempfile import gettempdir, mkstemp
+from tempfile import mkstemp
 from time import monotonic, time
 from types import TracebackType
 from typing import NamedTuple, Self
 
 from telemetry.record import FIELDS, RECORD
+from telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBRING\x00"
 VERSION = 1
@@ -32,6 +33,8 @@ COUNTER_AT = 128
 CLOSED_AT = 136
 RECORDS_AT = 192
 SIDE_BYTES = 32
+LARGEST_FILE = 128 * 2**20
+"""Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 35 MB."""
 
 
 class Header(NamedTuple):
@@ -62,15 +65,15 @@ class RingInUseError(FileExistsError):
 
 
 def default_path(name: str) -> Path:
-    """Where a ring of this name belongs: memory that no disk backs, where the system has it.
+    """Where a ring of this name belongs: the runtime directory of this user, which is made if there is none.
 
     Raises:
         ValueError: the name is empty or would lead to another directory.
+        RuntimeDirectoryError: there is no such directory, and none can be made.
     """
     if not name or "/" in name or "\x00" in name:
         raise ValueError(f"name must be a file name without a slash, got {name!r}")
-    shared = Path("/dev/shm")  # noqa: S108 - files are made by mkstemp
-    return (shared if shared.is_dir() else Path(gettempdir())) / f"weberlink-{name}.ring"
+    return directory() / f"weberlink-{name}.ring"
 
 
 def read_header(path: Path, fd: int) -> Header:
@@ -143,6 +146,7 @@ class RingWriter:
             ValueError: an argument is out of range.
             RingInUseError: a living process writes this file.
             RingFormatError: the path holds something else, which is left alone.
+            ForeignFileError: the path holds what is no file, or belongs to another user; it is left alone.
             OSError: there is no room for the file.
         """
         path, name = Path(path), side.encode()
@@ -150,8 +154,9 @@ class RingWriter:
             raise ValueError(f"side must be 1 to {SIDE_BYTES} bytes, got {side!r}")
         if not rate_hz > 0.0:
             raise ValueError(f"rate_hz must be positive, got {rate_hz}")
-        if capacity < 2:
-            raise ValueError(f"capacity must be at least 2 records, got {capacity}")
+        most = (LARGEST_FILE - RECORDS_AT) // RECORD.size
+        if not 2 <= capacity <= most:
+            raise ValueError(f"capacity must be 2 to {most} records, got {capacity}")
         _refuse_to_replace(path)
         pid = os.getpid()
         started = process_started(pid) or 0
@@ -194,7 +199,7 @@ class RingWriter:
 def _refuse_to_replace(path: Path) -> None:
     """Raise unless the path is free or holds the ring, of whatever release, of a dead or finished writer."""
     try:
-        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        fd = open_file(path, LARGEST_FILE)
     except FileNotFoundError:
         return
     try:

@@ -11,9 +11,14 @@ from tempfile import mkstemp
 from typing import Any
 
 from control.table import SCHEMES
+from telemetry.runtime_directory import open_file
+from weberlink.bounded_json import parse
 from weberlink.composition.link import banks, channels
 from weberlink.composition.live import permitted
 from weberlink.configuration import Configuration
+
+LONGEST = 1_000_000
+"""Of a description [bytes]; the shipped configurations take up to 10 kB."""
 
 
 def path_beside(ring: str | Path) -> Path:
@@ -53,9 +58,10 @@ def publish(ring: str | Path, description: dict[str, Any]) -> Path:
 
 
 def read(ring: str | Path) -> dict[str, Any] | None:
-    """The description beside a ring; None if there is none, or none that can be read."""
+    """The description beside a ring; None if there is none, or none that can be read and trusted."""
     try:
-        found = json.loads(path_beside(ring).read_text(encoding="utf-8"))
+        with os.fdopen(open_file(path_beside(ring), LONGEST), "rb") as file:
+            found = parse(file.read(LONGEST + 1), LONGEST)
     except (OSError, ValueError):
         return None
     return found if isinstance(found, dict) else None

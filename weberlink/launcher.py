@@ -32,8 +32,10 @@ from typing import Any, Self
 import numpy as np
 
 from evaluation.session import Records, SessionScore
+from protocol.keys import generate
 from telemetry.reader import DTYPE, RingReader
 from telemetry.ring import default_path, process_started
+from telemetry.runtime_directory import directories, directory
 from weberlink import description, live_change
 from weberlink.composition.deadband import measure_of
 from weberlink.composition.link import banks
@@ -45,7 +47,7 @@ from weberlink.recorder import Recorder
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
 """Between two looks at the telemetry."""
-LEFT_BEHIND = re.compile(r"weberlink-(\d+)-(?:master|slave)\.(?:ring|json|ask)")
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")
 LEFT_FOR_S = 3600.0
 """Until what nobody writes any more is removed [s]: its last records may be of use to somebody."""
 STOP_LIMIT_S = 15.0
@@ -80,6 +82,11 @@ class Daemon:
     @property
     def running(self) -> bool:
         return self._process.poll() is None
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has made its ring, and so has read what it reads at its start."""
+        return self._reader is not None
 
     @property
     def wall_offset_s(self) -> float:
@@ -154,10 +161,13 @@ class Session:
     _signals: list[Signals] = field(default_factory=list)
     _stack: ExitStack = field(default_factory=ExitStack)
     _recorder: Recorder | None = None
+    _key: Path | None = None
 
     def __enter__(self) -> Self:
         sweep()
         system = self.configuration.system
+        if system.link.security == "session":
+            self._make_key()
         self.score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
         for number in STOP_SIGNALS:
             if getsignal(number) is SIG_IGN:  # by nohup, say
@@ -173,6 +183,14 @@ class Session:
             self.daemons[side] = daemon
             self._stack.callback(daemon.release)
         return self
+
+    def _make_key(self) -> None:
+        """Write a key, in memory, for both daemons to read at their start; it is removed when they have."""
+        self._key = path = directory() / f"weberlink-{os.getpid()}.key"
+        path.unlink(missing_ok=True)  # of an earlier process that had our number
+        generate(path)
+        self._stack.callback(path.unlink, missing_ok=True)
+        self.overrides = [*self.overrides, f"link.key_file={json.dumps(str(path))}"]
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         for daemon in self.daemons.values():
@@ -227,6 +245,9 @@ class Session:
     def _look(self) -> None:
         empty = np.empty(0, DTYPE)
         records = {side: daemon.records() for side, daemon in self.daemons.items()}
+        if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
+            self._key.unlink(missing_ok=True)
+            self._key = None
         self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
         if self.journal is not None:
             for side, daemon in self._in_order():
@@ -250,12 +271,16 @@ class Session:
         self._signals.append(Signals(number))
 
 
-def sweep() -> None:
-    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while."""
-    for path in Path(_ring(MASTER)).parent.glob("weberlink-*"):
+def sweep(folders: Sequence[Path] | None = None) -> None:
+    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while.
+
+    Args:
+        folders: where to look; None for the runtime directories of this user.
+    """
+    for path in (path for folder in (directories() if folders is None else folders) for path in folder.iterdir()):
         found = LEFT_BEHIND.fullmatch(path.name)
-        with suppress(OSError):  # of another user, or gone by now
-            if found and time() - path.stat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
+        with suppress(OSError):  # gone by now
+            if found and time() - path.lstat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
                 path.unlink()
 
 

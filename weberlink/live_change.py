@@ -1,13 +1,14 @@
 """Asking a running daemon for other settings: the socket beside its ring, and whoever asks there.
 
-The daemon answers between ticks. Only its own user can ask: the socket is a file with mode 0600. What may be changed,
-and what that takes, is known elsewhere; this is the door.
+The daemon answers between ticks. Only its own user can ask: the socket is a file with mode 0600 in a directory of that
+user. What may be changed, and what that takes, is known elsewhere; this is the door.
 """
 
 import asyncio
 import json
 import os
 import socket
+import stat
 from collections.abc import Awaitable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -16,8 +17,12 @@ from typing import Any, Protocol
 
 from control.tuning import Tuning
 from realtime.shell import Transport
+from telemetry.runtime_directory import ForeignFileError, check
+from weberlink.bounded_json import parse
 
 LONGEST_QUESTION = 1024
+LONGEST_ANSWER = 4096
+"""Both in bytes."""
 LOOK_S = 0.01
 """Between two looks for the peer's answer."""
 QUESTIONS_A_LOOK = 8
@@ -52,20 +57,25 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
         and `pending` settings that are agreed and not yet in force.
 
     Raises:
-        LiveChangeError: no daemon is there, or it does not answer in time.
+        LiveChangeError: no daemon of this user or of root is there, or it does not answer in time.
     """
+    path = path_beside(ring)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as door:
         door.bind("")  # an address of the kernel's choice, so that we can be answered
         door.settimeout(patience_s)
         try:
-            door.sendto(json.dumps(dict(change)).encode(), str(path_beside(ring)))
-            answer = json.loads(door.recv(4 * LONGEST_QUESTION))
+            check(path, path.lstat(), stat.S_IFSOCK)
+            door.connect(str(path))  # from here on the kernel takes answers of this daemon alone
+            door.send(json.dumps(dict(change)).encode())
+            answer = parse(door.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
         except TimeoutError:
             raise LiveChangeError(f"the daemon did not answer in {patience_s:g} s") from None
+        except ForeignFileError as error:
+            raise LiveChangeError(str(error)) from None
         except OSError as error:
-            raise LiveChangeError(f"{path_beside(ring)}: no daemon answers there: {error.strerror}") from None
-        except ValueError:
-            raise LiveChangeError("the daemon's answer is not JSON") from None
+            raise LiveChangeError(f"{path}: no daemon answers there: {error.strerror}") from None
+        except ValueError as error:
+            raise LiveChangeError(f"the daemon's answer cannot be read: {error}") from None
     if not isinstance(answer, dict):
         raise LiveChangeError("the daemon's answer is no object")
     return answer
@@ -116,11 +126,11 @@ class Door:
             if self._socket is None:
                 return
             try:
-                data, sender = self._socket.recvfrom(LONGEST_QUESTION)
+                data, sender = self._socket.recvfrom(LONGEST_QUESTION + 1)
             except OSError:
                 return
             try:
-                change = json.loads(data)
+                change = parse(data, LONGEST_QUESTION)
             except ValueError:
                 change = None
             self._take(change if isinstance(change, dict) else None, sender)

@@ -31,10 +31,11 @@ def build_simulation(configuration: Configuration) -> Simulation:
     system = configuration.system
     emulation = system.link.emulate or EmulationSettings()
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
+    security = build_security(configuration)
     return Simulation(
         master=build_master(
             configuration,
-            security=build_security(configuration),
+            security=security,
             entropy=chance["master"].randbytes,
             epoch=0.0,
             stopwatch=_no_time,
@@ -42,7 +43,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
         ),
         slave=build_slave(
             configuration,
-            security=build_security(configuration),
+            security=security,
             entropy=chance["slave"].randbytes,
             epoch=0.0,
             stopwatch=_no_time,

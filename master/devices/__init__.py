@@ -15,6 +15,9 @@ BUILT_IN = {
     "replay": "master.devices.replay:ReplayDevice",
 }
 
+COMPUTED = frozenset({"operator", "replay"})
+"""Those that move nothing real. All others count as hardware, those of other packages included."""
+
 
 def drivers() -> dict[str, str]:
     """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.devices`."""
@@ -31,3 +34,8 @@ def load(name: str) -> DeviceDriver:
         )
     module, _, attribute = table[name].partition(":")
     return cast(DeviceDriver, getattr(import_module(module), attribute))
+
+
+def is_hardware(name: str) -> bool:
+    """Whether a driver of this name may move something real."""
+    return name not in COMPUTED

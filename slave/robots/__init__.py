@@ -14,6 +14,9 @@ BUILT_IN = {
     "simulated": "slave.robots.simulated:SimulatedRobot",
 }
 
+COMPUTED = frozenset({"mujoco", "point", "simulated"})
+"""Those that move nothing real. All others count as hardware, those of other packages included."""
+
 
 def drivers() -> dict[str, str]:
     """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.robots`."""
@@ -30,3 +33,8 @@ def load(name: str) -> RobotDriver:
         )
     module, _, attribute = table[name].partition(":")
     return cast(RobotDriver, getattr(import_module(module), attribute))
+
+
+def is_hardware(name: str) -> bool:
+    """Whether a driver of this name may move something real."""
+    return name not in COMPUTED

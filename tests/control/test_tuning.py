@@ -115,3 +115,11 @@ def test_a_long_link_is_given_time_for_repeats() -> None:
     tuning = Applied().tuning
     assert tuning.lead(None) == LEAD
     assert tuning.lead(1.0) > 4.0
+
+
+@pytest.mark.parametrize("body", [b"[" * 1200, b'{"a":' * 240, b'{"weber":' + b"[" * 900 + b"]" * 900 + b"}", b"\xff"])
+def test_no_content_of_a_proposal_raises(body: bytes) -> None:
+    applied = Applied()
+    assert applied.tuning.hear(500, body) == "not a change"
+    applied.tuning.settle(500, body, None)
+    assert applied.tuning.pending is None

@@ -1,8 +1,10 @@
+import os
 from pathlib import Path
 
 import pytest
 
 from protocol.keys import KEY_BYTES, KeyFileError, generate, load
+from tests.strangers import NOBODY, needs_root
 
 
 def test_a_generated_key_can_be_read_by_its_owner_only(tmp_path: Path) -> None:
@@ -74,3 +76,25 @@ def test_what_is_no_key_is_refused(tmp_path: Path, content: bytes, message: str)
 
 def test_the_error_is_a_value_error() -> None:
     assert issubclass(KeyFileError, ValueError)
+
+
+def test_a_link_to_a_key_is_no_key(tmp_path: Path) -> None:
+    generate(tmp_path / "key")
+    (tmp_path / "link").symlink_to(tmp_path / "key")
+    with pytest.raises(KeyFileError, match="link is a symbolic link; name the key file itself"):
+        load(tmp_path / "link")
+
+
+@needs_root
+def test_a_key_of_another_user_is_no_key(tmp_path: Path) -> None:
+    path = tmp_path / "key"
+    generate(path)
+    os.chown(path, NOBODY, NOBODY)
+    with pytest.raises(KeyFileError, match=f"belongs to user id {NOBODY}.* sudo chown 0 {path}"):
+        load(path)
+
+
+def test_a_pipe_in_its_place_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "key", 0o600)
+    with pytest.raises(KeyFileError, match="not a file"):
+        load(tmp_path / "key")

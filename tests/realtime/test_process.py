@@ -167,3 +167,42 @@ def test_a_child_whose_parent_is_already_gone_ends_by_the_same_signal():
         output, _ = child.communicate(timeout=20)
     assert child.returncode == -signal.SIGTERM
     assert output == b""
+
+
+DIE = """
+import os, resource, sys
+from realtime.process import forbid_core_dumps
+
+try:
+    resource.setrlimit(resource.RLIMIT_CORE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+except ValueError:
+    sys.exit("not permitted")
+if sys.argv[1] == "forbidden":
+    forbid_core_dumps()
+if os.fork() == 0:
+    os.abort()
+_, status = os.wait()
+if os.WCOREDUMP(status) == (sys.argv[1] == "allowed"):  # what it starts is bound as well
+    os.abort()
+"""
+
+
+def dumps_core(folder: Path, how: str) -> bool:
+    """Whether a process that is ended by a fault of its own leaves a core, and so do those that it starts."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    arguments = ["sh", "-c", 'cd "$0" && exec "$@"', str(folder), sys.executable, "-c", DIE, how]
+    status = os.waitpid(os.posix_spawn("/bin/sh", arguments, environment), 0)[1]
+    if os.WIFEXITED(status) and os.WEXITSTATUS(status) == 1:
+        pytest.skip("the limit of core dumps is lower here, and only root can raise it")
+    assert os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGABRT
+    return os.WCOREDUMP(status)
+
+
+def test_a_process_that_holds_a_key_leaves_no_core(tmp_path: Path) -> None:
+    if Path("/proc/sys/kernel/core_pattern").read_text().startswith("|"):
+        pytest.skip("cores go to a program here")
+    assert dumps_core(tmp_path, "allowed")
+    for core in tmp_path.iterdir():
+        core.unlink()
+    assert not dumps_core(tmp_path, "forbidden")
+    assert list(tmp_path.iterdir()) == []

@@ -11,6 +11,7 @@ from tempfile import gettempdir
 
 import pytest
 
+from telemetry.runtime_directory import directories
 from tests.soak.faults import FAULTS
 from tests.soak.underlays import ALONE, UNDERLAYS
 from tests.weberlink.processes import PATIENCE, ROOT, until
@@ -31,7 +32,7 @@ def soak(*arguments: object) -> subprocess.Popen[str]:
 
 def left_by(pid: int) -> list[str]:
     """Rings in shared memory that bear its number, and its daemons."""
-    rings = [str(path) for path in Path("/dev/shm").glob(f"weberlink-{pid}-*")]
+    rings = [str(path) for folder in directories() for path in folder.glob(f"weberlink-{pid}-*")]
     return rings + [str(path) for path in running(f'"parent": {pid}')]
 
 
@@ -78,7 +79,7 @@ def test_every_fault_once(tmp_path: Path) -> None:
 def test_it_leaves_nothing_behind_when_its_terminal_goes_away_or_it_is_killed(number: signal.Signals) -> None:
     before = folders()
     with soak("--minutes", 60) as process:
-        until(lambda: len(list(Path("/dev/shm").glob(f"weberlink-{process.pid}-*.ring"))) == 2, "both rings")
+        until(lambda: len([path for path in left_by(process.pid) if path.endswith(".ring")]) == 2, "both rings")
         os.kill(process.pid, number)
         output, _ = process.communicate(timeout=PATIENCE)
     if number == signal.SIGHUP:

@@ -161,7 +161,7 @@ def test_a_killed_reader_does_not_disturb_the_writer(path, start):
         ({"side": "x" * 33}, "side must be 1 to 32 bytes"),
         ({"rate_hz": 0.0}, "rate_hz must be positive"),
         ({"rate_hz": float("nan")}, "rate_hz must be positive"),
-        ({"capacity": 1}, "capacity must be at least 2"),
+        ({"capacity": 1}, "capacity must be 2 to"),
     ],
 )
 def test_arguments_out_of_range_are_named(path, changes, message):

@@ -1,9 +1,13 @@
 """Bad input to a configuration: one line each that names the file, the field and what was expected."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from master import devices
+from slave import robots
+from weberlink.composition.trial import try_out
 from weberlink.configuration import MASTER, SLAVE, ConfigurationError, load
 
 MINIMAL = "link: {listen: 127.0.0.1:0, slave: 127.0.0.1:0, security: none}\n"
@@ -143,9 +147,35 @@ def test_paths_are_relative_to_the_file_and_in_overrides_to_the_working_director
 
 
 def test_a_host_checks_the_driver_of_its_own_side_only(tmp_path: Path) -> None:
-    path = write(tmp_path, MINIMAL + "slave: {robot: {driver: not_installed_here}}")
+    path = write(tmp_path, "link: {key_file: k}\nslave: {robot: {driver: not_installed_here}}")
     configuration = load(path, sides=[MASTER])
     assert configuration.device is not None
     assert configuration.robot is None
     with pytest.raises(ConfigurationError, match="not_installed_here"):
         load(path, sides=[SLAVE])
+
+
+@pytest.mark.parametrize("side", [MASTER, SLAVE])
+@pytest.mark.parametrize(
+    "hardware", ["master: {device: {driver: haply_2diy}}", "slave: {robot: {driver: dynamixel, baud: 1000000}}"]
+)
+def test_hardware_without_a_key_is_refused_on_either_end(tmp_path: Path, hardware: str, side: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"link.security: none .*weberlink keygen"):
+        load(write(tmp_path, MINIMAL + hardware), sides=[side])
+    load(tmp_path / "system.yaml", ["link.security=session"], sides=[side])
+
+
+@pytest.mark.parametrize("table", [devices, robots])
+def test_every_driver_that_can_be_plugged_in_counts_as_hardware(table: Any) -> None:
+    computed = {name for name in table.BUILT_IN if not hasattr(table.load(name), "plugged")}
+    assert computed == table.COMPUTED
+    assert table.is_hardware("of another package")
+
+
+def test_a_session_key_is_for_a_run_of_both_sides(tmp_path: Path) -> None:
+    path = write(tmp_path, "link: {listen: 127.0.0.1:1, slave: 127.0.0.1:1, security: session}")
+    assert try_out(load(path)) == []
+    with pytest.raises(ConfigurationError, match=r"link.security: session is for weberlink loopback"):
+        try_out(load(path, sides=[SLAVE]))
+    with pytest.raises(ConfigurationError, match="loopback addresses only"):
+        load(path, ["link.slave=10.0.0.2:1"])

@@ -443,16 +443,16 @@ def test_a_key_that_cannot_be_used_is_one_line(
     assert complaint in errors
 
 
-def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("weberlink.launcher.default_path", lambda name: tmp_path / f"weberlink-{name}.ring")
+def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path) -> None:
     dead = subprocess.Popen(["true"])
     dead.wait()
     names = [f"weberlink-{pid}-{side}" for pid in (dead.pid, os.getpid()) for side in ("master.ring", "slave.ask")]
+    names.insert(0, f"weberlink-{dead.pid}.key")
     fresh = tmp_path / f"weberlink-{dead.pid}-slave.json"
     other = tmp_path / "weberlink-mine.ring"
     for path in (*(tmp_path / name for name in names), fresh, other):
         path.touch()
         if path != fresh:
             os.utime(path, (0, 0))
-    sweep()
-    assert {path.name for path in tmp_path.iterdir()} == {*names[2:], fresh.name, other.name}
+    sweep([tmp_path])
+    assert {path.name for path in tmp_path.iterdir()} == {*names[3:], fresh.name, other.name}

@@ -19,10 +19,11 @@ import pytest
 from hardware.pty_device import PtyDevice
 from hardware.umockdev import HidNode, Testbed, missing
 from master.emulators import load
+from protocol.keys import generate
 from tests.weberlink.systems import CONFIGS
 
 DEVICE = """
-link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:9", security: none}}
+link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:9", security: psk, key_file: KEY}}
 codec: {{position: {{step_m: 0.00001}}}}
 master: {{device: {device}}}
 """
@@ -115,6 +116,7 @@ def two_hid_devices(bed: Testbed) -> Iterator[list[str]]:
 
 def written(folder: Path, device: str) -> Path:
     file = folder / "system.yaml"
+    generate(folder / "KEY")
     file.write_text(DEVICE.format(device=device), encoding="utf-8")
     return file
 

@@ -117,9 +117,9 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
     turns = system.codec.rotation is not None
     picked = build_robot(load(CONFIGS / name, [f"link.key_file={key}"])).integrator if simulated else None  # type: ignore[attr-defined]
     named = {
-        "cryptography": system.link.security == "psk",
-        "protocol.psk": system.link.security == "psk",
-        "protocol.keys": system.link.security == "psk",
+        "cryptography": system.link.security != "none",
+        "protocol.psk": system.link.security != "none",
+        "protocol.keys": system.link.security != "none",
         "protocol.checksum": system.link.security == "none",
         "slave.scenes.friction": side == "slave" and any(thing.friction is not None for thing in scene),
         "slave.scenes.damping": side == "slave" and any(thing.damping_n_s_m is not None for thing in scene),

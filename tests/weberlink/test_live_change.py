@@ -1,19 +1,31 @@
 """Settings changed while a session lives: at one tick on both sides, and through the door of a daemon."""
 
+import asyncio
+import json
+import socket
+import tracemalloc
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from signal import SIGINT
+from tempfile import TemporaryDirectory
+from threading import Thread
+from time import monotonic
 from typing import Any
 
 import numpy as np
 import pytest
 
 from control.table import SCHEMES
+from control.tuning import Settings, Tuning
 from evaluation.simulation import Simulation
 from telemetry.ring import default_path
-from tests.weberlink.processes import ENGAGED, Program, until
+from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
+from tests.weberlink.processes import ENGAGED, PATIENCE, Program, until
 from tests.weberlink.systems import Step, steps, system
 from weberlink import description
-from weberlink.live_change import LiveChangeError, ask, path_beside
+from weberlink.live_change import Door, LiveChangeError, ask, path_beside
 
 
 def changed(simulation: Simulation, change: dict[str, Any], asker: str, seconds: float = 1.0) -> list[Step]:
@@ -120,6 +132,104 @@ def test_a_running_daemon_is_asked_through_its_door() -> None:
         program.send(SIGINT)
         assert program.finish()[0] == 0
     assert not list(ring.parent.glob(f"weberlink-{program.pid}-*")), "nothing is left behind"
+
+
+class Unchanging:
+    """A side that has settings, and takes no others."""
+
+    def __init__(self) -> None:
+        self.tuning = Tuning(Settings(0.1, "zoh", "none"), {}, lambda _: None)
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        return self.tuning.complaint(change)
+
+
+@contextmanager
+def daemon(ring: Path) -> Iterator[None]:
+    """A door in a thread, as that of a daemon."""
+    loop = asyncio.new_event_loop()
+    door = Door(ring, Unchanging())
+    door.open(loop)
+    thread = Thread(target=loop.run_forever)
+    thread.start()
+    try:
+        yield
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        door.close()
+        loop.close()
+
+
+@pytest.mark.parametrize("question", [b"[" * 1024, b"[" * 5000, b"{" * 1024, b'{"weber": NaN}', b"\xff" * 9, b""])
+def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
+    ring = tmp_path / "x.ring"
+    with daemon(ring), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asker:
+        asker.bind("")
+        asker.settimeout(PATIENCE)
+        asker.sendto(question, str(path_beside(ring)))
+        told = json.loads(asker.recv(5000))
+        assert (told["accepted"], told["why"]) == (False, "a question is a JSON object")
+        assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh", "scheme": "none"}
+
+
+@needs_root
+def test_another_user_cannot_ask(tmp_path: Path) -> None:
+    with TemporaryDirectory() as folder:  # that others may enter
+        Path(folder).chmod(0o755)
+        ring = Path(folder) / "x.ring"
+        with daemon(ring):
+            assert as_stranger(ask_socket, path_beside(ring), b"{}") == "refused"
+
+
+@needs_root
+@pytest.mark.parametrize("attack", [squat_file, squat_fifo])
+def test_what_another_user_put_in_its_place_is_not_asked(attack: Callable[[Path], None]) -> None:
+    with TemporaryDirectory() as folder:
+        Path(folder).chmod(0o1777)
+        as_stranger(attack, Path(folder) / "x.ask")
+        with pytest.raises(LiveChangeError, match="not a socket"):
+            ask(Path(folder) / "x.ring", {}, PATIENCE)
+
+
+def test_an_answer_of_anybody_else_is_not_heard(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server, ThreadPoolExecutor() as pool:
+        server.bind(str(tmp_path / "x.ask"))
+        server.settimeout(PATIENCE)
+        asked = pool.submit(ask, tmp_path / "x.ring", {}, PATIENCE)
+        _, asker = server.recvfrom(100)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, pytest.raises(PermissionError):
+            other.sendto(b'{"accepted": true}', asker)
+        server.sendto(b'{"accepted": false}', asker)
+        assert asked.result() == {"accepted": False}
+
+
+@pytest.mark.parametrize("content", [b"[]", b"[" * 5000, b"no JSON", b"{" * 1024, b'{"rate_hz": Infinity}'])
+def test_a_description_that_cannot_be_trusted_is_none(tmp_path: Path, content: bytes) -> None:
+    path = description.path_beside(tmp_path / "x.ring")
+    path.write_bytes(content)
+    assert description.read(tmp_path / "x.ring") is None
+
+
+@needs_root
+@pytest.mark.parametrize("attack", [squat_file, squat_fifo, squat_large])
+def test_a_description_of_another_user_costs_nothing(attack: Callable[[Path], None]) -> None:
+    with TemporaryDirectory() as folder:
+        Path(folder).chmod(0o1777)
+        as_stranger(attack, Path(folder) / "x.json")
+        began = monotonic()
+        assert description.read(Path(folder) / "x.ring") is None
+        assert monotonic() - began < 1.0
+
+
+def test_a_description_that_is_too_large_is_not_read(tmp_path: Path) -> None:
+    squat_large(tmp_path / "x.json")
+    tracemalloc.start()
+    try:
+        assert description.read(tmp_path / "x.ring") is None
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
 
 
 def test_nobody_there_is_one_line(tmp_path: Path) -> None:

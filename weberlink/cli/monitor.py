@@ -1,7 +1,7 @@
 """The command that shows a running session in a browser."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -42,7 +42,7 @@ def monitor(
     from weberlink.monitor.program import MonitorError, Order, run, tell  # noqa: PLC0415
 
     addresses = _address("--share", share), _address("--from", source)
-    key = _key(key_file, needed=share is not None or source is not None)
+    security = _security(key_file, needed=share is not None or source is not None)
     if not guard.is_loopback(listen):
         if not public:
             fail(
@@ -51,7 +51,7 @@ def monitor(
                 MISCONFIGURED,
             )
         tell(f"warning: {listen}: neither encrypted nor authenticated; whoever reaches it sees everything")
-    order = Order(listen, port, session, browse, *addresses, key)
+    order = Order(listen, port, session, browse, *addresses, security)
     try:
         run(order)
     except MonitorError as error:
@@ -67,18 +67,21 @@ def _address(option: str, text: str | None) -> tuple[str, int] | None:
         fail(f"{option}: {error}", MISCONFIGURED)
 
 
-def _key(path: Path | None, *, needed: bool) -> bytes:
-    """The key that is shared with the other host, which is needed with it and of no use without."""
+def _security(path: Path | None, *, needed: bool) -> Any:
+    """Made of the key that is shared with the other host, which is needed with it and of no use without."""
     from protocol.keys import KeyFileError, load  # noqa: PLC0415
+    from realtime.process import forbid_core_dumps  # noqa: PLC0415
+    from weberlink.monitor.remote.handshake import suite  # noqa: PLC0415
 
     if path is None:
         if needed:
             fail("--share and --from need --key-file; make a key with: weberlink keygen KEYFILE", MISCONFIGURED)
-        return b""
+        return None
     if not needed:
         fail("--key-file is for --share and --from; expected one of them beside it", MISCONFIGURED)
+    forbid_core_dumps()
     try:
-        return load(path)
+        return suite(load(path))
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
 

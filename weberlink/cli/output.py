@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from telemetry.runtime_directory import RuntimeDirectoryError
 from weberlink.configuration import ConfigurationError
 from weberlink.daemon import COMPLETED, FAILED, MISCONFIGURED
 
@@ -30,11 +31,13 @@ class Study(Protocol):
 
 @contextmanager
 def errors() -> Iterator[None]:
-    """A wrong file is one line and exit status 2."""
+    """A wrong file is one line and exit status 2; a host without a runtime directory is one line and status 1."""
     try:
         yield
     except ConfigurationError as error:
         fail(str(error), MISCONFIGURED)
+    except RuntimeDirectoryError as error:
+        fail(str(error), FAILED)
 
 
 def fail(message: str, status: int) -> NoReturn:

@@ -112,6 +112,7 @@ def _live(
     *,
     take_over: bool = False,
 ) -> None:
+    from telemetry.runtime_directory import directory  # noqa: PLC0415
     from weberlink.composition.trial import try_out  # noqa: PLC0415
     from weberlink.launcher import Session  # noqa: PLC0415
     from weberlink.recorder import check_target  # noqa: PLC0415
@@ -120,6 +121,7 @@ def _live(
     with errors():
         configuration = load(path, overrides, sides)
         notes = try_out(configuration)
+        directory()
         if record is not None:
             check_target(record)
     for note in notes:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import wraps
+from secrets import token_bytes
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 from codec import Channel, force_channel, position_channel
@@ -13,6 +14,7 @@ from protocol.endpoint import Endpoint
 from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
+from realtime.process import forbid_core_dumps
 from weberlink.composition.deadband import force_deadband
 from weberlink.configuration import Configuration, ConfigurationError, System
 
@@ -130,7 +132,7 @@ def agreement(system: System) -> dict[str, object]:
 
 @located
 def build_security(configuration: Configuration) -> Security:
-    """The security suite that the file asks for; only that one is imported.
+    """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
 
     Raises:
         ConfigurationError: if the key file cannot be used.
@@ -140,10 +142,12 @@ def build_security(configuration: Configuration) -> Security:
         from protocol.checksum import Checksum  # noqa: PLC0415
 
         return Checksum()
-    from protocol.keys import KeyFileError, load  # noqa: PLC0415
+    from protocol.keys import KEY_BYTES, KeyFileError, load  # noqa: PLC0415
     from protocol.psk import PresharedKey  # noqa: PLC0415
 
-    assert link.key_file is not None
+    forbid_core_dumps()
+    if link.key_file is None:  # security: session before the run, or in virtual time
+        return PresharedKey(token_bytes(KEY_BYTES))
     try:
         return PresharedKey(load(link.key_file))
     except KeyFileError as error:

@@ -18,7 +18,8 @@ def try_out(configuration: Configuration) -> list[str]:
         What a person should know before the run.
 
     Raises:
-        ConfigurationError: as the builders do; or for a port that nobody could find, where one side runs alone.
+        ConfigurationError: as the builders do; or for a port that nobody could find, or a key that nobody else has,
+            where one side runs alone.
     """
     build_security(configuration)
     device = robot = None
@@ -34,6 +35,11 @@ def try_out(configuration: Configuration) -> list[str]:
             raise ConfigurationError(
                 f"{configuration.path}: {field}: port 0 is for loopback; expected the port that both sides know"
             )
+    if configuration.system.link.security == "session" and any(alone.values()):
+        raise ConfigurationError(
+            f"{configuration.path}: link.security: session is for weberlink loopback, which runs both sides; "
+            "for one side write psk, with key_file (weberlink keygen KEYFILE)"
+        )
     return list(lacks(configuration.system, device, robot))
 
 

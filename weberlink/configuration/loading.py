@@ -60,11 +60,29 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
             device = _part(devices, system.master.device, ("master", "device"), path.parent, overridden)
         if SLAVE in sides:
             robot = _part(robots, system.slave.robot, ("slave", "robot"), path.parent, overridden)
+        _check_security(system)
     except ValidationError as error:
         raise ConfigurationError(f"{path}: {describe(error, System, ())}") from None
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
     return Configuration(path, system, device, robot)
+
+
+def _check_security(system: System) -> None:
+    """Refuse to leave hardware to every user of this host: without a key, any of them can take part in the session.
+
+    Raises:
+        ConfigurationError: there is a hardware driver, and no key.
+    """
+    if system.link.security != "none":
+        return
+    sides = (devices, "master.device", system.master.device), (robots, "slave.robot", system.slave.robot)
+    for table, where, settings in sides:
+        if table.is_hardware(settings.driver):
+            raise ConfigurationError(
+                f"link.security: none would let every user of this host move {where} {settings.driver}; "
+                "write session (weberlink loopback makes a key), or psk with key_file (weberlink keygen KEYFILE)"
+            )
 
 
 def _part(

@@ -115,8 +115,9 @@ class LinkSettings(Settings):
     """Address that the slave binds."""
     slave: str = "127.0.0.1:47000"
     """Address at which the master finds the slave."""
-    security: Literal["psk", "none"] = "psk"
-    """`psk`: a pre-shared key encrypts every datagram. `none`: a checksum only, on loopback addresses only."""
+    security: Literal["psk", "session", "none"] = "psk"
+    """`psk`: a pre-shared key encrypts every datagram. `session`: the same, with a key that `weberlink loopback` makes
+    for each run. `none`: a checksum only, and no hardware drivers. The last two on loopback addresses only."""
     names: NameSettings = NameSettings()
     key_file: Path | None = None
     """The key, as written by `weberlink keygen`; needed with `psk`."""
@@ -138,7 +139,7 @@ class LinkSettings(Settings):
             if self.key_file is None:
                 raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
         elif not (_is_loopback(self.listen) and _is_loopback(self.slave)):
-            raise ValueError("security none is for loopback addresses only; between hosts use psk")
+            raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
         return self
 
 

@@ -1,10 +1,11 @@
 """The key file: there, closed to others, and a key; nothing of what it holds is shown."""
 
-import pwd
 import shlex
+import stat
 from collections.abc import Iterator
 
 from protocol import keys
+from telemetry.runtime_directory import user_name
 from weberlink.doctor.finding import Check, Finding, ok, problem
 from weberlink.doctor.host import Host
 from weberlink.doctor.needs import Needs
@@ -14,12 +15,11 @@ def key_file(host: Host, needs: Needs) -> Iterator[Finding]:
     """Whether a daemon of this user can use it."""
     path = needs.key_file
     if path is None:
-        text = "the file uses no key: datagrams are not encrypted" if needs.file else "no file, so no key to look at"
-        yield ok("key file", text)
+        yield ok("key file", _without(needs))
         return
     quoted = shlex.quote(str(path))
     try:
-        status = path.stat()
+        status = path.lstat()
         owner = status.st_uid
     except FileNotFoundError:
         yield problem(
@@ -29,11 +29,18 @@ def key_file(host: Host, needs: Needs) -> Iterator[Finding]:
     except OSError as error:
         yield problem("key file", f"key file {path} cannot be reached: {error.strerror}", f"ls -ld {quoted}")
         return
+    if stat.S_ISLNK(status.st_mode):
+        yield problem(
+            "key file",
+            f"key file {path} is a symbolic link, which daemons do not follow",
+            f"in the file, the key file itself: link.key_file: {shlex.quote(str(path.resolve()))}",
+        )
+        return
     if owner != host.user:
         yield problem(
             "key file",
-            f"key file {path} belongs to {_name(owner)}, this is {_name(host.user)}",
-            f"run as {_name(owner)}, or: sudo chown {_name(host.user)} {quoted}",
+            f"key file {path} belongs to {user_name(owner)}, this is {user_name(host.user)}",
+            f"run as {user_name(owner)}, or: sudo chown {user_name(host.user)} {quoted}",
         )
         return
     try:
@@ -48,11 +55,12 @@ def key_file(host: Host, needs: Needs) -> Iterator[Finding]:
     yield ok("key file", f"key file {path}: mode 0600, a key of {8 * keys.KEY_BYTES} bits")
 
 
-def _name(user: int) -> str:
-    try:
-        return pwd.getpwuid(user).pw_name
-    except KeyError:
-        return f"user {user}"
+def _without(needs: Needs) -> str:
+    if needs.file is None:
+        return "no file, so no key to look at"
+    if needs.encrypted:
+        return "weberlink loopback makes a key for each session"
+    return "the file uses no key: datagrams are not encrypted"
 
 
 CHECKS: tuple[Check, ...] = (key_file,)

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 
 from telemetry.record import RECORD
 from telemetry.ring import RECORDS_AT
+from telemetry.runtime_directory import Places
 from weberlink.daemon import RING_SECONDS
 from weberlink.doctor.finding import Check, Finding, advice, ok, problem
 from weberlink.doctor.host import Host
 from weberlink.doctor.needs import Needs
 
 HUGE_PAGES = "/sys/kernel/mm/transparent_hugepage/enabled"
-SHARED = "/dev/shm"  # noqa: S108 - nothing is written
 MEGABYTE = 1e6
 
 
@@ -49,19 +49,23 @@ def shared_memory(host: Host, needs: Needs) -> Iterator[Finding]:
     """Whether there is room for the rings of telemetry."""
     ring = RECORDS_AT + int(RING_SECONDS * needs.rate_hz) * RECORD.size
     wanted = ring * len(needs.sides)
-    if not host.has(SHARED):
-        yield problem("shared memory", f"there is no {SHARED}", f"sudo mount -t tmpfs tmpfs {SHARED}")
+    root = host.root
+    places = Places(host.variables, root / "run/user", root / "dev/shm", root / "proc/self/mountinfo")
+    parent = places.memory()
+    where = f"/{parent.relative_to(root)}" if parent.is_relative_to(root) else str(parent)
+    if not parent.is_dir():
+        yield problem("shared memory", f"there is no {where}", f"sudo mount -t tmpfs tmpfs {where}")
         return
-    total, free = host.space(host.root / SHARED.lstrip("/"))
+    total, free = host.space(parent)
     found = (
-        f"{SHARED}: {free / MEGABYTE:.0f} of {total / MEGABYTE:.0f} MB free, telemetry takes {wanted / MEGABYTE:.1f} MB"
+        f"{where}: {free / MEGABYTE:.0f} of {total / MEGABYTE:.0f} MB free, telemetry takes {wanted / MEGABYTE:.1f} MB"
     )
     if free >= wanted:
         yield ok("shared memory", found)
     elif host.in_container:
         yield problem("shared memory", found, "podman/docker run --shm-size=256m ...")
     else:
-        yield problem("shared memory", found, f"sudo mount -o remount,size=256M {SHARED}")
+        yield problem("shared memory", found, f"sudo mount -o remount,size=256M {where}")
 
 
 CHECKS: tuple[Check, ...] = (swap, huge_pages, shared_memory)

@@ -64,7 +64,7 @@ class Needs:
             listen=listen if SLAVE in sides and listen[1] else None,
             slave=slave if MASTER in sides and slave[1] else None,
             key_file=link.key_file if link.security == "psk" else None,
-            encrypted=link.security == "psk",
+            encrypted=link.security != "none",
             silence_s=link.silence_ms * 1e-3,
             drivers=tuple((side, names[side]) for side in sides),
         )

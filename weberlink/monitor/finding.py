@@ -1,11 +1,12 @@
-"""The rings of this host, by the launcher that started their daemons. Knows names of files only."""
+"""The rings of this user on this host, by the launcher that started their daemons. Knows names of files only."""
 
 import re
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from telemetry.ring import default_path
+from telemetry.runtime_directory import directories
 from weberlink.configuration import SIDES
 
 _NAME = re.compile(rf"weberlink-(\d+)-({'|'.join(SIDES)})\.ring")
@@ -22,23 +23,25 @@ class Found(NamedTuple):
     """When the file was made or last written through its name, wall clock [s]."""
 
 
-def folder() -> Path:
-    return default_path("any").parent
+def find(where: Path | None) -> dict[str, dict[str, Found]]:
+    """Rings by session and side, the newest session last; a session is called by its launcher's process id.
 
-
-def find(where: Path) -> dict[str, dict[str, Found]]:
-    """Rings by session and side, the newest session last; a session is called by its launcher's process id."""
+    Args:
+        where: the folder to look in; None for the runtime directories of this user, in which no other user can make
+            anything.
+    """
     sessions: dict[str, dict[str, Found]] = {}
-    for path in where.glob("weberlink-*.ring"):
+    for path in (path for folder in (directories() if where is None else [where]) for path in folder.glob("*.ring")):
         match = _NAME.fullmatch(path.name)
         if match is None:
             continue
         try:
-            status = path.stat()
+            status = path.lstat()
         except FileNotFoundError:
             continue
-        session, side = match.groups()
-        sessions.setdefault(session, {})[side] = Found(session, side, path, status.st_ino, status.st_ctime)
+        if stat.S_ISREG(status.st_mode):
+            session, side = match.groups()
+            sessions.setdefault(session, {})[side] = Found(session, side, path, status.st_ino, status.st_ctime)
     return dict(sorted(sessions.items(), key=lambda item: _begun(item[1])))
 
 

@@ -64,8 +64,8 @@ def origin_allowed(origin: str | None, host: str | None) -> bool:
     return origin is None or (host is not None and origin.lower() == f"http://{host.lower()}")
 
 
-def same_user(peer: object, own: object, tables: Path = Path("/proc/net")) -> bool:
-    """Whether the other end of a TCP connection is a process of this host and of this user, or of root.
+def user_of(peer: object, own: object, tables: Path = Path("/proc/net")) -> int | None:
+    """The user whose process has the other end of a TCP connection; None where that is not a process of this host.
 
     A loopback address is open to every user of the host, and only one of them runs the daemons. The kernel's table of
     sockets says who owns which.
@@ -75,21 +75,26 @@ def same_user(peer: object, own: object, tables: Path = Path("/proc/net")) -> bo
         tables: where the kernel's tables are.
     """
     if not (isinstance(peer, tuple) and isinstance(own, tuple)):
-        return False
+        return None
     address = _ip(str(peer[0]).partition("%")[0])
     if address is None or not (address.is_loopback or peer[0] == own[0]):
-        return False
+        return None
     table = tables / ("tcp" if address.version == 4 else "tcp6")
     wanted = (_entry(peer), _entry(own))
     try:
         lines = table.read_text(encoding="ascii").splitlines()[1:]
     except OSError:
-        return False
+        return None
     for line in lines:
         columns = line.split()
         if (columns[1], columns[2]) == wanted:
-            return int(columns[7]) in (0, os.getuid())
-    return False
+            return int(columns[7])
+    return None
+
+
+def is_own(user: int | None) -> bool:
+    """Whether a user, as of `user_of`, is the one of this process, or root."""
+    return user in (0, os.getuid())
 
 
 def _entry(end: tuple[object, ...]) -> str:

@@ -13,8 +13,8 @@ from time import monotonic
 import uvloop
 from aiohttp import web
 
+from protocol.psk import PresharedKey
 from weberlink.monitor import guard
-from weberlink.monitor.finding import folder
 from weberlink.monitor.metrics import exposition
 from weberlink.monitor.remote.following import Following
 from weberlink.monitor.remote.sharing import Sharing
@@ -41,7 +41,7 @@ class Order:
         browse: whether to open the page in the user's browser.
         share: where to share the telemetry of this host; None not to.
         source: the host whose telemetry to show; None for this one alone.
-        key: pre-shared, for `share` and `source`.
+        security: of `share` and `source`, as of `handshake.suite`; None where there is neither.
     """
 
     listen: str = "127.0.0.1"
@@ -50,7 +50,7 @@ class Order:
     browse: bool = False
     share: tuple[str, int] | None = None
     source: tuple[str, int] | None = None
-    key: bytes = b""
+    security: PresharedKey | None = None
 
 
 def run(order: Order) -> None:
@@ -69,7 +69,7 @@ async def _serve(order: Order) -> None:
     loop = asyncio.get_running_loop()
     for number in (SIGINT, SIGTERM, SIGHUP):
         loop.add_signal_handler(number, over.set)
-    watch = Watch(folder(), order.session, tell)
+    watch = Watch(None, order.session, tell)
     site = Site(watch, guard.names(order.listen), exposition(watch.sessions.values))
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
@@ -84,7 +84,8 @@ async def _serve(order: Order) -> None:
                 tell("waiting for a daemon; start weberlink loopback")
             tasks = [loop.create_task(watch.run())]
             if order.source is not None:
-                following = Following(order.key, order.source, watch, folder(), tell)
+                assert order.security is not None
+                following = Following(order.security, order.source, watch, None, tell)
                 tasks.append(loop.create_task(following.run()))
             await _until(tasks, over)
     finally:
@@ -97,7 +98,8 @@ async def _shared(order: Order) -> AsyncIterator[None]:
     if order.share is None:
         yield
         return
-    sharing = Sharing(order.key, folder(), order.session, tell)
+    assert order.security is not None
+    sharing = Sharing(order.security, None, order.session, tell)
     try:
         host, port = await sharing.open(*order.share)
     except OSError as error:

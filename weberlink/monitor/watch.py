@@ -37,12 +37,12 @@ class Watch:
     """All sessions, and all pages.
 
     Args:
-        where: folder of the rings.
+        where: folder of the rings; None for those of this user.
         only: name of the one session to follow; None for all.
         tell: told once, in a line, of what a person should know.
     """
 
-    def __init__(self, where: Path, only: str | None, tell: Callable[[str], None]) -> None:
+    def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
         self.sessions: dict[str, Session] = {}
         """The newest last."""
         self.viewers: list[Viewer] = []

@@ -13,13 +13,19 @@ from pathlib import Path
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from weberlink.bounded_json import parse
 from weberlink.monitor import guard
+from weberlink.monitor.admission import Admission, origin
 from weberlink.monitor.viewer import Kind, Viewer
 from weberlink.monitor.watch import Watch, to_json
 
 LONGEST_MESSAGE = 4096
 """Of a page, in bytes: it only ever asks for changes."""
 MOST_PAGES = 16
+"""Of the user of this process, on this host. Nobody else can take their places."""
+MOST_OTHERS = 12
+MOST_OF_CLIENT = 4
+"""Pages of other users and hosts: of all, and of each."""
 HEARTBEAT_S = 20.0
 GOODBYE_S = 0.5
 """For a page to agree that it is over."""
@@ -58,6 +64,8 @@ class Site:
         self._exposition = exposition
         self._page = Path(str(files("weberlink.monitor") / "page")).resolve()
         self._sockets: dict[web.WebSocketResponse, asyncio.Transport | None] = {}
+        self._own: set[asyncio.Transport] = set()
+        self._others: Admission[asyncio.Transport] = Admission(MOST_OTHERS, MOST_OF_CLIENT)
 
     def application(self) -> web.Application:
         application = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_MESSAGE)
@@ -113,11 +121,32 @@ class Site:
         return web.Response(body=body, headers={"Content-Type": kind})
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
-        if len(self._sockets) >= MOST_PAGES:
+        transport = request.transport
+        if transport is None:  # it has hung up
             raise web.HTTPServiceUnavailable
+        user = guard.user_of(transport.get_extra_info("peername"), transport.get_extra_info("sockname"))
+        if guard.is_own(user):
+            if len(self._own) >= MOST_PAGES:
+                raise web.HTTPServiceUnavailable
+            self._own.add(transport)
+        else:
+            client = f"user {user}" if user is not None else origin(request.remote or "::")
+            if self._others.count(client) >= MOST_OF_CLIENT:
+                raise web.HTTPServiceUnavailable
+            expelled = self._others.admit(transport, client)
+            if expelled is not None:
+                expelled.abort()
+        try:
+            return await self._show(request, may_change=guard.is_own(user))
+        finally:
+            self._own.discard(transport)
+            self._others.leave(transport)
+
+    async def _show(self, request: web.Request, *, may_change: bool) -> web.StreamResponse:
+        """Serve a page until it leaves."""
         socket = web.WebSocketResponse(max_msg_size=LONGEST_MESSAGE, heartbeat=HEARTBEAT_S, compress=False)
         await socket.prepare(request)
-        viewer = Viewer(request.query.get("session"), may_change=_is_own(request))
+        viewer = Viewer(request.query.get("session"), may_change=may_change)
         self._sockets[socket] = request.transport
         self._watch.join(viewer)
         sender = asyncio.get_running_loop().create_task(_send(viewer, socket))
@@ -137,8 +166,8 @@ class Site:
             if message.type is not WSMsgType.TEXT:
                 break
             try:
-                document = json.loads(message.data)
-            except (ValueError, RecursionError):
+                document = parse(message.data.encode(), LONGEST_MESSAGE)
+            except ValueError:
                 document = None
             viewer.put(Kind.ANSWER, to_json(await self._watch.change(viewer, document)))
 
@@ -159,13 +188,6 @@ async def _hang_up(socket: web.WebSocketResponse, transport: asyncio.Transport |
 async def _send(viewer: Viewer, socket: web.WebSocketResponse) -> None:
     async for text in viewer.messages():
         await socket.send_str(text)
-
-
-def _is_own(request: web.Request) -> bool:
-    transport = request.transport
-    if transport is None:
-        return False
-    return guard.same_user(transport.get_extra_info("peername"), transport.get_extra_info("sockname"))
 
 
 def _refusal(status: int, reason: str) -> web.Response:

@@ -48,3 +48,11 @@ def test_a_key_of_another_user_is_a_problem(tmp_path: Path) -> None:
 
 def test_a_folder_is_no_key(tmp_path: Path) -> None:
     assert found(tmp_path).grade is Grade.PROBLEM
+
+
+def test_a_link_to_a_key_is_a_problem_as_for_the_daemons(tmp_path: Path) -> None:
+    generate(tmp_path / "key")
+    (tmp_path / "link").symlink_to(tmp_path / "key")
+    finding = found(tmp_path / "link")
+    assert finding.grade is Grade.PROBLEM
+    assert (finding.fix or "").endswith(f"link.key_file: {tmp_path / 'key'}")

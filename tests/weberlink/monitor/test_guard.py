@@ -1,5 +1,6 @@
 """Who may ask: names, origins, users."""
 
+import os
 import socket
 from pathlib import Path
 
@@ -83,7 +84,7 @@ def test_the_kernel_says_whose_a_connection_is(family: socket.AddressFamily, add
         client.connect(server.getsockname())
         accepted, peer = server.accept()
         with accepted:
-            assert guard.same_user(peer, accepted.getsockname())
+            assert guard.user_of(peer, accepted.getsockname()) == os.getuid()
             name = "tcp" if family == socket.AF_INET else "tcp6"
             table = Path(f"/proc/net/{name}").read_text()
             lines = []
@@ -92,11 +93,12 @@ def test_the_kernel_says_whose_a_connection_is(family: socket.AddressFamily, add
                 columns[7] = "12345" if columns[7].isdigit() else columns[7]
                 lines.append(" ".join(columns))
             (tmp_path / name).write_text("\n".join(lines))
-            assert not guard.same_user(peer, accepted.getsockname(), tmp_path)
-            assert not guard.same_user((peer[0], peer[1] ^ 1, *peer[2:]), accepted.getsockname())
+            assert guard.user_of(peer, accepted.getsockname(), tmp_path) == 12345
+            assert guard.user_of((peer[0], peer[1] ^ 1, *peer[2:]), accepted.getsockname()) is None
+    assert guard.is_own(os.getuid()) and guard.is_own(0) and not guard.is_own(12345) and not guard.is_own(None)
 
 
 def test_another_host_is_nobody_here(tmp_path: Path) -> None:
-    assert not guard.same_user(("192.0.2.1", 5), ("192.0.2.2", 6))
-    assert not guard.same_user(None, None)
-    assert not guard.same_user(("127.0.0.1", 5), ("127.0.0.1", 6), tmp_path / "missing")
+    assert guard.user_of(("192.0.2.1", 5), ("192.0.2.2", 6)) is None
+    assert guard.user_of(None, None) is None
+    assert guard.user_of(("127.0.0.1", 5), ("127.0.0.1", 6), tmp_path / "missing") is None

@@ -12,6 +12,7 @@ import aiohttp
 import pytest
 from aiohttp import web
 
+from tests.strangers import NOBODY, SOMEBODY, Stranger, hold_connections, needs_root
 from tests.weberlink.monitor.feeds import HandFeed, records
 from tests.weberlink.processes import PATIENCE
 from weberlink.monitor import guard
@@ -19,7 +20,7 @@ from weberlink.monitor.metrics import exposition
 from weberlink.monitor.session import Session
 from weberlink.monitor.viewer import ROWS_WAITING
 from weberlink.monitor.watch import Watch
-from weberlink.monitor.web import LONGEST_MESSAGE, MOST_PAGES, Site
+from weberlink.monitor.web import LONGEST_MESSAGE, MOST_OF_CLIENT, MOST_PAGES, Site
 
 Visit = Callable[[aiohttp.ClientSession, str, Watch], Awaitable[None]]
 
@@ -182,6 +183,26 @@ def test_there_is_room_for_so_many_pages() -> None:
             await asyncio.sleep(0.01)
         async with client.ws_connect(f"http://{where}/ws"):
             pass
+
+    visit(visitor)
+
+
+@needs_root
+def test_pages_of_another_user_take_no_place_of_the_owner() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: Watch) -> None:
+        host, port = where.split(":")
+        attack = (hold_connections, host, int(port), 16, upgrade(where), len(b"HTTP/1.1 101"))
+        for user, greeted in ((NOBODY, MOST_OF_CLIENT), (SOMEBODY, MOST_OF_CLIENT)):
+            with await asyncio.to_thread(Stranger, *attack, user=user) as stranger:
+                assert stranger.got.count("HTTP/1.1 101") == greeted
+                assert stranger.got.count("HTTP/1.1 503") == 16 - greeted
+                assert not any(viewer.may_change for viewer in watch.viewers)
+                pages = [await client.ws_connect(f"http://{where}/ws") for _ in range(MOST_PAGES)]
+                assert sum(viewer.may_change for viewer in watch.viewers) == MOST_PAGES
+                for page in pages:
+                    await page.close()
+            while watch.viewers:
+                await asyncio.sleep(0.01)
 
     visit(visitor)
 

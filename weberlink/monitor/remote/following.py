@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 
+from protocol.psk import PresharedKey
 from protocol.wire import LONGEST_DATAGRAM
 from telemetry.ring import RingFormatError
 from weberlink.monitor.feed import RingFeed
@@ -36,17 +37,22 @@ class Following:
     """Follows one host.
 
     Args:
-        key: pre-shared, as of `protocol.keys.load`.
+        security: as of `handshake.suite`.
         address: host and port.
         watch: shows the sessions.
-        where: folder of the rings of this host, for the other side of a session.
+        where: folder of the rings of this host, for the other side of a session; None for those of this user.
         tell: told in a line what the link does.
     """
 
     def __init__(
-        self, key: bytes, address: tuple[str, int], watch: Watch, where: Path, tell: Callable[[str], None]
+        self,
+        security: PresharedKey,
+        address: tuple[str, int],
+        watch: Watch,
+        where: Path | None,
+        tell: Callable[[str], None],
     ) -> None:
-        self._security = handshake.suite(key)
+        self._security = security
         self._host, self._port = address
         self._watch = watch
         self._where = where

@@ -24,7 +24,7 @@ class RefusedError(ConnectionError):
 
 
 def suite(key: bytes) -> PresharedKey:
-    """What both ends prove and derive their keys from: its own key, derived from that of the daemons."""
+    """What both ends prove and derive their keys from: a key derived from that of the daemons, which is not kept."""
     return PresharedKey(digest(key, b"weberlink telemetry link", "sha256"))
 
 

@@ -23,7 +23,7 @@ TAIL_S = 0.5
 """How much of the slave still belongs to a session whose master has ended."""
 
 
-def counterpart(where: Path, source: RemoteSource) -> Path | None:
+def counterpart(where: Path | None, source: RemoteSource) -> Path | None:
     """The ring of this host whose daemon is the other side of a remote one.
 
     What the slave knows of its master's clock is its age: that fits no master of this host but its own, or one that was

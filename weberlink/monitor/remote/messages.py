@@ -20,6 +20,7 @@ import numpy as np
 from evaluation.session import Records
 from telemetry.reader import DTYPE
 from telemetry.record import RECORD
+from weberlink.bounded_json import parse
 from weberlink.configuration import SIDES
 from weberlink.monitor.remote.channel import LONGEST_PAYLOAD, StreamError
 
@@ -70,8 +71,8 @@ def read_begin(payload: bytes) -> Begin:
     """Raises StreamError where a field is missing, or of another type, or out of range."""
     data = _inflated(payload, LONGEST_BEGIN)
     try:
-        begin = Begin(**json.loads(data))
-    except (ValueError, TypeError, RecursionError) as error:
+        begin = Begin(**parse(data, LONGEST_BEGIN))
+    except (ValueError, TypeError) as error:
         raise StreamError(f"an introduction cannot be read ({type(error).__name__})") from None
     if (
         not isinstance(begin.session, str)

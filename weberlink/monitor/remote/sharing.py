@@ -12,6 +12,7 @@ from time import monotonic
 from protocol.psk import PresharedKey
 from protocol.wire import LONGEST_DATAGRAM
 from telemetry.ring import RingFormatError
+from weberlink.monitor.admission import Admission, origin
 from weberlink.monitor.feed import RingFeed
 from weberlink.monitor.finding import Found, find
 from weberlink.monitor.remote import handshake
@@ -30,30 +31,44 @@ from weberlink.monitor.remote.wire import close, read_frame, write_frame
 LOOK_S = 0.05
 FIND_S = 0.25
 ALIVE_S = 1.0
-HANDSHAKE_S = 5.0
-"""For a caller to prove the key."""
+HANDSHAKE_S = 3.0
+"""For a caller to prove the key, from the first byte to the last."""
 SILENCE_S = 10.0
 """Until a caller that says nothing, or takes nothing, is given up."""
 MOST_CALLERS = 16
-"""At a time, whether they have proved the key or not."""
+"""Who have proved the key, at a time."""
+MOST_UNPROVEN = 64
+MOST_UNPROVEN_OF_ORIGIN = 16
+"""Callers who have not yet, at a time; one more takes the place of the oldest."""
 
 
 class Sharing:
     """The server.
 
     Args:
-        key: pre-shared, as of `protocol.keys.load`.
-        where: folder of the rings.
+        security: as of `handshake.suite`.
+        where: folder of the rings; None for those of this user.
         only: name of the one session to share; None for the newest.
         tell: told in a line who comes and goes.
+        handshake_s: how long a caller may take to prove the key.
     """
 
-    def __init__(self, key: bytes, where: Path, only: str | None, tell: Callable[[str], None]) -> None:
-        self._security: PresharedKey = handshake.suite(key)
+    def __init__(
+        self,
+        security: PresharedKey,
+        where: Path | None,
+        only: str | None,
+        tell: Callable[[str], None],
+        handshake_s: float = HANDSHAKE_S,
+    ) -> None:
+        self._handshake_s = handshake_s
+        self._security = security
         self._where = where
         self._only = only
         self._tell = tell
         self._callers: set[asyncio.Task[None]] = set()
+        self._unproven: Admission[asyncio.Task[None]] = Admission(MOST_UNPROVEN, MOST_UNPROVEN_OF_ORIGIN)
+        self._lookers = 0
         self._server: asyncio.Server | None = None
 
     async def open(self, host: str, port: int) -> tuple[str, int]:
@@ -73,30 +88,49 @@ class Sharing:
     async def _called(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
         assert task is not None
+        self._callers.add(task)
+        peer = writer.get_extra_info("peername")[0]
         try:
-            if len(self._callers) < MOST_CALLERS:
-                self._callers.add(task)
-                await self._serve(reader, writer)
+            channel = await self._admitted(task, peer, reader, writer)
+            if channel is not None and self._lookers < MOST_CALLERS:
+                await self._serve(channel, peer, reader, writer)
         except (OSError, TimeoutError, StreamError, asyncio.CancelledError):
             pass  # whoever it was is gone, or is nobody
         finally:
-            self._callers.discard(task)
             await close(writer)
+            self._callers.discard(task)
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        first = await read_frame(reader, LONGEST_DATAGRAM, HANDSHAKE_S)
+    async def _admitted(
+        self, task: asyncio.Task[None], peer: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> Channel | None:
+        """Let a caller prove the key, at the cost of the oldest one who has not where there are too many."""
+        expelled = self._unproven.admit(task, origin(peer))
+        if expelled is not None:
+            expelled.cancel()
+        try:
+            async with asyncio.timeout(self._handshake_s):
+                return await self._prove(reader, writer)
+        finally:
+            self._unproven.leave(task)
+
+    async def _prove(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> Channel | None:
+        """The connection of a caller who holds the key; None for one who does not, or who is refused."""
+        first = await read_frame(reader, LONGEST_DATAGRAM, self._handshake_s)
         reply = handshake.answer(first, self._security, os.urandom)
         if reply is None:
-            return
+            return None
         welcome, channel = reply
-        await write_frame(writer, welcome, HANDSHAKE_S)
+        await write_frame(writer, welcome, self._handshake_s)
         if channel is None:
-            return
-        kind, _ = channel.open(await read_frame(reader, LONGEST_FRAME, HANDSHAKE_S))
-        if kind != Message.READY:
-            return
-        peer = writer.get_extra_info("peername")
-        self._tell(f"{peer[0]} looks on")
+            return None
+        kind, _ = channel.open(await read_frame(reader, LONGEST_FRAME, self._handshake_s))
+        return channel if kind == Message.READY else None
+
+    async def _serve(
+        self, channel: Channel, peer: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        self._lookers += 1
+        self._tell(f"{peer} looks on")
         outlet = Outlet(self._where, self._only)
         sending = asyncio.ensure_future(self._send(outlet, channel, writer))
         try:
@@ -109,7 +143,8 @@ class Sharing:
                 await asyncio.gather(sending, listening, return_exceptions=True)
         finally:
             outlet.close()
-            self._tell(f"{peer[0]} has left")
+            self._lookers -= 1
+            self._tell(f"{peer} has left")
 
     async def _send(self, outlet: "Outlet", channel: Channel, writer: asyncio.StreamWriter) -> None:
         alive_at = 0.0
@@ -139,7 +174,7 @@ class Outlet:
         where, only: as of `Sharing`.
     """
 
-    def __init__(self, where: Path, only: str | None) -> None:
+    def __init__(self, where: Path | None, only: str | None) -> None:
         self._where = where
         self._only = only
         self._feeds: dict[str, RingFeed] = {}

@@ -12,13 +12,14 @@ import pytest
 
 from evaluation.session import Records, SessionScore
 from telemetry.ring import RingWriter
+from tests.strangers import Stranger, hold_connections, needs_root
 from tests.weberlink.monitor.feeds import BANK, RATE, description, records
 from tests.weberlink.processes import PATIENCE
 from weberlink.monitor.remote import following as following_module
 from weberlink.monitor.remote.following import Following
 from weberlink.monitor.remote.handshake import Call, answer, suite
 from weberlink.monitor.remote.messages import Begin, Message, Piece, pack_begin, pack_records
-from weberlink.monitor.remote.sharing import MOST_CALLERS, Sharing
+from weberlink.monitor.remote.sharing import MOST_CALLERS, MOST_UNPROVEN, Sharing
 from weberlink.monitor.remote.wire import close, read_frame, write_frame
 from weberlink.monitor.session import Session
 from weberlink.monitor.watch import Watch
@@ -64,7 +65,7 @@ class Host:
 
     @asynccontextmanager
     async def sharing(self, key: bytes = KEY, port: int = 0) -> AsyncIterator[int]:
-        sharing = Sharing(key, self.folder, None, self.said.append)
+        sharing = Sharing(suite(key), self.folder, None, self.said.append)
         _, port = await sharing.open("127.0.0.1", port)
         try:
             yield port
@@ -74,7 +75,7 @@ class Host:
     @asynccontextmanager
     async def looking(self, port: int, key: bytes = KEY) -> AsyncIterator[Watch]:
         watch = Watch(self.folder, None, lambda _: None)
-        following = Following(key, ("127.0.0.1", port), watch, self.folder, self.said.append)
+        following = Following(suite(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
         tasks = [asyncio.ensure_future(task) for task in (watch.run(), following.run())]
         try:
             yield watch
@@ -186,16 +187,71 @@ def test_nothing_is_said_to_who_proves_nothing(robot: Host) -> None:
     assert robot.said == []
 
 
+async def looker(port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A caller who has proved the key."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    call = Call(suite(KEY), os.urandom)
+    await write_frame(writer, call.hello(), PATIENCE)
+    channel = call.answered(await read_frame(reader, 5000, PATIENCE))
+    await write_frame(writer, channel.seal(Message.READY, b""), PATIENCE)
+    return reader, writer
+
+
 def test_there_is_room_for_so_many_callers(robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
-            idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(MOST_CALLERS)]
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            lookers = [await looker(port) for _ in range(MOST_CALLERS)]
+            await until(lambda: len(robot.said) == MOST_CALLERS)
+            reader, writer = await looker(port)
             assert await reader.read() == b""
-            for _, one in [*idle, (reader, writer)]:
+            for _, one in [*lookers, (reader, writer)]:
                 one.close()
 
     run(test())
+
+
+@pytest.mark.parametrize("count", [16, MOST_UNPROVEN + 1])
+def test_callers_who_say_nothing_lock_nobody_out(count: int, robot: Host) -> None:
+    async def test() -> None:
+        async with robot.sharing() as port:
+            idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(count)]
+            _, writer = await looker(port)
+            await until(lambda: robot.said == ["127.0.0.1 looks on"])
+            for _, one in [*idle, (None, writer)]:
+                one.close()
+
+    run(test())
+
+
+@needs_root
+def test_idle_callers_of_another_user_lock_nobody_out(robot: Host) -> None:
+    async def test() -> None:
+        async with robot.sharing() as port:
+            with await asyncio.to_thread(Stranger, hold_connections, "127.0.0.1", port, 100):
+                _, writer = await looker(port)
+                await until(lambda: robot.said == ["127.0.0.1 looks on"])
+                writer.close()
+
+    run(test())
+
+
+def test_a_caller_has_so_long_to_prove_the_key(robot: Host) -> None:
+    hello = Call(suite(KEY), os.urandom).hello()
+
+    async def test() -> None:
+        sharing = Sharing(suite(KEY), robot.folder, None, robot.said.append, handshake_s=0.2)
+        _, port = await sharing.open("127.0.0.1", 0)
+        for said in (b"", len(hello).to_bytes(2, "little") + hello):  # nothing; a greeting that may be a recorded one
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(said)
+            began = monotonic()
+            await reader.read()
+            assert 0.1 < monotonic() - began < 2.0
+            writer.close()
+        await sharing.close()
+
+    run(test())
+    assert robot.said == []
 
 
 @asynccontextmanager

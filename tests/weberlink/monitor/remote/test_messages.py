@@ -49,6 +49,8 @@ def test_a_description_that_is_too_long_is_left_out() -> None:
         {"began": 1e300},
         {"began": "now"},
         {"description": []},
+        {"description": {"weber": float("inf")}},
+        {"description": {"bank": json.loads("[" * 200 + "]" * 200)}},
         {"more": 1},
     ],
 )

@@ -1,0 +1,219 @@
+"""The directory in memory that belongs to one user alone, and how a file in it is opened.
+
+The rings, descriptions and control sockets of all sessions of a user lie there. No other user can read, make or
+replace anything in it, so the names of the files may be predictable.
+
+In this order: `$XDG_RUNTIME_DIR/weberlink`, `/run/user/UID/weberlink`, `/dev/shm/weberlink-UID`. The first two need a
+parent directory of this user that is kept in memory (tmpfs). In `/dev/shm` everybody may make files; where another user
+has taken the name, a suffix chosen by chance is added.
+"""
+
+import os
+import pwd
+import stat
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import mkdtemp
+
+NAME = "weberlink"
+_KINDS = {
+    stat.S_IFREG: "a file",
+    stat.S_IFDIR: "a directory",
+    stat.S_IFLNK: "a symbolic link",
+    stat.S_IFIFO: "a FIFO",
+    stat.S_IFSOCK: "a socket",
+}
+IN_MEMORY = ("tmpfs", "ramfs")
+
+
+class RuntimeDirectoryError(OSError):
+    """No directory in memory belongs to this user alone; the message says what to do."""
+
+
+class ForeignFileError(OSError):
+    """A file is of another kind, of another user, or larger than it may be."""
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a runtime directory may be; tests give places of their own.
+
+    Args:
+        environment: variables of this process.
+        users: directory with one directory for each user who is logged in.
+        shared: directory in memory in which everybody may make files, with the sticky bit set.
+        mounts: the kernel's table of mounts.
+    """
+
+    environment: Mapping[str, str] = field(default_factory=lambda: os.environ)
+    users: Path = Path("/run/user")
+    shared: Path = Path("/dev/shm")  # noqa: S108 - what is there is checked
+    mounts: Path = Path("/proc/self/mountinfo")
+
+    def directory(self) -> Path:
+        """The directory of this user, for new files; made if there is none.
+
+        Raises:
+            RuntimeDirectoryError: there is none, and none can be made.
+        """
+        parent = self.memory()
+        try:
+            if parent != self.shared:
+                return _checked(_made(parent / NAME))
+            plain = _made(self._plain)
+            if _owner(plain) == os.geteuid():
+                return _checked(plain)
+            for other in self._suffixed():
+                return other
+            return Path(mkdtemp(prefix=f"{self._plain.name}.", dir=self.shared))
+        except RuntimeDirectoryError:
+            raise
+        except OSError as error:
+            raise RuntimeDirectoryError(
+                f"no directory in memory for telemetry: none can be made in {parent} ({error.strerror}); mount a tmpfs"
+                f" at {self.shared}, or set XDG_RUNTIME_DIR to a directory of yours on a tmpfs"
+            ) from None
+
+    def memory(self) -> Path:
+        """The directory, kept in memory, in which that of this user is or would be made; it need not be there."""
+        return next((base for base in self._bases() if _is_private(base) and self._in_memory(base)), self.shared)
+
+    def directories(self) -> list[Path]:
+        """All directories of this user that there are: sessions started in other ways may use another one."""
+        candidates = [*(base / NAME for base in self._bases()), self._plain, *self._suffixed()]
+        return [path for path in candidates if _trouble(path) is None]
+
+    @property
+    def _plain(self) -> Path:
+        return self.shared / f"{NAME}-{os.geteuid()}"
+
+    def _bases(self) -> list[Path]:
+        """The directories that a login gives its user, the one that the environment names first."""
+        named = Path(self.environment.get("XDG_RUNTIME_DIR", ""))
+        usual = self.users / str(os.geteuid())
+        return [named, usual] if named.is_absolute() and named != usual else [usual]
+
+    def _suffixed(self) -> Iterator[Path]:
+        try:
+            paths = sorted(self.shared.iterdir())
+        except OSError:
+            return
+        for path in paths:
+            if path.name.startswith(f"{self._plain.name}.") and _trouble(path) is None:
+                yield path
+
+    def _in_memory(self, path: Path) -> bool:
+        """Whether no disk backs a directory: a page that goes to disk would hold up a tick."""
+        device = path.stat().st_dev
+        number = f"{os.major(device)}:{os.minor(device)}"
+        try:
+            mounts = [line.split() for line in self.mounts.read_text(encoding="utf-8", errors="replace").splitlines()]
+        except OSError:
+            return False
+        return any(mount[2] == number and mount[mount.index("-") + 1] in IN_MEMORY for mount in mounts)
+
+
+def directory() -> Path:
+    """As of `Places.directory`, on this host."""
+    return Places().directory()
+
+
+def directories() -> list[Path]:
+    """As of `Places.directories`, on this host."""
+    return Places().directories()
+
+
+def open_file(path: Path, longest: int) -> int:
+    """Open a file for reading; never waits, follows no symbolic link.
+
+    Args:
+        path: of a regular file of this user or of root.
+        longest: size that it may have [bytes].
+
+    Raises:
+        ForeignFileError: it is not such a file.
+        OSError: it is not there, or cannot be opened.
+    """
+    if path.is_symlink():  # for the message alone: O_NOFOLLOW refuses a link in any case
+        raise ForeignFileError(f"{path} is a symbolic link, not a file")
+    fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    try:
+        status = os.fstat(fd)
+        check(path, status, stat.S_IFREG)
+        _check_size(path, status, longest)
+    except BaseException:
+        os.close(fd)
+        raise
+    return fd
+
+
+def check(path: Path, status: os.stat_result, kind: int) -> None:
+    """See that a file is of a kind, as of `stat.S_IFMT`, and belongs to this user or to root.
+
+    Raises:
+        ForeignFileError: it is not, or does not.
+    """
+    if stat.S_IFMT(status.st_mode) != kind:
+        raise ForeignFileError(f"{path} is {_kind(status.st_mode)}, not {_kind(kind)}")
+    if status.st_uid not in (0, os.geteuid()):
+        raise ForeignFileError(f"{path} belongs to {user_name(status.st_uid)}, not to {user_name(os.geteuid())}")
+
+
+def user_name(number: int) -> str:
+    try:
+        return pwd.getpwuid(number).pw_name
+    except KeyError:
+        return f"user {number}"
+
+
+def _check_size(path: Path, status: os.stat_result, longest: int) -> None:
+    if status.st_size > longest:
+        raise ForeignFileError(f"{path} has {status.st_size} bytes, more than {longest}")
+
+
+def _made(path: Path) -> Path:
+    with suppress(FileExistsError):
+        path.mkdir(0o700)
+    return path
+
+
+def _checked(path: Path) -> Path:
+    trouble = _trouble(path)
+    if trouble is not None:
+        raise RuntimeDirectoryError(trouble)
+    return path
+
+
+def _trouble(path: Path) -> str | None:
+    """Why a directory is not one of this user alone, and what to do; None if it is."""
+    try:
+        status = path.lstat()
+    except OSError as error:
+        return f"{path} cannot be used: {error.strerror}"
+    if not stat.S_ISDIR(status.st_mode):
+        return f"{path} is {_kind(status.st_mode)}, not a directory; remove it"
+    if status.st_uid != os.geteuid():
+        return f"{path} belongs to {user_name(status.st_uid)}, not to {user_name(os.geteuid())}; have it removed"
+    mode = stat.S_IMODE(status.st_mode)
+    if mode != 0o700:
+        return f"{path} is open to other users (mode {mode:04o}); run: chmod 700 {path}"
+    return None
+
+
+def _is_private(base: Path) -> bool:
+    """Whether only this user can make files in a directory."""
+    try:
+        status = base.lstat()
+    except OSError:
+        return False
+    return stat.S_ISDIR(status.st_mode) and status.st_uid == os.geteuid() and not status.st_mode & 0o022
+
+
+def _owner(path: Path) -> int:
+    return path.lstat().st_uid
+
+
+def _kind(mode: int) -> str:
+    return _KINDS.get(stat.S_IFMT(mode), "a special file")

@@ -1,0 +1,62 @@
+"""JSON of which nobody vouches for: size, nesting and numbers have bounds."""
+
+import json
+from math import isfinite
+from typing import Any
+
+DEEPEST = 32
+"""Nesting of lists and objects; a description of a session has 8."""
+LONGEST_NUMBER = 32
+"""Digits and signs of a number."""
+
+
+def parse(data: bytes, longest: int) -> Any:
+    """The value of a JSON text in UTF-8.
+
+    Args:
+        data: the text.
+        longest: how many bytes it may have.
+
+    Raises:
+        ValueError: it is longer, is no JSON, is nested more than `DEEPEST` deep, or has a number that is not finite or
+            has more than `LONGEST_NUMBER` characters.
+    """
+    if len(data) > longest:
+        raise ValueError(f"more than {longest} bytes")
+    try:
+        value = json.loads(data.decode(), parse_constant=_number, parse_float=_number, parse_int=_integer)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    if _depth_exceeds(value, DEEPEST):
+        raise ValueError(_TOO_DEEP)
+    return value
+
+
+_TOO_DEEP = f"nested more than {DEEPEST} deep"
+
+
+def _integer(text: str) -> int:
+    if len(text) > LONGEST_NUMBER:
+        raise ValueError("a number is too long")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    value = float(text) if len(text) <= LONGEST_NUMBER else float("nan")
+    if not isfinite(value):
+        raise ValueError("a number is not finite or too long")
+    return value
+
+
+def _depth_exceeds(value: object, most: int) -> bool:
+    level = [value]
+    for _ in range(most):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, dict | list)
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+        if not level:
+            return False
+    return any(isinstance(each, dict | list) for each in level)
