@@ -130,6 +130,24 @@ class Endpoint:
         """When the peer counts as gone if nothing fresh is heard until then [s]; infinite while it is not there."""
         return self.heard_at + self._parameters.silence if self.state is State.ENGAGED else inf
 
+    @property
+    def confirmed_at(self) -> float:
+        """Departure of our newest datagram that the peer is known to have heard [s]."""
+        return self.heard_at
+
+    @property
+    def encoder_heard_at(self) -> float:
+        """Arrival of the newest datagram that says that the peer's encoder runs [s]."""
+        return self.heard_at
+
+    @property
+    def is_peer_encoding(self) -> bool:
+        """What the newest fresh datagram said; False unless engaged."""
+        return self.state is State.ENGAGED
+
+    def attest(self, now: float, *, encoding: bool) -> None:
+        """Say, once a tick, whether the owner's encoder runs."""
+
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
         return None if self._session is None else self._session.clock.peer_time(now)

@@ -41,9 +41,15 @@ class UpdateReceived(NamedTuple):
 class PeerSilent(NamedTuple):
     """Nothing fresh was heard from the peer for longer than the silence limit."""
 
+    cause: str = "silent"
+
 
 class PeerReturned(NamedTuple):
     """The peer was heard again in the session that had fallen silent; codec states still hold."""
+
+
+class SessionExpired(NamedTuple):
+    """The session was silent for so long that it is over."""
 
 
 class PeerClosed(NamedTuple):
@@ -95,6 +101,7 @@ Event = (
     | UpdateReceived
     | PeerSilent
     | PeerReturned
+    | SessionExpired
     | PeerClosed
     | Refused
     | ChangeProposed
