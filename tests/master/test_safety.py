@@ -19,7 +19,7 @@ def gate() -> ForceGate:
 def opened() -> ForceGate:
     ready = gate()
     for _ in range(51):
-        ready.pass_through(FORCE, engaged=True, silent_for=0.0, elapsed=TICK)
+        ready.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)
     return ready
 
 
@@ -42,7 +42,7 @@ def test_limiter_refuses_a_limit_that_is_none() -> None:
 
 def test_gate_opens_over_the_ramp_without_a_step_larger_than_its_share() -> None:
     fading_in = gate()
-    outputs = [fading_in.pass_through(FORCE, engaged=True, silent_for=0.0, elapsed=TICK)[2] for _ in range(60)]
+    outputs = [fading_in.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)[2] for _ in range(60)]
     steps = [b - a for a, b in zip([0.0, *outputs], outputs, strict=False)]
     assert max(steps) <= 4.0 * TICK / 0.05 * (1 + 1e-9)
     assert outputs[-1] == 4.0
@@ -52,7 +52,7 @@ def test_gate_opens_over_the_ramp_without_a_step_larger_than_its_share() -> None
 def test_gate_is_shut_when_the_silence_limit_is_reached_and_untouched_before_the_fade() -> None:
     silent = opened()
     outputs = {
-        ms: silent.pass_through(FORCE, engaged=True, silent_for=ms * TICK, elapsed=TICK)[2] for ms in range(1, 101)
+        ms: silent.pass_through(FORCE, engaged=True, age=ms * TICK, elapsed=TICK)[2] for ms in range(1, 101)
     }
     assert outputs[60] == 4.0
     assert outputs[80] == pytest.approx(2.0)
@@ -62,31 +62,31 @@ def test_gate_is_shut_when_the_silence_limit_is_reached_and_untouched_before_the
 def test_gate_is_shut_at_the_limit_also_where_ticks_were_missed_before_it() -> None:
     gate = ForceGate(ramp=0.1, silence=0.1, fade_share=0.6)
     for _ in range(300):
-        gate.pass_through((1.0, 0.0, 0.0), engaged=True, silent_for=0.001, elapsed=0.001)
-    gate.pass_through((1.0, 0.0, 0.0), engaged=True, silent_for=0.08, elapsed=0.02)
+        gate.pass_through((1.0, 0.0, 0.0), engaged=True, age=0.001, elapsed=0.001)
+    gate.pass_through((1.0, 0.0, 0.0), engaged=True, age=0.08, elapsed=0.02)
     assert gate.gain == pytest.approx(0.5)
-    gate.pass_through((1.0, 0.0, 0.0), engaged=False, silent_for=0.1, elapsed=0.02)
+    gate.pass_through((1.0, 0.0, 0.0), engaged=False, age=0.1, elapsed=0.02)
     assert gate.gain == 0.0
 
 
 def test_a_force_that_returns_after_silence_fades_in() -> None:
     returning = opened()
-    returning.pass_through(FORCE, engaged=False, silent_for=5.0, elapsed=0.1)
-    first = returning.pass_through(FORCE, engaged=True, silent_for=0.0, elapsed=TICK)
+    returning.pass_through(FORCE, engaged=False, age=5.0, elapsed=0.1)
+    first = returning.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)
     assert first[2] == pytest.approx(4.0 * TICK / 0.05)
 
 
 def test_gate_closes_over_the_ramp_when_the_session_ends_and_at_once_when_told() -> None:
     ending = opened()
-    assert ending.pass_through(FORCE, engaged=False, silent_for=0.0, elapsed=TICK)[2] == pytest.approx(4.0 * 0.98)
+    assert ending.pass_through(FORCE, engaged=False, age=0.0, elapsed=TICK)[2] == pytest.approx(4.0 * 0.98)
     assert ending.ramping
     ending.close()
-    assert ending.pass_through(FORCE, engaged=False, silent_for=0.0, elapsed=TICK) == ZERO
+    assert ending.pass_through(FORCE, engaged=False, age=0.0, elapsed=TICK) == ZERO
 
 
 @given(st.lists(st.tuples(st.booleans(), st.floats(0.0, 0.12)), min_size=1, max_size=80))
 def test_a_torque_passes_in_the_share_in_which_the_force_does(ticks: list[tuple[bool, float]]) -> None:
     both = gate()
-    for engaged, silent_for in ticks:
-        force = both.pass_through(FORCE, engaged=engaged, silent_for=silent_for, elapsed=10 * TICK)
+    for engaged, age in ticks:
+        force = both.pass_through(FORCE, engaged=engaged, age=age, elapsed=10 * TICK)
         assert both.share((0.0, 0.4, 0.0))[1] == pytest.approx(0.1 * force[2])
