@@ -145,7 +145,7 @@ class Endpoint:
         """What the newest fresh datagram said; False unless engaged."""
         return self.state is State.ENGAGED
 
-    def attest(self, now: float, *, encoding: bool) -> None:
+    def attest(self, now: float, *, is_encoding: bool) -> None:
         """Say, once a tick, whether the owner's encoder runs."""
 
     def peer_time(self, now: float) -> float | None:
@@ -319,7 +319,7 @@ class Endpoint:
 
     def _fall_silent(self, now: float) -> None:
         self._turn(Trigger.FALL_SILENT)
-        self._mailbox.tell(PeerSilent())
+        self._mailbox.tell(PeerSilent(is_heard=False))
         if self._role is Role.INITIATOR:
             self._call(now)
 

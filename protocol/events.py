@@ -41,11 +41,17 @@ class UpdateReceived(NamedTuple):
 class PeerSilent(NamedTuple):
     """Nothing fresh was heard from the peer for longer than the silence limit."""
 
-    cause: str = "silent"
+    is_heard: bool
 
 
 class PeerReturned(NamedTuple):
     """The peer was heard again in the session that had fallen silent; codec states still hold."""
+
+
+class UpdateLost(NamedTuple):
+    """Our newest update of a stream has not arrived within the silence limit; the owner should send a new state."""
+
+    stream: int
 
 
 class SessionExpired(NamedTuple):
@@ -102,6 +108,7 @@ Event = (
     | PeerSilent
     | PeerReturned
     | SessionExpired
+    | UpdateLost
     | PeerClosed
     | Refused
     | ChangeProposed
