@@ -69,8 +69,7 @@ class Control(Protocol):
         A debt stays, and so does what was handed to the other side, since `credit` never decreases.
 
         Args:
-            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`; what of it was not yet taken is
-                given up.
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`; all of it is given up.
         """
         ...
 

@@ -28,6 +28,7 @@ from protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    UpdateLost,
     UpdateReceived,
 )
 from protocol.states import State
@@ -266,25 +267,32 @@ class MasterLoop:
                 self._apply(update, event.stream)
             case Connected():
                 self._begin()
-            case PeerSilent(cause):
-                self._faults.meet(Fault.UNHEARD if cause == "unheard" else Fault.SILENCE)
-            case PeerClosed(reason):
-                # The gate fades the last force out; the next session starts afresh.
-                if reason.startswith(TAKEN_OVER):
-                    self._give_up(Fault.TAKEN_OVER, reason, now)
-            case Refused(message):
-                self._give_up(Fault.REFUSED, f"refused: {message}", now)
+            case PeerSilent(is_heard):
+                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
                 self._forget()
-            case SessionExpired():
-                pass  # it was silent before; the endpoint calls anew
+            case PeerClosed() | SessionExpired() | Refused():
+                self._part(event, now)
+            case UpdateLost(stream):
+                self._encoder_of(stream).restart()
             case ChangeProposed(tick, body):
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
             case DatagramDropped():
                 pass  # counted by the endpoint; the session lives on
+
+    def _encoder_of(self, stream: int) -> Encoder:
+        return self.encoder if not stream or self.rotation is None else self.rotation.encoder
+
+    def _part(self, event: PeerClosed | SessionExpired | Refused, now: float) -> None:
+        """The session is over: the gate fades the last force out, and the endpoint calls anew or the run ends."""
+        match event:
+            case PeerClosed(reason) if reason.startswith(TAKEN_OVER):
+                self._give_up(Fault.TAKEN_OVER, reason, now)
+            case Refused(message):
+                self._give_up(Fault.REFUSED, f"refused: {message}", now)
 
     def _begin(self) -> None:
         """A new session: nothing of the last one holds."""
@@ -347,7 +355,7 @@ class MasterLoop:
             self._gate.close()
         self._is_fresh = self._is_fresh and not is_engaged
         self._encodes, self._is_engaged = encodes, is_engaged
-        endpoint.attest(now, encoding=encodes)
+        endpoint.attest(now, is_encoding=encodes)
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()

@@ -5,14 +5,14 @@ LEAST_STALL = 0.02
 STALL_TICKS = 10
 """Ticks that must be missed in a row to count as a stall, where that is longer."""
 LONGEST_STEP = 2
-"""A late tick moves ramps, slew limits and speed limits on by at most this many tick periods, so that it is no jump."""
+"""A late tick moves ramps, slew limits and speed limits on by at most this many tick periods."""
 
 
 class StallDetector:
     """Measures the time from tick to tick, and tells a late tick from a stall.
 
-    A process stalls when it is stopped (SIGSTOP), when its host is suspended, or when something blocks its loop. What it
-    knew before a stall is old: hand and robot may have moved meanwhile.
+    A process stalls when it is stopped (SIGSTOP), when its host is suspended, or when something blocks its loop.
+    What it knew before a stall is old: hand and robot may have moved meanwhile.
 
     Args:
         tick_period: [s], > 0.

@@ -27,6 +27,7 @@ from protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    UpdateLost,
     UpdateReceived,
 )
 from protocol.states import State
@@ -153,7 +154,7 @@ class SlaveLoop:
         self._move(now, elapsed)
         self._feel(now)
         encodes = self.endpoint.state is State.ENGAGED and not self._pace.stalled
-        self.endpoint.attest(now, encoding=encodes)
+        self.endpoint.attest(now, is_encoding=encodes)
         if encodes:
             self._send(index, now)
         else:
@@ -255,21 +256,21 @@ class SlaveLoop:
                 self._apply(update, event.stream)
             case Connected():
                 self._begin()
-            case PeerSilent(cause):
-                self._faults.meet(Fault.UNHEARD if cause == "unheard" else Fault.SILENCE)
-            case PeerClosed() | SessionExpired():
-                pass  # nobody leads any more, which the next step of the tick sees by the state
+            case PeerSilent(is_heard):
+                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
             case Refused():
                 self._faults.note(Fault.REFUSED)  # of whoever called; the session, if there is one, lives on
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
                 self._forget()
+            case UpdateLost(stream):
+                self._encoder_of(stream).restart()
             case ChangeProposed(tick, body):
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
-            case DatagramDropped():
-                pass  # counted by the endpoint; the session lives on
+            case PeerClosed() | SessionExpired() | DatagramDropped():
+                pass  # `_engage` sees by the state that nobody leads any more; the endpoint counts what it drops
 
     def _begin(self) -> None:
         """A new session: nothing of the last one holds but a trip, which is between the robot and what it touches."""
@@ -288,6 +289,9 @@ class SlaveLoop:
         if self.rotation is not None:
             self.rotation.reset()
         self._is_led = False
+
+    def _encoder_of(self, stream: int) -> Encoder:
+        return self.encoder if not stream or self.rotation is None else self.rotation.encoder
 
     def _note_stall(self, now: float) -> None:
         """After a stall of this process the robot may be elsewhere; it is asked anew before it counts as lost."""

@@ -105,8 +105,8 @@ class Follower(Generic[Place]):
 class CommandGuard(Follower[Vector]):
     """Turns decoded positions into commands that the robot may follow: a `Follower` within a workspace.
 
-    When it is released the robot holds where it was, or backs off along the last contact force. A trip is a release that
-    always backs off, and after which it follows again only once `TRIP_PAUSE` has passed and what is commanded has come
+    When it is released the robot holds where it was, or backs off along the last contact force. A trip is a release
+    that always backs off. After it the robot follows again once `TRIP_PAUSE` has passed and what is commanded has come
     out of the contact: as far along the contact force as the robot has backed off.
     """
 
@@ -157,7 +157,7 @@ class CommandGuard(Follower[Vector]):
             self._retreat(contact_force, where, self._retract)
 
     def trip(self, contact_force: Vector, where: Vector | None = None) -> None:
-        """Stop following and back off, since the contact is too strong; arguments as for `release`, of any force > 0."""
+        """Stop following and back off: the contact is too strong. Arguments as for `release`, of any force > 0."""
         super().release()
         self._retreat(contact_force, where, self._trip_retract)
         assert self._retreat_to is not None
@@ -177,7 +177,7 @@ class CommandGuard(Follower[Vector]):
         return super().hold(elapsed)
 
     def follow(self, commanded: Vector, elapsed: float) -> Vector:
-        """The command of a tick in session: the decoded one, bounded by workspace and speed [m]; after a trip `hold`."""
+        """The command of a tick in session [m]: the decoded one within workspace and speed, or `hold` after a trip."""
         goal = self._inside(commanded)
         if self._way_out is not None:
             if self._pause > 0.0 or not self._is_out(goal):
