@@ -335,14 +335,14 @@ class MasterLoop:
     def _engage(self, now: float) -> None:
         """Decide whether this tick may send positions and display force; begin afresh when either begins again.
 
-        To begin afresh is to send a complete update and to fade the force in from zero. A stall ends both for this one
-        tick, so that the peer is told.
+        To begin afresh is to send a complete update and to fade the force in from zero. A stall ends both for some
+        ticks, so that the peer is told.
         """
         endpoint = self.endpoint
         encodes = (
             endpoint.state is State.ENGAGED
             and self._enabled
-            and not self._pace.stalled
+            and not self._pace.settling
             and not self._faults.has(Fault.DEVICE)
         )
         is_engaged = encodes and endpoint.is_peer_encoding and self._stopping is None

@@ -4,6 +4,8 @@ LEAST_STALL = 0.02
 """No shorter pause counts as a stall [s]: a busy host delays a tick by some milliseconds now and then."""
 STALL_TICKS = 10
 """Ticks that must be missed in a row to count as a stall, where that is longer."""
+SETTLING_TICKS = 5
+"""Ticks from a stall on in which a side does not lead, so that the peer is told before a new command reaches it."""
 LONGEST_STEP = 2
 """A late tick moves ramps, slew limits and speed limits on by at most this many tick periods."""
 
@@ -20,16 +22,18 @@ class StallDetector:
     Attributes:
         limit: a tick that comes later than this after the last one ends a stall [s].
         stalled: whether the newest tick ended a stall.
+        settling: whether it is one of the first `SETTLING_TICKS` from a stall on.
         step: by how much ramps and limits may go on in the newest tick [s]; 0 if it is the first or ended a stall.
     """
 
-    __slots__ = ("_last", "_longest_step", "limit", "stalled", "step")
+    __slots__ = ("_last", "_longest_step", "_ticks_to_settle", "limit", "settling", "stalled", "step")
 
     def __init__(self, tick_period: float) -> None:
         self.limit = max(LEAST_STALL, STALL_TICKS * tick_period)
         self._longest_step = LONGEST_STEP * tick_period
         self._last: float | None = None
-        self.stalled = False
+        self._ticks_to_settle = 0
+        self.stalled = self.settling = False
         self.step = 0.0
 
     def tick(self, now: float) -> float:
@@ -38,6 +42,9 @@ class StallDetector:
         self._last = now
         self.stalled = elapsed > self.limit
         if self.stalled:
-            elapsed = 0.0
+            elapsed, self._ticks_to_settle = 0.0, SETTLING_TICKS
+        self.settling = self._ticks_to_settle > 0
+        if self.settling:
+            self._ticks_to_settle -= 1
         self.step = min(elapsed, self._longest_step)
         return elapsed

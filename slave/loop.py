@@ -153,7 +153,7 @@ class SlaveLoop:
         self._engage()
         self._move(now, elapsed)
         self._feel(now)
-        encodes = self.endpoint.state is State.ENGAGED and not self._pace.stalled
+        encodes = self.endpoint.state is State.ENGAGED and not self._pace.settling
         self.endpoint.attest(now, is_encoding=encodes)
         if encodes:
             self._send(index, now)
