@@ -140,10 +140,13 @@ class Endpoint:
         """Arrival of the newest datagram that says that the peer's encoder runs [s]."""
         return self.heard_at
 
-    @property
-    def is_peer_encoding(self) -> bool:
-        """What the newest fresh datagram said; False unless engaged."""
+    def is_peer_encoding(self, now: float) -> bool:  # noqa: ARG002
+        """Whether what the peer encodes may be acted on."""
         return self.state is State.ENGAGED
+
+    def silent_for(self, now: float) -> float:
+        """The larger of the loop age and the time since the peer's encoder was known to run [s]."""
+        return now - self.heard_at
 
     def attest(self, now: float, *, is_encoding: bool) -> None:
         """Say, once a tick, whether the owner's encoder runs."""

@@ -42,6 +42,8 @@ CHANGE_LEAD = 30.0
 
 FADE_SHARE = 0.6
 """Share of the silence limit after which owners begin to fade force out and hold motion."""
+HORIZON_SHARE = 0.6
+"""Share of the silence limit for which owners extrapolate past the last sign of the peer's encoder."""
 _HEARTBEAT, _BYE, _CHANGE = (
     int(Kind.HEARTBEAT),
     int(Kind.BYE),
