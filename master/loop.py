@@ -345,7 +345,7 @@ class MasterLoop:
             and not self._pace.settling
             and not self._faults.has(Fault.DEVICE)
         )
-        is_engaged = encodes and endpoint.is_peer_encoding and self._stopping is None
+        is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
         begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
         if self._pace.stalled or (begins and not self._is_fresh):
             self.encoder.restart()
@@ -438,7 +438,7 @@ class MasterLoop:
         limited = self._limiter.limit(self.control.render(self._decoded))
         is_open = self._gate.gain > 0.0
         slewed = self._slew.limit(limited, step) if is_open else self._slew.place(limited)
-        age = now - endpoint.confirmed_at
+        age = endpoint.silent_for(now)
         self._output = self._gate.pass_through(slewed, engaged=self._is_engaged, age=age, elapsed=step)
         self.control.displayed(self._output)
         self.device.command(self._output, now)

@@ -85,7 +85,7 @@ class ForceGate:
     """The share of the decoded force that the operator is given, 0 to 1, without a jump in either direction.
 
     It opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While it is engaged
-    but the loop through the peer grows old (the loop age, `Endpoint.confirmed_at`), it closes over the last part of the
+    but the loop through the peer grows old (`Endpoint.silent_for`), it closes over the last part of the
     silence limit, so that the force *is* zero when the limit is reached, not only then begins to fall. The gate is the
     same whatever ended the silence, so a returning peer is felt as a fade-in. `ramping` says whether the beginning or
     the end of a session holds the force back, and not silence.

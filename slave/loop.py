@@ -150,7 +150,7 @@ class SlaveLoop:
         self._note_stall(now)
         self._hear()
         self._retune(index, deadline)
-        self._engage()
+        self._engage(now)
         self._move(now, elapsed)
         self._feel(now)
         encodes = self.endpoint.state is State.ENGAGED and not self._pace.settling
@@ -311,14 +311,14 @@ class SlaveLoop:
         if self.rotation is not None:
             self.rotation.guard.reset()
 
-    def _engage(self) -> None:
+    def _engage(self, now: float) -> None:
         """Decide whether the master leads the robot in this tick; begin afresh when it does again, let go when it ends.
 
         To begin afresh is to send a complete update, to approach, and to fade in what is shown.
         """
         is_led = (
             self.endpoint.state is State.ENGAGED
-            and self.endpoint.is_peer_encoding
+            and self.endpoint.is_peer_encoding(now)
             and not self._faults.has(Fault.DEVICE)
         )
         if is_led and not self._is_led and not self._is_fresh:

@@ -16,9 +16,6 @@ from protocol.security import Security
 from weberlink.composition.deadband import force_deadband
 from weberlink.configuration import Configuration, ConfigurationError, System
 
-HORIZON_SHARE = 0.6
-"""Share of the silence limit for which a model is extrapolated past the last sign that the peer's encoder runs."""
-
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
 

@@ -13,9 +13,8 @@ from master.safety import ForceGate, ForceLimiter, SlewLimiter
 from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
-from protocol.session import FADE_SHARE
+from protocol.session import FADE_SHARE, HORIZON_SHARE
 from weberlink.composition.link import (
-    HORIZON_SHARE,
     Entropy,
     Stopwatch,
     build_endpoint,

@@ -7,13 +7,13 @@ from codec.quantizer import INT16_MAX
 from control.table import build_slave_control
 from protocol.roles import Role
 from protocol.security import Security
+from protocol.session import HORIZON_SHARE
 from slave.loop import SlaveLoop
 from slave.robots.contract import Robot
 from slave.safety import CommandGuard, Workspace
 from slave.scenes.scene import Scene
 from slave.scenes.settings import build
 from weberlink.composition.link import (
-    HORIZON_SHARE,
     Entropy,
     Stopwatch,
     build_endpoint,
