@@ -6,7 +6,7 @@ whoever carries them, in real time or in virtual time.
 """
 
 from collections.abc import Callable, Mapping
-from math import ceil, nan
+from math import ceil, inf, nan
 from typing import TYPE_CHECKING
 
 from codec import Decoder, Encoder, Update
@@ -119,6 +119,7 @@ class MasterLoop:
         self._position: Vector = ZERO
         self._buttons = 0
         self._decoded: Vector = ZERO
+        self._heard_tick = 0.0
         self._fitted = UNFITTED
         self._output: Vector = ZERO
         self._tick = 0
@@ -427,8 +428,11 @@ class MasterLoop:
     def _render(self, now: float) -> None:
         """The force at the device's own position now, without waiting for the network."""
         endpoint, step = self.endpoint, self._pace.step
-        heard_time = endpoint.heard_time(min(now, endpoint.encoder_heard_at + self._horizon))
-        tick = (heard_time or 0.0) / self._tick_period
+        known_at = endpoint.encoder_heard_at
+        heard_time = endpoint.heard_time(min(now, known_at + self._horizon)) if known_at > -inf else None
+        if heard_time is not None:  # a session that is over leaves its last force, which fades
+            self._heard_tick = heard_time / self._tick_period
+        tick = self._heard_tick
         began = self._stopwatch()
         decoded = self.decoder.value(tick, self._position)
         if self.rotation is not None:

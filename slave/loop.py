@@ -59,6 +59,7 @@ class SlaveLoop:
         robot_limit: how long the robot may go without a usable sample [s].
         trip_force: contact force above which the robot stops following and backs off [N].
         stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+        by_button: whether the master leads only while its operator holds a button; for the record alone.
         rotation: the second stream; None for three degrees of freedom.
     """
 
@@ -77,6 +78,7 @@ class SlaveLoop:
         robot_limit: float,
         trip_force: float,
         stopwatch: Callable[[], float],
+        by_button: bool = False,
         rotation: "ToolRotation | None" = None,
     ) -> None:
         self.endpoint = endpoint
@@ -92,6 +94,7 @@ class SlaveLoop:
         self._trip_force = trip_force
         self._watchdog = Watchdog(robot_limit)
         self._stopwatch = stopwatch
+        self._by_button = by_button
         self.rotation = rotation
         self._stopped = False
         self._stopping: str | None = None
@@ -147,7 +150,7 @@ class SlaveLoop:
         self._sent = self._received = 0
         self._codec_time = 0.0
         elapsed = self._pace.tick(now)
-        self._note_stall(now)
+        self._settle(now)
         self._hear()
         self._retune(index, deadline)
         self._engage(now)
@@ -293,16 +296,15 @@ class SlaveLoop:
     def _encoder_of(self, stream: int) -> Encoder:
         return self.encoder if not stream or self.rotation is None else self.rotation.encoder
 
-    def _note_stall(self, now: float) -> None:
-        """After a stall of this process the robot may be elsewhere; it is asked anew before it counts as lost."""
+    def _settle(self, now: float) -> None:
+        """After a stall of this process the robot may be elsewhere: hold it where it is, until it has been read anew."""
         self._faults.clear(Fault.STALLED)
-        if not self._pace.stalled:
+        if self._pace.stalled:
+            self._faults.meet(Fault.STALLED)
+            self._watchdog.feed(now)  # it is asked anew before it counts as lost
+        if not self._pace.settling or self._faults.has(Fault.DEVICE):
             return
-        self._faults.meet(Fault.STALLED)
-        self._watchdog.feed(now)
         self._is_led = False
-        if self._faults.has(Fault.DEVICE):
-            return
         with suppress(RobotFault):  # which `_feel` meets in this very tick
             where = self.robot.latest(now).position
             if is_finite(where):
@@ -316,6 +318,8 @@ class SlaveLoop:
 
         To begin afresh is to send a complete update, to approach, and to fade in what is shown.
         """
+        if self._pace.settling:
+            return
         is_led = (
             self.endpoint.state is State.ENGAGED
             and self.endpoint.is_peer_encoding(now)
@@ -337,8 +341,8 @@ class SlaveLoop:
 
     @property
     def _ramping(self) -> int:
-        """Of the record: whether less than all of the force is shown, and whether that is the master's wish."""
-        if self.endpoint.state is State.ENGAGED and not self._is_led:
+        """Of the record: whether less than all of the force is shown, and whether that is the operator's wish."""
+        if self._by_button and self.endpoint.state is State.ENGAGED and not (self._is_led or self._pace.settling):
             return RELEASED
         return int(self._guard.ramping or (self.rotation is not None and self.rotation.guard.ramping))
 

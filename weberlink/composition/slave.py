@@ -68,6 +68,7 @@ def build_slave(
         robot_limit=limits.robot_ms * 1e-3,
         trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
         stopwatch=stopwatch,
+        by_button=system.master.engage is not None,
         rotation=None if system.codec.rotation is None else _build_rotation(system, robot),
     )
 

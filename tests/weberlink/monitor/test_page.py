@@ -294,7 +294,7 @@ def test_a_released_button_and_a_trip_are_told(page: Browser, server: ScriptedSe
     met = {"master": {}, "slave": {"tripped": 1}}
     visit(page, server, session.hello(), *rows, session.figures(REPORT, faults=met))
     page.wait(lambda: page.data("state") == "released", "the state")
-    assert "hold the button" in page.text("state-detail")
+    assert page.text("state-detail") == "hold the button to engage"
     assert page.text("faults") == "tripped"
     assert page.number("slew-limited") == REPORT["limited"]["slew_ticks"]
     clean(page, server)

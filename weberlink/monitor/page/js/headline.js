@@ -39,7 +39,7 @@ export class Headline {
     if (!states.length) return ["connecting", "waiting for the first tick"];
     const where = store.present.length === 2 ? "master and slave" : `${store.present[0]} only`;
     const sides = new Set(states);
-    if (sides.has("released")) return ["released", "hold the button: the robot follows only while it is held"];
+    if (sides.has("released")) return ["released", "hold the button to engage"];
     if (sides.size === 1) return [states[0], `${where}${store.hello.remote ? ", over the network" : ""}`];
     const order = ["silent", "closed", "connecting", "listening", "idle", "engaged"];
     const worst = order.find((state) => sides.has(state)) ?? states[0];
