@@ -297,7 +297,7 @@ class SlaveLoop:
         return self.encoder if not stream or self.rotation is None else self.rotation.encoder
 
     def _settle(self, now: float) -> None:
-        """After a stall of this process the robot may be elsewhere: hold it where it is, until it has been read anew."""
+        """After a stall of this process the robot may be elsewhere: hold it where it is until it has been read anew."""
         self._faults.clear(Fault.STALLED)
         if self._pace.stalled:
             self._faults.meet(Fault.STALLED)
