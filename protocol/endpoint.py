@@ -10,7 +10,17 @@ from math import inf
 
 from protocol.dialer import Dialer
 from protocol.direction import Direction
-from protocol.events import Address, Connected, Event, PeerClosed, PeerReturned, PeerSilent, Refused, UpdateReceived
+from protocol.events import (
+    Address,
+    Connected,
+    Event,
+    PeerClosed,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    TakenOver,
+    UpdateReceived,
+)
 from protocol.handshake import PROTOCOL_VERSION, pack_agreement, read_map
 from protocol.listener import Listener
 from protocol.mailbox import Mailbox
@@ -427,6 +437,10 @@ class Endpoint:
         elif isinstance(outcome, UpdateReceived):
             self.statistics.updates_received[outcome.stream] += 1
             self._mailbox.tell(outcome)
+        elif isinstance(outcome, PeerClosed) and outcome.reason.startswith("taken over by "):
+            self._turn(Trigger.CLOSE)
+            self._end_session()
+            self._mailbox.tell(TakenOver(outcome.reason.removeprefix("taken over by ")))
         elif isinstance(outcome, PeerClosed):
             self._turn(Trigger.LEAVE)
             self._end_session()

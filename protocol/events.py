@@ -48,6 +48,12 @@ class PeerReturned(NamedTuple):
     """The peer was heard again in the session that had fallen silent; codec states still hold."""
 
 
+class TakenOver(NamedTuple):
+    """The slave serves another master from now on, which asked for that; final for this one."""
+
+    name: str
+
+
 class UpdateLost(NamedTuple):
     """Our newest update of a stream has not arrived within the silence limit; the owner should send a new state."""
 
@@ -109,6 +115,7 @@ Event = (
     | PeerReturned
     | SessionExpired
     | UpdateLost
+    | TakenOver
     | PeerClosed
     | Refused
     | ChangeProposed
