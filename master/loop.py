@@ -28,6 +28,7 @@ from protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    TakenOver,
     UpdateLost,
     UpdateReceived,
 )
@@ -43,9 +44,6 @@ if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
-
-TAKEN_OVER = "taken over"
-"""How the reason of a peer begins that leaves this master for another one."""
 
 
 class MasterLoop:
@@ -273,7 +271,7 @@ class MasterLoop:
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
                 self._forget()
-            case PeerClosed() | SessionExpired() | Refused():
+            case PeerClosed() | SessionExpired() | Refused() | TakenOver():
                 self._part(event, now)
             case UpdateLost(stream):
                 self._encoder_of(stream).restart()
@@ -287,11 +285,11 @@ class MasterLoop:
     def _encoder_of(self, stream: int) -> Encoder:
         return self.encoder if not stream or self.rotation is None else self.rotation.encoder
 
-    def _part(self, event: PeerClosed | SessionExpired | Refused, now: float) -> None:
+    def _part(self, event: PeerClosed | SessionExpired | Refused | TakenOver, now: float) -> None:
         """The session is over: the gate fades the last force out, and the endpoint calls anew or the run ends."""
         match event:
-            case PeerClosed(reason) if reason.startswith(TAKEN_OVER):
-                self._give_up(Fault.TAKEN_OVER, reason, now)
+            case TakenOver(name):
+                self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
             case Refused(message):
                 self._give_up(Fault.REFUSED, f"refused: {message}", now)
 

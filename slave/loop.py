@@ -27,6 +27,7 @@ from protocol.events import (
     PeerSilent,
     Refused,
     SessionExpired,
+    TakenOver,
     UpdateLost,
     UpdateReceived,
 )
@@ -272,7 +273,7 @@ class SlaveLoop:
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
-            case PeerClosed() | SessionExpired() | DatagramDropped():
+            case PeerClosed() | SessionExpired() | TakenOver() | DatagramDropped():
                 pass  # `_engage` sees by the state that nobody leads any more; the endpoint counts what it drops
 
     def _begin(self) -> None:
