@@ -82,6 +82,11 @@ class Encoder:
         self.predicted: Vector | None = None
         self._forced = False
 
+    def restart(self) -> None:
+        """Forget the signal and send the next sample whatever it is: it is not known what the other end holds."""
+        self.reset()
+        self._forced = True
+
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
         """Change what is sent, from the next sample on.
 

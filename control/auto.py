@@ -56,6 +56,10 @@ class AutoMaster:
         self._leaving = self._choice.active
         self._share = 1.0
 
+    def resume(self, peer_credit: int) -> None:
+        for scheme in self._schemes:
+            scheme.resume(peer_credit)
+
     def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
         for scheme in self._schemes:
             scheme.learn(surface, force, position)
@@ -118,6 +122,9 @@ class AutoSlave:
     def reset(self) -> None:
         self._tdpa.reset()
         self._choice.reset()
+
+    def resume(self, peer_credit: int) -> None:
+        self._tdpa.resume(peer_credit)
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
         if self._choice.follow(quality, self._tdpa.tank, elapsed) == TDPA:

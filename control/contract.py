@@ -63,6 +63,16 @@ class Control(Protocol):
         """A new session: nothing of the old one counts."""
         ...
 
+    def resume(self, peer_credit: int) -> None:
+        """The same session goes on after an interruption: no force, motion, model or energy from before counts.
+
+        A debt stays, and so does what was handed to the other side, since `credit` never decreases.
+
+        Args:
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`; all of it is given up.
+        """
+        ...
+
 
 @runtime_checkable
 class Imposable(Protocol):

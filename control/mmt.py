@@ -53,8 +53,15 @@ class MmtMaster:
         return self._tank.level
 
     def reset(self) -> None:
-        self._port.reset()
         self._tank.reset()
+        self._forget()
+
+    def resume(self, peer_credit: int) -> None:
+        self._tank.renounce(peer_credit)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._port.reset()
         self._mixture.reset()
         self._fallback = self._held = ZERO
 

@@ -26,8 +26,9 @@ class CreditPrediction:
         self._most = most
         self.reset()
 
-    def reset(self) -> None:
-        self._credit = 0
+    def reset(self, credit: int = 0) -> None:
+        """Begin anew at a sum, in units of `CREDIT_STEP`."""
+        self._credit = credit
         self._age = 0.0
         self._gained = 0.0
         self._over = 0.0

@@ -40,6 +40,11 @@ class EnergyTank:
             self.level += (credit - self._received) * CREDIT_STEP
             self._received = credit
 
+    def renounce(self, credit: int) -> None:
+        """Give up what there is to spend, and what the other side has handed over by now; a debt stays."""
+        self.receive(credit)
+        self.spill(0.0)
+
     def hand_over(self, energy: float) -> None:
         """Give energy to the other side; a negative amount gives none."""
         if energy > 0.0:

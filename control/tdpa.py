@@ -63,6 +63,11 @@ class TdpaMaster:
         self._tank.reset()
         self._in_contact = False
 
+    def resume(self, peer_credit: int) -> None:
+        self._port.reset()
+        self._tank.renounce(peer_credit)
+        self._in_contact = False
+
     def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
@@ -118,6 +123,12 @@ class TdpaSlave:
         self._port.reset()
         self._tank.reset()
         self._prediction.reset()
+        self._target = None
+
+    def resume(self, peer_credit: int) -> None:
+        self._port.reset()
+        self._tank.renounce(peer_credit)
+        self._prediction.reset(peer_credit)
         self._target = None
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002

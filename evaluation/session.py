@@ -33,6 +33,7 @@ class _Side:
 
     ticks: int = 0
     engaged: int = 0
+    limited: int = 0
     last: Any = None
     lateness: Distribution = field(default_factory=Distribution)
     work: Distribution = field(default_factory=Distribution)
@@ -48,6 +49,7 @@ class _Side:
             return
         self.ticks += len(records)
         self.engaged += int((records["state"] == State.ENGAGED.value).sum())
+        self.limited += int((records["clipped"] > 0).sum())
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
@@ -178,6 +180,11 @@ class SessionScore:
                 "lost": master.counter("datagrams_lost") + slave.counter("datagrams_lost"),
                 "dropped": master.counter("datagrams_dropped") + slave.counter("datagrams_dropped"),
                 "repeats": master.counter("repeats") + slave.counter("repeats"),
+            },
+            "limited": {
+                "force_ticks": master.limited,
+                "slew_ticks": master.counter("slew_ticks"),
+                "motion_ticks": slave.limited,
             },
             "control": {"master": master.control(), "slave": slave.control()},
             "energy": {

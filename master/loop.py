@@ -6,7 +6,7 @@ whoever carries them, in real time or in virtual time.
 """
 
 from collections.abc import Callable, Mapping
-from math import ceil, nan
+from math import ceil, inf, nan
 from typing import TYPE_CHECKING
 
 from codec import Decoder, Encoder, Update
@@ -15,7 +15,7 @@ from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, MasterControl, Surface
 from control.tuning import Tuning
 from master.devices.contract import Device, DeviceFault, Explaining
-from master.safety import ForceGate, ForceLimiter
+from master.safety import ForceGate, ForceLimiter, SlewLimiter
 from protocol.endpoint import Endpoint
 from protocol.events import (
     ChangeAnswered,
@@ -27,20 +27,20 @@ from protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    SessionExpired,
     TakenOver,
+    UpdateLost,
     UpdateReceived,
 )
 from protocol.states import State
+from realtime.stall import StallDetector
 from realtime.watchdog import Watchdog
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
-from telemetry.record import NO_ROTATION, UNKNOWN, Record
+from telemetry.record import NO_ROTATION, RELEASED, UNKNOWN, Record
 
 if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
     from master.rotation import HandRotation
-
-LONGEST_STEP = 0.1
-"""A tick that comes later than this after the last one counts as this late [s]: ramps must not jump over a stall."""
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
@@ -58,10 +58,12 @@ class MasterLoop:
         endpoint: the initiator's end of the session.
         gate: fades the force in and out.
         limiter: bounds the force.
+        slew: bounds how fast the force changes.
         tick_period: of both sides, as agreed [s].
-        horizon: how long a model is extrapolated in time past the last word of the peer [s].
+        horizon: how long a model is extrapolated in time past the last sign of the peer's encoder [s].
         device_limit: how long the device may go without a usable sample [s].
         stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+        button: of the device; only while it is held, the robot follows and force is displayed. None for always.
         rotation: the second stream; None for three degrees of freedom.
     """
 
@@ -76,10 +78,12 @@ class MasterLoop:
         endpoint: Endpoint,
         gate: ForceGate,
         limiter: ForceLimiter,
+        slew: SlewLimiter,
         tick_period: float,
         horizon: float,
         device_limit: float,
         stopwatch: Callable[[], float],
+        button: int | None = None,
         rotation: "HandRotation | None" = None,
     ) -> None:
         self.endpoint = endpoint
@@ -90,10 +94,14 @@ class MasterLoop:
         self.tuning = tuning
         self._gate = gate
         self._limiter = limiter
+        self._slew = slew
+        self._slew_ticks = 0
         self._tick_period = tick_period
+        self._pace = StallDetector(tick_period)
         self._horizon = horizon
         self._watchdog = Watchdog(device_limit)
         self._stopwatch = stopwatch
+        self._button = button
         self.rotation = rotation
         self._stopping: str | None = None
         self._stopped = False
@@ -102,11 +110,14 @@ class MasterLoop:
         self._faults = FaultLedger()
         self._opened_at = 0.0
         self._has_connected = False
-        self._last_now: float | None = None
+        self._encodes = False
+        self._is_engaged = False
+        self._is_fresh = True
         self._last_reading_at = nan
         self._position: Vector = ZERO
         self._buttons = 0
         self._decoded: Vector = ZERO
+        self._heard_tick = 0.0
         self._fitted = UNFITTED
         self._output: Vector = ZERO
         self._tick = 0
@@ -147,15 +158,16 @@ class MasterLoop:
         self._tick, self._deadline = index, deadline
         self._sent = self._received = 0
         self._codec_time = 0.0
-        elapsed = min(LONGEST_STEP, now - self._last_now) if self._last_now is not None else 0.0
-        self._last_now = now
+        elapsed = self._pace.tick(now)
+        self._note_stall(now)
         self._hear(now)
         self._retune(index, deadline)
         self._read(now)
+        self._engage(now)
         self._observe(elapsed)
-        if self.endpoint.state is State.ENGAGED:
+        if self._encodes:
             self._send(index, now)
-        self._render(now, elapsed)
+        self._render(now)
         if self._stopping is not None and self._gate.gain == 0.0 and not self._stopped:
             self._leave(now, self._stopping)
             self._stopped = True
@@ -204,6 +216,7 @@ class MasterLoop:
                 self.encoder.bound,
                 self._tick,
                 missed,
+                self._slew_ticks,
                 *counters(statistics),
                 lateness_us,
                 work_us,
@@ -220,7 +233,7 @@ class MasterLoop:
                 self._sent,
                 self._received,
                 self._limiter.clipped or (rotation is not None and rotation.clipped),
-                self._gate.ramping,
+                self._gate.ramping if self._enabled else RELEASED,
                 model.kind,
                 self.tuning.generation & 0xFF,
                 self._buttons & 0xFF,
@@ -253,36 +266,95 @@ class MasterLoop:
                 self._apply(update, event.stream)
             case Connected():
                 self._begin()
-            case PeerSilent():
-                self._faults.meet(Fault.SILENCE)
-            case Refused(message):
-                self._faults.meet(Fault.REFUSED)
-                self.failure = f"refused: {message}"
-                self.stop(now, "refused")
-            case TakenOver(name):
-                self.failure = f"taken over by {name}"
-                self.stop(now, "taken over")
+            case PeerSilent(is_heard):
+                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
             case PeerReturned():
-                self._faults.clear(Fault.SILENCE)
+                self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
+                self._forget()
+            case PeerClosed() | SessionExpired() | Refused() | TakenOver():
+                self._part(event, now)
+            case UpdateLost(stream):
+                self._encoder_of(stream).restart()
             case ChangeProposed(tick, body):
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
-            case PeerClosed() | DatagramDropped():
-                pass  # the gate fades the last force out, the next session starts afresh; counted by the endpoint
+            case DatagramDropped():
+                pass  # counted by the endpoint; the session lives on
+
+    def _encoder_of(self, stream: int) -> Encoder:
+        return self.encoder if not stream or self.rotation is None else self.rotation.encoder
+
+    def _part(self, event: PeerClosed | SessionExpired | Refused | TakenOver, now: float) -> None:
+        """The session is over: the gate fades the last force out, and the endpoint calls anew or the run ends."""
+        match event:
+            case TakenOver(name):
+                self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
+            case Refused(message):
+                self._give_up(Fault.REFUSED, f"refused: {message}", now)
 
     def _begin(self) -> None:
         """A new session: nothing of the last one holds."""
         self._has_connected = True
+        self._forget()
+        self._is_fresh = True
+        self.control.reset()
+        self.tuning.reset()
+        self._faults.clear(*Fault)
+
+    def _forget(self) -> None:
+        """Keep no sample and no force."""
         self.encoder.reset()
         self.decoder.reset()
         if self.rotation is not None:
             self.rotation.reset()
         self._fitted = UNFITTED
-        self.control.reset()
-        self.tuning.reset()
         self._gate.close()
-        self._faults.active = Fault.NONE
+        self._encodes = self._is_engaged = False
+
+    def _give_up(self, fault: Fault, why: str, now: float) -> None:
+        """The other end does not want this master: fade out, and end the run as failed."""
+        self._faults.meet(fault)
+        self.failure = self.failure or why
+        self.stop(now, fault.name.lower().replace("_", " "))
+
+    def _note_stall(self, now: float) -> None:
+        """After a stall of this process the device is asked anew before it counts as lost."""
+        self._faults.clear(Fault.STALLED)
+        if self._pace.stalled:
+            self._faults.meet(Fault.STALLED)
+            self._watchdog.feed(now)
+            self._encodes = self._is_engaged = False
+
+    @property
+    def _enabled(self) -> bool:
+        """Whether the operator lets this side act: always, or while the button is held."""
+        return self._button is None or bool(self._buttons >> self._button & 1)
+
+    def _engage(self, now: float) -> None:
+        """Decide whether this tick may send positions and display force; begin afresh when either begins again.
+
+        To begin afresh is to send a complete update and to fade the force in from zero. A stall ends both for some
+        ticks, so that the peer is told.
+        """
+        endpoint = self.endpoint
+        encodes = (
+            endpoint.state is State.ENGAGED
+            and self._enabled
+            and not self._pace.settling
+            and not self._faults.has(Fault.DEVICE)
+        )
+        is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
+        begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
+        if self._pace.stalled or (begins and not self._is_fresh):
+            self.encoder.restart()
+            if self.rotation is not None:
+                self.rotation.encoder.restart()
+            self.control.resume(endpoint.peer_credit)
+            self._gate.close()
+        self._is_fresh = self._is_fresh and not is_engaged
+        self._encodes, self._is_engaged = encodes, is_engaged
+        endpoint.attest(now, is_encoding=encodes)
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
@@ -303,7 +375,7 @@ class MasterLoop:
 
     def _read(self, now: float) -> None:
         """The device's position; the last good one while it gives none, until that has lasted too long."""
-        if self._faults.active is Fault.DEVICE:
+        if self._faults.has(Fault.DEVICE):
             return
         complaint = "gives no new sample"
         try:
@@ -351,21 +423,28 @@ class MasterLoop:
         if turned is not None:
             self.endpoint.send_update(now, *turned, stream=1)
 
-    def _render(self, now: float, elapsed: float) -> None:
+    def _render(self, now: float) -> None:
         """The force at the device's own position now, without waiting for the network."""
-        heard_at = self.endpoint.heard_at
-        heard_time = self.endpoint.heard_time(min(now, heard_at + self._horizon))
-        tick = (heard_time or 0.0) / self._tick_period
+        endpoint, step = self.endpoint, self._pace.step
+        known_at = endpoint.encoder_heard_at
+        heard_time = endpoint.heard_time(min(now, known_at + self._horizon)) if known_at > -inf else None
+        if heard_time is not None:  # a session that is over leaves its last force, which fades
+            self._heard_tick = heard_time / self._tick_period
+        tick = self._heard_tick
         began = self._stopwatch()
         decoded = self.decoder.value(tick, self._position)
         if self.rotation is not None:
             self.rotation.decode(tick)
         self._codec_time += self._stopwatch() - began
         self._decoded = decoded if decoded is not None else ZERO
-        engaged = self.endpoint.state is State.ENGAGED and self._stopping is None
         limited = self._limiter.limit(self.control.render(self._decoded))
-        self._output = self._gate.pass_through(limited, engaged=engaged, silent_for=now - heard_at, elapsed=elapsed)
+        is_open = self._gate.gain > 0.0
+        slewed = self._slew.limit(limited, step) if is_open else self._slew.place(limited)
+        age = endpoint.silent_for(now)
+        self._output = self._gate.pass_through(slewed, engaged=self._is_engaged, age=age, elapsed=step)
         self.control.displayed(self._output)
         self.device.command(self._output, now)
+        held_back = self._slew.limited
         if self.rotation is not None:
-            self.rotation.render(self._gate, now)
+            held_back |= self.rotation.render(self._gate, now, step if is_open else None)
+        self._slew_ticks += held_back

@@ -10,7 +10,7 @@ from codec import Decoder, Encoder, Update
 from codec.rotation import Quaternion, unit_quaternion, vector
 from codec.vector import ZERO, Vector, distance
 from master.devices.contract import TorqueDevice
-from master.safety import ForceGate, ForceLimiter
+from master.safety import ForceGate, ForceLimiter, SlewLimiter
 from telemetry.record import RotationRecord
 
 
@@ -22,15 +22,23 @@ class HandRotation:
         encoder: of the forward (orientation) channel.
         decoder: of the backward (torque) channel.
         limiter: bounds the torque.
+        slew: bounds how fast the torque changes.
     """
 
     def __init__(
-        self, *, device: TorqueDevice | None, encoder: Encoder, decoder: Decoder, limiter: ForceLimiter
+        self,
+        *,
+        device: TorqueDevice | None,
+        encoder: Encoder,
+        decoder: Decoder,
+        limiter: ForceLimiter,
+        slew: SlewLimiter,
     ) -> None:
         self.encoder = encoder
         self.decoder = decoder
         self._device = device
         self._limiter = limiter
+        self._slew = slew
         self._turned: Vector = ZERO
         self._decoded: Vector = ZERO
         self._output: Vector = ZERO
@@ -69,16 +77,22 @@ class HandRotation:
         """The torque at the device's own orientation now; `tick` is of the peer, as far as it can have been heard."""
         self._decoded = self.decoder.value(tick, self._turned) or ZERO
 
-    def render(self, gate: ForceGate, now: float) -> None:
+    def render(self, gate: ForceGate, now: float, step: float | None) -> bool:
         """Display the torque just decoded.
 
         Args:
             gate: through which the force of this tick has passed.
             now: [s].
+            step: by how much the slew limit may go on [s]; None where the gate was closed before this tick.
+
+        Returns:
+            Whether the slew limit held the torque back.
         """
-        self._output = gate.share(self._limiter.limit(self._decoded))
+        limited = self._limiter.limit(self._decoded)
+        self._output = gate.share(self._slew.place(limited) if step is None else self._slew.limit(limited, step))
         if self._device is not None:
             self._device.turn(self._output, now)
+        return self._slew.limited
 
     def relax(self, now: float) -> None:
         """No torque, at once."""

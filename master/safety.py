@@ -1,13 +1,13 @@
-"""What stands between a decoded force and the operator's hand: a limiter, and the gate that fades force in and out.
+"""What stands between a decoded force and the operator's hand: two limiters, and the gate that fades force in and out.
 
-A torque is limited and faded as a force is, by a limiter of its own and the same gate.
+A torque is limited and faded as a force is, by limiters of its own and the same gate.
 
 Owns no clock and no network; both are told the time and what the session looks like.
 """
 
-from math import hypot
+from math import dist, hypot
 
-from codec.vector import Vector
+from codec.vector import ZERO, Vector
 
 
 class ForceLimiter:
@@ -36,14 +36,59 @@ class ForceLimiter:
         return (force[0] * factor, force[1] * factor, force[2] * factor)
 
 
+class SlewLimiter:
+    """Bounds how fast a force, or a torque, changes: by `rate` as a vector, so also where it turns round.
+
+    Without it a peer with the key, or a model that jumps, may change the force by twice its limit within one tick.
+
+    Attributes:
+        limited: whether the newest force was held back.
+    """
+
+    __slots__ = ("_rate", "_value", "limited")
+
+    def __init__(self, rate: float) -> None:
+        """Make the limiter, at no force.
+
+        Args:
+            rate: largest change [N/s], or [N m/s], > 0; may be infinite.
+        """
+        if not rate > 0.0:
+            raise ValueError(f"slew limit must be positive, not {rate!r}")
+        self._rate = rate
+        self._value: Vector = ZERO
+        self.limited = False
+
+    def place(self, force: Vector) -> Vector:
+        """Begin at a force: while nothing of it passes the gate, it may jump."""
+        self._value = force
+        self.limited = False
+        return force
+
+    def limit(self, force: Vector, elapsed: float) -> Vector:
+        """The force, or the point on the way to it from the last one that `elapsed` seconds allow."""
+        before = self._value
+        way, allowed = dist(before, force), self._rate * elapsed
+        self.limited = way > allowed
+        if self.limited:
+            share = allowed / way
+            force = (
+                before[0] + share * (force[0] - before[0]),
+                before[1] + share * (force[1] - before[1]),
+                before[2] + share * (force[2] - before[2]),
+            )
+        self._value = force
+        return force
+
+
 class ForceGate:
     """The share of the decoded force that the operator is given, 0 to 1, without a jump in either direction.
 
     It opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While it is engaged
-    but nothing is heard, it closes over the last part of the silence limit, so that the force *is* zero when the limit
-    is reached, not only then begins to fall. The gate is the same whatever ended the silence, so a returning peer is
-    felt as a fade-in. `ramping` says whether the beginning or the end of a session holds the force back, and not
-    silence.
+    but the loop through the peer grows old (`Endpoint.silent_for`), it closes over the last part of the
+    silence limit, so that the force *is* zero when the limit is reached, not only then begins to fall. The gate is the
+    same whatever ended the silence, so a returning peer is felt as a fade-in. `ramping` says whether the beginning or
+    the end of a session holds the force back, and not silence.
     """
 
     __slots__ = ("_fade_from", "_gain", "_ramp", "_silence", "ramping")
@@ -70,17 +115,17 @@ class ForceGate:
         """Shut at once; for a new session, whose first force has nothing to do with the last one."""
         self._gain = 0.0
 
-    def pass_through(self, force: Vector, *, engaged: bool, silent_for: float, elapsed: float) -> Vector:
+    def pass_through(self, force: Vector, *, engaged: bool, age: float, elapsed: float) -> Vector:
         """The share of a force that passes now.
 
         Args:
             force: the decoded force [N].
             engaged: whether force may be felt at all.
-            silent_for: time since the peer was heard [s].
+            age: of the loop through the peer, on this end's clock [s].
             elapsed: time since the last call [s].
         """
         step = elapsed / self._ramp
-        heard = (self._silence - silent_for) / (self._silence - self._fade_from)
+        heard = (self._silence - age) / (self._silence - self._fade_from)
         wanted = min(1.0, self._gain + step) if engaged else self._gain - step
         self._gain = max(0.0, min(wanted, heard))
         self.ramping = not engaged or self._gain < min(1.0, heard)

@@ -6,12 +6,13 @@ carries them, in real time or in virtual time.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import ceil, nan
 from typing import TYPE_CHECKING
 
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
-from codec.vector import ZERO, Vector, is_finite
+from codec.vector import ZERO, Vector, is_finite, norm
 from control.contract import LinkQuality, SlaveControl
 from control.tuning import Tuning
 from protocol.endpoint import Endpoint
@@ -25,21 +26,22 @@ from protocol.events import (
     PeerReturned,
     PeerSilent,
     Refused,
+    SessionExpired,
+    TakenOver,
+    UpdateLost,
     UpdateReceived,
 )
 from protocol.states import State
+from realtime.stall import StallDetector
 from realtime.watchdog import Watchdog
 from slave.robots.contract import Explaining, Robot, RobotFault
 from slave.safety import CommandGuard
 from telemetry.fault import Fault, FaultLedger
 from telemetry.link import counters, delays
-from telemetry.record import NO_ROTATION, UNKNOWN, Record
+from telemetry.record import NO_ROTATION, RELEASED, UNKNOWN, Record
 
 if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
     from slave.rotation import ToolRotation
-
-LONGEST_STEP = 0.1
-"""A tick that comes later than this after the last one counts as this late [s]: motion must not jump over a stall."""
 
 
 class SlaveLoop:
@@ -54,9 +56,11 @@ class SlaveLoop:
         endpoint: the responder's end of the session.
         guard: bounds what the robot is commanded.
         tick_period: of both sides, as agreed [s].
-        horizon: how long a motion is extrapolated past the last word of the peer [s].
+        horizon: how long a motion is extrapolated past the last sign of the peer's encoder [s].
         robot_limit: how long the robot may go without a usable sample [s].
+        trip_force: contact force above which the robot stops following and backs off [N].
         stopwatch: seconds from anywhere, for the time spent coding; a constant in virtual time.
+        by_button: whether the master leads only while its operator holds a button; for the record alone.
         rotation: the second stream; None for three degrees of freedom.
     """
 
@@ -73,7 +77,9 @@ class SlaveLoop:
         tick_period: float,
         horizon: float,
         robot_limit: float,
+        trip_force: float,
         stopwatch: Callable[[], float],
+        by_button: bool = False,
         rotation: "ToolRotation | None" = None,
     ) -> None:
         self.endpoint = endpoint
@@ -84,20 +90,25 @@ class SlaveLoop:
         self.tuning = tuning
         self._guard = guard
         self._tick_period = tick_period
+        self._pace = StallDetector(tick_period)
         self._horizon = horizon
+        self._trip_force = trip_force
         self._watchdog = Watchdog(robot_limit)
         self._stopwatch = stopwatch
+        self._by_button = by_button
         self.rotation = rotation
         self._stopped = False
         self._stopping: str | None = None
         self.failure: str | None = None
         """Why the run ends otherwise than by request; None while it does not."""
         self._faults = FaultLedger()
-        self._last_now: float | None = None
+        self._is_led = False
+        self._is_fresh = True
         self._last_reading_at = nan
         self._commanded: Vector = ZERO
         self._applied: Vector = ZERO
         self._force: Vector = ZERO
+        self._where: Vector = ZERO
         self._tick = 0
         self._deadline = 0.0
         self._held: Vector | None = None
@@ -127,7 +138,7 @@ class SlaveLoop:
             RobotFault: if the robot cannot be opened.
         """
         self.robot.open(now)
-        self._applied = self.robot.latest(now).position
+        self._applied = self._where = self.robot.latest(now).position
         self._guard.place(self._applied)
         self.endpoint.connect(now)
 
@@ -139,13 +150,16 @@ class SlaveLoop:
         self._tick, self._deadline = index, deadline
         self._sent = self._received = 0
         self._codec_time = 0.0
-        elapsed = min(LONGEST_STEP, now - self._last_now) if self._last_now is not None else 0.0
-        self._last_now = now
+        elapsed = self._pace.tick(now)
+        self._settle(now)
         self._hear()
         self._retune(index, deadline)
+        self._engage(now)
         self._move(now, elapsed)
         self._feel(now)
-        if self.endpoint.state is State.ENGAGED:
+        encodes = self.endpoint.state is State.ENGAGED and not self._pace.settling
+        self.endpoint.attest(now, is_encoding=encodes)
+        if encodes:
             self._send(index, now)
         else:
             self._held = self.encoder.mirror.value(index, self._applied)
@@ -196,6 +210,7 @@ class SlaveLoop:
                 self.encoder.bound,
                 self._tick,
                 missed,
+                0,
                 *counters(statistics),
                 lateness_us,
                 work_us,
@@ -212,7 +227,7 @@ class SlaveLoop:
                 self._sent,
                 self._received,
                 self._guard.clipped or (rotation is not None and rotation.guard.clipped),
-                self._guard.ramping or (rotation is not None and rotation.guard.ramping),
+                self._ramping,
                 model.kind,
                 self.tuning.generation & 0xFF,
                 0,
@@ -245,38 +260,92 @@ class SlaveLoop:
                 self._apply(update, event.stream)
             case Connected():
                 self._begin()
-            case PeerSilent():
-                self._faults.meet(Fault.SILENCE)
-                self._release()
-            case PeerClosed():
-                self._release()
+            case PeerSilent(is_heard):
+                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
             case Refused():
-                self._faults.meet(Fault.REFUSED)
+                self._faults.note(Fault.REFUSED)  # of whoever called; the session, if there is one, lives on
             case PeerReturned():
-                self._faults.clear(Fault.SILENCE)
+                self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
+                self._forget()
+            case UpdateLost(stream):
+                self._encoder_of(stream).restart()
             case ChangeProposed(tick, body):
                 self.endpoint.answer_change(self.tuning.hear(tick, body))
             case ChangeAnswered(tick, body, why_not):
                 self.tuning.settle(tick, body, why_not)
-            case DatagramDropped():
-                pass  # counted by the endpoint; the session lives on
+            case PeerClosed() | SessionExpired() | TakenOver() | DatagramDropped():
+                pass  # `_engage` sees by the state that nobody leads any more; the endpoint counts what it drops
 
     def _begin(self) -> None:
-        """A new session: nothing of the last one holds."""
-        self.encoder.reset()
-        self._fitted = UNFITTED
-        self.decoder.reset()
-        if self.rotation is not None:
-            self.rotation.reset()
+        """A new session: nothing of the last one holds but a trip, which is between the robot and what it touches."""
+        self._forget()
+        self._is_fresh = True
         self.control.reset()
         self.tuning.reset()
-        self._guard.release()
-        self._faults.active = Fault.NONE
+        self._faults.clear(*(fault for fault in Fault if fault is not Fault.TRIPPED))
 
-    def _release(self) -> None:
-        self._guard.release(self._force)
+    def _forget(self) -> None:
+        """Keep no sample, and show no force until the robot is where it is commanded."""
+        self.encoder.reset()
+        self.decoder.reset()
+        self._fitted = UNFITTED
+        self._guard.reset()
         if self.rotation is not None:
-            self.rotation.guard.release()
+            self.rotation.reset()
+        self._is_led = False
+
+    def _encoder_of(self, stream: int) -> Encoder:
+        return self.encoder if not stream or self.rotation is None else self.rotation.encoder
+
+    def _settle(self, now: float) -> None:
+        """After a stall of this process the robot may be elsewhere: hold it where it is until it has been read anew."""
+        self._faults.clear(Fault.STALLED)
+        if self._pace.stalled:
+            self._faults.meet(Fault.STALLED)
+            self._watchdog.feed(now)  # it is asked anew before it counts as lost
+        if not self._pace.settling or self._faults.has(Fault.DEVICE):
+            return
+        self._is_led = False
+        with suppress(RobotFault):  # which `_feel` meets in this very tick
+            where = self.robot.latest(now).position
+            if is_finite(where):
+                self._where = where
+                self._guard.place(where)
+        if self.rotation is not None:
+            self.rotation.guard.reset()
+
+    def _engage(self, now: float) -> None:
+        """Decide whether the master leads the robot in this tick; begin afresh when it does again, let go when it ends.
+
+        To begin afresh is to send a complete update, to approach, and to fade in what is shown.
+        """
+        if self._pace.settling:
+            return
+        is_led = (
+            self.endpoint.state is State.ENGAGED
+            and self.endpoint.is_peer_encoding(now)
+            and not self._faults.has(Fault.DEVICE)
+        )
+        if is_led and not self._is_led and not self._is_fresh:
+            self.encoder.restart()
+            if self.rotation is not None:
+                self.rotation.encoder.restart()
+            self.control.resume(self.endpoint.peer_credit)
+        elif self._is_led and not is_led:
+            self.decoder.reset()
+            self._guard.release(self._force, self._where)
+            if self.rotation is not None:
+                self.rotation.decoder.reset()
+                self.rotation.guard.release()
+        self._is_fresh = self._is_fresh and not is_led
+        self._is_led = is_led
+
+    @property
+    def _ramping(self) -> int:
+        """Of the record: whether less than all of the force is shown, and whether that is the operator's wish."""
+        if self._by_button and self.endpoint.state is State.ENGAGED and not (self._is_led or self._pace.settling):
+            return RELEASED
+        return int(self._guard.ramping or (self.rotation is not None and self.rotation.guard.ramping))
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
@@ -294,21 +363,24 @@ class SlaveLoop:
     def _move(self, now: float, elapsed: float) -> None:
         """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
         commanded = turned = None
-        if self.endpoint.state is State.ENGAGED and self._faults.active is not Fault.DEVICE:
-            heard_time = self.endpoint.heard_time(min(now, self.endpoint.heard_at + self._horizon))
+        if self._is_led and not self._is_overloaded:
+            heard_time = self.endpoint.heard_time(min(now, self.endpoint.encoder_heard_at + self._horizon))
             tick = (heard_time or 0.0) / self._tick_period
             began = self._stopwatch()
             commanded = self.decoder.value(tick)
             turned = None if self.rotation is None else self.rotation.decoder.value(tick)
             self._codec_time += self._stopwatch() - began
+        step = self._pace.step
         if commanded is None:
-            self._applied = self._guard.hold(elapsed)
+            self._applied = self._guard.hold(step)
         else:
             self._commanded = commanded
-            self._applied = self._guard.follow(self._controlled(commanded, elapsed), elapsed)
+            self._applied = self._guard.follow(self._controlled(commanded, elapsed), step)
+        if not self._guard.tripped:
+            self._faults.clear(Fault.TRIPPED)
         self.robot.command(self._applied, now)
         if self.rotation is not None:
-            self.rotation.move(turned, elapsed, now)
+            self.rotation.move(None if self._guard.tripped else turned, step, now)
 
     def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
         """Where the control lets the robot go."""
@@ -318,7 +390,7 @@ class SlaveLoop:
 
     def _feel(self, now: float) -> None:
         """The robot's force; the last good one while it gives none, until that has lasted too long."""
-        if self._faults.active is Fault.DEVICE:
+        if self._faults.has(Fault.DEVICE):
             return
         complaint = "gives no new sample"
         try:
@@ -332,12 +404,22 @@ class SlaveLoop:
             complaint = f"reports the torque {reading.torque}"
         elif reading.at != self._last_reading_at:
             self._last_reading_at = reading.at
-            self._force = reading.force
+            self._force, self._where = reading.force, reading.position
             self._watchdog.feed(now)
+            if self._is_overloaded and not self._guard.tripped:
+                self._faults.meet(Fault.TRIPPED)
+                self._guard.trip(self._force, self._where)
+                if self.rotation is not None:
+                    self.rotation.guard.release()
         if self._watchdog.expired(now):
             trouble = self.robot.trouble if isinstance(self.robot, Explaining) else None
             why = f": {trouble}" if trouble else ""
             self._lose_robot(f"{self.robot.spec.name} {complaint}{why}", now)
+
+    @property
+    def _is_overloaded(self) -> bool:
+        """Whether the contact force is above its limit; a reading that saturates at the limit is not."""
+        return norm(self._force) > self._trip_force * (1.0 + 1e-9)
 
     def _lose_robot(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)

@@ -50,7 +50,7 @@ class ToolRotation:
         """A new session: the other end holds nothing, and the tool must find to where the hand is."""
         self.encoder.reset()
         self.decoder.reset()
-        self.guard.release()
+        self.guard.reset()
 
     def move(self, commanded: Vector | None, elapsed: float, now: float) -> None:
         """Turn the tool, or hold.

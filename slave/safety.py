@@ -7,11 +7,14 @@ from collections.abc import Callable
 from math import hypot
 from typing import Generic, TypeVar
 
-from codec.vector import ZERO, Vector, add, distance, norm, scale, subtract, unit
+from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
 Workspace = tuple[Vector, Vector]
 Place = TypeVar("Place", bound=tuple[float, ...])
 """What a command is: a position, or an orientation."""
+
+TRIP_PAUSE = 0.5
+"""The robot follows no sooner than this after a trip [s]."""
 
 
 class Follower(Generic[Place]):
@@ -19,7 +22,8 @@ class Follower(Generic[Place]):
 
     After an engagement it approaches what is commanded at a limited speed, and follows it without delay once it is
     there: a peer that returns elsewhere is not a jump. Until then what the robot feels does not belong to what the
-    operator does, so none of it is shown; afterwards it fades in. Without a session it holds.
+    operator does, so none of it is shown; afterwards it fades in. When it is released it holds, and what it feels fades
+    out.
     """
 
     __slots__ = ("_approach_speed", "_following", "_held", "_ramp", "_share", "_speed", "_toward", "clipped")
@@ -51,10 +55,15 @@ class Follower(Generic[Place]):
         self._following = False
         self.clipped = False
 
-    def place(self, where: Place) -> None:
-        """Hold there: where the robot is."""
-        self._held = where
+    def reset(self) -> None:
+        """Start afresh: hold, and show nothing of what the robot feels."""
         self._following = False
+        self._share = 0.0
+
+    def place(self, where: Place) -> None:
+        """Start afresh there: where the robot is."""
+        self.reset()
+        self._held = where
 
     @property
     def following(self) -> bool:
@@ -72,14 +81,13 @@ class Follower(Generic[Place]):
         return self._share < 1.0
 
     def release(self) -> None:
-        """The session is lost: hold."""
+        """Nobody leads any more: hold."""
         self._following = False
-        self._share = 0.0
 
-    def hold(self, elapsed: float) -> Place:  # noqa: ARG002 - whoever backs off needs it
-        """The command of a tick without a session: the last one."""
-        self._following = False
-        self._share = 0.0
+    def hold(self, elapsed: float) -> Place:
+        """The command of a tick in which nobody leads: the last one."""
+        self._following = self.clipped = False
+        self._share = max(0.0, self._share - elapsed / self._ramp)
         return self._held
 
     def follow(self, commanded: Place, elapsed: float) -> Place:
@@ -87,7 +95,8 @@ class Follower(Generic[Place]):
         speed = self._speed if self._following else self._approach_speed
         held = self._toward(self._held, commanded, speed * elapsed)
         self._following = self._following or held == commanded
-        self._share = min(1.0, self._share + elapsed / self._ramp) if self._following else 0.0
+        step = elapsed / self._ramp
+        self._share = min(1.0, self._share + step) if self._following else max(0.0, self._share - step)
         self._held = held
         self.clipped = self._following and held != commanded
         return held
@@ -96,10 +105,12 @@ class Follower(Generic[Place]):
 class CommandGuard(Follower[Vector]):
     """Turns decoded positions into commands that the robot may follow: a `Follower` within a workspace.
 
-    Without a session the robot holds where it was, or backs off along the last contact force.
+    When it is released the robot holds where it was, or backs off along the last contact force. A trip is a release
+    that always backs off. After it the robot follows again once `TRIP_PAUSE` has passed and what is commanded has come
+    out of the contact: as far along the contact force as the robot has backed off.
     """
 
-    __slots__ = ("_retract", "_retreat_to", "_workspace")
+    __slots__ = ("_pause", "_retract", "_retreat_to", "_trip_retract", "_way_out", "_workspace")
 
     def __init__(
         self,
@@ -109,6 +120,7 @@ class CommandGuard(Follower[Vector]):
         approach_speed: float,
         ramp: float,
         retract: float = 0.0,
+        trip_retract: float = 0.01,
     ) -> None:
         """Make the guard, holding at the origin until it is told where the robot is.
 
@@ -116,37 +128,76 @@ class CommandGuard(Follower[Vector]):
             workspace: lowest and highest corner of where the robot may be commanded to [m].
             speed: largest speed while following [m/s], > 0.
             approach_speed: speed of the approach and of a retreat [m/s], > 0.
-            ramp: time in which the force fades in [s], > 0.
-            retract: how far to back off a contact when the session is lost [m]; 0 to hold.
+            ramp: time in which the force fades in and out [s], > 0.
+            retract: how far to back off a contact when it is released [m]; 0 to hold.
+            trip_retract: how far to back off a contact that trips it [m], > 0.
         """
         super().__init__(ZERO, _toward, speed=speed, approach_speed=approach_speed, ramp=ramp)
         self._workspace = workspace
         self._retract = retract
+        self._trip_retract = trip_retract
         self._retreat_to: Vector | None = None
+        self._way_out: tuple[Vector, Vector] | None = None
+        self._pause = 0.0
 
     def place(self, where: Vector) -> None:
-        """Hold at a position [m]: where the robot is."""
+        """Start afresh at a position [m]: where the robot is. A trip stays."""
         super().place(where)
         self._retreat_to = None
 
-    def release(self, contact_force: Vector = ZERO) -> None:
-        """The session is lost: hold, or retreat along the reaction of the surface [N]."""
+    def release(self, contact_force: Vector = ZERO, where: Vector | None = None) -> None:
+        """Nobody leads any more: hold, or retreat along the reaction of the surface.
+
+        Args:
+            contact_force: of the environment on the robot [N].
+            where: position that the retreat counts from, where the robot is [m]; the last command if not given.
+        """
         super().release()
-        if self._retract > 0.0 and norm(contact_force) > 0.0:
-            self._retreat_to = self._inside(add(self._held, scale(unit(contact_force), self._retract)))
+        if self._retract > 0.0:
+            self._retreat(contact_force, where, self._retract)
+
+    def trip(self, contact_force: Vector, where: Vector | None = None) -> None:
+        """Stop following and back off: the contact is too strong. Arguments as for `release`, of any force > 0."""
+        super().release()
+        self._retreat(contact_force, where, self._trip_retract)
+        assert self._retreat_to is not None
+        self._way_out = self._retreat_to, unit(contact_force)
+        self._pause = TRIP_PAUSE
+
+    @property
+    def tripped(self) -> bool:
+        """Whether a trip keeps the robot from following."""
+        return self._way_out is not None
 
     def hold(self, elapsed: float) -> Vector:
-        """The command of a tick without a session: the last one, or a step of the retreat."""
+        """The command of a tick in which nobody leads: the last one, or a step of the retreat."""
+        self._pause -= elapsed
         if self._retreat_to is not None:
             self._held = _toward(self._held, self._retreat_to, self._approach_speed * elapsed)
         return super().hold(elapsed)
 
     def follow(self, commanded: Vector, elapsed: float) -> Vector:
-        """The command of a tick in session: the decoded one, bounded by workspace and speed [m]."""
+        """The command of a tick in session [m]: the decoded one within workspace and speed, or `hold` after a trip."""
+        goal = self._inside(commanded)
+        if self._way_out is not None:
+            if self._pause > 0.0 or not self._is_out(goal):
+                return self.hold(elapsed)
+            self._way_out = None
         self._retreat_to = None
-        held = super().follow(self._inside(commanded), elapsed)
+        held = super().follow(goal, elapsed)
         self.clipped = self._following and held != commanded
         return held
+
+    def _is_out(self, goal: Vector) -> bool:
+        """Whether a position lies as far out of the contact that tripped as the robot has backed off."""
+        assert self._way_out is not None
+        place, outward = self._way_out
+        return dot(subtract(goal, place), outward) >= 0.0
+
+    def _retreat(self, contact_force: Vector, where: Vector | None, way: float) -> None:
+        if norm(contact_force) > 0.0:
+            start = self._held if where is None else where
+            self._retreat_to = self._inside(add(start, scale(unit(contact_force), way)))
 
     def _inside(self, position: Vector) -> Vector:
         low, high = self._workspace

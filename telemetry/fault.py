@@ -16,30 +16,65 @@ class Fault(IntEnum):
     """The peer runs another configuration or version."""
     UPDATE = 4
     """The peer sent an update that does not fit the channel; it was not applied."""
+    UNHEARD = 5
+    """The peer is heard, but for longer than the limit it has not heard this side."""
+    STALLED = 6
+    """This process stood still for longer than the limit; active in the tick that ends the stall."""
+    TAKEN_OVER = 7
+    """Another master has taken over the robot; this one leaves."""
+    TRIPPED = 8
+    """The robot touched something with more force than its limit; it backed off and waits for the hand to come out."""
+
+
+_RANKED = (
+    Fault.DEVICE,
+    Fault.TAKEN_OVER,
+    Fault.REFUSED,
+    Fault.STALLED,
+    Fault.TRIPPED,
+    Fault.SILENCE,
+    Fault.UNHEARD,
+    Fault.UPDATE,
+)
+"""Of several active faults, a record names the first of these."""
 
 
 class FaultLedger:
-    """The fault that is active, and how often each was met."""
+    """The faults that are active, and how often each was met.
 
-    __slots__ = ("_met", "active")
+    Attributes:
+        active: the one to name; NONE without any.
+    """
+
+    __slots__ = ("_lasting", "_met", "active")
 
     def __init__(self) -> None:
         self.active = Fault.NONE
+        self._lasting: set[Fault] = set()
         self._met: Counter[Fault] = Counter()
 
     def meet(self, fault: Fault) -> None:
         """Count a fault that lasts until it is cleared."""
-        self.active = fault
+        self._lasting.add(fault)
         self._met[fault] += 1
+        self._choose()
+
+    def has(self, fault: Fault) -> bool:
+        """Whether a fault is active."""
+        return fault in self._lasting
 
     def note(self, fault: Fault) -> None:
         """Count a fault that is over at once."""
         self._met[fault] += 1
 
-    def clear(self, fault: Fault) -> None:
-        """End a fault, if it is the active one."""
-        if self.active is fault:
-            self.active = Fault.NONE
+    def clear(self, *faults: Fault) -> None:
+        """End faults, as far as they are active."""
+        if self._lasting:
+            self._lasting.difference_update(faults)
+            self._choose()
+
+    def _choose(self) -> None:
+        self.active = next((fault for fault in _RANKED if fault in self._lasting), Fault.NONE)
 
     @property
     def counts(self) -> dict[str, int]:

@@ -15,6 +15,9 @@ AXES = ("x", "y", "z")
 UNKNOWN = (nan, nan, nan)
 """A vector that is not known."""
 
+RELEASED = 2
+"""Value of `ramping` while the operator does not hold the button that lets the robot follow."""
+
 # numpy's names of the types (little endian) beside those of struct.
 CODES = {"<f8": "d", "<f4": "f", "<u8": "Q", "u1": "B"}
 
@@ -47,6 +50,7 @@ FIELDS = (
     Field("bound", "<f8", 1, "m | N", "deadband of this tick, in the unit of what this side encodes"),
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
     Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
+    Field("slew_ticks", "<u8", 1, "", "ticks in which the slew limit held force or torque back, so far (master)"),
     Field("datagrams_sent", "<u8", 1, "", "of every kind, so far"),
     Field("datagrams_received", "<u8", 1, "", "accepted, so far"),
     Field("datagrams_lost", "<u8", 1, "", "sent by the peer and never seen, so far"),
@@ -77,7 +81,12 @@ FIELDS = (
     Field("received", "u1", 1, "", "updates applied in this tick"),
     Field("clipped", "u1", 1, "", "1 if a limiter changed the output"),
     Field(
-        "ramping", "u1", 1, "", "1 while a session begins or ends: force is faded (master), robot approaches (slave)"
+        "ramping",
+        "u1",
+        1,
+        "",
+        "1 while a session begins or ends: force is faded (master), robot approaches (slave); 2 while the master does "
+        "not lead, since the button of master.engage is not held",
     ),
     Field("model", "u1", 1, "", "what the force update in use fitted: 0 none, 1 line, 2 plane, 3 sphere"),
     Field("settings", "u1", 1, "", "how many live changes of settings are in force, modulo 256"),
@@ -160,6 +169,7 @@ class Record(NamedTuple):
     bound: float
     tick: int
     ticks_missed: int
+    slew_ticks: int
     datagrams_sent: int
     datagrams_received: int
     datagrams_lost: int

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from evaluation.environment import footer
 from protocol.states import State
+from telemetry.record import RELEASED
 
 WIDTH = 80
 CHANNELS = (
@@ -38,7 +39,7 @@ def session_report(summary: dict[str, Any], title: str, console: Console) -> Non
 
 def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     """One line of a running session, at most 80 characters."""
-    states = [State(int(record["state"])).name.lower() for record in records.values() if record is not None]
+    states = [_state(record) for record in records.values() if record is not None]
     state = states[0] if states and all(name == states[0] for name in states) else "/".join(states) or "starting"
     force = summary["force"]
     parts = [f"{summary['duration_s']:6.1f} s", state]
@@ -51,6 +52,14 @@ def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
     if summary["link"]["rtt_us"]["p50"] is not None:
         parts.append(f"rtt {summary['link']['rtt_us']['p50'] / 1000:.2f} ms")
     return "  ".join(parts)[: WIDTH - 1]  # a full line would wrap, and leave its trace on the terminal
+
+
+def _state(record: Any) -> str:
+    """What a side does, in a word or two."""
+    state = State(int(record["state"]))
+    if state is State.ENGAGED and int(record["ramping"]) == RELEASED:
+        return "button released"
+    return state.name.lower()
 
 
 def _channels(summary: dict[str, Any]) -> Table:
@@ -124,6 +133,7 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
             + (f"; link made {_millijoules(made)}" if (made := energy["link_generated_j"]) is not None else "")
         )
     yield from _control(summary["control"])
+    yield from _limited(summary["limited"])
     yield f"faults: {_by_side(summary['faults']) or 'none'}"
     for side, grants in summary.get("realtime", {}).items():
         if grants is not None:
@@ -167,6 +177,14 @@ def _control(control: dict[str, dict[str, Any]]) -> Iterator[str]:
             shares = ", ".join(f"{name} {_percent(count / sum(ticks.values()), 0)}" for name, count in ticks.items())
             tank = f"tank {1e3 * facts['tank_min_j']:.1f} to {1e3 * facts['tank_max_j']:.1f} mJ"
             yield f"{side} control: {shares}; {tank}"
+
+
+def _limited(ticks: dict[str, int]) -> Iterator[str]:
+    """How often a limit held back force or motion, where one did."""
+    if any(ticks.values()):
+        yield (
+            f"ticks at a limit: force {ticks['force_ticks']}, slew {ticks['slew_ticks']}, robot {ticks['motion_ticks']}"
+        )
 
 
 def _by_side(counts: dict[str, dict[str, int]]) -> str:

@@ -9,7 +9,8 @@ from master.mapping.clutch import Clutch
 from master.mapping.frame import FrameMap
 from master.mapping.walls import Walls
 
-LONGEST_STEP = 0.1  # [s]; a ramp must not jump over a stall
+LONGEST_PAUSE = 0.1
+"""After a longer pause between two commands [s] the hand may be anywhere: walls and force fade in anew."""
 
 
 @dataclass
@@ -98,8 +99,10 @@ class MappedDevice:
         if not is_finite(force):
             raise ValueError(f"{self.spec.name}: commanded a force that is not finite: {force}")
         session = self._session
-        elapsed = 0.0 if session.commanded_at is None else min(LONGEST_STEP, now - session.commanded_at)
+        elapsed = 0.0 if session.commanded_at is None else now - session.commanded_at
         session.commanded_at = now
+        if elapsed > LONGEST_PAUSE:
+            elapsed = session.gain = session.wall_gain = 0.0
         share = elapsed / self._ramp
         engaged = self._clutch is None or self._clutch.engaged
         session.gain = min(1.0, session.gain + share) if engaged else max(0.0, session.gain - share)

@@ -158,3 +158,47 @@ def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
         slave.follow((0.0, 0.0, 0.0), (0.0, 0.0, -depth), 1e-3, 2000, quality)
         slave.observe((0.0, 0.0, -depth), (0.0, 0.0, 0.0))
     assert (master.credit > 0) == (slave.credit > 0) == SCHEMES[name].carries_credit
+
+
+@every
+@given(before=ordinary_master, after=ordinary_master)
+@examples(25)
+def test_a_resumed_operators_side_has_no_force_and_no_energy_from_before(
+    name: str, before: list[MasterTick], after: list[MasterTick]
+) -> None:
+    """What it displays after an interruption is at most what a new one displays that owes as much."""
+    control = build_master_control(name, SETTINGS)
+    run_master(control, before)
+    credit = control.credit
+    control.resume(before[-1].peer_credit if before else 0)
+    assert control.tank <= 0.0
+    assert control.credit == credit
+    assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+    run_master(control, after)
+
+
+@every
+@given(before=ordinary_slave, after=ordinary_slave)
+@examples(25)
+def test_a_resumed_teleoperators_side_has_no_energy_and_no_target_from_before(
+    name: str, before: list[SlaveTick], after: list[SlaveTick]
+) -> None:
+    control = build_slave_control(name, SETTINGS)
+    run_slave(control, before)
+    credit = control.credit
+    control.resume(before[-1].peer_credit if before else 0)
+    assert control.tank <= 0.0
+    assert control.credit == credit
+    run_slave(control, after)
+
+
+@pytest.mark.parametrize("name", ["tdpa", "auto"])
+def test_credit_from_before_an_interruption_cannot_be_spent_after_it(name: str) -> None:
+    control = build_slave_control(name, SETTINGS)
+    quality = LinkQuality(0.1, 0.0)
+    control.resume(5000)
+    control.follow((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-3, 5000, quality)
+    control.observe((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert control.tank <= 0.0
+    control.follow((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 1e-3, 5100, quality)
+    assert control.tank == pytest.approx(100 * 1e-4)

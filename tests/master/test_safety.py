@@ -1,11 +1,12 @@
-from math import hypot
+from itertools import pairwise
+from math import dist, hypot, inf
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO
-from master.safety import ForceGate, ForceLimiter
+from codec.vector import ZERO, Vector
+from master.safety import ForceGate, ForceLimiter, SlewLimiter
 
 components = st.floats(-1e6, 1e6)
 FORCE = (0.0, 0.0, 4.0)
@@ -19,7 +20,7 @@ def gate() -> ForceGate:
 def opened() -> ForceGate:
     ready = gate()
     for _ in range(51):
-        ready.pass_through(FORCE, engaged=True, silent_for=0.0, elapsed=TICK)
+        ready.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)
     return ready
 
 
@@ -42,7 +43,7 @@ def test_limiter_refuses_a_limit_that_is_none() -> None:
 
 def test_gate_opens_over_the_ramp_without_a_step_larger_than_its_share() -> None:
     fading_in = gate()
-    outputs = [fading_in.pass_through(FORCE, engaged=True, silent_for=0.0, elapsed=TICK)[2] for _ in range(60)]
+    outputs = [fading_in.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)[2] for _ in range(60)]
     steps = [b - a for a, b in zip([0.0, *outputs], outputs, strict=False)]
     assert max(steps) <= 4.0 * TICK / 0.05 * (1 + 1e-9)
     assert outputs[-1] == 4.0
@@ -51,9 +52,7 @@ def test_gate_opens_over_the_ramp_without_a_step_larger_than_its_share() -> None
 
 def test_gate_is_shut_when_the_silence_limit_is_reached_and_untouched_before_the_fade() -> None:
     silent = opened()
-    outputs = {
-        ms: silent.pass_through(FORCE, engaged=True, silent_for=ms * TICK, elapsed=TICK)[2] for ms in range(1, 101)
-    }
+    outputs = {ms: silent.pass_through(FORCE, engaged=True, age=ms * TICK, elapsed=TICK)[2] for ms in range(1, 101)}
     assert outputs[60] == 4.0
     assert outputs[80] == pytest.approx(2.0)
     assert outputs[100] == pytest.approx(0.0, abs=1e-12)
@@ -62,31 +61,82 @@ def test_gate_is_shut_when_the_silence_limit_is_reached_and_untouched_before_the
 def test_gate_is_shut_at_the_limit_also_where_ticks_were_missed_before_it() -> None:
     gate = ForceGate(ramp=0.1, silence=0.1, fade_share=0.6)
     for _ in range(300):
-        gate.pass_through((1.0, 0.0, 0.0), engaged=True, silent_for=0.001, elapsed=0.001)
-    gate.pass_through((1.0, 0.0, 0.0), engaged=True, silent_for=0.08, elapsed=0.02)
+        gate.pass_through((1.0, 0.0, 0.0), engaged=True, age=0.001, elapsed=0.001)
+    gate.pass_through((1.0, 0.0, 0.0), engaged=True, age=0.08, elapsed=0.02)
     assert gate.gain == pytest.approx(0.5)
-    gate.pass_through((1.0, 0.0, 0.0), engaged=False, silent_for=0.1, elapsed=0.02)
+    gate.pass_through((1.0, 0.0, 0.0), engaged=False, age=0.1, elapsed=0.02)
     assert gate.gain == 0.0
 
 
 def test_a_force_that_returns_after_silence_fades_in() -> None:
     returning = opened()
-    returning.pass_through(FORCE, engaged=False, silent_for=5.0, elapsed=0.1)
-    first = returning.pass_through(FORCE, engaged=True, silent_for=0.0, elapsed=TICK)
+    returning.pass_through(FORCE, engaged=False, age=5.0, elapsed=0.1)
+    first = returning.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)
     assert first[2] == pytest.approx(4.0 * TICK / 0.05)
 
 
 def test_gate_closes_over_the_ramp_when_the_session_ends_and_at_once_when_told() -> None:
     ending = opened()
-    assert ending.pass_through(FORCE, engaged=False, silent_for=0.0, elapsed=TICK)[2] == pytest.approx(4.0 * 0.98)
+    assert ending.pass_through(FORCE, engaged=False, age=0.0, elapsed=TICK)[2] == pytest.approx(4.0 * 0.98)
     assert ending.ramping
     ending.close()
-    assert ending.pass_through(FORCE, engaged=False, silent_for=0.0, elapsed=TICK) == ZERO
+    assert ending.pass_through(FORCE, engaged=False, age=0.0, elapsed=TICK) == ZERO
 
 
 @given(st.lists(st.tuples(st.booleans(), st.floats(0.0, 0.12)), min_size=1, max_size=80))
 def test_a_torque_passes_in_the_share_in_which_the_force_does(ticks: list[tuple[bool, float]]) -> None:
     both = gate()
-    for engaged, silent_for in ticks:
-        force = both.pass_through(FORCE, engaged=engaged, silent_for=silent_for, elapsed=10 * TICK)
+    for engaged, age in ticks:
+        force = both.pass_through(FORCE, engaged=engaged, age=age, elapsed=10 * TICK)
         assert both.share((0.0, 0.4, 0.0))[1] == pytest.approx(0.1 * force[2])
+
+
+forces = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
+
+
+@given(wanted=st.lists(st.tuples(forces, st.floats(0.0, 0.002)), min_size=1, max_size=50), rate=st.floats(1.0, 1e4))
+def test_slew_limit_bounds_every_step_and_tells_when_it_did(wanted: list[tuple[Vector, float]], rate: float) -> None:
+    slew, before = SlewLimiter(rate), ZERO
+    for force, elapsed in wanted:
+        after = slew.limit(force, elapsed)
+        assert dist(after, before) <= rate * elapsed * (1 + 1e-9) + 1e-12
+        assert slew.limited == (after != force)
+        assert dist(after, force) <= dist(before, force) * (1 + 1e-9)
+        before = after
+
+
+def test_a_slew_limit_without_end_changes_nothing() -> None:
+    slew = SlewLimiter(inf)
+    assert [slew.limit(force, TICK) for force in (FORCE, ZERO, FORCE)] == [FORCE, ZERO, FORCE]
+    with pytest.raises(ValueError, match="slew"):
+        SlewLimiter(0.0)
+
+
+TICKS = st.lists(
+    st.tuples(forces, st.booleans(), st.floats(0.0, 0.15), st.booleans()),
+    min_size=2,
+    max_size=80,
+)
+
+
+@given(TICKS)
+def test_force_rises_by_slew_and_ramp_alone_and_is_zero_in_silence_and_after_any_interruption(
+    ticks: list[tuple[Vector, bool, float, bool]],
+) -> None:
+    """As the loop puts them together: limiter, slew limit, gate; the last of a tick says that it ends a stall."""
+    limiter, slew, fading = ForceLimiter(10.0), SlewLimiter(3000.0), gate()
+    outputs, gains = [ZERO], [0.0]
+    for force, engaged, age, stalled in ticks:
+        step = 0.0 if stalled else TICK
+        if stalled:
+            fading.close()
+        limited = limiter.limit(force)
+        slewed = slew.limit(limited, step) if fading.gain > 0.0 else slew.place(limited)
+        outputs.append(fading.pass_through(slewed, engaged=engaged, age=age, elapsed=step))
+        gains.append(fading.gain)
+        if age >= 0.1 or stalled:
+            assert outputs[-1] == ZERO
+    for (before, after), (closed, opened_) in zip(pairwise(outputs), pairwise(gains), strict=True):
+        bound = 3000.0 * TICK + 10.0 * abs(opened_ - closed)
+        assert dist(before, after) <= bound * (1 + 1e-9)
+        assert opened_ - closed <= TICK / 0.05 * (1 + 1e-9)

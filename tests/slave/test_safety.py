@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, toward
-from codec.vector import Vector, distance
-from slave.safety import CommandGuard, Follower
+from codec.vector import Vector, distance, norm
+from slave.safety import TRIP_PAUSE, CommandGuard, Follower
 
 WORKSPACE = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 TICK = 1e-3
@@ -51,8 +51,12 @@ def test_force_is_shown_only_where_the_operator_is_and_fades_in_there() -> None:
     assert shown[-1] == 5.0
     assert not engaging.ramping
     engaging.release()
-    engaging.hold(TICK)
-    assert engaging.shown((0.0, 0.0, 5.0)) == (0.0, 0.0, 0.0)
+    shown = [5.0]
+    for _ in range(60):
+        engaging.hold(TICK)
+        shown.append(engaging.shown((0.0, 0.0, 5.0))[2])
+    assert max(a - b for a, b in pairwise(shown)) <= 5.0 * TICK / 0.05 * (1 + 1e-9)
+    assert shown[-1] == 0.0
 
 
 def test_without_a_session_it_holds_where_it_was() -> None:
@@ -98,5 +102,76 @@ def test_an_orientation_is_approached_and_followed_as_a_position_is(rotations: l
         assert turning.clipped == (there and applied != quaternion(rotation))
         last, there = applied, turning.following
     turning.release()
-    assert turning.hold(TICK) == last
+    assert turning.hold(0.05) == last
     assert turning.shown((1.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+
+
+def pressing(retract: float = 0.01) -> CommandGuard:
+    """Follows a hand that is 4 cm deep in a floor at z = 0."""
+    guarding = CommandGuard(workspace=WORKSPACE, speed=1.0, approach_speed=0.1, ramp=0.05, trip_retract=retract)
+    guarding.place((0.0, 0.0, -0.04))
+    for _ in range(60):
+        guarding.follow((0.0, 0.0, -0.04), TICK)
+    assert guarding.shown((0.0, 0.0, 5.0))[2] == 5.0
+    return guarding
+
+
+def test_a_trip_backs_off_from_where_the_robot_is_and_what_is_shown_fades_out() -> None:
+    tripped = pressing()
+    tripped.trip((0.0, 0.0, 30.0), where=(0.0, 0.0, -0.005))
+    way, shown = [], [5.0]
+    for _ in range(600):
+        way.append(tripped.follow((0.0, 0.0, -0.04), TICK)[2])
+        shown.append(tripped.shown((0.0, 0.0, 5.0))[2])
+    assert way[0] == pytest.approx(-0.04 + 0.1 * TICK)
+    assert max(b - a for a, b in pairwise(way)) <= 0.1 * TICK * (1 + 1e-9)
+    assert way[-1] == pytest.approx(0.005)
+    assert max(a - b for a, b in pairwise(shown)) <= 5.0 * TICK / 0.05 * (1 + 1e-9)
+    assert shown[60:] == [0.0] * len(shown[60:])
+    assert tripped.tripped
+
+
+def test_after_a_trip_it_follows_again_once_the_hand_is_out_and_the_pause_is_over() -> None:
+    inside, outside = (0.0, 0.0, -0.04), (0.0, 0.0, -0.029)
+    tripped = pressing()
+    tripped.trip((0.0, 0.0, 30.0))
+    for _ in range(round(0.8 * TRIP_PAUSE / TICK)):  # the hand is out at once, and waits
+        tripped.follow(outside, TICK)
+    assert tripped.tripped
+    for _ in range(round(0.4 * TRIP_PAUSE / TICK)):  # it waits inside
+        tripped.follow(inside, TICK)
+    assert tripped.tripped
+    held = tripped.hold(TICK)
+    applied = tripped.follow(outside, TICK)
+    assert not tripped.tripped
+    assert distance(held, applied) <= 0.1 * TICK * (1 + 1e-9)
+    assert tripped.shown((0.0, 0.0, 5.0))[2] <= 5.0 * TICK / 0.05 * (1 + 1e-9)
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(coordinates, coordinates, coordinates),
+            st.sampled_from(["hold", "release", "trip", "reset"]),
+        ),
+        min_size=1,
+        max_size=60,
+    )
+)
+def test_whatever_interrupts_it_the_robot_never_jumps_nor_does_what_is_shown(steps: list[Vector | str]) -> None:
+    guarding = guard(retract=0.01)
+    last, share = (0.0, 0.0, 0.05), 0.0
+    for step in steps:
+        following = guarding.following
+        if step == "release":
+            guarding.release((0.0, 0.0, 5.0))
+        elif step == "trip":
+            guarding.trip((3.0, 0.0, 4.0))
+        elif step == "reset":
+            guarding.reset()
+        applied = guarding.hold(TICK) if isinstance(step, str) else guarding.follow(step, TICK)
+        speed = 1.0 if following and not isinstance(step, str) else 0.1
+        assert distance(applied, last) <= speed * TICK * (1 + 1e-6) + 1e-12
+        shown = norm(guarding.shown((0.0, 0.0, 1.0)))
+        assert shown - share <= TICK / 0.05 * (1 + 1e-9)
+        last, share = applied, shown

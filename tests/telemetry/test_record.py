@@ -22,7 +22,7 @@ records = st.tuples(*(KINDS[kind] for kind in kinds)).map(Record._make)
 
 
 def test_the_struct_and_the_numpy_type_have_the_same_size():
-    assert RECORD.size == DTYPE.itemsize == 346
+    assert RECORD.size == DTYPE.itemsize == 354
 
 
 def test_the_named_tuple_has_the_columns_of_the_table_in_order():

@@ -1,5 +1,6 @@
 """The operator's side, from device to endpoint."""
 
+from math import inf
 from typing import TYPE_CHECKING
 
 from codec import Channel, Decoder, Encoder
@@ -8,11 +9,11 @@ from codec.vector import Vector
 from control.table import build_master_control
 from master.devices.contract import Device
 from master.loop import MasterLoop
-from master.safety import ForceGate, ForceLimiter
+from master.safety import ForceGate, ForceLimiter, SlewLimiter
 from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
-from protocol.session import FADE_SHARE
+from protocol.session import FADE_SHARE, HORIZON_SHARE
 from weberlink.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -31,6 +32,9 @@ from weberlink.configuration import Configuration, ConfigurationError, System
 
 if TYPE_CHECKING:
     from master.rotation import HandRotation
+
+FASTEST_TOUCH = 1.0
+"""Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
 
 
 def build_master(
@@ -52,6 +56,7 @@ def build_master(
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
     control = build_master_control(system.control.scheme, control_settings(system, force_limit))
+    engage = system.master.engage
     return MasterLoop(
         device=device,
         encoder=Encoder(forward[0]),
@@ -65,10 +70,12 @@ def build_master(
             fade_share=FADE_SHARE,
         ),
         limiter=ForceLimiter(force_limit),
+        slew=SlewLimiter(_force_slew(system, device)),
         tick_period=system.tick_period,
-        horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
+        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         device_limit=system.master.limits.device_ms * 1e-3,
         stopwatch=stopwatch,
+        button=None if engage is None else engage.button,
         rotation=None if system.codec.rotation is None else _build_rotation(system, device),
     )
 
@@ -85,6 +92,7 @@ def _build_rotation(system: System, device: Device) -> "HandRotation":
         encoder=Encoder(orientation),
         decoder=Decoder(torque),
         limiter=ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
+        slew=SlewLimiter(_torque_slew(system, device)),
     )
 
 
@@ -100,6 +108,7 @@ def build_device(configuration: Configuration) -> Device:
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
     if system.master.mapping is not None:
         device = build_mapping(system, device)
+    _check_button(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
         raise ConfigurationError(
@@ -113,6 +122,42 @@ def _force_limit(system: System, device: Device) -> float:
     """Largest force of the robot that may reach the hand, in the robot's frame [N]."""
     allowed = system.master.limits.force_n / _force_scale(system)
     return min(allowed, device.spec.force_n) if device.spec.force_feedback else allowed
+
+
+def _force_slew(system: System, device: Device) -> float:
+    """Fastest change of the robot's force on the way to the hand, in the robot's frame [N/s]."""
+    limit, spec = system.master.limits.slew_n_s, device.spec
+    if limit is not None:
+        return limit / _force_scale(system)
+    if not spec.force_feedback:
+        return inf
+    mapping = system.master.mapping
+    return spec.stiffness_n_m * FASTEST_TOUCH * (1.0 if mapping is None else mapping.scale)
+
+
+def _torque_slew(system: System, device: Device) -> float:
+    """Fastest change of torque, in the robot's frame [N m/s].
+
+    No device tells how stiff a rotation it displays; so torque rises to its largest in the time in which force does.
+    """
+    limit, spec = system.master.limits.slew_nm_s, device.spec
+    if limit is not None:
+        return limit / _force_scale(system)
+    if not (spec.torque_n_m > 0.0 and spec.force_n > 0.0):
+        return inf
+    return spec.torque_n_m * _force_slew(system, device) / spec.force_n
+
+
+def _check_button(system: System, device: Device) -> None:
+    """A dead-man button must be there, and must not be the clutch too."""
+    engage, mapping, spec = system.master.engage, system.master.mapping, device.spec
+    if engage is None:
+        return
+    if engage.button >= spec.buttons:
+        has = "no button" if not spec.buttons else f"the buttons 0 to {spec.buttons - 1}"
+        raise ConfigurationError(f"master.engage.button: {spec.name} has {has}, not {engage.button}")
+    if mapping is not None and mapping.clutch is not None and mapping.clutch.button == engage.button:
+        raise ConfigurationError(f"master.engage.button: {engage.button} is the button of master.mapping.clutch")
 
 
 def _force_scale(system: System) -> float:

@@ -7,7 +7,7 @@ from codec.quantizer import INT16_MAX
 from control.table import build_slave_control
 from protocol.roles import Role
 from protocol.security import Security
-from protocol.session import FADE_SHARE
+from protocol.session import HORIZON_SHARE
 from slave.loop import SlaveLoop
 from slave.robots.contract import Robot
 from slave.safety import CommandGuard, Workspace
@@ -64,11 +64,14 @@ def build_slave(
             approach_speed=limits.approach_speed_m_s,
             ramp=limits.ramp_ms * 1e-3,
             retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
+            trip_retract=limits.retract_m,
         ),
         tick_period=system.tick_period,
-        horizon=FADE_SHARE * system.link.silence_ms * 1e-3,
+        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
         robot_limit=limits.robot_ms * 1e-3,
+        trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
         stopwatch=stopwatch,
+        by_button=system.master.engage is not None,
         rotation=None if system.codec.rotation is None else _build_rotation(system, robot),
     )
 

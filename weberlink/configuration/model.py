@@ -11,8 +11,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
-from protocol.handshake import check_name
 from protocol.endpoint import MOST_TICKS
+from protocol.handshake import check_name
 from protocol.session import LONGEST_SILENCE
 from slave.scenes.settings import SceneSettings
 from weberlink.configuration.deadband import (
@@ -312,6 +312,10 @@ class MasterLimits(Settings):
     """Largest force [N], on top of the device's own limit."""
     torque_nm: float = Field(default=0.5, gt=0)
     """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
+    slew_n_s: float | None = Field(default=None, gt=0)
+    """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
+    slew_nm_s: float | None = Field(default=None, gt=0)
+    """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
     """Time in which force and torque fade in and out."""
     device_ms: float = Field(default=20.0, gt=0, le=5000)
@@ -320,6 +324,13 @@ class MasterLimits(Settings):
 
 class ClutchSettings(Settings):
     """While a button is held, the hand moves and the robot stays."""
+
+    button: int = Field(default=0, ge=0, le=31)
+    """Which one, from 0."""
+
+
+class EngageSettings(Settings):
+    """Dead-man button: only while it is held, the robot follows and force is displayed."""
 
     button: int = Field(default=0, ge=0, le=31)
     """Which one, from 0."""
@@ -368,6 +379,8 @@ class MasterSettings(Settings):
     device: DriverSettings = DriverSettings(driver="operator")
     mapping: MappingSettings | None = None
     """Leave out where the two frames are one."""
+    engage: EngageSettings | None = None
+    """Leave out where the robot is to follow without a button held."""
     limits: MasterLimits = MasterLimits()
 
 
@@ -388,6 +401,9 @@ class SlaveLimits(Settings):
     """What the robot does when the master is not heard: stay, or back off along the contact force."""
     retract_m: float = Field(default=0.01, gt=0)
     """How far it backs off."""
+    trip_n: float | None = Field(default=None, gt=0)
+    """Contact force above which the robot stops following and backs off by retract_m; by default the largest that the
+    robot stands or measures."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
     """Time in which its force fades in once it has reached the operator's position."""
     robot_ms: float = Field(default=20.0, gt=0, le=5000)

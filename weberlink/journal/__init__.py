@@ -15,6 +15,7 @@ on the monotonic clock, as in recordings.
 | `settings` | live changes in force: `generation` |
 | `missed` | deadlines without a tick since the last such line: `ticks` |
 | `clipped` | ticks whose output a limiter changed since the last such line: `ticks` |
+| `slewed` | ticks in which the slew limit held force back since the last such line: `ticks` |
 | `summary` | figures of the last interval |
 | `ended` | `outcome`, and the figures of the session |
 """

@@ -163,8 +163,11 @@ class Journal:
 
 def _count(side: _Side, records: Records) -> None:
     """Missed deadlines and limited outputs: too many to be told one by one."""
-    missed = np.diff(records["ticks_missed"].astype(np.int64), prepend=int(side.last["ticks_missed"]))
-    for event, ticks in (("missed", missed), ("clipped", (records["clipped"] > 0).astype(np.int64))):
+    missed, slewed = (
+        np.diff(records[name].astype(np.int64), prepend=int(side.last[name])) for name in ("ticks_missed", "slew_ticks")
+    )
+    clipped = (records["clipped"] > 0).astype(np.int64)
+    for event, ticks in (("missed", missed), ("clipped", clipped), ("slewed", slewed)):
         total = int(ticks.sum())
         if total:
             kind = side.kinds.setdefault(event, _Kind())

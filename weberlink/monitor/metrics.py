@@ -13,10 +13,12 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST, generate_latest
 
 from protocol.states import State
 from telemetry.fault import Fault
+from telemetry.record import RELEASED
 from weberlink.monitor.session import Session
 
 COUNTERS = {
     "ticks_missed": ("ticks_missed", "Deadlines without a tick."),
+    "slew_limited_ticks": ("slew_ticks", "Ticks in which the slew limit held force or torque back."),
     "datagrams_sent": ("datagrams_sent", "Datagrams sent, of every kind."),
     "datagrams_received": ("datagrams_received", "Datagrams received and accepted."),
     "datagrams_lost": ("datagrams_lost", "Datagrams that the peer sent and that never came."),
@@ -106,6 +108,14 @@ def _states(sessions: list[Session]) -> Iterator[Metric]:
             for value, word in names.items():
                 family.add_metric([session.name, side, word.lower()], float(record[column] == value))
         yield family
+    released = GaugeMetricFamily(
+        "weberlink_button_released",
+        "1 while the robot does not follow, since the operator does not hold the button of master.engage.",
+        labels=["session", "side"],
+    )
+    for session, side, record in _newest(sessions):
+        released.add_metric([session.name, side], float(record["ramping"] == RELEASED))
+    yield released
     faults = CounterMetricFamily("weberlink_faults", "How often a fault began.", labels=["session", "side", "fault"])
     for session in sessions:
         for side, counts in session.faults.items():

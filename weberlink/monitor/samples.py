@@ -25,6 +25,7 @@ COLUMNS = {
     "rtt_us": 1,
     "one_way_us": 1,
     "ticks_missed": None,
+    "slew_ticks": None,
     "datagrams_sent": None,
     "datagrams_received": None,
     "datagrams_lost": None,

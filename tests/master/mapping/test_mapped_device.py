@@ -141,6 +141,19 @@ def test_a_hand_that_starts_beyond_a_wall_is_not_hit() -> None:
     assert max(b - a for a, b in pairwise(felt)) <= 6.0 * TICK / 0.05 + 1e-9
 
 
+def test_after_a_stall_a_hand_beyond_a_wall_is_not_hit() -> None:
+    hands = Hands(walls=1000.0)
+    hands.tick((0.0, 0.0, 0.05), count=60)
+    hands.now += 2.0
+    felt = [norm(hands.handle.felt)]
+    for _ in range(60):
+        hands.tick((0.0, 0.0, 0.055), (0.0, 0.0, -2.0))
+        felt.append(norm(hands.handle.felt))
+    assert felt[1] == 0.0
+    assert max(b - a for a, b in pairwise(felt)) <= 7.0 * TICK / 0.05 * (1 + 1e-9)
+    assert felt[-1] == pytest.approx(7.0)
+
+
 def test_wall_and_force_together_stay_within_the_limit() -> None:
     hands = Hands(walls=1000.0, limit=7.0)
     hands.tick((0.059, 0.0, 0.0), (-7.0, 0.0, 0.0), count=100)

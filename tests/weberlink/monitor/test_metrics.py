@@ -6,6 +6,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from telemetry.fault import Fault
+from telemetry.record import RELEASED
 from tests.weberlink.monitor.feeds import HandFeed, description, records
 from weberlink.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
 from weberlink.monitor.session import Session
@@ -21,6 +22,7 @@ def test_every_figure_has_its_name_its_unit_and_its_labels() -> None:
     for number, (column, _) in enumerate(COUNTERS.values()):
         made[column] = 1000 + number
     made["fault"][500:510] = Fault.SILENCE
+    made["ramping"][-1] = RELEASED
     slave.put(made)
     session.look()
     text, kind = exposition(lambda: [session])()
@@ -43,6 +45,7 @@ def test_every_figure_has_its_name_its_unit_and_its_labels() -> None:
     assert isnan(values["weberlink_one_way_delay_seconds", *side])
     assert values["weberlink_state", *side, ("state", "engaged")] == 1
     assert values["weberlink_state", *side, ("state", "silent")] == 0
+    assert values["weberlink_button_released", *side] == 1
     assert values["weberlink_faults_total", ("fault", "silence"), *side] == 1
     assert values["weberlink_fault", ("fault", "silence"), *side] == 0
     assert families["weberlink_tick_lateness_seconds"].type == "summary"

@@ -33,6 +33,7 @@ REPORT: Message = {
     },
     "position": {"packets_per_s": 38.5, "reduction": 0.9615, "error_rms": 0.000122, "violation_fraction": None},
     "link": {"rtt_us": {"p50": 320.5, "p99": 690.0}, "lost": 0},
+    "limited": {"force_ticks": 21, "slew_ticks": 7, "motion_ticks": 0},
 }
 
 
@@ -282,6 +283,20 @@ def test_unknown_values_and_faults_leave_the_page_standing(page: Browser, server
     assert page.text("faults") == "silence"
     assert page.data("tile-faults", "level") == "bad"
     assert page.text("rtt-now") == UNKNOWN
+    clean(page, server)
+
+
+def test_a_released_button_and_a_trip_are_told(page: Browser, server: ScriptedServer) -> None:
+    rows = told()
+    for message in rows[:2]:
+        message["columns"]["ramping"] = [2] * len(message["t"])
+    rows[1]["columns"]["fault"] = [8] * len(rows[1]["t"])
+    met = {"master": {}, "slave": {"tripped": 1}}
+    visit(page, server, session.hello(), *rows, session.figures(REPORT, faults=met))
+    page.wait(lambda: page.data("state") == "released", "the state")
+    assert page.text("state-detail") == "hold the button to engage"
+    assert page.text("faults") == "tripped"
+    assert page.number("slew-limited") == REPORT["limited"]["slew_ticks"]
     clean(page, server)
 
 

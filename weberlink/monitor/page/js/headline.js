@@ -1,7 +1,7 @@
 // The strip that is understood in five seconds: state, packets, felt error, round trip, faults.
 
 import { AS, show, three } from "./format.js";
-import { FAULTS, STATES, word } from "./names.js";
+import { ENGAGED, FAULTS, RELEASED, STATES, word } from "./names.js";
 
 const by = (id) => document.getElementById(id);
 
@@ -21,7 +21,7 @@ export class Headline {
 
   #state() {
     const { store } = this;
-    const states = store.present.map((side) => word(STATES, store.rings[side].last("state")));
+    const states = store.present.map((side) => state(store.rings[side]));
     const [name, detail] = this.#word(states);
     const tile = by("tile-state");
     if (tile.dataset.state !== name) tile.dataset.state = name;
@@ -39,6 +39,7 @@ export class Headline {
     if (!states.length) return ["connecting", "waiting for the first tick"];
     const where = store.present.length === 2 ? "master and slave" : `${store.present[0]} only`;
     const sides = new Set(states);
+    if (sides.has("released")) return ["released", "hold the button to engage"];
     if (sides.size === 1) return [states[0], `${where}${store.hello.remote ? ", over the network" : ""}`];
     const order = ["silent", "closed", "connecting", "listening", "idle", "engaged"];
     const worst = order.find((state) => sides.has(state)) ?? states[0];
@@ -86,6 +87,12 @@ export class Headline {
     const now = active.map(([side, fault]) => `${side}: ${word(FAULTS, fault)}`).join(", ");
     show(by("faults-detail"), now || told || "\u00a0", now || told);
   }
+}
+
+// What a side does, in a word.
+function state(ring) {
+  const number = ring.last("state");
+  return number === ENGAGED && ring.last("ramping") === RELEASED ? "released" : word(STATES, number);
 }
 
 // {"master": {"silence": 1}} as one list, without what was never met.

@@ -1,0 +1,36 @@
+from hypothesis import given
+from hypothesis import strategies as st
+
+from telemetry.fault import Fault, FaultLedger
+
+real = st.sampled_from([fault for fault in Fault if fault])
+
+
+@given(st.lists(st.tuples(st.booleans(), real), max_size=30))
+def test_a_fault_is_named_exactly_while_one_lasts(steps: list[tuple[bool, Fault]]) -> None:
+    ledger, lasting = FaultLedger(), set()
+    for begins, fault in steps:
+        if begins:
+            ledger.meet(fault)
+            lasting.add(fault)
+        else:
+            ledger.clear(fault)
+            lasting.discard(fault)
+        assert (ledger.active in lasting) if lasting else (ledger.active is Fault.NONE)
+        assert {each for each in Fault if ledger.has(each)} == lasting
+    assert sum(ledger.counts.values()) == sum(begins for begins, _ in steps)
+
+
+def test_a_fault_that_ends_uncovers_the_one_that_lasts() -> None:
+    ledger = FaultLedger()
+    ledger.meet(Fault.SILENCE)
+    ledger.meet(Fault.STALLED)
+    assert ledger.active is Fault.STALLED
+    ledger.clear(Fault.STALLED)
+    assert ledger.active is Fault.SILENCE
+
+
+def test_a_note_is_counted_and_does_not_last() -> None:
+    ledger = FaultLedger()
+    ledger.note(Fault.REFUSED)
+    assert (ledger.active, ledger.counts) == (Fault.NONE, {"refused": 1})
