@@ -29,6 +29,7 @@ GAP_STEPS = round(1.0 / STEP)
 """Most of them per call; a longer silence is not made up for."""
 OVERLOAD = 1 << 5
 Figure = Annotated[float, Field(ge=0.0, le=100.0)]
+PerJoint = tuple[Figure, Figure, Figure, Figure]
 
 
 class DynamixelOptions(BaseModel):
@@ -45,10 +46,8 @@ class DynamixelOptions(BaseModel):
         default=True, description="somebody holds the arm until torque is on in all four joints; else it falls"
     )
     scene: SceneSettings = Field(default=(), description="what the tip touches, in the frame of the foot")
-    coulomb_n_m: tuple[Figure, Figure, Figure, Figure] = Field(default=COULOMB, description="dry friction of the joints")
-    viscous_n_m_s: tuple[Figure, Figure, Figure, Figure] = Field(
-        default=VISCOUS, description="viscous friction of the joints"
-    )
+    coulomb_n_m: PerJoint = Field(default=COULOMB, description="dry friction of the joints")
+    viscous_n_m_s: PerJoint = Field(default=VISCOUS, description="viscous friction of the joints")
     torque_constant_n_m_a: float = Field(
         default=TORQUE_N_M_PER_A, gt=0.0, le=10.0, description="of the motors with their gears"
     )

@@ -1,9 +1,10 @@
 """What the OpenMANIPULATOR-X is made of: lengths, masses and friction of its links and joints. Only data.
 
 Lengths and joints: ROBOTIS, open_manipulator, the arm's URDF. Masses (weighed), centres of mass and inertia tensors
-(CAD, scaled to the weight): the URDF of smorales2405/open_manipulator_x_torque_control; friction: the same project's
-sweep at constant speeds (motorXM430W350T_params.yaml). A third party's figures for its own arm, not verified here. Sideways offsets of the centres of mass, below 0.7 mm, are left out: the arm
-is flat. The driver has figures of its own, written apart from these, so that each checks the other.
+(CAD, scaled to the weight): the URDF of smorales2405/open_manipulator_x_torque_control; friction: that project's sweep
+at constant speeds (motorXM430W350T_params.yaml). A third party's figures for its own arm, not verified here. Sideways
+offsets of the centres of mass, below 0.7 mm, are left out: the arm is flat. The driver has figures of its own, written
+apart from these, so that each checks the other.
 """
 
 from math import pi

@@ -55,8 +55,8 @@ LINKS: Final = (
 
 COULOMB_N_M: Final[Joints] = (0.037, 0.085, 0.132, 0.045)
 VISCOUS_N_M_S: Final[Joints] = (0.037, 0.0, 0.0, 0.005)
-"""Friction of joints 1 to 4, measured on one arm: each joint moved to and fro at constant speeds, and half the difference
-of the currents at equal angles taken, so that the weight cancels (smorales2405/open_manipulator_x_torque_control,
+"""Friction of the joints of one arm: half the difference of the currents that move a joint to and fro at a constant
+speed, taken at equal angles, so that the weight cancels (smorales2405/open_manipulator_x_torque_control,
 motorXM430W350T_params.yaml, 2026-07-19; the viscous part from its version of 2026-06-24)."""
 ROTOR_INERTIA_KG_M2: Final = 0.045
 LEAST_ROTOR_INERTIA_KG_M2: Final = 0.005

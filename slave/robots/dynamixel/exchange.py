@@ -120,7 +120,7 @@ class ArmExchange:
     def _begin(self, port: Port) -> ArmSample:
         settings = self._settings
         bus = Bus(port, settings.baud, settings.ids, settings.margin, self._clock, self._pause)
-        motors = self._motors = Motors(bus, settings.baud, settings.watchdog)
+        motors = self._motors = Motors(bus, settings.baud, settings.watchdog, settings.current)
         motors.find()
         if motors.current_limit < registers.counts_of_current(WEIGHT_A):
             raise HardwareFault(

@@ -5,9 +5,10 @@
 Four joints and three axes leave one motion that does not move the tip, along n with J n = 0. The posture term turns the
 gripper towards a pitch along n alone, so that it never presses the tip: n . J^T f = 0 for every f.
 
-The damping is in proportion to the mass matrix M, rotors of the motors included. So all motions die away at the same
-rate a, heavy ones of the whole arm and light ones of the wrist alike; a damper at the tip that suits the heavy ones is,
-with the delay of the bus, unstable for the light ones. Owns the gains and their bounds. Knows no registers and no clock.
+The damping is in proportion to the mass matrix M, the rotors of the motors included. So all motions die away at the
+same rate a, heavy ones of the whole arm and light ones of the wrist alike; a damper at the tip that suits the heavy
+ones is, with the delay of the bus, unstable for the light ones. Owns the gains and their bounds. Knows no registers and
+no clock.
 """
 
 from math import hypot

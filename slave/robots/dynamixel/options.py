@@ -1,7 +1,8 @@
 """What the file says of the arm, checked against what bus, mechanics and gains allow. Knows no thread."""
 
+from functools import lru_cache
 from itertools import product
-from math import floor, hypot, radians
+from math import ceil, floor, hypot, radians
 from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -172,13 +173,15 @@ def settings_of(options: DynamixelOptions) -> Settings:
     )
 
 
+@lru_cache(maxsize=8)
 def worst_force_error(options: DynamixelOptions) -> tuple[float, float]:
-    """Of the estimate at rest, on a grid over the workspace: newtons and share."""
-    friction = Friction(options.coulomb_n_m, options.viscous_n_m_s)
-    return max(force_error(there, friction, options.torque_constant_error) for there in postures(options))
+    """Of the estimate at rest, over the workspace: newtons, rounded up to a half as the grid is coarse, and share."""
+    friction, share = Friction(options.coulomb_n_m, options.viscous_n_m_s), options.torque_constant_error
+    newtons = max(force_error(there, friction, share)[0] for there in postures(options))
+    return (0.5 * ceil(2.0 * newtons), share)
 
 
-def postures(options: DynamixelOptions, count: int = 15) -> list[Posture]:
+def postures(options: DynamixelOptions, count: int = 25) -> list[Posture]:
     """On a grid over the workspace, with the pitch nearest to the one wanted (0 where none is).
 
     Joint 1 turns the arm without changing how its other joints stand, so the grid is one of reach and height.
