@@ -6,7 +6,7 @@ Owns the order in which that has to happen. Knows no kinematics: what the curren
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import StrEnum
-from math import ceil
+from math import ceil, floor
 from typing import Final, TypeVar
 
 from hardware.fault import BadReply, HardwareFault
@@ -51,7 +51,7 @@ class Motors:
         self._baud = baud
         self._watchdog_s = watchdog_s
         self._watchdog = watchdog_units(watchdog_s)
-        self._most = registers.counts_of_current(current)
+        self._most = floor(current / registers.A_PER_COUNT)
         self._next = 0
         self.current_limit = 0
         """Largest goal current that all of them take [counts]."""

@@ -12,7 +12,7 @@ from slave.robots.dynamixel import registers
 from slave.robots.dynamixel.exchange import WATCH_EVERY
 from slave.robots.dynamixel.options import DynamixelOptions, worst_force_error
 from slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
-from tests.slave.robots.dynamixel.virtual_bus import Bench
+from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
 
 AT_WORK: Vector = (0.2, 0.03, 0.13)
 FLOOR_Z = 0.1
@@ -149,7 +149,7 @@ def test_a_tripped_watchdog_is_noticed_though_the_answers_look_good() -> None:
     bench = at_work()
     bench.emulator.inject("trip_watchdog", 1)
     with pytest.raises(HardwareFault, match=r"bus watchdog tripped.*80 ms"):
-        bench.run(AT_WORK, 2 * WATCH_EVERY / bench.options.rate_hz)
+        bench.run(AT_WORK, 3 * WATCH_EVERY / bench.options.rate_hz)
 
 
 def test_a_motor_that_was_without_power_is_noticed_though_it_answers_again() -> None:
@@ -211,6 +211,54 @@ def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
         assert bench.read(joint, registers.TORQUE_ENABLE) == 1
         assert bench.read(joint, registers.BUS_WATCHDOG) == 0
     bench.exchange.close()
+
+
+@pytest.mark.parametrize(("allowed_ma", "of_the_motor"), [(600.0, 1193), (1000.0, 1193), (1000.0, 200)])
+def test_left_holding_no_motor_may_have_more_current_than_before(allowed_ma: float, of_the_motor: int) -> None:
+    bench = Bench(DynamixelOptions(approach_m_s=0.5, max_current_ma=allowed_ma))
+    bench.write(3, registers.CURRENT_LIMIT, of_the_motor)
+    bench.exchange.open()
+    bench.lead(AT_WORK, 0.4)
+    bench.exchange.close()
+    most = min(int(allowed_ma / 2.69), of_the_motor)
+    assert [bench.read(joint, registers.GOAL_CURRENT) for joint in range(1, 5)] == [most] * 4
+    for servo in bench.emulator.servos[:4]:
+        assert servo.drive.limit <= most * registers.A_PER_COUNT + 1e-9
+
+
+def test_a_host_killed_at_any_step_of_leaving_leaves_no_motor_unbounded() -> None:
+    """With a watchdog that is off, a motor is limp or holds within the limit; with one that is on, it goes limp."""
+    steps = 0
+    while True:
+        bench = Bench()
+        bench.exchange.open()
+        bench.port.killed_after = steps
+        try:
+            bench.exchange.close()
+        except KilledError:
+            ended = False
+        else:
+            ended = True
+        bench.wait(0.085)
+        for servo in bench.emulator.servos[:4]:
+            drive = servo.drive
+            assert not drive.on or drive.current == 0.0 or (drive.current is None and drive.limit <= 1.0), steps
+        if ended:
+            break
+        steps += 1
+    assert steps > 20
+
+
+def test_a_process_that_stops_within_a_cycle_finds_the_arm_limp_at_once() -> None:
+    bench = at_work()
+    bench.time.stall_s = 0.3
+    with suppress(BadReply):
+        bench.run(AT_WORK, 1.0 / bench.options.rate_hz)
+    bench.wait(0.01)
+    assert bench.emulator.watchdog_trips == 4
+    assert not any(bench.emulator.currents[:4]), "what it goes on to command is refused"
+    with pytest.raises(HardwareFault, match="watchdog"):
+        bench.exchange.exchange(AT_WORK)
 
 
 def test_left_limp_it_drops() -> None:
