@@ -9,8 +9,10 @@ from codec.vector import Vector, distance, norm, subtract
 from hardware.fault import BadReply, HardwareFault
 from slave.emulators.dynamixel import DynamixelOptions as EmulatedOptions
 from slave.robots.dynamixel import registers
+from slave.robots.dynamixel.arm import Joints, posture
 from slave.robots.dynamixel.exchange import WATCH_EVERY
-from slave.robots.dynamixel.options import DynamixelOptions, worst_force_error
+from slave.robots.dynamixel.external_force import force_error
+from slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
 from slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
 from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
 
@@ -98,6 +100,42 @@ def test_a_floor_is_felt_as_far_as_the_spec_says() -> None:
         dry = worst_force_error(bench.options.model_copy(update={"torque_constant_error": 0.0}))[0]
         assert true[2] == pytest.approx(400.0 * depth * 1000.0 / 1400.0, abs=dry), "springs in series, less what sticks"
         assert distance(sample.force, true) <= newtons + share * norm(sample.force)
+
+
+SWEPT: Joints = (0.037, 0.085, 0.132, 0.045)
+FITTED: Joints = (0.0168, 0.0089, 0.0094, 0.0377)
+"""Dry friction of the same arm by two methods of the same project [N m]."""
+NOISE_N = 0.3
+"""Of the estimate: of the measured currents, and of an arm that is not quite at rest."""
+
+
+@pytest.mark.parametrize(
+    ("constant", "taken_for", "uncertain", "coulomb", "rotor"),
+    [
+        (1.65, 1.78, 0.4, SWEPT, 0.045),
+        (2.48, 1.78, 0.4, SWEPT, 0.045),
+        (2.48, 1.78, 0.4, SWEPT, 0.005),
+        (1.78, 1.78, 0.4, FITTED, 0.005),
+        (2.48, 2.55, 0.05, SWEPT, 0.045),
+        (1.65, 1.60, 0.05, SWEPT, 0.005),
+    ],
+)
+def test_the_force_of_any_published_arm_is_within_the_stated_error(
+    constant: float, taken_for: float, uncertain: float, coulomb: Joints, rotor: float
+) -> None:
+    options = SWIFT.model_copy(update={"torque_constant_n_m_a": taken_for, "torque_constant_error": uncertain})
+    scene = [{"shape": "plane", "point_m": [0.0, 0.0, FLOOR_Z], "stiffness_n_m": 1000.0}]
+    arm = {"torque_constant_n_m_a": constant, "coulomb_n_m": coulomb, "rotor_inertia_kg_m2": rotor, "scene": scene}
+    bench = Bench(options, EmulatedOptions.model_validate(arm))
+    bench.exchange.open()
+    stated = worst_force_error(options)
+    for goal in ((0.14, -0.05, 0.16), (0.24, 0.05, 0.12), (0.2, 0.02, FLOOR_Z - 0.011), (0.14, 0.0, FLOOR_Z - 0.01)):
+        bench.lead(goal, 0.3)
+        sample = bench.run(goal, 0.5)[-1]
+        wrong = distance(sample.force, bench.emulator.tip_force)
+        assert wrong <= stated[0] + stated[1] * norm(sample.force)
+        newtons, share = force_error(posture(sample.joints), settings_of(options).friction, uncertain)
+        assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"as far as this posture goes, at {goal}"
 
 
 def test_pressing_ends_when_the_commands_do_and_the_tip_stays() -> None:
