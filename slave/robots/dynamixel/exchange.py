@@ -25,8 +25,8 @@ WATCH_EVERY: Final = 25
 """Cycles from one look at a motor's torque or watchdog to the next."""
 BEYOND_RAD: Final = 0.35
 """As far beyond its limits as a joint may be found; more means that its zero is not where it belongs."""
-WEIGHT_A: Final = 0.4
-"""That a motor needs to carry the arm stretched out, and a little more."""
+WEIGHT_A: Final = 0.65
+"""That a motor needs to carry the arm stretched out: 1.06 N m, by the smallest published torque constant 1.65 N m/A."""
 PACE_TRIES: Final = 40
 
 

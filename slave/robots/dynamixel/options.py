@@ -78,7 +78,7 @@ class DynamixelOptions(BaseModel):
     force_n: float = Field(
         default=5.0, gt=0.0, le=20.0, description="largest force of the tip's spring, and largest one reported"
     )
-    max_current_ma: float = Field(default=1000.0, ge=450.0, le=3200.0, description="largest current of a motor")
+    max_current_ma: float = Field(default=1000.0, ge=650.0, le=3200.0, description="largest current of a motor")
     approach_m_s: float = Field(
         default=0.1, gt=0.0, le=0.5, description="speed towards the commands after opening or a pause"
     )

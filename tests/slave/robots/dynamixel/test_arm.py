@@ -19,6 +19,8 @@ from slave.robots.dynamixel.arm import (
     posture,
     within_limits,
 )
+from slave.robots.dynamixel.exchange import WEIGHT_A
+from slave.robots.dynamixel.options import DynamixelOptions
 
 STEP = 1e-6
 ROTOR = ROTOR_INERTIA_KG_M2
@@ -100,6 +102,12 @@ def test_the_nearest_pitch_is_taken_where_the_wanted_one_is_out_of_reach() -> No
     assert 0.0 < pitch < 1.0
     assert inverse(tip, pitch - 0.02, True) is None
     assert inverse(tip, pitch - 0.02, False) is None
+
+
+@given(poses)
+def test_the_least_current_allowed_carries_the_arm_however_it_stands(joints: Joints) -> None:
+    assert max(map(abs, posture(joints).gravity)) <= 1.65 * WEIGHT_A
+    assert DynamixelOptions(max_current_ma=650.0).max_current_ma >= 1e3 * WEIGHT_A
 
 
 @given(poses, small)

@@ -251,7 +251,7 @@ def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
     bench.exchange.close()
 
 
-@pytest.mark.parametrize(("allowed_ma", "of_the_motor"), [(600.0, 1193), (1000.0, 1193), (1000.0, 200)])
+@pytest.mark.parametrize(("allowed_ma", "of_the_motor"), [(700.0, 1193), (1000.0, 1193), (1000.0, 300)])
 def test_left_holding_no_motor_may_have_more_current_than_before(allowed_ma: float, of_the_motor: int) -> None:
     bench = Bench(DynamixelOptions(approach_m_s=0.5, max_current_ma=allowed_ma))
     bench.write(3, registers.CURRENT_LIMIT, of_the_motor)

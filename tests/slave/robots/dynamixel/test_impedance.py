@@ -130,6 +130,16 @@ def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: flo
                 assert largest < 1.0, f"{joints}, {true_rotor} kg m^2, {constant} N m/A, a wall of {wall} N/m"
 
 
+@given(poses, st.sampled_from(SPREAD), st.sampled_from((LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2)))
+def test_within_its_bounds_it_is_stable_up_to_the_joint_limits(
+    joints: Joints, motor: tuple[float, float], rotor: float
+) -> None:
+    damping = fastest_damping(250.0, rotor)
+    gains = Gains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
+    largest = largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=motor[0], torque=motor[1] / 1.78)
+    assert largest < 1.0 + 1e-9, "1 where no spring holds a joint"
+
+
 def test_a_damping_made_for_light_rotors_is_unstable_when_it_takes_them_for_heavy_ones() -> None:
     """Why the bound on the damping depends on the inertia: 50/s was the default when the rotors were left out."""
     assert fastest_damping(250.0, LEAST_ROTOR_INERTIA_KG_M2) > 50.0 > fastest_damping(250.0, ROTOR_INERTIA_KG_M2)
