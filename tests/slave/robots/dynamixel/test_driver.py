@@ -7,6 +7,7 @@ from time import monotonic, sleep
 from typing import Any
 
 import pytest
+import yaml
 from pydantic import ValidationError
 
 from codec.vector import Vector, distance
@@ -20,6 +21,7 @@ from slave.robots.dynamixel.bus import Bus
 from slave.robots.dynamixel.driver import DynamixelRobot
 from slave.robots.dynamixel.options import DynamixelOptions, corners
 from slave.scenes.scene import Scene
+from tests.weberlink.systems import CONFIGS
 
 PATIENCE = 10.0
 TICK = 0.001
@@ -92,6 +94,14 @@ def test_the_spec_states_lag_and_uncertainty() -> None:
     assert down.force_error == (2.5, 0.4)
     assert spec.watchdog_s == pytest.approx(0.08)
     assert DynamixelRobot(DynamixelOptions(bus_watchdog_ms=90.0), None, TICK).spec.watchdog_s == pytest.approx(0.1)
+
+
+def test_the_example_sends_nothing_finer_than_its_arm_can_tell() -> None:
+    example = yaml.safe_load((CONFIGS / "phantom-arm.yaml").read_text())
+    options = {name: value for name, value in example["slave"]["robot"].items() if name != "driver"}
+    spec = DynamixelRobot(DynamixelOptions.model_validate(options), None, TICK).spec
+    assert example["codec"]["force"]["floor_n"] > spec.force_error[0]
+    assert example["codec"]["force"]["floor_n"] < spec.force_n, "or nothing is ever felt"
 
 
 def test_it_has_no_use_for_a_scene() -> None:

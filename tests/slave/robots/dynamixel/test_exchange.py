@@ -50,6 +50,12 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
     assert bench.read(5, registers.TORQUE_ENABLE) == 0, "the gripper is not ours"
 
 
+def test_no_watchdog_trips_while_the_other_motors_are_set() -> None:
+    bench = Bench(DynamixelOptions(bus_watchdog_ms=20.0), latency=0.0005)
+    bench.exchange.open()
+    assert bench.emulator.watchdog_trips == 0
+
+
 def test_settings_that_are_right_already_are_not_written_again() -> None:
     bench = Bench()
     bench.exchange.open()
