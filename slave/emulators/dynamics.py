@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from codec.vector import ZERO, Vector
 from slave.emulators.dry_friction import times, with_dry_friction
-from slave.emulators.links import JOINTS, ROTOR_INERTIA
+from slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
 from slave.emulators.pose import Joints, Pose, Symmetric
 from slave.emulators.tip_contact import TipContact
 from slave.scenes.scene import Scene
@@ -30,17 +30,24 @@ class Arm:
     Args:
         scene: What the tip touches, in the frame of the foot; None for free space.
         start: Joint angles [rad].
-        friction: Factor on all friction of the joints; 0 for none.
+        coulomb: Dry friction of the joints [N m].
+        viscous: Viscous friction of the joints [N m s].
         rotor_inertia: Of each motor, seen at its joint [kg m^2].
     """
 
     def __init__(
-        self, scene: Scene | None, start: Joints, *, friction: float = 1.0, rotor_inertia: float = ROTOR_INERTIA
+        self,
+        scene: Scene | None,
+        start: Joints,
+        *,
+        coulomb: Joints = COULOMB,
+        viscous: Joints = VISCOUS,
+        rotor_inertia: float = ROTOR_INERTIA,
     ) -> None:
         self._scene = scene
         self._rotor = rotor_inertia
-        self._coulomb = [friction * joint.coulomb * STEP for joint in JOINTS]
-        self._viscous = [friction * joint.viscous * STEP for joint in JOINTS]
+        self._coulomb = [each * STEP for each in coulomb]
+        self._viscous = [each * STEP for each in viscous]
         self.angles = start
         """[rad]"""
         self.velocities = STILL
@@ -95,7 +102,7 @@ class Arm:
 
     def _stop(self, a: Symmetric, r: list[float]) -> None:
         """The stops are springs with dampers."""
-        for i, (angle, (lower, upper, _, _)) in enumerate(zip(self.angles, JOINTS, strict=True)):
+        for i, (angle, (lower, upper)) in enumerate(zip(self.angles, JOINTS, strict=True)):
             if not lower <= angle <= upper:
                 a[DIAGONAL[i]] += STEP * (STEP * STOP_STIFFNESS + STOP_DAMPING)
                 r[i] -= STEP * STOP_STIFFNESS * (angle - (lower if angle < lower else upper))

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Mapping
 from math import inf
 from random import Random
-from typing import ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -19,7 +19,7 @@ from slave.emulators.bus import Bus
 from slave.emulators.control_table import BAUD_RATES, MODEL
 from slave.emulators.dynamics import STEP, Arm
 from slave.emulators.gripper import Gripper
-from slave.emulators.links import JOINTS, ROTOR_INERTIA
+from slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
 from slave.emulators.motor import TORQUE_N_M_PER_A, amperes
 from slave.emulators.pose import Joints, Pose
 from slave.emulators.servo import Measured, Servo
@@ -28,6 +28,8 @@ from slave.scenes.settings import SceneSettings, build
 GAP_STEPS = round(1.0 / STEP)
 """Most of them per call; a longer silence is not made up for."""
 OVERLOAD = 1 << 5
+Figure = Annotated[float, Field(ge=0.0, le=100.0)]
+PerJoint = tuple[Figure, Figure, Figure, Figure]
 
 
 class DynamixelOptions(BaseModel):
@@ -44,9 +46,13 @@ class DynamixelOptions(BaseModel):
         default=True, description="somebody holds the arm until torque is on in all four joints; else it falls"
     )
     scene: SceneSettings = Field(default=(), description="what the tip touches, in the frame of the foot")
-    friction: float = Field(default=1.0, ge=0.0, le=100.0, description="factor on the friction of the joints")
+    coulomb_n_m: PerJoint = Field(default=COULOMB, description="dry friction of the joints")
+    viscous_n_m_s: PerJoint = Field(default=VISCOUS, description="viscous friction of the joints")
+    torque_constant_n_m_a: float = Field(
+        default=TORQUE_N_M_PER_A, gt=0.0, le=10.0, description="of the motors with their gears"
+    )
     rotor_inertia_kg_m2: float = Field(
-        default=ROTOR_INERTIA, ge=0.0, le=1.0, description="of each motor, seen at its joint; not published, a guess"
+        default=ROTOR_INERTIA, ge=0.0, le=1.0, description="of each motor, seen at its joint"
     )
     current_noise_ma: float = Field(default=3.0, ge=0.0, description="standard deviation of the measured current")
     seed: int = Field(default=0, description="of that noise")
@@ -104,7 +110,8 @@ class DynamixelEmulator:
         self.arm = Arm(
             build(options.scene) if options.scene else None,
             options.start_rad,
-            friction=options.friction,
+            coulomb=options.coulomb_n_m,
+            viscous=options.viscous_n_m_s,
             rotor_inertia=options.rotor_inertia_kg_m2,
         )
         self.gripper = Gripper()
@@ -238,7 +245,7 @@ class DynamixelEmulator:
             for servo, angle, velocity in zip(self.servos, angles, velocities, strict=True)
         ]
         self.largest_current = max(self.largest_current, *currents, -min(currents))
-        torques = [TORQUE_N_M_PER_A * current for current in currents]
+        torques = [self._options.torque_constant_n_m_a * current for current in currents]
         if not self.held:
             arm.step(torques)
         gripper.step(torques[4])

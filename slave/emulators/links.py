@@ -1,9 +1,10 @@
 """What the OpenMANIPULATOR-X is made of: lengths, masses and friction of its links and joints. Only data.
 
 Lengths and joints: ROBOTIS, open_manipulator, the arm's URDF. Masses (weighed), centres of mass and inertia tensors
-(CAD, scaled to the weight) and friction: the URDF of smorales2405/open_manipulator_x_torque_control; a third party's
-figures for its own arm, not verified here. Sideways offsets of the centres of mass, below 0.7 mm, are left out: the arm
-is flat. The driver has figures of its own, written apart from these, so that each checks the other.
+(CAD, scaled to the weight): the URDF of smorales2405/open_manipulator_x_torque_control; friction: that project's sweep
+at constant speeds (motorXM430W350T_params.yaml). A third party's figures for its own arm, not verified here. Sideways
+offsets of the centres of mass, below 0.7 mm, are left out: the arm is flat. The driver has figures of its own, written
+apart from these, so that each checks the other.
 """
 
 from math import pi
@@ -38,20 +39,17 @@ LINK_5 = Link(0.2226, 0.062451, 0.005878, 1.344328e-4, 1.892619e-4, 2.174510e-4,
 
 
 class Joint(NamedTuple):
-    """Where it stops [rad], and its friction: Coulomb [N m] and viscous [N m s]."""
+    """Where it stops [rad]."""
 
     lower: float
     upper: float
-    coulomb: float
-    viscous: float
 
 
-JOINTS = (
-    Joint(-pi, pi, 0.0168, 0.0230),
-    Joint(-1.5, 1.5, 0.0089, 0.0194),
-    Joint(-1.5, 1.4, 0.0094, 0.0229),
-    Joint(-1.7, 1.97, 0.0377, 0.0158),
-)
-ROTOR_INERTIA = 0.005
-"""Of a motor, seen at its joint [kg m^2]. None is published for this servo; a public model of the larger MX-64 and
-MX-106 (mujoco_menagerie, dynamixel_2r) uses this."""
+JOINTS = (Joint(-pi, pi), Joint(-1.5, 1.5), Joint(-1.5, 1.4), Joint(-1.7, 1.97))
+COULOMB = (0.037, 0.085, 0.132, 0.045)
+"""Dry friction of the joints [N m]."""
+VISCOUS = (0.037, 0.0, 0.0, 0.005)
+"""[N m s]"""
+ROTOR_INERTIA = 0.045
+"""Of a motor, seen at its joint [kg m^2]: as a fitted model of a robot with the same motors has it (mujoco_menagerie,
+robotis_op3)."""

@@ -32,6 +32,8 @@ class RobotSpec:
         lag_s: How much older than `now` a reading is meant to be, for a robot that runs at a rate of its own [s].
         force_error: Uncertainty of the force, as a part in newtons and a share of the force; (0, 0) for an exact one.
         torque_n_m: Largest torque that it measures or stands [N m]; 0 where its tool has no orientation to command.
+        watchdog_s: Time after which the robot itself removes the force or holds when its host stops [s]; None for
+            never, and for a robot that is only computed.
         note: What a person should know before a run; empty if nothing.
     """
 
@@ -45,6 +47,7 @@ class RobotSpec:
     lag_s: float = 0.0
     force_error: tuple[float, float] = (0.0, 0.0)
     torque_n_m: float = 0.0
+    watchdog_s: float | None = None
     note: str = ""
 
 

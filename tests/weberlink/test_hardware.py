@@ -19,8 +19,11 @@ pytestmark = pytest.mark.realtime
 
 FILE = CONFIGS / "phantom-arm.yaml"
 GROUND = "scene=[{shape: plane, point_m: [0, 0, 0.15], stiffness_n_m: 400}]"
-PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.02, duration_s: 0.5, hold_s: 2}]"
-PATIENT = ("--set", "master.limits.device_ms=500", "--set", "slave.limits.robot_ms=500", "--set", "link.silence_ms=500")
+PRESS = "handle.script=[{motion: press, at_m: [0, 0, 0], depth_m: 0.04, duration_s: 0.5, hold_s: 2}]"
+PATIENT = (
+    *("--set", "master.limits.device_ms=500", "--set", "slave.limits.robot_ms=500", "--set", "link.silence_ms=500"),
+    *("--set", "slave.robot.bus_watchdog_ms=1000"),
+)
 """This is not about a machine that stalls."""
 
 

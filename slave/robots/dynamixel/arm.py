@@ -7,8 +7,8 @@ at a reach r from the axis of joint 1 (negative behind it) and a height z. The p
 forearm points forward.
 
 Lengths and joint limits: ROBOTIS' own description (open_manipulator, open_manipulator_x_arm.urdf.xacro). Masses and
-centres of mass: weighed and drawn by a third party, who gives friction too
-(smorales2405/open_manipulator_x_torque_control). They are those of another arm than yours. Knows no motors.
+centres of mass: weighed and drawn by a third party (smorales2405/open_manipulator_x_torque_control). They are those of
+another arm than yours. Knows no motors.
 """
 
 from math import acos, atan2, cos, hypot, pi, sin
@@ -53,8 +53,16 @@ LINKS: Final = (
 )
 """Of joints 1 to 4; the last one is the gripper with its fingers."""
 
-COULOMB_N_M: Final[Joints] = (0.0168, 0.0089, 0.0094, 0.0377)
-VISCOUS_N_M_S: Final[Joints] = (0.0230, 0.0194, 0.0229, 0.0158)
+COULOMB_N_M: Final[Joints] = (0.037, 0.085, 0.132, 0.045)
+VISCOUS_N_M_S: Final[Joints] = (0.037, 0.0, 0.0, 0.005)
+"""Friction of the joints of one arm: half the difference of the currents that move a joint to and fro at a constant
+speed, taken at equal angles, so that the weight cancels (smorales2405/open_manipulator_x_torque_control,
+motorXM430W350T_params.yaml, 2026-07-19; the viscous part from its version of 2026-06-24)."""
+ROTOR_INERTIA_KG_M2: Final = 0.045
+LEAST_ROTOR_INERTIA_KG_M2: Final = 0.005
+"""Of a motor, seen at its joint through gears of 353.5:1. The larger figure is that of the same motor in a fitted model
+(mujoco_menagerie, robotis_op3), the smaller one that of larger motors with faster gears (mujoco_menagerie,
+dynamixel_2r), below which no published figure lies."""
 
 _UPPER_ARM_M: Final = hypot(ELBOW_X_M, ELBOW_Z_M)
 _UPPER_ARM_ANGLE: Final = atan2(ELBOW_X_M, ELBOW_Z_M)
@@ -91,8 +99,8 @@ class Posture(NamedTuple):
         cos_yaw, sin_yaw: of joint 1.
         columns: (dr/dq, dz/dq) of the tip for joints 2 to 4 [m/rad].
         gravity: torques that hold the arm against its weight [N m].
-        inertia: elements 11, 22, 23, 24, 33, 34 and 44 of the symmetric mass matrix [kg m^2]; the others are 0. Without
-            the rotors of the motors, which nobody has published.
+        inertia: elements 11, 22, 23, 24, 33, 34 and 44 of the symmetric mass matrix of the links [kg m^2]; the others
+            are 0. The rotors of the motors add the same to each element of the diagonal.
     """
 
     joints: Joints
@@ -129,15 +137,15 @@ class Posture(NamedTuple):
             z2 * q2 + z3 * q3 + z4 * q4,
         )
 
-    def momentum(self, rates: Joints) -> Joints:
-        """Mass matrix times rates [N m s]."""
+    def momentum(self, rates: Joints, rotor: float) -> Joints:
+        """Mass matrix, with `rotor` [kg m^2] at each joint, times rates [N m s]."""
         q1, q2, q3, q4 = rates
         m11, m22, m23, m24, m33, m34, m44 = self.inertia
         return (
-            m11 * q1,
-            m22 * q2 + m23 * q3 + m24 * q4,
-            m23 * q2 + m33 * q3 + m34 * q4,
-            m24 * q2 + m34 * q3 + m44 * q4,
+            (m11 + rotor) * q1,
+            (m22 + rotor) * q2 + m23 * q3 + m24 * q4,
+            m23 * q2 + (m33 + rotor) * q3 + m34 * q4,
+            m24 * q2 + m34 * q3 + (m44 + rotor) * q4,
         )
 
     def jacobian(self) -> tuple[Joints, Joints, Joints]:

@@ -87,6 +87,8 @@ class Bus:
         self._ask_present = encode_packet(packet.sync_read(PRESENT_ADDRESS, PRESENT_SIZE, self.ids))
         self.sent_at = clock()
         """When the last instruction was sent [s]."""
+        self.silence = 0.0
+        """Longest time between two instructions since this was set to 0 [s]."""
 
     @property
     def path(self) -> str:
@@ -151,7 +153,9 @@ class Bus:
         return (len(self._ask_present) + len(self.ids) * (STATUS_OVERHEAD + PRESENT_SIZE)) * self._byte_s
 
     def _send(self, request: bytes) -> None:
-        self.sent_at = self._clock()
+        now = self._clock()
+        self.silence = max(self.silence, now - self.sent_at)
+        self.sent_at = now
         self._port.write(request)
 
     def _ask(self, request: bytes, ids: tuple[int, ...], size: int) -> list[Status]:

@@ -10,10 +10,11 @@ from hardware.found import Found, UsbId, only, serial_ports
 from hardware.serial_port import SerialPort
 from hardware.worker import Worker
 from slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from slave.robots.dynamixel import registers
 from slave.robots.dynamixel.adapter import USB, latency_advice
 from slave.robots.dynamixel.exchange import ArmExchange, ArmSample
 from slave.robots.dynamixel.external_force import LowPass
-from slave.robots.dynamixel.motors import OnClose
+from slave.robots.dynamixel.motors import OnClose, watchdog_units
 from slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
 from slave.robots.interpolation import Interpolation
 from slave.robots.virtual import saturated
@@ -83,6 +84,7 @@ class DynamixelRobot:
             force_sensing=True,
             lag_s=lag,
             force_error=error,
+            watchdog_s=registers.WATCHDOG_UNIT_S * watchdog_units(self._settings.watchdog),
             note=note if advice is None else f"{note}; {advice}",
         )
 

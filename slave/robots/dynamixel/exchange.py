@@ -25,8 +25,8 @@ WATCH_EVERY: Final = 25
 """Cycles from one look at a motor's torque or watchdog to the next."""
 BEYOND_RAD: Final = 0.35
 """As far beyond its limits as a joint may be found; more means that its zero is not where it belongs."""
-WEIGHT_A: Final = 0.4
-"""That a motor needs to carry the arm stretched out, and a little more."""
+WEIGHT_A: Final = 0.65
+"""That a motor needs to carry the arm stretched out: 1.06 N m, by the smallest published torque constant 1.65 N m/A."""
 PACE_TRIES: Final = 40
 
 
@@ -120,7 +120,7 @@ class ArmExchange:
     def _begin(self, port: Port) -> ArmSample:
         settings = self._settings
         bus = Bus(port, settings.baud, settings.ids, settings.margin, self._clock, self._pause)
-        motors = self._motors = Motors(bus, settings.baud, settings.watchdog)
+        motors = self._motors = Motors(bus, settings.baud, settings.watchdog, settings.current)
         motors.find()
         if motors.current_limit < registers.counts_of_current(WEIGHT_A):
             raise HardwareFault(

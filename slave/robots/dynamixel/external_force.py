@@ -9,6 +9,7 @@ no longer be felt. What it takes to move the links' own mass is not subtracted: 
 the uncertainty of the estimate. Knows no registers and no clock.
 """
 
+from itertools import product
 from math import expm1, hypot, pi, sqrt
 from typing import Final, NamedTuple
 
@@ -68,18 +69,37 @@ def _damping(square: float) -> float:
 
 
 def force_error(posture: Posture, friction: Friction, torque_constant_error: float) -> tuple[float, float]:
-    """Bound on the error of `tip_force` at rest in this posture: newtons, and a share of the force.
+    """Bound on the error of `tip_force` at rest in this posture: newtons, and a share of the force that it gives.
 
-    The newtons are those of the Coulomb friction, which at rest may point either way, and of the weight as far as the
-    torque constant (wrong by this share at most) makes too much or too little of it; of all joints, with the signs that
-    add up worst.
+    Where an ampere makes r times the torque that it is taken for, the motors carry tau = r tau', and
+
+        J^T f = gravity + friction - r tau' = J^T f' + friction - (r - 1) (gravity - J^T f')
+
+    with f' the estimate. So the error is that of friction - (r - 1) gravity, and |r - 1| of f'. Friction at rest may
+    point either way in every joint; r is that of the kind of motor, the same for all four. The newtons are the worst of
+    these signs.
+
+    Args:
+        posture: where the arm rests.
+        friction: of its joints.
+        torque_constant_error: the most that r differs from 1.
     """
-    newtons = 0.0
-    for joint in range(4):
-        torque = friction.coulomb[joint] + torque_constant_error * abs(posture.gravity[joint])
-        one = tuple([torque if joint == other else 0.0 for other in range(4)])
-        newtons += hypot(*_pressing(posture, (one[0], one[1], one[2], one[3])))
+    a, b, c, d = [_pressing(posture, _only(joint, friction.coulomb[joint])) for joint in range(4)]
+    g1, g2, g3, g4 = posture.gravity
+    e = torque_constant_error
+    x, y, z = _pressing(posture, (e * g1, e * g2, e * g3, e * g4))
+    newtons = max(
+        hypot(*(w + i * p + j * q + k * r + m * s for w, p, q, r, s in zip((x, y, z), a, b, c, d, strict=True)))
+        for i, j, k, m in product((1.0, -1.0), repeat=4)
+    )
     return (newtons, torque_constant_error)
+
+
+def _only(joint: int, torque: float) -> Joints:
+    torques = [0.0, 0.0, 0.0, 0.0]
+    torques[joint] = torque
+    a, b, c, d = torques
+    return (a, b, c, d)
 
 
 class LowPass:

@@ -5,45 +5,66 @@
 Four joints and three axes leave one motion that does not move the tip, along n with J n = 0. The posture term turns the
 gripper towards a pitch along n alone, so that it never presses the tip: n . J^T f = 0 for every f.
 
-The damping is in proportion to the mass matrix M. So all motions die away at the same rate a, heavy ones of the whole
-arm and light ones of the wrist alike; a damper at the tip that suits the heavy ones is, with the delay of the bus,
-unstable for the light ones. Owns the gains and their bounds. Knows no registers and no clock.
+The damping is in proportion to the mass matrix M, the rotors of the motors included. So all motions die away at the
+same rate a, heavy ones of the whole arm and light ones of the wrist alike; a damper at the tip that suits the heavy
+ones is, with the delay of the bus, unstable for the light ones. Owns the gains and their bounds. Knows no registers and
+no clock.
 """
 
 from math import hypot
 from typing import Final, NamedTuple
 
 from codec.vector import Vector
-from slave.robots.dynamixel.arm import LOWER, UPPER, Joints, Posture
+from slave.robots.dynamixel.arm import (
+    LEAST_ROTOR_INERTIA_KG_M2,
+    LOWER,
+    ROTOR_INERTIA_KG_M2,
+    UPPER,
+    Joints,
+    Posture,
+)
 
 
 class Gains(NamedTuple):
-    """Of the impedance; `stiffest` bounds them.
+    """Of the impedance; `stiffest` and `fastest_damping` bound them.
 
     Args:
         stiffness: of the tip [N/m].
         damping_rate: at which motion dies away [1/s].
         force: largest force of the spring [N].
+        rotor: inertia of each motor, seen at its joint, as the damping takes it to be [kg m^2].
     """
 
-    stiffness: float = 200.0
-    damping_rate: float = 50.0
+    stiffness: float = 400.0
+    damping_rate: float = 12.0
     force: float = 5.0
+    rotor: float = ROTOR_INERTIA_KG_M2
 
 
 SLOWEST_HZ: Final = 200.0
 """Rate of the bus below which a stiff wall under the tip makes it swing."""
 
 
-def stiffest(damping_rate: float, rate: float) -> float:
+def fastest_damping(rate: float, rotor: float) -> float:
+    """Damping rate up to which the arm is stable at a bus rate [Hz], with a whole cycle of delay [1/s].
+
+    A damper of rate b with a cycle T of delay and hold is stable for b T < 1. Where the rotors are lighter than the
+    damping takes them to be, the same torques damp that much faster: at worst by `rotor` over the least published
+    inertia. Half of that is left for a motor that turns an ampere into more torque than it should, and for contacts.
+    """
+    return rate * min(0.25, 0.5 * LEAST_ROTOR_INERTIA_KG_M2 / rotor)
+
+
+def stiffest(damping_rate: float, rate: float, rotor: float) -> float:
     """Stiffness of the tip up to which it is stable at a bus rate [Hz], with a whole cycle of delay [N/m].
 
-    A spring k that acts T = 1.5 periods late (one of delay, half of hold) drives a mass m as a damper of -k T would, so
-    k T < a m. The least that the tip weighs in any direction within the default workspace is 0.05 kg; half of that is
-    left to the springs of pitch and joint limits and to be safe. The rotors of the motors, left out here, make the tip
-    heavier and the bound safer.
+    A spring k that acts T = 1.5 periods late (one of delay, half of hold) pushes as a damper of -k T would, and the
+    damper is a m, so k T < a m. With m the mass that the damping takes the tip to have, this holds whatever the tip
+    weighs. The least m in any direction within the default workspace is 0.05 kg without rotors and more than 0.1 kg +
+    7.5 m^-2 times the inertia of a rotor with them; half of that is left to the springs of pitch and joint limits, to
+    contacts, and to be safe.
     """
-    return 0.026 * damping_rate * rate / 1.5
+    return (0.05 + 3.75 * rotor) * damping_rate * rate / 1.5
 
 
 # The springs of pitch and joint limits are in proportion to that of the tip, so that one bound is good for all [m^2].
@@ -72,7 +93,7 @@ def joint_torques(posture: Posture, rates: Joints, goal: Vector, pitch: float, g
     if length > most:
         x, y, z = x * most / length, y * most / length, z * most / length
     t1, t2, t3, t4 = posture.torques((x, y, z))
-    p1, p2, p3, p4 = posture.momentum(rates)
+    p1, p2, p3, p4 = posture.momentum(rates, gains.rotor)
     n2, n3, n4 = null_direction(posture)
     along = -_PITCH * k * (n2 + n3 + n4) * (posture.pitch - pitch)
     g1, g2, g3, g4 = posture.gravity

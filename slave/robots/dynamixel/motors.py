@@ -6,7 +6,7 @@ Owns the order in which that has to happen. Knows no kinematics: what the curren
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from enum import StrEnum
-from math import ceil
+from math import ceil, floor
 from typing import Final, TypeVar
 
 from hardware.fault import BadReply, HardwareFault
@@ -31,6 +31,11 @@ class OnClose(StrEnum):
     REST = "rest"
 
 
+def watchdog_units(watchdog_s: float) -> int:
+    """What stands in the register of a bus watchdog of at least this long [s]."""
+    return min(max(1, ceil(watchdog_s / registers.WATCHDOG_UNIT_S - 1e-9)), registers.WATCHDOG_MOST)
+
+
 class Motors:
     """The motors of the arm, on a bus that is theirs alone.
 
@@ -38,13 +43,15 @@ class Motors:
         bus: with their ids in the order of the joints.
         baud: its rate [bit/s], for complaints.
         watchdog_s: how long a motor that hears nothing goes on [s].
+        current: largest one that a motor is ever told to have [A].
     """
 
-    def __init__(self, bus: Bus, baud: int, watchdog_s: float) -> None:
+    def __init__(self, bus: Bus, baud: int, watchdog_s: float, current: float) -> None:
         self._bus = bus
         self._baud = baud
         self._watchdog_s = watchdog_s
-        self._watchdog = min(max(1, ceil(watchdog_s / registers.WATCHDOG_UNIT_S - 1e-9)), registers.WATCHDOG_MOST)
+        self._watchdog = watchdog_units(watchdog_s)
+        self._most = floor(current / registers.A_PER_COUNT)
         self._next = 0
         self.current_limit = 0
         """Largest goal current that all of them take [counts]."""
@@ -99,7 +106,7 @@ class Motors:
         Raises:
             BadReply, HardwareFault: as of the bus.
         """
-        for id_, goal in zip(self._bus.ids, goals, strict=True):
+        for number, (id_, goal) in enumerate(zip(self._bus.ids, goals, strict=True)):
             if self._read(id_, registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED:
                 self._write(id_, registers.BUS_WATCHDOG, 0)
             self._set_eeprom(id_, registers.RETURN_DELAY_TIME, 0)
@@ -108,6 +115,7 @@ class Motors:
             # A change of mode leaves the largest current as the goal: that it is gone must be sure before torque.
             self._write(id_, registers.GOAL_CURRENT, goal)
             self._write(id_, registers.TORQUE_ENABLE, 1)
+            self.command(goals[: number + 1])  # or the watchdogs of those before it would trip meanwhile
 
     def _set_eeprom(self, id_: int, register: Register, value: int) -> None:
         """EEPROM wears, and takes writes with the torque off only."""
@@ -116,11 +124,11 @@ class Motors:
             self._write(id_, register, value)
 
     def command(self, goals: Sequence[int]) -> None:
-        """Goal currents [counts], cut to what the motors take."""
-        limit = self.current_limit
+        """Goal currents [counts] of the motors from joint 1 on, cut to what they take and may have."""
+        limit = min(self.current_limit, self._most)
         self._bus.sync_write(
             registers.GOAL_CURRENT,
-            [(id_, min(max(goal, -limit), limit)) for id_, goal in zip(self._bus.ids, goals, strict=True)],
+            [(id_, min(max(goal, -limit), limit)) for id_, goal in zip(self._bus.ids, goals, strict=False)],
         )
 
     def present(self) -> list[Present]:
@@ -131,8 +139,8 @@ class Motors:
         return self._insist(self._bus.present)
 
     def slept(self, now: float) -> bool:
-        """Whether the bus was silent for so long that the watchdogs may have tripped."""
-        return now - self._bus.sent_at >= self._watchdog_s
+        """Whether the bus was silent, now or since `watch_all`, for so long that the watchdogs may have tripped."""
+        return max(self._bus.silence, now - self._bus.sent_at) >= self._watchdog_s
 
     def watch(self) -> None:
         """Look at one register of one motor, in turn: whether it still does what it is told, its answers do not say.
@@ -151,6 +159,7 @@ class Motors:
 
     def watch_all(self) -> None:
         """As `watch`, of everything."""
+        self._bus.silence = 0.0
         for id_ in self._bus.ids:
             self._check_watchdog(id_)
             self._check_torque(id_)
@@ -169,8 +178,14 @@ class Motors:
     def leave(self, hold: bool) -> None:
         """Hold the arm where it is by the motors' own position control, or let it go limp; never raises.
 
-        To hold, a motor has to change its mode, for which its torque is off for a few milliseconds. One that does not
-        answer is left as it is, and goes limp by its watchdog.
+        Nobody watches a motor that holds: its watchdog is off, and all that bounds it is its goal current, the largest
+        one it was ever told to have. Left on, the watchdog would end the hold at once; and in firmware with a homing
+        offset a motor has been seen to run away when it tripped in a mode that counts turns, as this one does
+        (ROBOTIS-GIT/DynamixelSDK, issue 584).
+
+        To hold, a motor has to change its mode, for which its torque is off for a few milliseconds. Its watchdog is
+        switched off only while its torque is: one that does not answer any more, or whose host is killed meanwhile,
+        goes limp by its watchdog, is limp, or holds within the bound.
         """
         for id_ in self._bus.ids:
             # An alarm has made its motor limp already, and must not keep the others from holding.
@@ -179,12 +194,11 @@ class Motors:
 
     def _leave_one(self, id_: int, hold: bool) -> None:
         position = self._bus.read(id_, registers.PRESENT_POSITION)
-        # What is begun from here on should be ended.
-        self._write(id_, registers.BUS_WATCHDOG, 0)
         self._write(id_, registers.TORQUE_ENABLE, 0)
+        self._write(id_, registers.BUS_WATCHDOG, 0)
         if hold:
             self._write(id_, registers.OPERATING_MODE, registers.MODE_CURRENT_BASED_POSITION)
-            self._write(id_, registers.GOAL_CURRENT, self.current_limit)
+            self._write(id_, registers.GOAL_CURRENT, min(self.current_limit, self._most))
             self._write(id_, registers.GOAL_POSITION, position)
             self._write(id_, registers.TORQUE_ENABLE, 1)
 

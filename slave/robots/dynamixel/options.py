@@ -1,17 +1,27 @@
 """What the file says of the arm, checked against what bus, mechanics and gains allow. Knows no thread."""
 
+from functools import lru_cache
 from itertools import product
-from math import floor, radians
+from math import ceil, floor, hypot, radians
 from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from codec.vector import Vector, add, scale
-from slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, Posture, inverse_nearest, posture
+from slave.robots.dynamixel.arm import (
+    AXIS_X_M,
+    COULOMB_N_M,
+    LEAST_ROTOR_INERTIA_KG_M2,
+    ROTOR_INERTIA_KG_M2,
+    VISCOUS_N_M_S,
+    Posture,
+    inverse_nearest,
+    posture,
+)
 from slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
 from slave.robots.dynamixel.exchange import Settings
 from slave.robots.dynamixel.external_force import Friction, force_error
-from slave.robots.dynamixel.impedance import SLOWEST_HZ, Gains, stiffest
+from slave.robots.dynamixel.impedance import SLOWEST_HZ, Gains, fastest_damping, stiffest
 from slave.robots.dynamixel.motors import OnClose
 from slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
 
@@ -42,12 +52,13 @@ class DynamixelOptions(BaseModel):
         default=10.0, ge=2.0, le=100.0, description="how much later than its time on the wire an answer may come"
     )
     bus_watchdog_ms: float = Field(
-        default=200.0, ge=20.0, le=2540.0, description="without any instruction for so long, the motors go limp"
+        default=80.0, ge=20.0, le=2540.0, description="without any instruction for so long, the motors go limp"
     )
     reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for an arm that is gone")
     on_close: OnClose = Field(
         default=OnClose.HOLD,
-        description="hold: the motors keep the arm where it is; limp: it drops; rest: goes home, then limp",
+        description="hold: the motors keep the arm where it is, with no more than max_current_ma; limp: it drops; "
+        "rest: goes home, then limp",
     )
     home_m: Vector = Field(default=(0.14, 0.0, 0.06), description="where `on_close: rest` puts the tip")
     workspace_m: Workspace = Field(
@@ -56,18 +67,24 @@ class DynamixelOptions(BaseModel):
     pitch_deg: float | None = Field(
         default=None, ge=-90.0, le=90.0, description="of the gripper, positive down; if not given, that at opening"
     )
-    stiffness_n_m: float = Field(default=200.0, gt=0.0, description="of the tip; bounded by damping and rate")
-    damping_rate_s: float = Field(default=50.0, gt=0.0, description="at which motion dies away [1/s]")
+    stiffness_n_m: float = Field(default=400.0, gt=0.0, description="of the tip; bounded by damping and rate")
+    damping_rate_s: float = Field(default=12.0, gt=0.0, description="at which motion dies away [1/s]")
+    rotor_inertia_kg_m2: float = Field(
+        default=ROTOR_INERTIA_KG_M2,
+        ge=LEAST_ROTOR_INERTIA_KG_M2,
+        le=0.2,
+        description="of each motor, seen at its joint; the damping is in proportion to it",
+    )
     force_n: float = Field(
         default=5.0, gt=0.0, le=20.0, description="largest force of the tip's spring, and largest one reported"
     )
-    max_current_ma: float = Field(default=1000.0, ge=450.0, le=3200.0, description="largest current of a motor")
+    max_current_ma: float = Field(default=1000.0, ge=650.0, le=3200.0, description="largest current of a motor")
     approach_m_s: float = Field(
         default=0.1, gt=0.0, le=0.5, description="speed towards the commands after opening or a pause"
     )
     torque_constant_n_m_a: float = Field(default=1.78, gt=0.1, lt=10.0, description="of the motors with their gears")
     torque_constant_error: float = Field(
-        default=0.25, ge=0.0, lt=1.0, description="share by which it may be wrong; smaller after a calibration"
+        default=0.4, ge=0.0, lt=1.0, description="share by which it may be wrong; smaller after a calibration"
     )
     coulomb_n_m: PerJoint = Field(default=COULOMB_N_M, description="dry friction of the joints")
     viscous_n_m_s: PerJoint = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
@@ -104,9 +121,13 @@ class DynamixelOptions(BaseModel):
 
     @model_validator(mode="after")
     def check_gains(self) -> Self:
-        if self.damping_rate_s > 0.25 * self.rate_hz:
-            raise ValueError(f"damping_rate_s: expected {0.25 * self.rate_hz:.0f} or less at {self.rate_hz:g} Hz")
-        most = stiffest(self.damping_rate_s, self.rate_hz)
+        fastest = fastest_damping(self.rate_hz, self.rotor_inertia_kg_m2)
+        if self.damping_rate_s > fastest:
+            raise ValueError(
+                f"damping_rate_s: expected {fastest:.1f} or less at {self.rate_hz:g} Hz with rotor_inertia_kg_m2 "
+                f"{self.rotor_inertia_kg_m2:g}"
+            )
+        most = stiffest(self.damping_rate_s, self.rate_hz, self.rotor_inertia_kg_m2)
         if self.stiffness_n_m > most:
             raise ValueError(
                 f"stiffness_n_m: expected {most:.0f} or less, more is unstable at {self.rate_hz:g} Hz with "
@@ -141,7 +162,7 @@ def settings_of(options: DynamixelOptions) -> Settings:
         rate=options.rate_hz,
         margin=1e-3 * (options.timeout_ms + options.latency_ms),
         watchdog=1e-3 * options.bus_watchdog_ms,
-        gains=Gains(options.stiffness_n_m, options.damping_rate_s, options.force_n),
+        gains=Gains(options.stiffness_n_m, options.damping_rate_s, options.force_n, options.rotor_inertia_kg_m2),
         pitch=None if options.pitch_deg is None else radians(options.pitch_deg),
         torque_constant=options.torque_constant_n_m_a,
         current=1e-3 * options.max_current_ma,
@@ -152,16 +173,32 @@ def settings_of(options: DynamixelOptions) -> Settings:
     )
 
 
+@lru_cache(maxsize=8)
 def worst_force_error(options: DynamixelOptions) -> tuple[float, float]:
-    """Of the estimate at rest, on a grid over the workspace: newtons and share."""
-    friction = Friction(options.coulomb_n_m, options.viscous_n_m_s)
-    return max(force_error(there, friction, options.torque_constant_error) for there in postures(options))
+    """Of the estimate at rest, over the workspace: newtons, rounded up to a half as the grid is coarse, and share."""
+    friction, share = Friction(options.coulomb_n_m, options.viscous_n_m_s), options.torque_constant_error
+    newtons = max(force_error(there, friction, share)[0] for there in postures(options))
+    return (0.5 * ceil(2.0 * newtons), share)
 
 
-def postures(options: DynamixelOptions, count: int = 3) -> list[Posture]:
-    """On a grid over the workspace, with the pitch nearest to the one wanted (0 where none is)."""
-    low, high = options.workspace_m
-    axes = [[a + (b - a) * i / (count - 1) for i in range(count)] for a, b in zip(low, high, strict=True)]
+def postures(options: DynamixelOptions, count: int = 25) -> list[Posture]:
+    """On a grid over the workspace, with the pitch nearest to the one wanted (0 where none is).
+
+    Joint 1 turns the arm without changing how its other joints stand, so the grid is one of reach and height.
+    """
+    (x0, y0, low), (x1, y1, high) = options.workspace_m
+    near = hypot(_least(x0 - AXIS_X_M, x1 - AXIS_X_M), _least(y0, y1))
+    far = hypot(max(abs(x0 - AXIS_X_M), abs(x1 - AXIS_X_M)), max(abs(y0), abs(y1)))
     pitch = radians(options.pitch_deg or 0.0)
-    found = (inverse_nearest(point, pitch) for point in product(axes[0], axes[1], axes[2]))
+    points = product(_spread(AXIS_X_M + near, AXIS_X_M + far, count), _spread(low, high, count))
+    found = (inverse_nearest((x, 0.0, z), pitch) for x, z in points)
     return [posture(joints) for joints in found if joints is not None]
+
+
+def _least(low: float, high: float) -> float:
+    """Distance of a range from 0."""
+    return max(low, -high, 0.0)
+
+
+def _spread(low: float, high: float, count: int) -> list[float]:
+    return [low + (high - low) * number / (count - 1) for number in range(count)]

@@ -14,6 +14,7 @@ from hardware.serial_port import SerialPort
 from slave.emulators import EMULATORS, load
 from slave.emulators.dynamics import STILL
 from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from slave.emulators.links import ROTOR_INERTIA
 from slave.emulators.pose import Pose
 from slave.robots.dynamixel import packet
 from slave.robots.dynamixel.arm import posture
@@ -50,7 +51,7 @@ def test_the_table_loads_it() -> None:
         {"start_rad": (0.0, 2.0, 0.0, 0.0)},
         {"unknown": 1},
         {"scene": [{"shape": "plane", "point_m": (0.0, 0.0, 0.3), "stiffness_n_m": 500.0}]},
-        {"friction": float("nan")},
+        {"coulomb_n_m": (0.1, 0.1, 0.1, float("nan"))},
     ],
 )
 def test_options_that_make_no_sense(options: dict[str, object]) -> None:
@@ -85,13 +86,13 @@ def test_nobody_holds_it() -> None:
 
 
 def test_a_current_turns_its_joint_with_the_ratio_of_stall_torque_to_stall_current() -> None:
-    host = arm(start_rad=(0.0, 0.0, 0.0, 0.0), friction=0.0, current_noise_ma=0.0)
+    host = arm(start_rad=(0.0, 0.0, 0.0, 0.0), coulomb_n_m=STILL, viscous_n_m_s=STILL, current_noise_ma=0.0)
     host.current_control(11, 12, 13, 14)
     host.ask(packet.sync_write(102, 2, [(11, (10).to_bytes(2, "little"))]), patience=0.01)
     measured = host.read(11, 126, 2)
     assert measured == 10
     torque = 10 * 2.69e-3 * 4.1 / 2.3
-    began, (a, _) = host.emulator.arm.velocities[0], Pose(host.emulator.arm.angles).equations(STILL, 0.005)
+    began, (a, _) = host.emulator.arm.velocities[0], Pose(host.emulator.arm.angles).equations(STILL, ROTOR_INERTIA)
     host.wait(0.004)
     assert host.emulator.arm.velocities[0] - began == pytest.approx(torque / a[0] * 0.004, rel=0.1)
     assert host.emulator.currents[0] == pytest.approx(10 * 2.69e-3)
@@ -198,7 +199,7 @@ class TestFaults:
         assert host.write(11, 102, 2, 1) == packet.DATA_RANGE_ERROR
 
     def test_a_stuck_encoder(self) -> None:
-        host = arm(held=False)
+        host = arm(held=False, coulomb_n_m=STILL)
         host.emulator.inject("stuck_encoder", 2)
         host.wait(0.001)
         before = host.read(12, 132, 4), host.read(13, 132, 4)
@@ -211,7 +212,7 @@ class TestFaults:
         assert host.read(12, 132, 4) != before[0]
 
     def test_a_stuck_encoder_misleads_position_control(self) -> None:
-        host = arm(held=False, friction=0.1)
+        host = arm(held=False, coulomb_n_m=STILL)
         host.emulator.inject("stuck_encoder", 1)
         assert host.write(11, 116, 4, 2148) == 0
         assert host.write(11, 64, 1, 1) == 0

@@ -215,7 +215,7 @@ class TestBusWatchdog:
         assert host.read(11, 98, 1) == 1
 
     def test_in_position_control_the_motor_stops_where_it_is(self) -> None:
-        host = Host(DynamixelEmulator(DynamixelOptions(held=False, friction=0.1)))
+        host = Host(DynamixelEmulator(DynamixelOptions(held=False, coulomb_n_m=(0.0, 0.0, 0.0, 0.0))))
         for id_ in (11, 12, 13, 14):
             assert host.write(id_, 116, 4, 3000) == 0
         assert host.write(11, 98, 1, 1) == 0

@@ -91,7 +91,7 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
     with PtyDevice(emulator, folder / "arm") as wire:
         driver = load("dynamixel")
         # Patient with a machine that stalls; what it does then is the business of its own tests.
-        options = driver.Options(port=str(wire.path), bus_watchdog_ms=2000.0, timeout_ms=100.0)
+        options = driver.Options(port=str(wire.path), bus_watchdog_ms=2000.0, timeout_ms=100.0, approach_m_s=0.2)
         robot = driver(options, None, TICK)
         faults = {
             "unplug": wire.unplug,
@@ -109,7 +109,7 @@ def dynamixel(folder: Path) -> Iterator[Bench]:
                 above=(0.20, 0.02, floor + 0.04),
                 below=(0.20, 0.02, floor - 0.02),
                 tolerance_m=0.012,
-                settle_ticks=800,
+                settle_ticks=1200,
                 driven=lambda: max(map(abs, emulator.currents)),
                 faults=faults,
             )

@@ -102,7 +102,7 @@ def test_the_ground_pushes_back_up(bench: Bench) -> None:
     assert norm(free) <= absolute + 1e-6, "nothing is touched"
     approach(bench, bench.below)
     forces = [robot.latest(now).force for now in bench.hold(bench.below, 300)]
-    felt = forces[-1]
+    felt = sorted(forces, key=lambda force: force[2])[len(forces) // 2]  # a host that stalls lets go for a moment
     assert felt[2] > 1.0
     assert dot(felt, (0.0, 0.0, 1.0)) > 0.8 * norm(felt) - absolute
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from slave.robots.dynamixel.arm import VISCOUS_N_M_S, Joints, inverse_nearest, posture
+from slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, VISCOUS_N_M_S, Joints, inverse_nearest, posture
 from slave.robots.dynamixel.impedance import Gains, joint_torques
 from slave.robots.dynamixel.options import DynamixelOptions
 
@@ -29,7 +29,8 @@ def largest_eigenvalue(
     gains: Gains,
     period: float,
     *,
-    rotor: float = 0.0,
+    rotor: float = ROTOR_INERTIA_KG_M2,
+    torque: float = 1.0,
     viscous: float = 0.0,
     wall: float = 0.0,
 ) -> float:
@@ -39,11 +40,12 @@ def largest_eigenvalue(
         joints: about which the arm moves a little [rad].
         gains: of the impedance.
         period: of the cycle [s].
-        rotor: inertia of each motor at its joint [kg m^2].
+        rotor: inertia that each motor really has at its joint [kg m^2]; the gains say what the damping takes it to be.
+        torque: that an ampere really makes, over what it is taken for.
         viscous: factor on the friction of the joints.
         wall: stiffness of a floor that the tip is in [N/m].
     """
-    mass = _mass(joints) + rotor * np.eye(4)
+    mass = _mass(joints, rotor)
     up = np.array(posture(joints).jacobian()[2])
     springs = wall * np.outer(up, up)
     friction = viscous * np.diag(VISCOUS_N_M_S)
@@ -51,7 +53,7 @@ def largest_eigenvalue(
     motion = np.block([[np.zeros((4, 4)), np.eye(4)], [-inverse @ springs, -inverse @ friction]])
     drive = np.vstack([np.zeros((4, 4)), inverse])
     held = _exponential(np.block([[motion, drive], [np.zeros((4, 12))]]) * period)
-    step = np.block([[held[:8, :8], held[:8, 8:]], [_feedback(joints, gains), np.zeros((4, 4))]])
+    step = np.block([[held[:8, :8], held[:8, 8:]], [torque * _feedback(joints, gains), np.zeros((4, 4))]])
     return float(max(abs(np.linalg.eigvals(step))))
 
 
@@ -68,9 +70,9 @@ def _feedback(joints: Joints, gains: Gains) -> Matrix:
     return differences.T * (0.5 / step)
 
 
-def _mass(joints: Joints) -> Matrix:
+def _mass(joints: Joints, rotor: float) -> Matrix:
     here = posture(joints)
-    return np.array([here.momentum(_four(e)) for e in np.eye(4)])
+    return np.array([here.momentum(_four(e), rotor) for e in np.eye(4)])
 
 
 def _four(values: Matrix) -> Joints:

@@ -7,6 +7,7 @@ from time import monotonic, sleep
 from typing import Any
 
 import pytest
+import yaml
 from pydantic import ValidationError
 
 from codec.vector import Vector, distance
@@ -20,6 +21,7 @@ from slave.robots.dynamixel.bus import Bus
 from slave.robots.dynamixel.driver import DynamixelRobot
 from slave.robots.dynamixel.options import DynamixelOptions, corners
 from slave.scenes.scene import Scene
+from tests.weberlink.systems import CONFIGS
 
 PATIENCE = 10.0
 TICK = 0.001
@@ -83,13 +85,23 @@ def test_the_spec_states_lag_and_uncertainty() -> None:
     spec = DynamixelRobot(DynamixelOptions(), None, TICK).spec
     assert spec.lag_s == pytest.approx(0.004 + 0.001 + 10e-6 * (18 + 84))
     newtons, share = spec.force_error
-    assert 1.0 < newtons < 4.0
-    assert share == 0.25
+    assert (newtons, share) == (6.0, 0.4)
     assert spec.rate_hz == 250.0
     assert "estimated from motor currents" in spec.note
     better = DynamixelRobot(DynamixelOptions(torque_constant_error=0.05), None, TICK).spec
-    assert better.force_error[0] < 0.6 * newtons
-    assert better.force_error[1] == 0.05
+    assert better.force_error == (4.0, 0.05)
+    down = DynamixelRobot(DynamixelOptions(pitch_deg=45.0), None, TICK).spec
+    assert down.force_error == (2.5, 0.4)
+    assert spec.watchdog_s == pytest.approx(0.08)
+    assert DynamixelRobot(DynamixelOptions(bus_watchdog_ms=90.0), None, TICK).spec.watchdog_s == pytest.approx(0.1)
+
+
+def test_the_example_sends_nothing_finer_than_its_arm_can_tell() -> None:
+    example = yaml.safe_load((CONFIGS / "phantom-arm.yaml").read_text())
+    options = {name: value for name, value in example["slave"]["robot"].items() if name != "driver"}
+    spec = DynamixelRobot(DynamixelOptions.model_validate(options), None, TICK).spec
+    assert example["codec"]["force"]["floor_n"] > spec.force_error[0]
+    assert example["codec"]["force"]["floor_n"] < spec.force_n, "or nothing is ever felt"
 
 
 def test_it_has_no_use_for_a_scene() -> None:
@@ -106,8 +118,9 @@ def test_it_has_no_use_for_a_scene() -> None:
         ({"baud": 57_600}, "baud: expected more: at 57600 bit/s .* takes 23.2 ms, and the arm needs 200 Hz"),
         ({"rate_hz": 1000.0}, "rate_hz: expected 438 or less"),
         ({"rate_hz": 100.0}, "greater than or equal to 200"),
-        ({"stiffness_n_m": 400.0}, "stiffness_n_m: expected 217 or less, more is unstable at 250 Hz"),
-        ({"damping_rate_s": 80.0}, "damping_rate_s: expected 62 or less at 250 Hz"),
+        ({"stiffness_n_m": 500.0}, "stiffness_n_m: expected 438 or less, more is unstable at 250 Hz"),
+        ({"damping_rate_s": 80.0}, "damping_rate_s: expected 13.9 or less at 250 Hz with rotor_inertia_kg_m2 0.045"),
+        ({"damping_rate_s": 80.0, "rotor_inertia_kg_m2": 0.005}, "damping_rate_s: expected 62.5 or less at 250 Hz"),
         ({"bus_watchdog_ms": 20.0, "timeout_ms": 15.0}, "bus_watchdog_ms: expected at least twice timeout_ms, 30"),
         ({"workspace_m": ((0.2, -0.1, 0.1), (0.1, 0.1, 0.2))}, "workspace_m: expected a lower and a higher corner"),
         ({"workspace_m": ((0.12, -0.1, 0.1), (0.4, 0.1, 0.2))}, "workspace_m: expected corners that the arm reaches"),
@@ -121,7 +134,7 @@ def test_what_cannot_work_is_refused(options: dict[str, Any], says: str) -> None
 
 
 def test_a_faster_bus_allows_a_stiffer_tip() -> None:
-    options = DynamixelOptions(baud=3_000_000, rate_hz=500.0, damping_rate_s=80.0, stiffness_n_m=600.0)
+    options = DynamixelOptions(baud=3_000_000, rate_hz=500.0, damping_rate_s=25.0, stiffness_n_m=1500.0)
     assert options.reading_s < 0.0015
     assert len(corners(options.workspace_m)) == 9
 

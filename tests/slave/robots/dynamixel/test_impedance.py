@@ -8,12 +8,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from codec.vector import ZERO, Vector, add
-from slave.robots.dynamixel.arm import LOWER, UPPER, Joints, posture, within_limits
+from slave.robots.dynamixel.arm import (
+    LEAST_ROTOR_INERTIA_KG_M2,
+    LOWER,
+    ROTOR_INERTIA_KG_M2,
+    UPPER,
+    Joints,
+    posture,
+    within_limits,
+)
 from slave.robots.dynamixel.impedance import (
     LIMIT_MARGIN_RAD,
     SLOWEST_HZ,
     Gains,
     currents,
+    fastest_damping,
     joint_torques,
     null_direction,
     stiffest,
@@ -43,8 +52,9 @@ def test_at_its_goal_the_arm_is_held_against_its_weight_and_no_more(joints: Join
 
 @given(free, offsets)
 def test_the_tip_is_pulled_to_its_goal_by_a_bounded_spring(joints: Joints, offset: Vector) -> None:
-    stretched = 200.0 * hypot(*offset)
-    scale = 200.0 * min(1.0, 5.0 / stretched) if stretched > 0.0 else 0.0
+    stiffness = Gains().stiffness
+    stretched = stiffness * hypot(*offset)
+    scale = stiffness * min(1.0, 5.0 / stretched) if stretched > 0.0 else 0.0
     x, y, z = offset
     wanted = posture(joints).torques((scale * x, scale * y, scale * z))
     assert torque(joints, offset) == pytest.approx(wanted, abs=1e-9)
@@ -54,8 +64,9 @@ def test_the_tip_is_pulled_to_its_goal_by_a_bounded_spring(joints: Joints, offse
 def test_the_damper_only_takes_energy(joints: Joints, speeds: Joints) -> None:
     power = sum(tau * rate for tau, rate in zip(torque(joints, ZERO, speeds), speeds, strict=True))
     assert power <= 0.0
-    energy = 0.5 * sum(p * rate for p, rate in zip(posture(joints).momentum(speeds), speeds, strict=True))
-    assert power == pytest.approx(-2.0 * 50.0 * energy, abs=1e-9), "all motion dies away at the same rate"
+    gains = Gains()
+    energy = 0.5 * sum(p * rate for p, rate in zip(posture(joints).momentum(speeds, gains.rotor), speeds, strict=True))
+    assert power == pytest.approx(-2.0 * gains.damping_rate * energy, abs=1e-9), "all motion dies away at the same rate"
 
 
 @given(free, st.floats(-1.0, 1.0))
@@ -100,20 +111,53 @@ def test_no_current_is_beyond_the_limit(torques: Joints, most: float) -> None:
         assert amperes == pytest.approx(max(-most, min(most, tau / 1.78)))
 
 
-@pytest.mark.parametrize(("rate", "damping"), [(250.0, 50.0), (SLOWEST_HZ, 50.0), (250.0, 30.0), (400.0, 100.0)])
-def test_up_to_its_bound_it_is_stable_all_over_the_workspace(rate: float, damping: float) -> None:
-    gains = Gains(stiffest(damping, rate), damping)
+SPREAD = [(LEAST_ROTOR_INERTIA_KG_M2, 2.48), (LEAST_ROTOR_INERTIA_KG_M2, 1.65), (0.045, 2.48), (0.1, 2.48), (0.1, 1.65)]
+"""What motors may really be: the inertias [kg m^2] and torque constants [N m/A] that are published, and beyond."""
+
+
+@pytest.mark.parametrize("rotor", [LEAST_ROTOR_INERTIA_KG_M2, 0.02, ROTOR_INERTIA_KG_M2])
+@pytest.mark.parametrize("rate", [SLOWEST_HZ, 250.0, 400.0])
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: float, share: float) -> None:
+    damping = share * fastest_damping(rate, rotor)
+    gains = Gains(stiffest(damping, rate, rotor), damping, rotor=rotor)
     for joints in workspace():
-        assert largest_eigenvalue(joints, gains, 1.0 / rate) < 1.0, "in free space, without any friction"
-        assert largest_eigenvalue(joints, gains, 1.0 / rate, viscous=1.0, wall=2000.0) < 1.0
-        assert largest_eigenvalue(joints, gains, 1.0 / rate, rotor=0.005, wall=2000.0) < 1.0
+        for true_rotor, constant in SPREAD:
+            for wall in (0.0, 2000.0):
+                largest = largest_eigenvalue(
+                    joints, gains, 1.0 / rate, rotor=true_rotor, torque=constant / 1.78, wall=wall
+                )
+                assert largest < 1.0, f"{joints}, {true_rotor} kg m^2, {constant} N m/A, a wall of {wall} N/m"
 
 
-def test_the_bound_is_near_where_it_swings_up() -> None:
-    gains = Gains(2.0 * stiffest(50.0, 250.0), 50.0)
-    assert max(largest_eigenvalue(joints, gains, 1.0 / 250.0) for joints in workspace()) > 1.02
+@given(poses, st.sampled_from(SPREAD), st.sampled_from((LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2)))
+def test_within_its_bounds_it_is_stable_up_to_the_joint_limits(
+    joints: Joints, motor: tuple[float, float], rotor: float
+) -> None:
+    damping = fastest_damping(250.0, rotor)
+    gains = Gains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
+    largest = largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=motor[0], torque=motor[1] / 1.78)
+    assert largest < 1.0 + 1e-9, "1 where no spring holds a joint"
+
+
+def test_a_damping_made_for_light_rotors_is_unstable_when_it_takes_them_for_heavy_ones() -> None:
+    """Why the bound on the damping depends on the inertia: 50/s was the default when the rotors were left out."""
+    assert fastest_damping(250.0, LEAST_ROTOR_INERTIA_KG_M2) > 50.0 > fastest_damping(250.0, ROTOR_INERTIA_KG_M2)
+    gains = Gains(200.0, 50.0)
+    light = max(
+        largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=LEAST_ROTOR_INERTIA_KG_M2) for joints in workspace()
+    )
+    assert light > 1.02
+
+
+@pytest.mark.parametrize("rotor", [LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2])
+def test_the_bound_is_near_where_it_swings_up(rotor: float) -> None:
+    damping = 0.5 * fastest_damping(250.0, rotor)
+    gains = Gains(3.0 * stiffest(damping, 250.0, rotor), damping, rotor=rotor)
+    assert max(largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=rotor) for joints in workspace()) > 1.0
 
 
 def test_the_defaults_are_within_the_bound() -> None:
     gains = Gains()
-    assert gains.stiffness <= stiffest(gains.damping_rate, 250.0)
+    assert gains.damping_rate <= fastest_damping(250.0, gains.rotor)
+    assert gains.stiffness <= stiffest(gains.damping_rate, 250.0, gains.rotor)

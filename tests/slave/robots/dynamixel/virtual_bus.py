@@ -16,11 +16,19 @@ class VirtualTime:
     def __init__(self) -> None:
         self.now = 100.0
 
+        self.stall_s = 0.0
+        """How much longer than asked for the next pause lasts [s]."""
+
     def clock(self) -> float:
         return self.now
 
     def pause(self, time: float) -> None:
-        self.now += time
+        self.now += time + self.stall_s
+        self.stall_s = 0.0
+
+
+class KilledError(BaseException):
+    """The host ends here: nothing that comes after this is sent."""
 
 
 class VirtualPort:
@@ -40,11 +48,17 @@ class VirtualPort:
         self.latency = latency
         self._reader = PacketReader()
         self.closed = False
+        self.killed_after: int | None = None
+        """Instructions that still get out before the host is gone; None for all."""
         self.sent: list[Packet] = []
         """All instructions."""
 
     def write(self, data: bytes) -> None:
         assert not self.closed
+        if self.killed_after is not None:
+            if self.killed_after == 0:
+                raise KilledError
+            self.killed_after -= 1
         self.sent += self._reader.feed(data)
         self._emulator.receive(data, self._time.now)
 
