@@ -308,6 +308,11 @@ class Endpoint:
             session.sender.heartbeats.asked()  # the peer should know at once
             self._due = None
 
+    def forget(self) -> None:
+        """The owner holds none of the peer's updates any more; the peer is told to send complete ones."""
+        if self._session is not None:
+            self._session.forget()
+
     def send_update(
         self,
         now: float,
@@ -412,8 +417,9 @@ class Endpoint:
             is_engaged = self.state is State.ENGAGED
             if is_engaged:
                 self._watch_encoder(now)
-                for stream in session.sender.give_up(now):
-                    self._mailbox.tell(UpdateLost(stream))
+                if self._is_encoding:
+                    for stream in session.sender.give_up(now):
+                        self._mailbox.tell(UpdateLost(stream))
             while (
                 datagram := session.sender.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding)
             ) is not None:
@@ -427,6 +433,7 @@ class Endpoint:
             return
         if now >= self.silent_at:
             self._turn(Trigger.FALL_SILENT)
+            self._session.forget()
             self._mailbox.tell(PeerSilent(now - self.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
             if self._role is Role.INITIATOR:
                 self._call(now)

@@ -39,7 +39,10 @@ class UpdateReceived(NamedTuple):
 
 
 class UpdateLost(NamedTuple):
-    """Our newest update of a stream has not arrived within the silence limit; the owner should send a new state."""
+    """The peer does not hold our newest update of a stream; the owner should send a new state.
+
+    It has forgotten it, or the update has not arrived within the silence limit.
+    """
 
     stream: int
 

@@ -141,6 +141,7 @@ class Sender:
             raise ValueError(f"tick must not be negative, not {tick}")
         own = self._streams[stream]
         own.layout.check(selector, newest, gap, previous)
+        own.is_forgotten = False
         own.update = PendingUpdate(tick, selector, newest, gap, previous)
         sequence, datagram = self._seal_update(own, own.update, now)
         own.repetition.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
@@ -203,7 +204,7 @@ class Sender:
         return self._seal(sequence, clear, now)
 
     def _seal_update(self, stream: Stream, update: PendingUpdate, now: float) -> tuple[int, bytes]:
-        if stream.would_mistake(self._next_sequence):
+        while stream.would_mistake(self._next_sequence):
             self._next_sequence += 1
         sequence = self._number(now)
         clear = stream.layout.pack(
@@ -252,7 +253,7 @@ class Sender:
             return due
         if is_encoding:
             for stream in self._streams:
-                due = min(due, self._repeat_due(stream))
+                due = min(due, -inf if stream.is_forgotten else self._repeat_due(stream))
         return min(due, self.accord.due)
 
     def handle_timer(self, now: float, *, is_engaged: bool, is_encoding: bool) -> bytes | None:
@@ -268,11 +269,18 @@ class Sender:
         return self.send_heartbeat(now, is_encoding=is_engaged and is_encoding)
 
     def give_up(self, now: float) -> list[int]:
-        """Streams whose newest update has not arrived and is older than the peer executes: it is not repeated."""
-        late = [stream for stream, own in enumerate(self._streams) if own.repetition.is_late(now, self._silence)]
-        for stream in late:
-            self._streams[stream].repetition.abandon()
-        return late
+        """Streams of which the peer needs a new state.
+
+        It has forgotten the newest update, or that has not arrived and is older than the peer executes: then it is
+        repeated no more.
+        """
+        lost = []
+        for stream, own in enumerate(self._streams):
+            if own.is_forgotten or own.repetition.is_late(now, self._silence):
+                own.is_forgotten = False
+                own.repetition.abandon()
+                lost.append(stream)
+        return lost
 
     def _repeat_due(self, stream: Stream) -> float:
         repetition = stream.repetition
@@ -283,10 +291,10 @@ class Sender:
             return repetition.due_at(0.0, UNMEASURED_RTT)
         return repetition.due_at(rtt, rtt + self._clock.late + SLACK + 1.5 * self.heartbeats.interval)
 
-    def acknowledge(self, ack: int, departure: float, stream: int = 0) -> None:
+    def acknowledge(self, ack: int, departure: float, stream: int = 0, *, is_newest: bool = True) -> None:
         """Take the acknowledgement of a stream in a datagram that left the peer then [s, its clock]."""
         own = self._streams[stream]
-        if own.acknowledge(ack):
+        if own.acknowledge(ack, is_newest=is_newest):
             return
         arrived = self._clock.arrival_bound(own.repetition.sent_at)
         if arrived is not None and departure > arrived + SLACK:

@@ -193,6 +193,11 @@ class Session:
         if self.clock.is_plausible(departure, now):
             self.clock.record(departure, now)
 
+    def forget(self) -> None:
+        """The peer's updates are held no more: acknowledge none, so that it sends complete ones."""
+        self.sender.delivered = [0] * len(self.sender.delivered)
+        self._held_ticks = [0] * len(self._held_ticks)
+
     def authenticate(self, data: bytes) -> Opened | None:
         """Whether a datagram, of the right length, is of this session; changes nothing."""
         sequence = expand_counter(sequence_of(data), SEQUENCE_BITS, self._replay.newest + 1)
@@ -218,6 +223,7 @@ class Session:
             self._protection.rekey_incoming()
             self._incoming_phase = first & PHASE
         self._raise_floor(now)
+        is_newest = sequence > self._replay.newest
         self._replay.mark(sequence)
         self._statistics.lost += self._loss.record(sequence)
         self.sender.is_confirmed = True
@@ -228,7 +234,7 @@ class Session:
         if sequence <= self._floor:
             return DropReason.STALE
         self.clock.record(departure, now)
-        body = self._take_acks(head, body, departure)
+        body = self._take_acks(head, body, departure, is_newest=is_newest)
         if head.kind == _BYE:
             return PeerClosed(unpack_bye(body))
         if head.kind == _HEARTBEAT and not self._take_report(sequence, unpack_report(body)):
@@ -249,15 +255,15 @@ class Session:
         if now - self._marked_at >= self._parameters.silence:
             self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
 
-    def _take_acks(self, head: Head, body: bytes, departure: float) -> bytes:
+    def _take_acks(self, head: Head, body: bytes, departure: float, *, is_newest: bool) -> bytes:
         """What the datagram acknowledges of each stream of ours; returns the rest of it."""
-        self.sender.acknowledge(head.ack, departure)
+        self.sender.acknowledge(head.ack, departure, is_newest=is_newest)
         count = self._incoming.further_acks
         if not count or head.kind in _WITHOUT_TAIL:
             return body
         rest, acks = split_acks(body, count)
         for stream, ack in enumerate(acks, 1):
-            self.sender.acknowledge(ack, departure, stream)
+            self.sender.acknowledge(ack, departure, stream, is_newest=is_newest)
         return rest
 
     def _deliver(self, sequence: int, head: Head, departure: float, body: bytes, now: float) -> Outcome:

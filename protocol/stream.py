@@ -24,21 +24,29 @@ class Stream:
         layout: of the updates.
         update: the newest; None before the first.
         repetition: of it.
+        is_forgotten: whether the peer has said that it holds the newest update no more.
     """
 
-    __slots__ = ("_last_ack", "layout", "repetition", "update")
+    __slots__ = ("_last_ack", "is_forgotten", "layout", "repetition", "update")
 
     def __init__(self, layout: UpdateLayout) -> None:
         self.layout = layout
         self.update: PendingUpdate | None = None
         self.repetition = Repetition()
+        self.is_forgotten = False
         self._last_ack = 0
 
     def would_mistake(self, sequence: int) -> bool:
-        """Whether an acknowledgement 2^16 datagrams old would look like one of an update of this number."""
-        return sequence & ACKNOWLEDGEMENT_MASK == self._last_ack
+        """Whether an acknowledgement of nothing, or one 2^16 datagrams old, would look like one of this number."""
+        return sequence & ACKNOWLEDGEMENT_MASK in (0, self._last_ack)
 
-    def acknowledge(self, ack: int) -> bool:
-        """Take an acknowledgement of this stream; False if the newest update is not known to have arrived."""
+    def acknowledge(self, ack: int, *, is_newest: bool) -> bool:
+        """Take an acknowledgement of this stream; False if the newest update is not known to have arrived.
+
+        A peer that acknowledges nothing after it had acknowledged the newest update has forgotten it.
+        """
         self._last_ack = ack
-        return not self.repetition.is_pending or self.repetition.acknowledge(ack)
+        if self.repetition.is_pending:
+            return self.repetition.acknowledge(ack)
+        self.is_forgotten |= is_newest and ack == 0 and self.update is not None
+        return True

@@ -333,6 +333,7 @@ class SlaveLoop:
             self.control.resume(self.endpoint.peer_credit)
         elif self._is_led and not is_led:
             self.decoder.reset()
+            self.endpoint.forget()
             self._guard.release(self._force, self._where)
             if self.rotation is not None:
                 self.rotation.decoder.reset()

