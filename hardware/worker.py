@@ -11,9 +11,10 @@ from contextlib import suppress
 from select import select
 from threading import Event, Thread, current_thread
 from time import monotonic
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 from hardware.fault import BadReply, HardwareFault
+from hardware.guardian import Guardian
 
 Command = TypeVar("Command")
 Sample = TypeVar("Sample")
@@ -52,12 +53,21 @@ class Exchange(Protocol[Command_contra, Sample_co]):
         ...
 
 
+@runtime_checkable
+class Guarded(Protocol):
+    """An exchange with a device whose board keeps the last force when its host falls silent."""
+
+    guardian: Guardian | None
+    """None where the device is to have no force."""
+
+
 class Worker(Generic[Command, Sample]):
     """Runs an exchange in a thread.
 
     After a bad reply the command is `rest` until a reply is good again; it is `rest` too while the last command is
-    older than `stale`: the loop that gives it may be what has failed. After `bad_replies` of them in a row, or when the
-    device is gone, the fault stands, unless there is a good reply again within `reconnect`.
+    older than `stale`: the loop that gives it may be what has failed. Commands given before the end of such an
+    interruption do not count. After `bad_replies` of them in a row, or when the device is gone, the fault stands,
+    unless there is a good reply again within `reconnect`.
 
     Only the thread touches the exchange once it runs, so an exchange need not be safe for threads. One that hangs keeps
     `stop` for a second and no longer; its `close` is called as soon as it comes back. The end of the program stops a
@@ -88,6 +98,7 @@ class Worker(Generic[Command, Sample]):
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._exchange = exchange
+        self._guardian = exchange.guardian if isinstance(exchange, Guarded) else None
         self._rest = rest
         self._period = period
         self._on_command = on_command
@@ -111,6 +122,13 @@ class Worker(Generic[Command, Sample]):
         """Bad replies since the start."""
         self.connected_at = 0.0
         """When the device was last connected [s]."""
+        self.rested_at = 0.0
+        """When the command was last replaced by `rest` [s]."""
+
+    @property
+    def guarded(self) -> bool:
+        """Whether another process takes the force off when this one stops."""
+        return self._guardian is not None
 
     @property
     def newest(self) -> tuple[Sample, float]:
@@ -220,11 +238,15 @@ class Worker(Generic[Command, Sample]):
     def _once(self) -> None:
         """One good exchange; on the way there, bad ones and a reconnection, all of them at rest."""
         command, at = self._command
-        if self._clock() - at > self._stale:
+        began = self._clock()
+        if began - at > self._stale:
+            command, self.rested_at = self._rest, began
+        elif at < self.rested_at:
             command = self._rest
+        if self._guardian is not None:
+            self._guardian.given(at, self._stale)
         bad, lost_at = 0, None
         while not self._stopping.is_set():
-            began = self._clock()
             fault: HardwareFault
             try:
                 sample = self._exchange.exchange(command)
@@ -240,6 +262,8 @@ class Worker(Generic[Command, Sample]):
                 self.round_trip = ended - began
                 self._newest = (sample, ended)
                 self.trouble = None
+                if bad or lost_at is not None:
+                    self.rested_at = ended
                 return
             command = self._rest
             self.trouble = str(fault)
@@ -247,6 +271,7 @@ class Worker(Generic[Command, Sample]):
                 lost_at = began if lost_at is None else lost_at
                 self._return(fault, lost_at + self._reconnect)
                 bad = 0
+            began = self._clock()
 
     def _return(self, fault: HardwareFault, until: float) -> None:
         """Look for the device until the patience is over; raises the fault then."""

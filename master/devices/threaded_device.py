@@ -4,6 +4,8 @@ Owns what is alike for all such devices: the limit of the force, faults, and the
 bytes and no mechanics.
 """
 
+from math import inf
+
 from codec.vector import ZERO, Vector, is_finite, norm, scale
 from hardware.fault import HardwareFault
 from hardware.worker import Exchange, Worker
@@ -11,13 +13,15 @@ from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
 STALE_S = 0.01
 """A force is not held for longer than this, or than three ticks, where no other is commanded."""
+RAMP_S = 0.05
+"""How long the force takes to come up after an interruption: a connection, a bad reply, commands that did not come."""
 
 
 class ThreadedDevice:
     """A `Device` on a `Worker`. Times are of `time.monotonic` [s].
 
     A tick's command starts an exchange at once. Without commands the exchange goes on with zero force, which keeps a
-    device's own watchdog content.
+    device's own watchdog content. After every interruption the force comes up again from zero, over `RAMP_S`.
 
     Args:
         spec: of the device.
@@ -38,12 +42,13 @@ class ThreadedDevice:
         reconnect: float = 0.0,
     ) -> None:
         self.spec = spec
+        self._stale = max(STALE_S, 3.0 * tick_period)
         self._worker = Worker(
             exchange,
             rest=ZERO,
             period=2.0 * tick_period,  # or the pause would end now and then just before the command comes
             on_command=True,
-            stale=max(STALE_S, 3.0 * tick_period),
+            stale=self._stale,
             bad_replies=bad_replies,
             reconnect=reconnect,
         )
@@ -51,6 +56,13 @@ class ThreadedDevice:
         self._mask: Vector = (x, y, z)
         self._is_open = False
         self._answer: tuple[float, DeviceReading] | None = None
+        self._commanded_at = -inf
+        self._since = -inf
+
+    @property
+    def guarded(self) -> bool:
+        """Whether another process takes the force off when this one stops."""
+        return self._worker.guarded
 
     @property
     def round_trip_s(self) -> float:
@@ -84,12 +96,22 @@ class ThreadedDevice:
         x, y, z = self._mask
         along = (x * force[0], y * force[1], z * force[2])
         length, limit = norm(along), self.spec.force_n
-        self._worker.command(along if length <= limit else scale(along, limit / length), now)
+        share = self._share(now)
+        if length > limit:
+            share *= limit / length
+        self._worker.command(along if share == 1.0 else scale(along, share), now)
 
     def close(self) -> None:
         self._is_open = False
         self._answer = None
         self._worker.stop()
+
+    def _share(self, now: float) -> float:
+        """Of the force, 0 to 1, by the time since the last interruption."""
+        if now - self._commanded_at > self._stale:
+            self._since = now
+        self._commanded_at = now
+        return min(1.0, max(0.0, now - max(self._since, self._worker.rested_at)) / RAMP_S)
 
     def _fault(self, why: str) -> DeviceFault:
         """With the name in front, once."""
