@@ -52,7 +52,7 @@ class Guardian:
         self._words = memoryview(bytearray(WORDS_SIZE)).cast("q")
         self._given_at = 0.0
         self._stale = 0.0
-        self._strays = 0
+        self._writes = 0
         self._beats = (0, 0.0)
 
     @property
@@ -94,7 +94,7 @@ class Guardian:
             theirs.close()
             os.close(memory)
         self._socket = ours.detach()
-        self._strays = 0
+        self._writes = 0
         self._wait_for_start()
 
     def given(self, at: float, stale: float) -> None:
@@ -126,11 +126,10 @@ class Guardian:
             if self._child.poll() is not None:
                 raise HardwareFault(DIED)
 
-    def strays(self) -> int:
-        """How many messages it has written since this was last asked; the device answers them too."""
-        writes = self._words[WRITES]
-        strays, self._strays = writes - self._strays, writes
-        return strays
+    def has_written(self) -> bool:
+        """Whether it has written since this was last asked; the device may answer that too."""
+        known, self._writes = self._writes, self._words[WRITES]
+        return known != self._writes
 
     def stop(self) -> None:
         """End the process; if there is still force, it takes it off first. Any number of times."""

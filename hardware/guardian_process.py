@@ -26,11 +26,12 @@ LEASE, BEATS, WRITES = range(3)
 """
 WORDS_SIZE = 3 * 8
 
-IDLE_MS = 25
-"""Longest wait; a lease that begins meanwhile must be longer."""
-REPEAT_MS, REPEATS = 20, 10
-SLOW_MS = 1000
-"""Pace of the first messages, and of those after: nobody reads the answers of the device."""
+PAUSE_NS = 20_000_000
+"""Longest time between two looks at the lease; a lease that begins meanwhile must be longer."""
+REPEATS = 10
+"""How many messages follow one another at that pace."""
+SLOW_NS = 1_000_000_000
+"""Pace of those after: nobody reads the answers of the device."""
 LAST_WRITES = 2
 LAST_PAUSE_S = 0.01
 
@@ -51,20 +52,20 @@ def watch(words: memoryview, socket: int, device: int, zero: bytes) -> None:
     """Until the parent says goodbye or is gone."""
     poll = select.poll()
     poll.register(socket, select.POLLIN)
-    repeats = 0
+    repeats, due = 0, 0
     while True:
         words[BEATS] += 1
         lease, now = words[LEASE], monotonic_ns()
+        pause = PAUSE_NS
         if lease == 0 or now < lease:
-            repeats = 0
-            wait = IDLE_MS if lease == 0 else min(IDLE_MS, (lease - now) / 1e6)
-        else:
-            if words[LEASE] == lease:  # the parent may have come back this very moment
-                words[WRITES] += 1
-                write(device, zero)
+            repeats, due = 0, now
+            pause = PAUSE_NS if lease == 0 else min(PAUSE_NS, lease - now)
+        elif now >= due and words[LEASE] == lease:  # the parent may have come back this very moment
+            words[WRITES] += 1
+            write(device, zero)
             repeats += 1
-            wait = REPEAT_MS if repeats < REPEATS else SLOW_MS
-        if poll.poll(wait):
+            due = now + (PAUSE_NS if repeats < REPEATS else SLOW_NS)
+        if poll.poll(pause / 1e6):
             goodbye = os.read(socket, 1)
             if not goodbye or words[LEASE] != 0:
                 for _ in range(LAST_WRITES):

@@ -4,8 +4,6 @@ Owns what is alike for all such devices: the limit of the force, faults, and the
 bytes and no mechanics.
 """
 
-from math import inf
-
 from codec.vector import ZERO, Vector, is_finite, norm, scale
 from hardware.fault import HardwareFault
 from hardware.worker import Exchange, Worker
@@ -42,22 +40,21 @@ class ThreadedDevice:
         reconnect: float = 0.0,
     ) -> None:
         self.spec = spec
-        self._stale = max(STALE_S, 3.0 * tick_period)
         self._worker = Worker(
             exchange,
             rest=ZERO,
             period=2.0 * tick_period,  # or the pause would end now and then just before the command comes
             on_command=True,
-            stale=self._stale,
+            stale=max(STALE_S, 3.0 * tick_period),
             bad_replies=bad_replies,
             reconnect=reconnect,
+            scale=scale,
+            ramp=RAMP_S,
         )
         x, y, z = (float(axis in spec.axes) for axis in "xyz")
         self._mask: Vector = (x, y, z)
         self._is_open = False
         self._answer: tuple[float, DeviceReading] | None = None
-        self._commanded_at = -inf
-        self._since = -inf
 
     @property
     def guarded(self) -> bool:
@@ -96,22 +93,12 @@ class ThreadedDevice:
         x, y, z = self._mask
         along = (x * force[0], y * force[1], z * force[2])
         length, limit = norm(along), self.spec.force_n
-        share = self._share(now)
-        if length > limit:
-            share *= limit / length
-        self._worker.command(along if share == 1.0 else scale(along, share), now)
+        self._worker.command(along if length <= limit else scale(along, limit / length), now)
 
     def close(self) -> None:
         self._is_open = False
         self._answer = None
         self._worker.stop()
-
-    def _share(self, now: float) -> float:
-        """Of the force, 0 to 1, by the time since the last interruption."""
-        if now - self._commanded_at > self._stale:
-            self._since = now
-        self._commanded_at = now
-        return min(1.0, max(0.0, now - max(self._since, self._worker.rested_at)) / RAMP_S)
 
     def _fault(self, why: str) -> DeviceFault:
         """With the name in front, once."""

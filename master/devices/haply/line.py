@@ -70,9 +70,8 @@ class Line:
             Forgotten: the board knows nothing of us.
             HardwareFault: the port is gone, or the board mute.
         """
-        if self._guardian is not None:
-            self._owed += self._guardian.strays()
-        if self._owed:
+        has_written = self._guardian is not None and self._guardian.has_written()
+        if self._owed or has_written:
             self._settle()
         self._port.drain()
         self.asked_at = monotonic()
@@ -94,7 +93,7 @@ class Line:
         except BadReply:
             self._recovers = True
             raise
-        self._owed = 0
+        self._owed, self._heard = 0, b""
         return angles
 
     def doubt(self) -> None:
@@ -108,6 +107,8 @@ class Line:
         self._port.write(self._board.torques_off)
         self._owed += 1
         self._listen(LEAST_SIZE * self._owed, SETTLING_S)
+        while more := self._port.read(monotonic() + GAP_S):  # answers to a guardian, which nobody counts
+            self._heard += more
         bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
         forgotten = bare and self._heard != b""
         self._owed = 0
