@@ -44,8 +44,10 @@ class Guardian:
     """
 
     def __init__(self, zero: bytes, rests: tuple[bytes, ...] = ()) -> None:
-        self._zero = zero
-        self._rests = (zero, *rests)
+        self.zero = zero
+        """May be changed before `watch`, as the next one."""
+        self.rests = rests
+        self._all_rests = (zero, *rests)
         self._child: subprocess.Popen[bytes] | None = None
         self._socket = -1
         self._memory: mmap | None = None
@@ -70,6 +72,7 @@ class Guardian:
             HardwareFault: it does not start.
         """
         self.stop()
+        self._all_rests = (self.zero, *self.rests)
         ours, theirs = socketpair()
         memory = os.memfd_create("weberlink-guardian")
         try:
@@ -79,7 +82,7 @@ class Guardian:
             inherited = (theirs.fileno(), descriptor, memory)
             self._child = subprocess.Popen(
                 # -I -S: neither the user's environment nor installed packages.
-                [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited), self._zero.hex()],
+                [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited), self.zero.hex()],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -108,7 +111,7 @@ class Guardian:
             BadReply: it carries force, and its command is too old: this process was held up.
             HardwareFault: it carries force, and the guardian is dead or silent.
         """
-        if self._child is None or data.startswith(self._rests):
+        if data.startswith(self._all_rests):
             return
         self._insist(monotonic())
         self._words[LEASE] = int((self._given_at + max(LEASE_S, 2.0 * self._stale)) * 1e9)
@@ -121,7 +124,7 @@ class Guardian:
         Raises:
             HardwareFault: the guardian is dead.
         """
-        if self._child is not None and data.startswith(self._rests):
+        if self._child is not None and data.startswith(self._all_rests):
             self._words[LEASE] = 0
             if self._child.poll() is not None:
                 raise HardwareFault(DIED)
@@ -160,11 +163,12 @@ class Guardian:
         self._beats = (self._words[BEATS], monotonic())
 
     def _insist(self, now: float) -> None:
-        assert self._child is not None
-        if self._child.poll() is not None:
+        if self._child is None or self._child.poll() is not None:
             raise HardwareFault(DIED)
         beats, since = self._words[BEATS], self._beats[1]
         if beats != self._beats[0] or now - self._given_at > self._stale:  # where we stood still, so may it have done
             self._beats = (beats, now)
         elif now - since > SILENT_S:
-            raise HardwareFault(f"its guardian process does not run, and its board has no watchdog (process {self.pid})")
+            raise HardwareFault(
+                f"its guardian process does not run, and its board has no watchdog (process {self.pid})"
+            )

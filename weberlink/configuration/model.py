@@ -351,6 +351,8 @@ class MasterSettings(Settings):
     mapping: MappingSettings | None = None
     """Leave out where the two frames are one."""
     limits: MasterLimits = MasterLimits()
+    accept_no_watchdog: str | None = None
+    """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""
 
 
 class SlaveLimits(Settings):

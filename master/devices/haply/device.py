@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from hardware.guardian import Guardian
 from hardware.found import Found, UsbId, only, serial_ports
+from hardware.guardian import Guardian
 from master.devices.contract import DeviceSpec
 from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, RESET, Board, Encoder, Motor
 from master.devices.haply.exchange import Conduct, HaplyExchange

@@ -17,7 +17,7 @@ from master.devices.polhem.lock_step import LockStep
 from master.devices.polhem.options import PolhemHidOptions
 from master.devices.polhem.parameters import PARAMETERS, Parameters
 from master.devices.polhem.polhem_device import PolhemDevice, spec_of
-from master.devices.polhem.reports import SHORT, Currents, Sensors, SetCounters, Unwrapper
+from master.devices.polhem.reports import SHORT, WATCHDOG_S, Currents, Sensors, SetCounters, Unwrapper
 from master.devices.polhem.sign_check import fingerprint
 from master.devices.polhem.whereabouts import Whereabouts
 
@@ -194,7 +194,8 @@ class PolhemHidDevice(PolhemDevice):
     def __init__(self, options: PolhemHidOptions, tick_period: float) -> None:
         """Raises ValueError where the options ask for more than the makers publish."""
         parameters = parameters_of(options)
-        spec = spec_of(NAME, options, parameters, tick_period, signs=self.fingerprint(options), buttons=1)
+        signs = self.fingerprint(options)
+        spec = spec_of(NAME, options, parameters, tick_period, signs=signs, watchdog_s=WATCHDOG_S, buttons=1)
         exchange = ReportExchange(options, parameters, spec.force_n)
         super().__init__(spec, exchange, tick_period, options.reconnect_s)
 

@@ -48,6 +48,7 @@ def spec_of(
     tick_period: float,
     *,
     signs: str,
+    watchdog_s: float,
     named: bool = True,
     buttons: int = 0,
 ) -> DeviceSpec:
@@ -59,6 +60,7 @@ def spec_of(
         parameters: of the mechanism.
         tick_period: [s].
         signs: fingerprint of the settings, which `options.signs_checked` has to be for any force.
+        watchdog_s: after which the board switches its motors off [s].
         named: whether the file says which device it is.
         buttons: on the handle.
 
@@ -77,5 +79,6 @@ def spec_of(
         force_feedback=force_n > 0.0,
         buttons=buttons,
         orientation=0 not in parameters.mechanism.drive.gimbal_counts_per_turn,
+        watchdog_s=watchdog_s,
         note="; ".join(notes_of(name, options, parameters, force_n, named=named)),
     )

@@ -9,7 +9,7 @@ from codec.vector import ZERO, Vector
 from hardware.fault import BadReply, HardwareFault
 from hardware.found import Found, UsbId, serial_ports
 from master.devices.contract import DeviceReading
-from master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, Currents, Status, complaint
+from master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, WATCHDOG_S, Currents, Status, complaint
 from master.devices.polhem.force_stage import ForceStage
 from master.devices.polhem.homing import await_press, zeroed
 from master.devices.polhem.identity import Identity, located
@@ -166,6 +166,7 @@ class PolhemSerialDevice(PolhemDevice):
             parameters if named else parameters.without_gimbal(),
             tick_period,
             signs=self.fingerprint(options),
+            watchdog_s=WATCHDOG_S,
             named=named,
         )
         super().__init__(spec, BracketExchange(options, spec.force_n), tick_period, options.reconnect_s)
