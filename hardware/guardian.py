@@ -80,7 +80,7 @@ class Guardian:
             self._memory = mmap(memory, WORDS_SIZE)
             self._words = memoryview(self._memory).cast("q")
             inherited = (theirs.fileno(), descriptor, memory)
-            self._child = subprocess.Popen(
+            self._child = subprocess.Popen(  # noqa: S603 - our own
                 # -I -S: neither the user's environment nor installed packages.
                 [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited), self.zero.hex()],
                 stdin=subprocess.DEVNULL,
@@ -169,6 +169,4 @@ class Guardian:
         if beats != self._beats[0] or now - self._given_at > self._stale:  # where we stood still, so may it have done
             self._beats = (beats, now)
         elif now - since > SILENT_S:
-            raise HardwareFault(
-                f"its guardian process does not run, and its board has no watchdog (process {self.pid})"
-            )
+            raise HardwareFault(f"its guardian process {self.pid} does not run, and its board has no watchdog")
