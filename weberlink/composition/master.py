@@ -96,7 +96,7 @@ def build_device(configuration: Configuration) -> Device:
     system, part = configuration.system, configuration.device
     assert part is not None
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
-    check_force_ends(device, part.driver, system.master.accept_no_watchdog)
+    check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
         device = build_mapping(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
