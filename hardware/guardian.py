@@ -26,7 +26,9 @@ START_S = 5.0
 END_S = 0.5
 """How long it may take to end."""
 SILENT_S = 0.25
-"""How long it may give no sign of life while there is force."""
+"""How long it may give no sign of life while there is force; it gives one every 20 ms."""
+DEAD_S = 0.04
+"""How long it must have given none before we ask whether it is dead."""
 DIED = "its guardian process died, and its board has no watchdog; start the session again"
 
 
@@ -56,6 +58,7 @@ class Guardian:
         self._stale = 0.0
         self._writes = 0
         self._beats = (0, 0.0)
+        self._looked_at = 0.0
 
     @property
     def pid(self) -> int | None:
@@ -113,7 +116,11 @@ class Guardian:
         """
         if data.startswith(self._all_rests):
             return
-        self._insist(monotonic())
+        now = monotonic()
+        if (silent := self._silent(now)) > SILENT_S:
+            raise HardwareFault(
+                f"its guardian process {self.pid} has not run for {silent * 1e3:.0f} ms, and its board has no watchdog"
+            )
         self._words[LEASE] = int((self._given_at + max(LEASE_S, 2.0 * self._stale)) * 1e9)
         if (late := monotonic() - self._given_at) > self._stale:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
@@ -124,10 +131,10 @@ class Guardian:
         Raises:
             HardwareFault: the guardian is dead.
         """
-        if self._child is not None and data.startswith(self._all_rests):
+        if data.startswith(self._all_rests):
             self._words[LEASE] = 0
-            if self._child.poll() is not None:
-                raise HardwareFault(DIED)
+            if self._child is not None:
+                self._silent(monotonic())
 
     def has_written(self) -> bool:
         """Whether it has written since this was last asked; the device may answer that too."""
@@ -162,11 +169,16 @@ class Guardian:
                 raise HardwareFault("its guardian process does not start")
         self._beats = (self._words[BEATS], monotonic())
 
-    def _insist(self, now: float) -> None:
-        if self._child is None or self._child.poll() is not None:
-            raise HardwareFault(DIED)
+    def _silent(self, now: float) -> float:
+        """How long it has given no sign of life, while this process ran [s]; raises HardwareFault where it is dead."""
         beats, since = self._words[BEATS], self._beats[1]
-        if beats != self._beats[0] or now - self._given_at > self._stale:  # where we stood still, so may it have done
+        if self._child is None:
+            raise HardwareFault(DIED)
+        # Where we were held up, it may have been as well.
+        if beats != self._beats[0] or now - self._looked_at > max(LEASE_S, self._stale):
             self._beats = (beats, now)
-        elif now - since > SILENT_S:
-            raise HardwareFault(f"its guardian process {self.pid} does not run, and its board has no watchdog")
+            since = now
+        elif now - since > DEAD_S and self._child.poll() is not None:  # costs more than the look at the word
+            raise HardwareFault(DIED)
+        self._looked_at = now
+        return now - since
