@@ -1,4 +1,4 @@
-"""Daemons that are stopped or killed while a hand presses against something, with an emulated device without a watchdog."""
+"""Daemons that are stopped or killed while a hand presses against something, on a device without a watchdog."""
 
 import os
 import signal
