@@ -117,6 +117,7 @@ class Worker(Generic[Command, Sample]):
         self._command: tuple[Command, float, int] = (rest, -inf, 0)
         """The last one, when it was given, and how many gaps there were before it."""
         self._gaps_met = 0
+        self._called_at = inf
         self._newest: tuple[Sample, float] | None = None
         self._wake = -1
         self._stopping = Event()
@@ -159,6 +160,7 @@ class Worker(Generic[Command, Sample]):
         self.bad_count = 0
         self._command = (self._rest, -inf, self._gaps_met)
         self._share = 0.0
+        self._called_at = inf
         wake = -1
         try:
             self._newest = (self._exchange.open(), self._clock())
@@ -177,8 +179,9 @@ class Worker(Generic[Command, Sample]):
 
     def command(self, command: Command, now: float) -> None:
         """Leave a command for the next exchange; returns at once. No effect when stopped."""
-        _, before, gaps = self._command
-        self._command = (command, now, gaps + (self._stale < now - before < inf))
+        called_at, gaps = self._clock(), self._command[2]
+        self._command = (command, now, gaps + (called_at - self._called_at > self._stale))
+        self._called_at = called_at
         if self._on_command and (wake := self._wake) >= 0:
             os.eventfd_write(wake, 1)
 
