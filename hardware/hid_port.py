@@ -1,11 +1,13 @@
 """A HID device with reports that carry no number, through hidapi, with waits that have an end."""
 
+import os
 from importlib import import_module
 from time import monotonic
 from typing import Any
 
 from hardware.fault import HardwareFault
 from hardware.found import permission_advice
+from hardware.guardian import Guardian
 
 
 def hidapi() -> Any:
@@ -28,6 +30,7 @@ class HidPort:
 
     def __init__(self, path: str) -> None:
         self.path = path
+        self._guardian: Guardian | None = None
         self._device = hidapi().device()
         try:
             self._device.open_path(path.encode())
@@ -35,18 +38,41 @@ class HidPort:
             raise HardwareFault(f"{path}: {_reason(path) or error}") from None
         self._device.set_nonblocking(1)  # a read without a time limit takes what is there
 
+    def guard(self, guardian: Guardian) -> None:
+        """Have a guardian take the force off when this process stops, from now on and until the port is closed.
+
+        Its messages begin with the number of the report, a zero byte.
+
+        Raises:
+            HardwareFault: this host reaches the device through libusb, or the guardian does not start.
+        """
+        try:
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_CLOEXEC)
+        except OSError as error:
+            raise HardwareFault(f"{self.path}: no guardian can write to it: {error.strerror}") from None
+        try:
+            guardian.watch(descriptor)
+        finally:
+            os.close(descriptor)
+        self._guardian = guardian
+
     def write(self, report: bytes) -> None:
         """Send one report.
 
         Raises:
-            HardwareFault: it was unplugged.
+            HardwareFault: it was unplugged; or of the guardian, see `Guardian.before`.
         """
+        message, guardian = b"\x00" + report, self._guardian
+        if guardian is not None:
+            guardian.before(message)
         try:
-            written = self._device.write(b"\x00" + report)
+            written = self._device.write(message)
         except (OSError, ValueError):
             written = -1
         if written < 0:  # hidapi's only word for it
             raise HardwareFault(f"{self.path}: unplugged")
+        if guardian is not None:
+            guardian.after(message)
 
     def read(self, size: int, until: float) -> bytes:
         """The newest report of at most `size` bytes; older ones that wait are dropped.
@@ -66,6 +92,8 @@ class HidPort:
         return bytes(newest)
 
     def close(self) -> None:
+        if self._guardian is not None:
+            self._guardian.stop()
         self._device.close()
 
 

@@ -14,6 +14,7 @@ import serial
 
 from hardware.fault import HardwareFault
 from hardware.found import permission_advice
+from hardware.guardian import Guardian
 
 CHUNK = 4096
 WRITING_S = 0.05
@@ -28,13 +29,16 @@ class SerialPort:
     Args:
         path: of the device, or of a link to it.
         baud: rate [bit/s]; without meaning where the port is USB from end to end.
+        guardian: takes the force off when this process stops; None for a device that does so itself. It watches from
+            the opening of the port to its closing.
 
     Raises:
-        HardwareFault: it is not there, in use, or not permitted.
+        HardwareFault: it is not there, in use, or not permitted; or the guardian does not start.
     """
 
-    def __init__(self, path: str, baud: int = 115_200) -> None:
+    def __init__(self, path: str, baud: int = 115_200, guardian: Guardian | None = None) -> None:
         self.path = path
+        self._guardian = guardian
         try:
             self._port = serial.Serial(path, baud, timeout=0, write_timeout=WRITING_S, exclusive=True)
         except (OSError, ValueError, termios.error) as error:  # pyserial's own is an OSError
@@ -42,13 +46,28 @@ class SerialPort:
         with suppress(ValueError, OSError, NotImplementedError):  # a pty has no latency to lower
             self._port.set_low_latency_mode(True)
         self._descriptor = self._port.fileno()
+        if guardian is not None:
+            try:
+                guardian.watch(self._descriptor)
+            except HardwareFault:
+                self._port.close()
+                raise
 
     def write(self, data: bytes) -> None:
         """Hand over all of it.
 
         Raises:
-            HardwareFault: it was unplugged, or takes nothing.
+            HardwareFault: it was unplugged, or takes nothing; or of the guardian, see `Guardian.before`.
         """
+        guardian = self._guardian
+        if guardian is None:
+            self._write(data)
+        else:
+            guardian.before(data)
+            self._write(data)
+            guardian.after(data)
+
+    def _write(self, data: bytes) -> None:
         sent, until = 0, monotonic() + WRITING_S
         try:
             while sent < len(data):
@@ -56,6 +75,9 @@ class SerialPort:
                 taken = self._offer(data[sent:] if sent else data) if ready else 0
                 if taken:
                     sent, until = sent + taken, monotonic() + WRITING_S
+                    if sent < len(data) and self._guardian is not None:
+                        # The guardian may write next: the rest of this message would be nonsense behind its own.
+                        raise HardwareFault(f"{self.path}: takes no more data")
                 elif monotonic() >= until:
                     raise HardwareFault(f"{self.path}: takes no more data")
         except (OSError, ValueError):
@@ -94,6 +116,8 @@ class SerialPort:
     def close(self) -> None:
         """Any number of times. What was written last still leaves, where the device takes it."""
         self._descriptor = -1  # the number may be another file's by now
+        if self._guardian is not None:
+            self._guardian.stop()  # it has the port open too
         with suppress(OSError, termios.error):
             self._let_leave()
         with suppress(OSError):

@@ -8,12 +8,14 @@ import atexit
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from select import select
 from threading import Event, Thread, current_thread
 from time import monotonic
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 from hardware.fault import BadReply, HardwareFault
+from hardware.guardian import Guardian
 
 Command = TypeVar("Command")
 Sample = TypeVar("Sample")
@@ -52,12 +54,22 @@ class Exchange(Protocol[Command_contra, Sample_co]):
         ...
 
 
+@runtime_checkable
+class Guarded(Protocol):
+    """An exchange with a device whose board keeps the last force when its host falls silent."""
+
+    guardian: Guardian | None
+    """None where the device is to have no force."""
+
+
 class Worker(Generic[Command, Sample]):
     """Runs an exchange in a thread.
 
     After a bad reply the command is `rest` until a reply is good again; it is `rest` too while the last command is
-    older than `stale`: the loop that gives it may be what has failed. After `bad_replies` of them in a row, or when the
-    device is gone, the fault stands, unless there is a good reply again within `reconnect`.
+    older than `stale`, and in place of the first one after such a gap: the loop may have failed, or the whole process
+    been stopped. After such an interruption, and at the start, commands come up from zero where `scale` is given. After
+    `bad_replies` in a row, or when the device is gone, the fault stands, unless there is a good reply again within
+    `reconnect`.
 
     Only the thread touches the exchange once it runs, so an exchange need not be safe for threads. One that hangs keeps
     `stop` for a second and no longer; its `close` is called as soon as it comes back. The end of the program stops a
@@ -72,6 +84,8 @@ class Worker(Generic[Command, Sample]):
         stale: age beyond which a command no longer counts [s].
         bad_replies: how many in a row are a fault.
         reconnect: how long to look for a device that is gone [s]; 0 for not at all.
+        scale: gives a share of a command, 0 to 1.
+        ramp: how long the share takes from 0 to 1 [s].
         clock: monotonic [s].
     """
 
@@ -85,17 +99,25 @@ class Worker(Generic[Command, Sample]):
         stale: float,
         bad_replies: int,
         reconnect: float = 0.0,
+        scale: Callable[[Command, float], Command] | None = None,
+        ramp: float = 0.05,
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._exchange = exchange
+        self._guardian = exchange.guardian if isinstance(exchange, Guarded) else None
         self._rest = rest
         self._period = period
         self._on_command = on_command
         self._stale = stale
         self._bad_replies = bad_replies
         self._reconnect = reconnect
+        self._scale = scale
+        self._ramp = ramp
         self._clock = clock
-        self._command: tuple[Command, float] = (rest, 0.0)
+        self._command: tuple[Command, float, int] = (rest, -inf, 0)
+        """The last one, when it was given, and how many gaps there were before it."""
+        self._gaps_met = 0
+        self._called_at = inf
         self._newest: tuple[Sample, float] | None = None
         self._wake = -1
         self._stopping = Event()
@@ -111,6 +133,13 @@ class Worker(Generic[Command, Sample]):
         """Bad replies since the start."""
         self.connected_at = 0.0
         """When the device was last connected [s]."""
+        self._share = 0.0
+        self._began = 0.0
+
+    @property
+    def guarded(self) -> bool:
+        """Whether another process takes the force off when this one stops."""
+        return self._guardian is not None
 
     @property
     def newest(self) -> tuple[Sample, float]:
@@ -129,7 +158,9 @@ class Worker(Generic[Command, Sample]):
             raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
         self.fault = self.trouble = None
         self.bad_count = 0
-        self._command = (self._rest, 0.0)
+        self._command = (self._rest, -inf, self._gaps_met)
+        self._share = 0.0
+        self._called_at = inf
         wake = -1
         try:
             self._newest = (self._exchange.open(), self._clock())
@@ -148,7 +179,9 @@ class Worker(Generic[Command, Sample]):
 
     def command(self, command: Command, now: float) -> None:
         """Leave a command for the next exchange; returns at once. No effect when stopped."""
-        self._command = (command, now)
+        called_at, gaps = self._clock(), self._command[2]
+        self._command = (command, now, gaps + (called_at - self._called_at > self._stale))
+        self._called_at = called_at
         if self._on_command and (wake := self._wake) >= 0:
             os.eventfd_write(wake, 1)
 
@@ -219,12 +252,17 @@ class Worker(Generic[Command, Sample]):
 
     def _once(self) -> None:
         """One good exchange; on the way there, bad ones and a reconnection, all of them at rest."""
-        command, at = self._command
-        if self._clock() - at > self._stale:
-            command = self._rest
+        command, at, gaps = self._command
+        began = self._clock()
+        if began - at > self._stale or gaps != self._gaps_met:
+            command, self._share, self._gaps_met = self._rest, 0.0, gaps
+        else:
+            command = self._faded(command, began)
+        self._began = began
+        if self._guardian is not None:
+            self._guardian.given(at, self._stale)
         bad, lost_at = 0, None
         while not self._stopping.is_set():
-            began = self._clock()
             fault: HardwareFault
             try:
                 sample = self._exchange.exchange(command)
@@ -241,12 +279,20 @@ class Worker(Generic[Command, Sample]):
                 self._newest = (sample, ended)
                 self.trouble = None
                 return
-            command = self._rest
+            command, self._share = self._rest, 0.0
             self.trouble = str(fault)
             if bad >= self._bad_replies:
                 lost_at = began if lost_at is None else lost_at
                 self._return(fault, lost_at + self._reconnect)
                 bad = 0
+            began = self._clock()
+
+    def _faded(self, command: Command, now: float) -> Command:
+        """The share of a command that the ramp has come to; by little at a time, however long the last step was."""
+        if self._scale is None or self._share == 1.0:
+            return command
+        self._share = min(1.0, self._share + min(now - self._began, self._period) / self._ramp)
+        return self._scale(command, self._share)
 
     def _return(self, fault: HardwareFault, until: float) -> None:
         """Look for the device until the patience is over; raises the fault then."""

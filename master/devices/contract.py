@@ -31,7 +31,8 @@ class DeviceSpec:
         buttons: How many buttons it has.
         orientation: Whether its readings have an orientation.
         torque_n_m: Largest torque that it displays [N m]; more is cut to it. 0 without torque feedback.
-        watchdog_s: Time without a message after which the board itself removes the force [s]; None if it never does.
+        watchdog_s: Time after which the board itself removes the force when its host stops [s]; None if it never does.
+            0 for a computed device, whose force ends with the program.
         note: What a person should know before a run, for example why there is no force feedback; empty if nothing.
     """
 
@@ -109,6 +110,16 @@ class Explaining(Protocol):
     @property
     def trouble(self) -> str | None:
         """What was wrong with the last attempt; None if nothing."""
+        ...
+
+
+@runtime_checkable
+class Guarded(Protocol):
+    """A device that says whether another process takes its force off when this one stops."""
+
+    @property
+    def guarded(self) -> bool:
+        """Known before `open`."""
         ...
 
 

@@ -87,6 +87,7 @@ class HandDevice:
             force_feedback=True,
             orientation=options.wrist is not None,
             torque_n_m=0.0 if options.wrist is None else options.torque_n_m,
+            watchdog_s=0.0,
         )
         self._options = options
         self._intention = intention

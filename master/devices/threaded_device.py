@@ -11,13 +11,15 @@ from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
 STALE_S = 0.01
 """A force is not held for longer than this, or than three ticks, where no other is commanded."""
+RAMP_S = 0.05
+"""How long the force takes to come up after an interruption: a connection, a bad reply, commands that did not come."""
 
 
 class ThreadedDevice:
     """A `Device` on a `Worker`. Times are of `time.monotonic` [s].
 
     A tick's command starts an exchange at once. Without commands the exchange goes on with zero force, which keeps a
-    device's own watchdog content.
+    device's own watchdog content. After every interruption the force comes up again from zero, over `RAMP_S`.
 
     Args:
         spec: of the device.
@@ -46,11 +48,18 @@ class ThreadedDevice:
             stale=max(STALE_S, 3.0 * tick_period),
             bad_replies=bad_replies,
             reconnect=reconnect,
+            scale=scale,
+            ramp=RAMP_S,
         )
         x, y, z = (float(axis in spec.axes) for axis in "xyz")
         self._mask: Vector = (x, y, z)
         self._is_open = False
         self._answer: tuple[float, DeviceReading] | None = None
+
+    @property
+    def guarded(self) -> bool:
+        """Whether another process takes the force off when this one stops."""
+        return self._worker.guarded
 
     @property
     def round_trip_s(self) -> float:

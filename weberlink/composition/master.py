@@ -14,6 +14,7 @@ from protocol.events import Address
 from protocol.roles import Role
 from protocol.security import Security
 from protocol.session import FADE_SHARE, HORIZON_SHARE
+from weberlink.composition.guardian import check_force_ends
 from weberlink.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -106,6 +107,7 @@ def build_device(configuration: Configuration) -> Device:
     system, part = configuration.system, configuration.device
     assert part is not None
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
+    check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
         device = build_mapping(system, device)
     _check_button(system, device)

@@ -382,6 +382,8 @@ class MasterSettings(Settings):
     engage: EngageSettings | None = None
     """Leave out where the robot is to follow without a button held."""
     limits: MasterLimits = MasterLimits()
+    accept_no_watchdog: str | None = None
+    """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""
 
 
 class SlaveLimits(Settings):

@@ -13,7 +13,8 @@ number and pins of PWM outputs, then offset [deg] and counts per turn of each en
 
 Ports are bits, port 1 the lowest; what there is for each motor or encoder comes in the order of the ports; a direction
 is 0 for clockwise, 1 for counter-clockwise. There is no framing and no checksum, and the firmware does not wait for the
-first bytes of a message: it must be written in one go. The id is of the host's choosing.
+first bytes of a message: it must be written in one go. The id is of the host's choosing. A first byte that begins no
+message is ignored.
 
 The firmware says three things that no library mentions. Setup takes the arms to be at the offsets now, so setting up
 again in the middle of a run moves the origin. Neither reset nor setup takes the torque off a motor. Nothing takes it
@@ -32,6 +33,8 @@ from hardware.fault import BadReply
 RESET = bytes((0, 0))
 CLOCKWISE, COUNTER_CLOCKWISE = 0, 1
 
+_IGNORED = 3
+"""Begins no message, and is the most significant byte of a torque too small to matter (4e-37 N m)."""
 _SETUP = Struct("<10B4f")
 _TORQUES = Struct("<2B2f")
 _REPLY = Struct("<B2f")
@@ -92,6 +95,16 @@ class Board:
         """Of motors 1 and 2 [N m]."""
         in_order = (first, second) if self.motors[0].port < self.motors[1].port else (second, first)
         return _TORQUES.pack(2, self.id, *in_order)
+
+    @property
+    def torques_off(self) -> bytes:
+        """No torque, understood as that also behind the first part of a message of torques.
+
+        Ignored bytes fill up that message, or stand for nothing. Zeros behind half a message would be resets, after
+        which the board no longer knows the id and keeps its torques.
+        """
+        off = self.torques(0.0, 0.0)
+        return bytes((_IGNORED,)) * (len(off) - 1) + off
 
     def angles(self, reply: bytes) -> Pair:
         """Of encoders 1 and 2 [deg].

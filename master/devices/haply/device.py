@@ -7,8 +7,9 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from hardware.found import Found, UsbId, only, serial_ports
+from hardware.guardian import Guardian
 from master.devices.contract import DeviceSpec
-from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, Board, Encoder, Motor
+from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, RESET, Board, Encoder, Motor
 from master.devices.haply.exchange import Conduct, HaplyExchange
 from master.devices.haply.frame import Frame
 from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS, Version
@@ -17,7 +18,10 @@ from master.devices.threaded_device import ThreadedDevice
 
 NAME = "haply_2diy"
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
-NO_WATCHDOG = "no watchdog: if this host dies, its board holds the last force until it is switched off"
+NO_WATCHDOG = (
+    "no watchdog: where this host loses its power or the cable is pulled, its board holds the last force until it is "
+    "switched off"
+)
 FLAT_M = 0.001
 """Half the thickness of the workspace: z never moves, but a box has a thickness."""
 BAD_REPLIES = 10
@@ -60,7 +64,7 @@ class HaplyOptions(BaseModel):
         default=None,
         description="becomes (0, 0); in the frame of the linkage; the middle of the workspace if not given",
     )
-    torque_limit_n_m: float = Field(default=MOST_TORQUE_N_M, gt=0.0, le=0.5, description="of either motor")
+    torque_limit_n_m: float = Field(default=MOST_TORQUE_N_M, gt=0.0, le=MOST_TORQUE_N_M, description="of either motor")
     torque_gain: float = Field(default=1.0, gt=0.0, le=10.0, description="what the board is told for each newton metre")
     force_n: float = Field(default=2.0, gt=0.0, le=10.0, description="largest force; more is cut to it")
     stiffness_n_m: float = Field(default=300.0, gt=0.0, description="stiffest wall; no figure has been published")
@@ -74,7 +78,7 @@ class HaplyDevice(ThreadedDevice):
     """x toward the operator, y to the operator's right, z up and always 0; the origin in the middle of the workspace.
 
     The board has no watchdog: it holds the last torque for as long as it has power. The thread sends zero when the tick
-    falls silent, on every fault and at the end; a host that dies at once cannot.
+    falls silent, on every fault and at the end; a guardian process sends it when this process stops or dies.
     """
 
     Options: ClassVar[type[BaseModel]] = HaplyOptions
@@ -87,6 +91,7 @@ class HaplyDevice(ThreadedDevice):
         version = _version(options)
         frame = Frame(options.origin_m or version.center)
         armed = options.signs_checked == self.fingerprint(options)
+        zero = version.board.torques(0.0, 0.0)
         self._exchange = HaplyExchange(
             self._port,
             Conduct(
@@ -97,6 +102,7 @@ class HaplyDevice(ThreadedDevice):
                 reply=options.reply_ms * 1e-3,
                 keep_home=options.home == "kept",
             ),
+            Guardian(version.board.torques_off, (zero, RESET, version.board.setup)) if armed else None,
         )
         super().__init__(
             _spec(options, version, frame, 1.0 / tick_period, armed),

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from math import inf
 from time import monotonic
 
 from codec.vector import Vector
 from hardware.fault import BadReply, HardwareFault
+from hardware.guardian import Guardian
 from master.devices.contract import DeviceReading
 from master.devices.haply.board import RESET
 from master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
@@ -16,8 +16,6 @@ from master.devices.haply.line import Forgotten, Line
 from master.devices.haply.track import Track
 from master.devices.haply.version import Version
 
-RAMP_S = 0.05
-"""How long the force takes to come up after a connection, and after a bad answer."""
 SETUP_S = 0.5
 """How long a board may take for its first answer after it was set up."""
 QUESTION_S = 0.05
@@ -56,15 +54,16 @@ class HaplyExchange:
     Args:
         find: gives the path of the port.
         conduct: by the options.
+        guardian: takes the torque off when this process stops; None for a device without force.
     """
 
-    def __init__(self, find: Callable[[], str], conduct: Conduct) -> None:
+    def __init__(self, find: Callable[[], str], conduct: Conduct, guardian: Guardian | None = None) -> None:
+        self.guardian = guardian
         self._find = find
         self._conduct = conduct
         self._board = conduct.version.board
         self._zero = self._board.torques(0.0, 0.0)
         self._line: Line | None = None
-        self._good_since = 0.0
         self.start_afresh()
 
     def start_afresh(self) -> None:
@@ -81,12 +80,11 @@ class HaplyExchange:
         still be.
         """
         self.close()
-        self._line = line = Line(self._find(), self._board)
+        self._line = line = Line(self._find(), self._board, self.guardian)
         try:
             reading = self._known(line) or self._set_up(line)
         except BadReply as reply:
             raise HardwareFault(f"{line.path}: {reply}") from None
-        self._good_since = monotonic()
         return reading
 
     def exchange(self, force: Vector) -> DeviceReading:
@@ -97,18 +95,15 @@ class HaplyExchange:
             return self._follow(line, self._message(force), self._conduct.reply)
         except Forgotten:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
-        except BadReply:
-            self._good_since = inf
-            raise
 
     def close(self) -> None:
         """Zero torque twice, each time with a while for the answer, which shows that it arrived."""
         line, self._line = self._line, None
         if line is None:
             return
-        for _ in range(2):
+        for message in (self._board.torques_off, self._zero):
             with suppress(HardwareFault):
-                line.ask(self._zero, QUESTION_S)
+                line.ask(message, QUESTION_S)
         line.close()
 
     def _known(self, line: Line) -> DeviceReading | None:
@@ -170,10 +165,6 @@ class HaplyExchange:
         except Unreachable:
             return self._zero
         first, second = first * conduct.torque_gain, second * conduct.torque_gain
-        now = monotonic()
-        self._good_since = min(self._good_since, now)
-        share = min(1.0, (now - self._good_since) / RAMP_S)
         most = max(abs(first), abs(second))
-        if most > conduct.torque_limit:
-            share *= conduct.torque_limit / most
+        share = conduct.torque_limit / most if most > conduct.torque_limit else 1.0
         return self._board.torques(first * share, second * share)

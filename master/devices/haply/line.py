@@ -6,6 +6,7 @@ Owns the order of things on the wire. Knows no linkage and no force.
 from time import monotonic
 
 from hardware.fault import BadReply, HardwareFault
+from hardware.guardian import Guardian
 from hardware.serial_port import SerialPort
 from master.devices.haply.board import REPLY_SIZE, Board
 from master.devices.haply.fivebar import Pair
@@ -36,15 +37,16 @@ class Line:
     Args:
         path: of the port.
         board: at the other end.
+        guardian: of the board; None where it never gets a torque.
 
     Raises:
         HardwareFault: the port cannot be opened.
     """
 
-    def __init__(self, path: str, board: Board) -> None:
-        self._port = SerialPort(path)
+    def __init__(self, path: str, board: Board, guardian: Guardian | None = None) -> None:
+        self._port = SerialPort(path, guardian=guardian)
         self._board = board
-        self._zero = board.torques(0.0, 0.0)
+        self._guardian = guardian
         self._owed = 0
         self._heard = b""
         self._recovers = False
@@ -68,7 +70,8 @@ class Line:
             Forgotten: the board knows nothing of us.
             HardwareFault: the port is gone, or the board mute.
         """
-        if self._owed:
+        has_written = self._guardian is not None and self._guardian.has_written()
+        if self._owed or has_written:
             self._settle()
         self._port.drain()
         self.asked_at = monotonic()
@@ -90,7 +93,7 @@ class Line:
         except BadReply:
             self._recovers = True
             raise
-        self._owed = 0
+        self._owed, self._heard = 0, b""
         return angles
 
     def doubt(self) -> None:
@@ -101,9 +104,11 @@ class Line:
         self._port.close()
 
     def _settle(self) -> None:
-        self._port.write(self._zero)
+        self._port.write(self._board.torques_off)
         self._owed += 1
         self._listen(LEAST_SIZE * self._owed, SETTLING_S)
+        while more := self._port.read(monotonic() + GAP_S):  # answers to a guardian, which nobody counts
+            self._heard += more
         bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
         forgotten = bare and self._heard != b""
         self._owed = 0

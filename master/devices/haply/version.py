@@ -6,7 +6,11 @@ from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, Board, Enco
 from master.devices.haply.fivebar import FiveBar, Pair
 
 MOST_TORQUE_N_M = 0.123
-"""What the firmware of the Due board cuts to, as the strongest that a motor gives; that of the M0 board has 0.156."""
+"""What the firmware cuts the torque of a motor to, and full duty stands for.
+
+The same in all that the vendor has published (HaplyHaptics/Haply-Arduino-Firmware-Versions, `MAX_TORQUE`): for the Due
+board (1.5 of July 2017), the M3 and the M0 (1.5 and 0.3 of December 2018).
+"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import ClassVar
 from codec.vector import ZERO, Vector
 from hardware.fault import BadReply, HardwareFault
 from hardware.found import Found, UsbId, hid_devices
+from hardware.guardian import Guardian
 from master.devices.contract import DeviceReading
 from master.devices.polhem.force_stage import ForceStage
 from master.devices.polhem.hid_line import NO_CURRENT, HidLine, HidReports, ReportPort
@@ -54,6 +55,8 @@ class ReportExchange:
         force_n: float,
         connect: Callable[[str], ReportPort] = HidReports,
     ) -> None:
+        # The board's own watchdog is slow.
+        self.guardian = Guardian(b"") if force_n > 0.0 else None
         self._options = options
         self._parameters = parameters
         self._connect = connect
@@ -82,6 +85,8 @@ class ReportExchange:
         try:
             self._line.find_size(monotonic, OPENING_S, REPORT_S)
             self._check_kind(self._line.size)
+            if self.guardian is not None and path.startswith("/"):  # else by libusb, where nobody else can write
+                self._line.guard(self.guardian)
             self._talk = None if self._line.size == SHORT else LockStep(self._line, NO_CURRENT)
             if self._whereabouts is None:
                 self._whereabouts = Whereabouts(self._parameters, self._home_counts())

@@ -5,6 +5,7 @@ from time import monotonic
 from typing import Protocol
 
 from hardware.fault import HardwareFault
+from hardware.guardian import Guardian
 from hardware.hid_port import HidPort
 from master.devices.polhem.reports import LONG, SHORT, Currents, Sensors, SetCounters, decode_sensors, encode_command
 
@@ -18,6 +19,8 @@ class ReportPort(Protocol):
     def write(self, report: bytes) -> None: ...
 
     def read_all(self, until: float) -> list[bytes]: ...
+
+    def guard(self, guardian: Guardian) -> None: ...
 
     def close(self) -> None: ...
 
@@ -113,6 +116,12 @@ class HidLine:
         if size not in (LONG, SHORT):
             raise HardwareFault(f"sends reports of {size} bytes, expected {LONG} or {SHORT}: it is no such device")
         self.size = size
+
+    def guard(self, guardian: Guardian) -> None:
+        """Have the currents taken off when this process stops; once the size is known."""
+        guardian.zero = b"\0" + encode_command(NO_CURRENT, self.size)
+        guardian.rests = (guardian.zero[:7],)  # the number of the report, and the currents
+        self._port.guard(guardian)
 
     def close(self) -> None:
         self._port.close()

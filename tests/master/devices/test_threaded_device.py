@@ -1,6 +1,7 @@
 """What is alike for all devices that block: limits, faults, and the same answer for the same time."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from time import monotonic, sleep
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from codec.vector import Vector, norm
 from hardware.fault import BadReply, HardwareFault
 from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
-from master.devices.threaded_device import ThreadedDevice
+from master.devices.threaded_device import RAMP_S, STALE_S, ThreadedDevice
 
 PATIENCE = 30.0
 TICK = 0.001
@@ -20,15 +21,19 @@ class Exchange:
 
     def __init__(self) -> None:
         self.told: list[Vector] = []
+        self.told_at: list[float] = []
         self.trouble: HardwareFault | None = None
+        self.trouble_left = -1
         self.closed = 0
 
     def open(self) -> DeviceReading:
         return self.exchange((0.0, 0.0, 0.0))
 
     def exchange(self, command: Vector) -> DeviceReading:
-        if self.trouble is not None:
+        if self.trouble is not None and self.trouble_left != 0:
+            self.trouble_left -= 1
             raise self.trouble
+        self.told_at.append(monotonic())
         self.told.append(command)
         return DeviceReading(monotonic(), (1e-6 * len(self.told), 0.0, 0.0))
 
@@ -50,14 +55,18 @@ def device(exchange: Exchange) -> Iterator[ThreadedDevice]:
 
 
 def told(device: ThreadedDevice, exchange: Exchange, force: Vector) -> Vector:
-    """What the exchange is told when this is commanded."""
-    exchange.told.clear()
+    """What the exchange is told when this is commanded, once the force has come up."""
     gives_up = monotonic() + PATIENCE
-    while not (forces := [each for each in exchange.told if norm(each) > 0.0]):
+    exchange.told.clear()
+    while not has_come_up(exchange.told):
         assert monotonic() < gives_up
         device.command(force, monotonic())
         sleep(TICK)
-    return forces[0]
+    return exchange.told[-1]
+
+
+def has_come_up(told: list[Vector]) -> bool:
+    return len(told) > 10 and norm(told[-1]) > 0.0 and told[-1] == told[-10]
 
 
 def test_a_force_keeps_its_direction_within_the_limit_and_the_axes(device: ThreadedDevice, exchange: Exchange) -> None:
@@ -65,6 +74,35 @@ def test_a_force_keeps_its_direction_within_the_limit_and_the_axes(device: Threa
     assert told(device, exchange, (0.3, 0.0, -0.4)) == (0.3, 0.0, -0.4)
     assert told(device, exchange, (30.0, 0.0, -40.0)) == pytest.approx((1.8, 0.0, -2.4))
     assert told(device, exchange, (0.3, 100.0, -0.4)) == (0.3, 0.0, -0.4), "what it cannot display takes away nothing"
+
+
+def test_the_force_comes_up_from_zero_after_an_interruption(device: ThreadedDevice, exchange: Exchange) -> None:
+    """In steps no larger than the ramp's in the time between them."""
+    device.open(0.0)
+    told(device, exchange, (3.0, 0.0, 0.0))
+
+    def stall() -> None:
+        sleep(0.03)
+
+    def bad_reply() -> None:
+        exchange.trouble = BadReply("garbled")
+        exchange.trouble_left = 2
+
+    for interrupt in (stall, bad_reply):
+        exchange.told.clear()
+        interrupt()
+        gives_up = monotonic() + PATIENCE
+        while not (exchange.told and exchange.told[-1] == (3.0, 0.0, 0.0) and (0.0, 0.0, 0.0) in exchange.told):
+            assert monotonic() < gives_up
+            device.command((3.0, 0.0, 0.0), monotonic())
+            sleep(TICK)
+        resting = exchange.told.index((0.0, 0.0, 0.0))
+        told_at = exchange.told_at[-len(exchange.told) :]
+        steps = list(pairwise(zip(told_at[resting:], exchange.told[resting:], strict=True)))
+        for (before, (a, _, _)), (after, (b, _, _)) in steps:
+            # A command waits for its turn, but never longer than it counts.
+            assert b - a <= 3.0 * (after - before + STALE_S) / RAMP_S
+        assert max(b[0] - a[0] for (_, a), (_, b) in steps) < 3.0
 
 
 def test_the_same_time_gives_the_same_answer_and_another_the_newest(device: ThreadedDevice, exchange: Exchange) -> None:

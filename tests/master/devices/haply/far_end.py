@@ -63,11 +63,13 @@ class Far:
             if not select((self.near,), (), (), 0.01)[0]:
                 continue
             heard += os.read(self.near, 1000)
-            while heard and (length := LENGTHS[heard[0]]) <= len(heard):
+            while heard and (length := LENGTHS.get(heard[0], 1)) <= len(heard):
                 self._take(heard[:length])
                 heard = heard[length:]
 
     def _take(self, message: bytes) -> None:
+        if message[0] not in LENGTHS:
+            return  # as the firmware ignores it
         self.messages.append(message)
         if message[0] == 2:
             (self.deeds.pop(0) if self.deeds else self.rest)()

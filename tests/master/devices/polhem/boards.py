@@ -5,6 +5,7 @@ from time import monotonic, sleep
 
 from hardware.emulator import WireFaults
 from hardware.fault import HardwareFault
+from hardware.guardian import Guardian
 from master.devices.polhem.bracket import Status, decode_currents, encode_status
 from master.devices.polhem.reports import LONG, Sensors, SetCounters, decode_command, encode_sensors
 
@@ -85,6 +86,9 @@ class Board:
         reports = list(self._waiting)
         self._waiting.clear()
         return reports
+
+    def guard(self, guardian: Guardian) -> None:
+        self.guardian = guardian
 
     def close(self) -> None:
         self.closed += 1

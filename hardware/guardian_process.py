@@ -1,0 +1,106 @@
+"""The guardian: a process that takes the force off a device when the process that commands it stops.
+
+`hardware.guardian` starts it, by its path and with an interpreter that loads nothing more than it has to. It imports
+the standard library alone. Arguments: the descriptors of the socket to the parent, of the device and of the shared
+memory, and the message that takes the force off, as hexadecimal digits.
+
+The parent puts every force on a lease: before it writes one, it stores in the shared memory until when that force may
+stand (`LEASE` [ns, CLOCK_MONOTONIC]; 0 for no force). Once the lease is over the guardian writes the message, again
+and again until the parent renews or ends the lease. It writes it too when the socket closes, which the kernel does
+however the parent dies, and then ends.
+"""
+
+import os
+import select
+import signal
+import sys
+import termios
+from contextlib import suppress
+from mmap import mmap
+from time import monotonic_ns, sleep
+
+LEASE, BEATS, WRITES = range(3)
+"""Words of 64 bits in the shared memory: written by the parent, by the guardian, by the guardian.
+
+`BEATS` counts the turns of its loop, `WRITES` the messages that it has sent.
+"""
+WORDS_SIZE = 3 * 8
+
+PAUSE_NS = 20_000_000
+"""Longest time between two looks at the lease; a lease that begins meanwhile must be longer."""
+REPEATS = 10
+"""How many messages follow one another at that pace."""
+SLOW_NS = 1_000_000_000
+"""Pace of those after: nobody reads the answers of the device."""
+LAST_WRITES = 2
+LAST_PAUSE_S = 0.01
+
+
+def main(arguments: list[str]) -> None:
+    socket, device, memory = map(int, arguments[:3])
+    zero = bytes.fromhex(arguments[3])
+    # Whoever stops the parent may send the same to its children; this one ends with the parent, not before.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_IGN)
+    _go_first()
+    words = memoryview(mmap(memory, WORDS_SIZE)).cast("q")
+    words[BEATS] = 1
+    watch(words, socket, device, zero)
+
+
+def watch(words: memoryview, socket: int, device: int, zero: bytes) -> None:
+    """Until the parent says goodbye or is gone."""
+    poll = select.poll()
+    poll.register(socket, select.POLLIN)
+    repeats, due = 0, 0
+    while True:
+        words[BEATS] += 1
+        lease, now = words[LEASE], monotonic_ns()
+        pause = PAUSE_NS
+        if lease == 0 or now < lease:
+            repeats, due = 0, now
+            pause = PAUSE_NS if lease == 0 else min(PAUSE_NS, lease - now)
+        elif now >= due and words[LEASE] == lease:  # the parent may have come back this very moment
+            words[WRITES] += 1
+            write(device, zero)
+            repeats += 1
+            due = now + (PAUSE_NS if repeats < REPEATS else SLOW_NS)
+        if poll.poll(pause / 1e6):
+            goodbye = os.read(socket, 1)
+            if not goodbye or words[LEASE] != 0:
+                for _ in range(LAST_WRITES):
+                    write(device, zero)
+                    sleep(LAST_PAUSE_S)
+            return
+
+
+def write(device: int, zero: bytes) -> None:
+    """The whole message, in place of what the device has not taken yet."""
+    with suppress(OSError, termios.error):  # unplugged
+        if not _taken(device, zero):
+            termios.tcflush(device, termios.TCOFLUSH)
+            _taken(device, zero)
+
+
+def _taken(device: int, zero: bytes) -> bool:
+    try:
+        return os.write(device, zero) == len(zero)
+    except BlockingIOError:
+        return False
+
+
+def _go_first() -> None:
+    """Do not wait for the processor that the parent holds: it may be the reason."""
+    with suppress(OSError):
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+    with suppress(OSError):
+        if os.sched_getscheduler(0) in (os.SCHED_FIFO, os.SCHED_RR):
+            highest = os.sched_get_priority_max(os.SCHED_FIFO)
+            priority = min(highest, os.sched_getparam(0).sched_priority + 1)
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+        else:
+            os.setpriority(os.PRIO_PROCESS, 0, -10)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
