@@ -42,9 +42,7 @@ SCHEMES = ("none", "tdpa", "mmt")
 FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
 FORCE = (*PREDICTORS, HYBRID, ADAPTIVE)
 POSITION = ("zoh", "linear", "trend", HYBRID, ADAPTIVE)
-PREDICTION = tuple((force, "linear") for force in FORCE) + tuple(
-    (HYBRID, each) for each in POSITION if each != "linear"
-)
+PREDICTION = (*((force, "linear") for force in FORCE), *((HYBRID, each) for each in POSITION if each != "linear"))
 """(force, position)."""
 
 
@@ -133,5 +131,5 @@ def special() -> Iterator[Case]:
 
 def selection() -> Sequence[Case]:
     """A short choice of all: each predictor, scheme, motion, direction and frequency, but not each with each."""
-    chosen = [case for index, case in enumerate(every()) if index % 61 == 0]
+    chosen = [case for index, case in enumerate(every()) if index % 79 == 0]
     return [*chosen, *(case for index, case in enumerate(special()) if index % 5 == 0)]

@@ -24,7 +24,7 @@ Hold = Callable[[float], float | None]
 class ObservedLink:
     """Takes the place of an `EmulatedLink` in a simulation, in front of one.
 
-    Datagrams are handed over one at a time, so that a count of executed updates that has risen belongs to the one before.
+    Datagrams are handed over one at a time, so that a risen count of executed updates belongs to the one before.
 
     Attributes:
         executed: how many updates the receiving end has executed so far; set once that end is there.
@@ -95,8 +95,8 @@ def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.flo
         times: shape (n,) [s].
 
     Returns:
-        Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s]; infinite
-        before the first.
+        Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];
+        infinite before the first.
     """
     outward_at = [arrival for arrival, _ in outward.arrivals]
     newest = list(accumulate((departure for _, departure in outward.arrivals), max))

@@ -37,7 +37,7 @@ class Figures:
         allowed_mm: how far the hand moves within the limit at its largest speed before the cut.
         retreat_mm: how far the robot backed off without a session, and how far it moved otherwise.
         hand_n, robot_n: largest force on the hand, and of the robot on what it touches.
-        step_n: largest change of the force on the hand from one tick to the next, as it comes back once the link is good.
+        step_n: largest change of the force on the hand in a tick, as it comes back once the link is good.
         step_mm: the same of the robot, less the largest change of the hand.
         fault_ms: from the cut to the first named fault of each end; None for none.
         faults: their names.
