@@ -59,17 +59,8 @@ UNDERLAYS: dict[str, Under] = {
     "recording": _recorded,
 }
 """What others happen under, when several come together."""
-_LINK = {
-    "noise",
-    "delay",
-    "bursts",
-    "blackout",
-    "cut_to_slave",
-    "cut_to_master",
-    "flap",
-    "stolen_path",
-    "recorded_calls",
-}
+_CUTS = {"bursts", "blackout", "cut_to_slave", "cut_to_master", "flap"}
+_LINK = {"noise", "delay", "stolen_path", "recorded_calls"} | _CUTS
 """What puts faults of its own on the link."""
 ALONE = {
     "noise": _LINK,
