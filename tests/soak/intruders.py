@@ -102,7 +102,7 @@ def second_master(at: Field) -> list[str]:
     """Another master with the key calls the slave, which is in a session: it is refused, and is told why."""
     address = f"link.slave={LINK}:{at.rig.slave_address[1]}"
     with Rival(at.rig, MASTER, "--set", address) as rival:
-        _follow(at, rival, at.lasting(3.0, 3.0, 6.0))
+        _follow(at, rival, at.lasting(1.5, 1.5, 6.0))
         rival.end()
     found = [f"a second master was in a session for {rival.engaged} ticks"] * (rival.engaged > 0)
     if "refused" not in rival.outcome:
@@ -131,6 +131,7 @@ def take_over(at: Field) -> list[str]:
         found.append(f"the first master was not told why: {outcome}")
     at.watch.bury(first, first.read())
     first.close()
+    at.watch.begin()  # while the second master had the slave, the first one's records say nothing of the session
     at.ended_at = monotonic()
     at.rig.start(MASTER)
     return found
@@ -144,7 +145,7 @@ def second_slave(at: Field) -> list[str]:
         at.watch.begin()
         at.rig.wire.swap((LINK, port))
         try:
-            _follow(at, rival, at.rig.silence + at.lasting(2.0, 1.0, 5.0))
+            _follow(at, rival, at.rig.silence + at.lasting(1.0, 1.0, 5.0))
         finally:
             at.rig.wire.swap(None)
         records = at.watch.seen(MASTER)
@@ -173,8 +174,9 @@ def stolen_path(at: Field) -> list[str]:
 
 
 def recorded_calls(at: Field) -> list[str]:
-    """HELLOs that were recorded are sent again, 20,000 a second, while a master calls for a new session."""
+    """HELLOs of earlier calls are sent again, 20,000 a second, while a master calls for a new session."""
     rig, watch, wire = at.rig, at.watch, at.rig.wire
+    recorded = wire.recorded_calls()
     watch.bury(*rig.kill(MASTER))
     wire.emulate(Emulation(loss=1.0))
     watch.wait(rig.silence + 0.2)
@@ -182,7 +184,7 @@ def recorded_calls(at: Field) -> list[str]:
     found = []
     if not watch.until(lambda: life.last is not None, START_S):
         found.append("the master did not start")
-    with _volley(rig, wire.recorded_calls()) as gun:
+    with _volley(rig, recorded) as gun:
         watch.wait(0.3)
         opened = at.ended_at = monotonic()
         wire.emulate(Emulation())
@@ -190,6 +192,7 @@ def recorded_calls(at: Field) -> list[str]:
         seconds = monotonic() - opened
         is_back = watch.engaged(opened)
         gun.wait(CALLS_S + 10.0)
+    at.notes["recorded calls"] = len(recorded)
     at.notes["ms to a new session"] = round(1e3 * seconds) if is_back else 99_999
     if not is_back or seconds > NEW_SESSION_S:
         found.append(f"no new session within {seconds:.1f} s while recorded calls came")
