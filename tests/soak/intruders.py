@@ -12,9 +12,11 @@ from time import monotonic
 from typing import Any, Self
 
 from protocol.emulation import Emulation
+from protocol.keys import load as load_key
 from protocol.states import State
 from telemetry.reader import RingReader
 from telemetry.ring import default_path
+from tests.soak.ammunition import load
 from tests.soak.field import Field
 from tests.soak.rig import LINK, Rig, free_port
 from weberlink.configuration import MASTER, SLAVE
@@ -176,7 +178,9 @@ def stolen_path(at: Field) -> list[str]:
 def recorded_calls(at: Field) -> list[str]:
     """HELLOs of earlier calls are sent again, 20,000 a second, while a master calls for a new session."""
     rig, watch, wire = at.rig, at.watch, at.rig.wire
-    recorded = wire.recorded_calls()
+    # One master makes a few calls only; the others stand for a recording of weeks.
+    genuine = wire.recorded_calls()
+    recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"))
     watch.bury(*rig.kill(MASTER))
     wire.emulate(Emulation(loss=1.0))
     watch.wait(rig.silence + 0.2)
