@@ -60,7 +60,7 @@ UNDERLAYS: dict[str, Under] = {
 }
 """What others happen under, when several come together."""
 _CUTS = {"bursts", "blackout", "cut_to_slave", "cut_to_master", "flap"}
-_LINK = {"noise", "delay", "stolen_path", "recorded_calls"} | _CUTS
+_LINK = {"noise", "delay", "stolen_path", "recorded_calls", "many_calls"} | _CUTS
 """What puts faults of its own on the link."""
 ALONE = {
     "noise": _LINK,
@@ -73,6 +73,7 @@ ALONE = {
         "killed_slave",
         "take_over",
         "recorded_calls",
+        "many_calls",
         "foreign_files",
     },
 }
