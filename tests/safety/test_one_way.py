@@ -13,7 +13,7 @@ from telemetry.reader import DTYPE
 from tests.safety.cases import BOTH, CUT, DIRECTIONS, FLAPS_HZ, MOTIONS, PREDICTION, SCHEMES, Case, every, selection
 from tests.safety.observed_link import ObservedLink, loop_ages
 from tests.safety.run import Figures, measure, run, violated
-from tests.weberlink.systems import configuration
+from tests.weberlink.systems import configuration, steps, system
 
 CASE = Case("press", BOTH)
 SAFE = Figures(
@@ -134,3 +134,12 @@ def test_the_age_of_a_loop_counts_the_way_there_and_back() -> None:
     inward.arrivals = [(1.035, 1.025)]  # left when the peer had heard the first one only
     ages = loop_ages(outward, inward, np.array([1.03, 1.035, 1.2]))
     assert ages == pytest.approx([np.inf, 0.035, 0.2])
+
+
+@pytest.mark.parametrize(("key", "losing"), [("to_slave", "slave"), ("to_master", "master")])
+def test_a_file_can_ask_for_faults_of_one_direction(key: str, losing: str) -> None:
+    simulated = system(f"link.emulate={{delay_ms: 1, {key}: {{loss: 0.2}}, seed: 3}}")
+    for _ in steps(simulated, 1.5):
+        pass
+    sides = {"master": simulated.master, "slave": simulated.slave}
+    assert [name for name, side in sides.items() if side.endpoint.statistics.lost > 0] == [losing]
