@@ -62,22 +62,9 @@ def _forge(like: bytes, sequence: int, random: Random) -> bytes:
     return head + random.randbytes(len(like) - len(head))
 
 
-def redials(genuine: Sequence[bytes], key: bytes, random: Random, calls: int = 20, repeats: int = 500) -> list[bytes]:
-    """HELLOs of masters that called for long and were not answered: each call repeats them with a later clock."""
-    security = PresharedKey(key)
-    agreement = _agreement(genuine, security)
-    dialers = [Dialer(security, random.randbytes, agreement, PROTOCOL_VERSION, 0.0) for _ in range(calls)]
-    for dialer in dialers:
-        dialer.start(0.0)
-    return [dialer.hello(1.0 + 0.1 * turn) for turn in range(repeats) for dialer in dialers]
-
-
 def _calls(genuine: Sequence[bytes], key: bytes, random: Random) -> list[bytes]:
     """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
-    return redials(genuine, key, random, ROUNDS, 1)
-
-
-def _agreement(genuine: Sequence[bytes], security: PresharedKey) -> bytes:
+    security = PresharedKey(key)
     hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
     frame = None if hello is None else open_frame(hello, security)
     body = None if frame is None else read_map(frame[1])
@@ -85,4 +72,9 @@ def _agreement(genuine: Sequence[bytes], security: PresharedKey) -> bytes:
         raise ValueError("no genuine HELLO was recorded to make others of")
     agreement = body["agreement"]
     assert isinstance(agreement, bytes)
-    return agreement
+    calls = []
+    for _ in range(ROUNDS):
+        dialer = Dialer(security, random.randbytes, agreement, PROTOCOL_VERSION, 0.0)
+        dialer.start(0.0)
+        calls.append(dialer.hello(1.0))
+    return calls

@@ -16,7 +16,7 @@ from protocol.keys import load as load_key
 from protocol.states import State
 from telemetry.reader import RingReader
 from telemetry.ring import default_path
-from tests.soak.ammunition import redials
+from tests.soak.ammunition import load
 from tests.soak.field import Field
 from tests.soak.rig import LINK, Rig, free_port
 from weberlink.configuration import MASTER, SLAVE
@@ -182,7 +182,7 @@ def recorded_calls(rate: int) -> Callable[[Field], list[str]]:
         rig, watch, wire = at.rig, at.watch, at.rig.wire
         # The master of a soak makes a few calls only; the others stand for a long recording.
         genuine = wire.recorded_calls()
-        recorded = genuine + redials(genuine, load_key(rig.folder / "soak.key"), at.random)
+        recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"))
         wire.emulate(Emulation(loss=1.0))
         for side in (MASTER, SLAVE):
             watch.bury(*rig.kill(side))
