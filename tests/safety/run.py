@@ -18,6 +18,8 @@ from weberlink.simulate import build_simulation
 
 STILL = 1e-9
 """[m] or [N]."""
+WALL_M_S = 1.0
+"""The force may change as fast as on the device's stiffest wall, touched at this speed [m/s]."""
 BACK_S = 0.5
 """In this time after the link is good again both ends engage, the robot approaches and the force fades in [s]."""
 CODING_M = 0.5e-3
@@ -37,8 +39,9 @@ class Figures:
         allowed_mm: how far the hand moves within the limit at its largest speed before the cut.
         retreat_mm: how far the robot backed off without a session, and how far it moved otherwise.
         hand_n, robot_n: largest force on the hand, and of the robot on what it touches.
-        step_n: largest change of the force on the hand in a tick, as it comes back once the link is good.
-        step_mm: the same of the robot, less the largest change of the hand.
+        step_n: largest change of the force on the hand in a tick, from the cut on.
+        early_n: how far the force was above an even rise to its limit, in the ramp after the link is good again.
+        step_mm: largest change of the robot in a tick as it comes back once the link is good, less that of the hand.
         fault_ms: from the cut to the first named fault of each end; None for none.
         faults: their names.
         returned: whether both ends are in a session at the end.
@@ -54,6 +57,7 @@ class Figures:
     hand_n: float
     robot_n: float
     step_n: float
+    early_n: float
     step_mm: float
     fault_ms: tuple[float | None, float | None]
     faults: tuple[tuple[str, ...], tuple[str, ...]]
@@ -95,15 +99,15 @@ def run(case: Case) -> Run:
         masters, slaves = zip(*(simulated.step() for _ in range(ticks)), strict=True)
     except Exception as error:
         return Run(case, None, (f"a loop ended with {type(error).__name__}: {error}",))
-    figures = measure(case, as_array(masters), as_array(slaves), *ways, limit=loaded.system.link.silence_ms * 1e-3)
+    figures = measure(case, as_array(masters), as_array(slaves), *ways, loaded=loaded)
     return Run(case, figures, tuple(violated(case, figures, loaded)))
 
 
 def measure(
-    case: Case, master: Any, slave: Any, forward: ObservedLink, backward: ObservedLink, *, limit: float
+    case: Case, master: Any, slave: Any, forward: ObservedLink, backward: ObservedLink, *, loaded: Configuration
 ) -> Figures:
     """The figures of a run, from the records of both sides and the book of the two links."""
-    at = master["at"]
+    at, limit = master["at"], loaded.system.link.silence_ms * 1e-3
     failing = (at >= CUT) & (at < case.restored)
     force = np.linalg.norm(master["output"], axis=1)
     moved = np.concatenate([[0.0], np.linalg.norm(np.diff(slave["output"], axis=0), axis=1)])
@@ -131,7 +135,8 @@ def measure(
         retreat_mm=(1e3 * backed, 1e3 * otherwise),
         hand_n=float(force[at >= CUT].max()),
         robot_n=float(np.linalg.norm(slave["raw"][failing], axis=1).max()),
-        step_n=float(np.linalg.norm(np.diff(master["output"][after], axis=0), axis=1).max()),
+        step_n=float(np.linalg.norm(np.diff(master["output"][at >= CUT], axis=0), axis=1).max()),
+        early_n=_early(at, force, after & (master["state"] == State.ENGAGED.value), loaded),
         step_mm=1e3 * max(0.0, float(moved[after][1:].max() - went[after].max())),
         fault_ms=(_first_fault(at, master, failing), _first_fault(at, slave, failing)),
         faults=(_faults(master[failing]), _faults(slave[failing])),
@@ -160,6 +165,10 @@ def violated(case: Case, figures: Figures, loaded: Configuration) -> list[str]:
         found.append(f"the robot went {figures.beyond_mm:.1f} mm beyond the hand, {figures.allowed_mm:.1f} mm allowed")
     if figures.hand_n > limits.force_n * (1.0 + 1e-9):
         found.append(f"{figures.hand_n:.2f} N on the hand, {limits.force_n:g} N allowed")
+    assert loaded.device is not None
+    most_step = loaded.device.options.stiffness_n_m * WALL_M_S * system.tick_period  # type: ignore[attr-defined]
+    if figures.step_n > most_step * (1.0 + 1e-9):
+        found.append(f"the force changed by {figures.step_n:.2f} N in a tick, {most_step:.2f} N allowed")
     if not figures.returned:
         found.append("no session once the link was good again")
     if case.longest_dark > 1e-3 * limit_ms + 2.0 * sum(case.delay_s):
@@ -175,11 +184,9 @@ def _after_silence(case: Case, figures: Figures, loaded: Configuration, delayed:
             found.append(f"the {side} names no fault")
         elif not case.flap_hz and first > delayed:
             found.append(f"the {side} names a fault after {first:.0f} ms only")
-    limits, tick = system.master.limits, system.tick_period
-    # A ramp up to the limit, and what an update corrects: the deadband. As in tests/weberlink/test_system.py.
-    most = limits.force_n * tick / (limits.ramp_ms * 1e-3) + 0.10 * figures.hand_n + 0.05
-    if not case.flap_hz and figures.step_n > most:
-        found.append(f"the force came back by {figures.step_n:.2f} N in a tick, {most:.2f} N allowed")
+    tick = system.tick_period
+    if not case.flap_hz and figures.early_n > STILL:
+        found.append(f"the force came back {figures.early_n:.2f} N above its ramp")
     approach = 1e3 * system.slave.limits.approach_speed_m_s * tick + 1e3 * CODING_M
     if not case.flap_hz and figures.step_mm > approach:
         found.append(f"the robot came back by {figures.step_mm:.2f} mm in a tick, {approach:.2f} mm allowed")
@@ -187,6 +194,16 @@ def _after_silence(case: Case, figures: Figures, loaded: Configuration, delayed:
     if case.retract and (otherwise > 1e3 * CODING_M or backed > 1e3 * system.slave.limits.retract_m + 0.1):
         found.append(f"the robot backed off {backed:.1f} mm, and moved {otherwise:.1f} mm otherwise")
     return found
+
+
+def _early(
+    at: NDArray[np.float64], force: NDArray[np.float64], back: NDArray[np.bool_], loaded: Configuration
+) -> float:
+    """By how much the force is above an even rise to its limit, from the first of these ticks on [N]."""
+    limits = loaded.system.master.limits
+    since = at[back] - at[back][0] + loaded.system.tick_period if back.any() else np.zeros(1)
+    envelope = limits.force_n * since / (limits.ramp_ms * 1e-3)
+    return max(0.0, float((force[back] - envelope).max())) if back.any() else 0.0
 
 
 def _last(at: NDArray[np.float64], which: NDArray[np.bool_]) -> float:

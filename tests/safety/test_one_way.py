@@ -27,6 +27,7 @@ SAFE = Figures(
     hand_n=5.0,
     robot_n=8.0,
     step_n=0.2,
+    early_n=0.0,
     step_mm=0.25,
     fault_ms=(99.0, 100.0),
     faults=(("SILENCE",), ("SILENCE",)),
@@ -64,7 +65,8 @@ def test_the_selection_has_something_of_everything() -> None:
         ({"returned": False}, "no session once the link was good again"),
         ({"fault_ms": (None, 100.0)}, "the master names no fault"),
         ({"fault_ms": (99.0, 300.0)}, "the slave names a fault after 300 ms only"),
-        ({"step_n": 3.0}, "the force came back by 3.00 N in a tick"),
+        ({"step_n": 3.5}, "the force changed by 3.50 N in a tick, 3.00 N allowed"),
+        ({"early_n": 0.4}, "the force came back 0.40 N above its ramp"),
         ({"step_mm": 2.0}, "the robot came back by 2.00 mm in a tick"),
     ],
 )
@@ -97,7 +99,7 @@ def test_figures_are_those_of_the_records() -> None:
     links = ObservedLink(Emulation()), ObservedLink(Emulation())
     for link in links:  # a datagram in every tick until the cut
         link.arrivals += [(float(now), float(now)) for now in at[at < CUT]]
-    figures = measure(CASE, master, slave, *links, limit=0.1)
+    figures = measure(CASE, master, slave, *links, loaded=configuration())
     assert figures.robot_ms == pytest.approx(300.0, abs=1.5)
     assert figures.force_ms == pytest.approx(199.0, abs=1.5)
     assert figures.robot_age_ms == pytest.approx(301.0, abs=1.5)
