@@ -296,7 +296,7 @@ FAULTS: dict[str, Fault] = {
     "busy_core": Fault(busy_core, keeps=True),
     "second_master": Fault(intruders.second_master, keeps=True),
     "take_over": Fault(intruders.take_over, keeps=False, limit_s=RESTART_S, rare=True),
-    "second_slave": Fault(intruders.second_slave, keeps=False),
+    "second_slave": Fault(intruders.second_slave, keeps=False, limit_s=RESTART_S, rare=True),
     "stolen_path": Fault(intruders.stolen_path, keeps=True),
     "recorded_calls": Fault(intruders.recorded_calls(2_000), keeps=False, limit_s=RESTART_S, rare=True),
     "many_calls": Fault(intruders.recorded_calls(20_000), keeps=False, limit_s=RESTART_S, rare=True),

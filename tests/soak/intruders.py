@@ -11,6 +11,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any, Self
 
+from evaluation.session import Records
 from protocol.emulation import Emulation
 from protocol.keys import load as load_key
 from protocol.states import State
@@ -140,22 +141,36 @@ def take_over(at: Field) -> list[str]:
 
 
 def second_slave(at: Field) -> list[str]:
-    """The relay leads the master to another slave with the same key: the master refuses it, and names a fault."""
+    """The relay leads the master to another slave with the same key: the master refuses it, and names a fault.
+
+    It may end with that refusal; then it is started again.
+    """
     port = free_port()
+    seen: list[Records] = []
     with Rival(at.rig, SLAVE, "--set", f"link.listen={LINK}:{port}") as rival:
         at.watch.until(lambda: rival.look() or rival.ticks > 0 or not rival.running, START_S)
-        at.watch.begin()
+        master = at.rig.lives.pop(MASTER)
         at.rig.wire.swap((LINK, port))
-        try:
-            _follow(at, rival, at.rig.silence + at.lasting(1.0, 1.0, 5.0))
-        finally:
-            at.rig.wire.swap(None)
-        records = at.watch.seen(MASTER)
-        at.ended_at = monotonic()
+        deadline = monotonic() + at.rig.silence + at.lasting(1.0, 1.0, 5.0)
+        while monotonic() < deadline:
+            at.watch.wait(_LOOK)
+            rival.look()
+            seen += [records] if (records := master.read()) is not None else []
+        at.rig.wire.swap(None)
         rival.end()
     found = [f"the second slave was in a session for {rival.engaged} ticks"] * (rival.engaged > 0)
-    if not records["fault"].any():
+    if not any(records["fault"].any() for records in seen):
         found.append("the master named no fault")
+    at.watch.begin()  # the master's records of that time were not the watch's
+    at.ended_at = monotonic()
+    if master.daemon.running:
+        at.rig.lives[MASTER] = master
+    else:
+        outcome = str(master.daemon.finish()["outcome"])
+        found += [f"the master has ended: {outcome}"] * ("refused" not in outcome)
+        at.watch.bury(master, master.read())
+        master.close()
+        at.rig.start(MASTER)
     return found if rival.ticks else [*found, f"the second slave did not start: {rival.outcome}"]
 
 

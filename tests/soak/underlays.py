@@ -72,6 +72,7 @@ ALONE = {
         "killed_master",
         "killed_slave",
         "take_over",
+        "second_slave",
         "recorded_calls",
         "many_calls",
         "foreign_files",
