@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test hunt lint format fuzz soak bench figures vendor lock schema clean
+.PHONY: system demo test hunt lint format fuzz safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
@@ -40,6 +40,10 @@ format: $(DEV)
 
 fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 	$(BIN)/python -m tests.protocol.fuzz --seconds 60
+
+safety: $(DEV)  ## links that fail in one direction, and held datagrams, in virtual time: the tables of docs/safety.md
+	mkdir -p docs/safety
+	$(BIN)/python -m tests.safety --out docs/safety/figures
 
 soak: $(DEV)  ## an hour of faults, then floods, against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)

@@ -36,7 +36,8 @@ class Emulation:
         duplicate: probability that it arrives twice.
         corrupt: probability that one of its bits is flipped.
         rate_bit_s: capacity, headers included; None for no limit [bit/s].
-        blackouts: (start, duration) of times when nothing gets through, from the epoch of the link [s].
+        blackouts: (start, duration) of times when nothing gets through, from the epoch of the link [s]; with a third
+            number, (start, duration, period), repeated with that period: a link that flaps.
 
     Raises:
         ValueError: naming the field.
@@ -50,7 +51,7 @@ class Emulation:
     duplicate: float = 0.0
     corrupt: float = 0.0
     rate_bit_s: float | None = None
-    blackouts: tuple[tuple[float, float], ...] = ()
+    blackouts: tuple[tuple[float, float] | tuple[float, float, float], ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("delay_s", "jitter_s"):
@@ -67,8 +68,10 @@ class Emulation:
             raise ValueError(f"loss must be at most burst / (1 + burst) for bursts of {self.burst}, not {self.loss}")
         if self.rate_bit_s is not None and not self.rate_bit_s > 0.0:
             raise ValueError(f"rate_bit_s must be positive, not {self.rate_bit_s}")
-        if any(duration < 0.0 for _, duration in self.blackouts):
-            raise ValueError(f"blackouts must be pairs of start and duration, not {self.blackouts}")
+        if any(duration < 0.0 or not min(period, default=inf) > 0.0 for _, duration, *period in self.blackouts):
+            raise ValueError(
+                f"blackouts must be pairs of start and duration, or triples with a period above 0, not {self.blackouts}"
+            )
 
 
 @dataclass(slots=True)
@@ -169,7 +172,10 @@ class EmulatedLink(Generic[T]):
 
     def _is_blacked_out(self, now: float) -> bool:
         since = now - self._epoch
-        return any(start <= since < start + duration for start, duration in self._emulation.blackouts)
+        for start, duration, *period in self._emulation.blackouts:
+            if since >= start and (since - start) % (period[0] if period else inf) < duration:
+                return True
+        return False
 
     def _transmit(self, size: int, now: float) -> float | None:
         rate = self._emulation.rate_bit_s

@@ -201,7 +201,8 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
 
         # Each side distorts what it sends, by its own chance.
         uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
-        emulated = build_link(link.emulate, uniform, epoch)
+        to_slave, to_master = link.emulate.directions
+        emulated = build_link(to_slave if name == MASTER else to_master, uniform, epoch)
     if name == MASTER:
         return UdpShell(endpoint, now=monotonic, link=emulated)
     return UdpShell(endpoint, now=monotonic, listen=split_address(link.listen), link=emulated)

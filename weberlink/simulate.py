@@ -30,6 +30,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
     _refuse_hardware(configuration)
     system = configuration.system
     emulation = system.link.emulate or EmulationSettings()
+    to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
     security = build_security(configuration)
     return Simulation(
@@ -49,8 +50,8 @@ def build_simulation(configuration: Configuration) -> Simulation:
             stopwatch=_no_time,
         ),
         links=(
-            build_link(emulation, chance["forward"].random, 0.0),
-            build_link(emulation, chance["backward"].random, 0.0),
+            build_link(to_slave, chance["forward"].random, 0.0),
+            build_link(to_master, chance["backward"].random, 0.0),
         ),
         tick_period=system.tick_period,
     )

@@ -158,6 +158,7 @@ def test_every_datagram_is_accounted_for() -> None:
         ("burst", 0.5),
         ("rate_bit_s", 0.0),
         ("blackouts", ((0.0, -1.0),)),
+        ("blackouts", ((0.0, 1.0, 0.0),)),
     ],
 )
 def test_a_fault_that_cannot_be_is_named(field: str, value: object) -> None:
@@ -169,3 +170,11 @@ def test_a_loss_too_high_for_its_bursts_is_named() -> None:
     with pytest.raises(ValueError, match="burst"):
         Emulation(loss=0.9, burst=2.0)
     Emulation(loss=1.0, burst=2.0)
+
+
+def test_a_periodic_blackout_repeats_from_its_start() -> None:
+    made = link(blackouts=((1.0, 0.05, 0.2),), epoch=10.0)
+    for number in range(200):
+        made.send(b"x", number, 10.0 + number * 0.01 + 0.005)
+    arrived = [tag for _, tag in made.receive(100.0)]
+    assert arrived == [number for number in range(200) if number < 100 or number % 20 >= 5]

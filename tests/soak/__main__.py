@@ -10,6 +10,7 @@ from time import monotonic
 from types import FrameType
 
 from evaluation.environment import environment, footer
+from tests.soak.faults import FAULTS
 from tests.soak.report import Report
 from tests.soak.rig import SILENCE_MS, RigError
 from tests.soak.soak import Soak
@@ -57,13 +58,14 @@ def main() -> int:
     parser.add_argument(
         "--minutes", type=float, default=60.0, help="3 or less: every fault once, and as short as can be"
     )
+    parser.add_argument("--faults", nargs="+", choices=[*FAULTS], default=[*FAULTS], metavar="KIND", help="only these")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--silence-ms", type=float, default=SILENCE_MS, help="limit of silence of the session")
     parser.add_argument("--json", type=Path, metavar="OUT")
     arguments = parser.parse_args()
     for number in STOP_SIGNALS:
         signal(number, stop)
-    soak = Soak(arguments.minutes, arguments.seed, Status(), arguments.silence_ms)
+    soak = Soak(arguments.minutes, arguments.seed, Status(), arguments.silence_ms, arguments.faults)
     began = monotonic()
     try:
         soak.run()

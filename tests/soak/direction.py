@@ -82,6 +82,13 @@ class Direction:
             self.book.handshakes += bool(data) and kind_of(data) in _HANDSHAKE
         return bool(passed)
 
+    def overtaken(self, data: bytes) -> None:
+        """A copy of what is about to be taken was delivered another way."""
+        self.book.duplicated += 1
+        self.book.passed += 1
+        self.book.passed_bytes += len(data)
+        self.book.handshakes += kind_of(data) in _HANDSHAKE
+
     def orphan(self) -> None:
         """A datagram came to an address that was left behind."""
         self.book.arrived += 1

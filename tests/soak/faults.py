@@ -12,7 +12,7 @@ from time import monotonic, sleep, time
 from typing import Any
 
 from protocol.emulation import Emulation
-from tests.soak import disk, laws
+from tests.soak import disk, intruders, laws
 from tests.soak.field import Field
 from tests.soak.underlays import DELAY, NOISE, burner
 from weberlink.configuration import MASTER, SLAVE
@@ -28,6 +28,8 @@ _BURST, _BURST_S = 240, 0.003
 _STUTTER_SHARE = 0.33
 _SURELY_S = 0.3
 """Beyond the silence limit; what the machine may be late, and what was under way."""
+_LATE_S = 0.1
+"""By which a shared machine may be late in a tick."""
 
 
 Inject = Callable[[Field], list[str]]
@@ -60,15 +62,28 @@ def _emulated(emulation: Emulation, short: float = 1.5) -> Inject:
     return inject
 
 
-def blackout(at: Field) -> list[str]:
-    """Nothing gets through, in either direction."""
-    at.rig.wire.emulate(Emulation(loss=1.0))
-    at.watch.wait(at.rig.silence + at.lasting(0.4, _SURELY_S, 4.0))
-    silent = not any(at.watch.state_of(side) == laws.ENGAGED for side in (MASTER, SLAVE))
+def _cut(way: str) -> Inject:
+    """Nothing gets through; `way` is "forward", "backward", or "" for both."""
+
+    def inject(at: Field) -> list[str]:
+        since = monotonic()
+        at.rig.wire.emulate(Emulation(loss=1.0), way)
+        at.watch.wait(at.rig.silence + at.lasting(0.4, _SURELY_S, 4.0))
+        sides = at.watch.both()
+        at.rig.wire.emulate(Emulation())
+        return laws.rests(sides, since + at.rig.silence + _LATE_S)
+
+    return inject
+
+
+def flap(at: Field) -> list[str]:
+    """The link is cut in one direction for half of each period."""
+    way = at.random.choice(("forward", "backward"))
+    period = 1.0 / at.random.uniform(1.0, 20.0)
+    at.rig.wire.emulate(Emulation(blackouts=((0.0, 0.5 * period, period),)), way)
+    at.watch.wait(at.lasting(1.0, 2.0, 8.0))
     at.rig.wire.emulate(Emulation())
-    return (
-        [] if silent else ["nothing came through for longer than the silence limit, and a side stayed in the session"]
-    )
+    return []
 
 
 def replay(at: Field) -> list[str]:
@@ -88,39 +103,54 @@ def replay(at: Field) -> list[str]:
     return [] if dropped >= sent else [f"{sent} datagrams were replayed, and only {dropped} refused"]
 
 
-def stale(at: Field) -> list[str]:
-    """The master's datagrams are held back beyond the silence limit, and then delivered, all of them too old."""
-    wire, watch, silence = at.rig.wire, at.watch, at.rig.silence
-    wire.hold("forward")
-    try:
-        if not watch.until(lambda: watch.state_of(SLAVE) != laws.ENGAGED, silence + 5.0):
-            return ["the slave heard nothing for longer than the silence limit, and stayed in the session"]
-        watch.wait(at.lasting(0.1, 0.1, 1.0))
-        until = monotonic()
-        watch.wait(silence + 0.1)  # the youngest of them is too old by now
-        watch.begin()
-        watch.wait(0.05)
-        released = wire.release_old("forward", until)
-        watch.wait(0.3)
-        at.notes["stale datagrams delivered"] = released
-        return laws.nothing_stale(watch.seen(SLAVE), released)
-    finally:
-        wire.release("forward", deliver=False)
+def _held(way: str, side: str) -> Inject:
+    """Datagrams to a side are held back beyond the silence limit, and then delivered, all of them too old."""
+    still = ("position", "output") if side == SLAVE else ("output",)
+
+    def inject(at: Field) -> list[str]:
+        wire, watch, silence = at.rig.wire, at.watch, at.rig.silence
+        wire.hold(way)
+        try:
+            if not watch.until(lambda: watch.state_of(side) != laws.ENGAGED, silence + 5.0):
+                return [f"the {side} heard nothing for longer than the silence limit, and stayed in the session"]
+            watch.wait(at.lasting(0.1, 0.1, 1.0))
+            until = monotonic()
+            # The youngest of them is too old by then; some come after a session that heard nothing has ended.
+            watch.wait(silence + (0.1 if at.short else at.random.choice((0.1, 4.0 * silence, 5.0))))
+            watch.begin()
+            before = getattr(watch.books(), way).handshakes
+            watch.wait(0.05)
+            released = wire.release_old(way, until)
+            watch.wait(0.3)
+            released -= getattr(watch.books(), way).handshakes - before
+            at.notes["stale datagrams delivered"] = released
+            return laws.nothing_stale(watch.seen(side), released, still)
+        finally:
+            wire.release(way, deliver=False)
+
+    return inject
 
 
 def _killed(side: str) -> Inject:
+    other = SLAVE if side == MASTER else MASTER
+
     def inject(at: Field) -> list[str]:
+        since = monotonic()
         at.watch.bury(*at.rig.kill(side))
-        at.watch.wait(at.lasting(0.5, 0.05, 3.0))
+        away = at.lasting(0.5, 0.05, 3.0)
+        at.watch.wait(away)
+        found = []
+        if away > at.rig.silence + _SURELY_S / 2:
+            found = laws.rests({other: at.watch.seen(other)}, since + at.rig.silence + _LATE_S)
         at.ended_at = monotonic()
         life = at.rig.start(side)
         if not at.watch.until(lambda: life.started_wall_s is not None, RESTART_S):
-            return [f"the {side} did not start again"]
+            return [*found, f"the {side} did not start again"]
         wall, offset = life.started_wall_s, 0 if at.rig.wall is None else at.rig.wall.offset
         assert wall is not None
         if abs(wall - time() - offset) > _CLOCK_ERROR_S:
-            return [f"the {side} began at {wall:.0f} by its wall clock, which was stepped to {time() + offset:.0f}"]
-        return []
+            found.append(f"the {side} began at {wall:.0f} by its wall clock, stepped to {time() + offset:.0f}")
+        return found
 
     return inject
 
@@ -129,17 +159,21 @@ def _stopped(side: str) -> Inject:
     other = SLAVE if side == MASTER else MASTER
 
     def inject(at: Field) -> list[str]:
-        seconds = at.lasting(0.8, 0.05, 3.0)
+        seconds, silence = at.lasting(0.8, 0.05, 5.0), at.rig.silence
+        since = monotonic()
         at.rig.signal(side, signal.SIGSTOP)
         try:
             at.watch.wait(seconds)
         finally:
             at.rig.signal(side, signal.SIGCONT)
-        noticed = not laws.engaged(at.watch.seen(other)).all()
-        is_long = seconds > at.rig.silence + _SURELY_S
-        return [f"the {side} stood still for {seconds:.2f} s, and the {other} never noticed"] * (
-            is_long and not noticed
-        )
+        if seconds <= silence + _SURELY_S:
+            return []
+        found = laws.rests({other: at.watch.seen(other)}, since + silence + _LATE_S)
+        at.watch.wait(0.2)
+        system = at.rig.configuration.system
+        limits, approach = system.master.limits, system.slave.limits.approach_speed_m_s
+        most = 0.1 * (limits.force_n / (limits.ramp_ms * 1e-3) if side == MASTER else approach)
+        return found + laws.wakes_gently(at.watch.seen(side), side, most=most)
 
     return inject
 
@@ -244,9 +278,13 @@ FAULTS: dict[str, Fault] = {
     "noise": Fault(_emulated(NOISE), keeps=True),
     "bursts": Fault(_emulated(Emulation(delay_s=0.002, loss=0.3, burst=8.0)), keeps=False),
     "delay": Fault(_emulated(DELAY), keeps=True),
-    "blackout": Fault(blackout, keeps=False),
+    "blackout": Fault(_cut(""), keeps=False),
+    "cut_to_slave": Fault(_cut("forward"), keeps=False),
+    "cut_to_master": Fault(_cut("backward"), keeps=False),
+    "flap": Fault(flap, keeps=False),
     "replay": Fault(replay, keeps=True),
-    "stale": Fault(stale, keeps=False),
+    "held_to_slave": Fault(_held("forward", SLAVE), keeps=False),
+    "held_to_master": Fault(_held("backward", MASTER), keeps=False),
     "stopped_master": Fault(_stopped(MASTER), keeps=False),
     "stopped_slave": Fault(_stopped(SLAVE), keeps=False),
     "stutter": Fault(stutter, keeps=False),
@@ -256,6 +294,13 @@ FAULTS: dict[str, Fault] = {
     "stalled_disk": Fault(stalled_disk, keeps=True),
     "full_disk": Fault(full_disk, keeps=True),
     "busy_core": Fault(busy_core, keeps=True),
+    "second_master": Fault(intruders.second_master, keeps=True),
+    "take_over": Fault(intruders.take_over, keeps=False, limit_s=RESTART_S, rare=True),
+    "second_slave": Fault(intruders.second_slave, keeps=False, limit_s=RESTART_S, rare=True),
+    "stolen_path": Fault(intruders.stolen_path, keeps=True),
+    "recorded_calls": Fault(intruders.recorded_calls(2_000), keeps=False, limit_s=RESTART_S, rare=True),
+    "many_calls": Fault(intruders.recorded_calls(20_000), keeps=False, limit_s=RESTART_S, rare=True),
+    "foreign_files": Fault(intruders.foreign_files, keeps=False, limit_s=RESTART_S, rare=True),
     "killed_master": Fault(_killed(MASTER), keeps=False, limit_s=RESTART_S, rare=True),
     "killed_slave": Fault(_killed(SLAVE), keeps=False, limit_s=RESTART_S, rare=True),
 }

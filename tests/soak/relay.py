@@ -2,7 +2,8 @@
 
 Owns its sockets and its books. Told what to do by lines of JSON on standard input, each answered by one line; the end
 of standard input ends it. The master sends to its front, the slave sees its back; it can move its back to another port
-and address (what a NAT does), hold datagrams back, and send old ones again. It has no key.
+and address (what a NAT does), hold datagrams back, and send old ones again. It can also lead the master to another
+slave, and overtake the master's datagrams with copies from another address. It has no key.
 """
 
 import json
@@ -10,6 +11,7 @@ import os
 import select
 import socket
 import sys
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from random import Random
@@ -23,11 +25,14 @@ from tests.soak.direction import Direction
 
 Address = tuple[str, int]
 
+_PROBE = 0
+"""Kind of a datagram that probes a path: it may go to an address that has not proved itself."""
 PRIORITY = 40
 """Of SCHED_FIFO, below the daemons: a wire does not wait for a processor. Without the right to it, it has to."""
 LONGEST_WAIT = 0.05
 _READS = 64
 _KEPT_BACKS = 4
+_KEPT_CALLS = 1024
 
 
 class Relay:
@@ -39,11 +44,15 @@ class Relay:
         self._front = _bound("127.0.0.1", 0)
         self._back = _bound("127.0.0.1", 0)
         self._former: list[socket.socket] = []
+        self._stand_in: Address | None = None
+        self._thief: socket.socket | None = None
+        self._stolen = self._probed = 0
+        self._recorded_calls: deque[bytes] = deque(maxlen=_KEPT_CALLS)
         self._answers = self._calls = 0
         self._looked_at = monotonic()
         self._late = 0.0
         uniform = Random(seed).random
-        self.forward = Direction(lambda data: _send(self._back, data, self._slave), uniform)
+        self.forward = Direction(self._to_slave, uniform)
         self.backward = Direction(lambda data: _send(self._front, data, self._master), uniform)
 
     @property
@@ -51,7 +60,12 @@ class Relay:
         return _address(self._front)
 
     def sockets(self) -> list[socket.socket]:
-        return [self._front, self._back, *self._former]
+        return [self._front, self._back, *self._former, *([] if self._thief is None else [self._thief])]
+
+    def _to_slave(self, data: bytes) -> bool | None:
+        """To the slave; what goes to one in its place has nobody to go to, as far as the books of the two ends go."""
+        sent = _send(self._back, data, self._stand_in or self._slave)
+        return sent if self._stand_in is None else None
 
     def look(self, now: float) -> None:
         """Take note of how long nobody has looked at the sockets."""
@@ -71,11 +85,17 @@ class Relay:
             now = monotonic()
             if ready is self._front:
                 self._take_from_master(data, source, now)
+            elif source == self._stand_in:
+                self.backward.book.handshakes += bool(_send(self._front, data, self._master))
             elif source != self._slave:
                 self.backward.book.strange += 1
             elif ready is self._back:
                 self._answers += bool(data) and kind_of(data) == Kind.WELCOME
                 self.backward.take(data, now)
+            elif ready is self._thief:
+                is_probe = bool(data) and kind_of(data) == _PROBE
+                self._stolen, self._probed = self._stolen + (not is_probe), self._probed + is_probe
+                self.backward.take(data, now)  # who steals, and drops nothing, passes it on
             else:
                 self.backward.orphan()
             self.deliver(now)
@@ -86,7 +106,11 @@ class Relay:
                 self.forward.book.strange += 1
                 return
             self._master = source
-        self._calls += bool(data) and kind_of(data) == Kind.HELLO
+        if data and kind_of(data) == Kind.HELLO:
+            self._calls += 1
+            self._recorded_calls.append(data)
+        if self._thief is not None and _send(self._thief, data, self._slave):
+            self.forward.overtaken(data)
         self.forward.take(data, now)
 
     def deliver(self, now: float) -> None:
@@ -100,6 +124,19 @@ class Relay:
         if len(self._former) > _KEPT_BACKS:
             self._former.pop(0).close()
         return _address(self._back)
+
+    def steal(self, host: str) -> tuple[int, int]:
+        """Copy each datagram of the master, and deliver it at once from `host`; "" ends it.
+
+        Returns:
+            How many datagrams, and how many probes of the path, came to that address so far.
+        """
+        if self._thief is not None:
+            self._former.append(self._thief)
+            self._thief = None
+        if host:
+            self._thief, self._stolen, self._probed = _bound(host, 0), 0, 0
+        return self._stolen, self._probed
 
     def books(self) -> Books:
         for waiting in self.sockets():  # what has come is booked before the books are read
@@ -130,6 +167,13 @@ class Relay:
                 return books
             case "rebind":
                 return self.rebind(order["host"])
+            case "swap":
+                self._stand_in = None if order["slave"] is None else (order["slave"][0], order["slave"][1])
+                return None
+            case "steal":
+                return self.steal(order["host"])
+            case "recorded_calls":
+                return [data.hex() for data in self._recorded_calls]
         ways = {"forward": [self.forward], "backward": [self.backward]}
         answers = [_obey(way, order) for way in ways.get(order["way"], [self.forward, self.backward])]
         return answers[0] if len(answers) == 1 else sum(answer or 0 for answer in answers)

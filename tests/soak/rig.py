@@ -126,7 +126,7 @@ class Rig:
         self.folder = Path(mkdtemp(prefix="weberlink-soak-"))
         self._stack.callback(_remove, self.folder)
         try:
-            self.slave_address = (LINK, _free_port())
+            self.slave_address = (LINK, free_port())
             if self._steps:
                 self.wall = self._stack.enter_context(wall_clock(self.folder))
             self.wire = self._stack.enter_context(Wire(self.slave_address, self._seed))
@@ -238,7 +238,7 @@ class Rig:
                 path.unlink()
 
 
-def _free_port() -> int:
+def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind((LINK, 0))
         port: int = probe.getsockname()[1]

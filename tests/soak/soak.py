@@ -3,7 +3,7 @@
 Owns the schedule and the judgement. The first round has every kind once; later ones lay some upon another.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import nullcontext
 from random import Random
 from time import monotonic
@@ -29,6 +29,8 @@ TOGETHER = 0.4
 SHORT_MINUTES = 3.0
 MOST_VIOLATIONS = 50
 _STALL_SHARE = 0.5
+ALONE_S = 0.15
+"""Beyond the silence limit, one side may be in a session alone: how late a shared machine may be [s]."""
 
 Tell = Callable[[Report, str, float], None]
 
@@ -41,13 +43,22 @@ class Soak:
         seed: of the order, the durations and the relay.
         tell: called with the report, the fault that begins and the seconds that are left.
         silence_ms: limit of silence of the session.
+        faults: names of the kinds, of `FAULTS`.
     """
 
-    def __init__(self, minutes: float, seed: int, tell: Tell, silence_ms: float = SILENCE_MS) -> None:
+    def __init__(
+        self,
+        minutes: float,
+        seed: int,
+        tell: Tell,
+        silence_ms: float = SILENCE_MS,
+        faults: Collection[str] = tuple(FAULTS),
+    ) -> None:
         self._random = Random(seed)
         self._tell = tell
         self._short = minutes <= SHORT_MINUTES
         self._silence_ms = silence_ms
+        self._faults = {name: FAULTS[name] for name in faults}
         self.report = Report(seed, minutes)
 
     def run(self) -> Report:
@@ -80,12 +91,12 @@ class Soak:
     def _is_over(self, until: float) -> bool:
         if len(self.report.failures()) >= MOST_VIOLATIONS:
             return True
-        has_seen_all = set(self.report.kinds) >= set(FAULTS)
+        has_seen_all = set(self.report.kinds) >= set(self._faults)
         return has_seen_all and (self._short or monotonic() >= until)
 
     def _round(self, field: Field, until: float) -> None:
         rare = self.report.rounds % RARE_EVERY == 0
-        names = [name for name, fault in FAULTS.items() if rare or not fault.rare]
+        names = [name for name, fault in self._faults.items() if rare or not fault.rare]
         self._random.shuffle(names)
         for name in names:
             if self.report.rounds and monotonic() >= until:
@@ -94,7 +105,7 @@ class Soak:
             if self.report.rounds and self._random.random() < TOGETHER:
                 under = self._random.choice([other for other in UNDERLAYS if name not in ALONE[other]])
             self._tell(self.report, name + (f" under {under}" if under else ""), until - monotonic())
-            self._torment(name, FAULTS[name], under, field)
+            self._torment(name, self._faults[name], under, field)
 
     def _torment(self, name: str, fault: Fault, under: str, field: Field) -> None:
         """One fault, the way back, and the laws."""
@@ -113,6 +124,7 @@ class Soak:
             if fault.keeps and not stalled:
                 found += laws.stays(watch.both())
             kind.stalls += fault.keeps and stalled
+            found += laws.engaged_alone(watch.both(), field.rig.silence + ALONE_S)
             found += self._way_back(fault, kind, ended, field)
         if watch.until(lambda: watch.engaged(ended), LAST_HOPE_S):
             found += self._rest(field)

@@ -189,3 +189,54 @@ def test_a_stall_of_the_machine_is_measured() -> None:
     late = healthy()
     late["lateness_us"][20:] = 5000.0
     assert laws.longest_gap(late, PERIOD) == pytest.approx(0.005)
+
+
+def test_a_side_that_has_lost_the_other_rests_and_says_so() -> None:
+    master, slave = healthy(state=State.SILENT), healthy(state=State.SILENT)
+    since = float(master["at"][10])
+    for records in (master, slave):
+        records["fault"] = 1
+        records["state"][:8], records["output"][:8, 2] = State.ENGAGED.value, 3.0
+    assert laws.rests({"master": master, "slave": slave}, since) == []
+    master["output"][20, 2], slave["output"][30:, 0] = 1.5, 0.004
+    slave["fault"] = 0
+    slave["state"][20:25] = State.ENGAGED.value
+    assert laws.rests({"master": master, "slave": slave}, since) == [
+        "1.5 N were on the hand after the limit",
+        "the slave was still in the session 0.01 s after it",
+        "the slave named no fault",
+        "the robot went on by 4 mm after the limit",
+    ]
+    assert laws.rests({"slave": slave}, since + 9.0) == ["the slave wrote nothing once the limit was over"]
+
+
+def test_no_side_is_in_a_session_alone_for_longer_than_the_limit() -> None:
+    master, slave = healthy(), healthy()
+    assert laws.engaged_alone({"master": master, "slave": slave}, 0.01) == []
+    slave["state"][5:] = State.SILENT.value
+    (told,) = laws.engaged_alone({"master": master, "slave": slave}, 0.01)
+    assert told == "the master was in a session for 0.02 s while the slave was not"
+    assert laws.engaged_alone({"master": master, "slave": slave}, 0.03) == []
+    (told,) = laws.engaged_alone({"master": master, "slave": slave[:5]}, 0.01)  # it does not tick
+    assert "the master was in a session for 0.02 s" in told
+
+
+def woken(side: str) -> Records:
+    """After a gap of a second the force rises evenly to 1 N, or the robot goes 1 mm."""
+    records = healthy(state=State.SILENT)
+    records["at"][20:] += 1.0
+    records["fault"][20:] = 1
+    rise = 1.0 if side == "master" else 0.001
+    records["output"][20:, 0] = np.linspace(0.0, rise, 30)
+    return records
+
+
+@pytest.mark.parametrize(("side", "most"), [("master", 4.0), ("slave", 0.004)])
+def test_a_side_that_stood_still_goes_on_gently(side: str, most: float) -> None:
+    records = woken(side)
+    assert laws.wakes_gently(records, side, most=most) == []
+    records["output"][20] = (3.1, 0.0, 0.0) if side == "master" else (0.0567, 0.0, 0.0)
+    records["fault"] = 0
+    fault, jump = laws.wakes_gently(records, side, most=most)
+    assert fault == f"the {side} stood still, and named no fault"
+    assert jump.startswith(f"the {side} went on with {'3.1 N' if side == 'master' else '56.7 mm'} after 0 ms")

@@ -59,10 +59,23 @@ UNDERLAYS: dict[str, Under] = {
     "recording": _recorded,
 }
 """What others happen under, when several come together."""
+_CUTS = {"bursts", "blackout", "cut_to_slave", "cut_to_master", "flap"}
+_LINK = {"noise", "delay", "stolen_path", "recorded_calls", "many_calls"} | _CUTS
+"""What puts faults of its own on the link."""
 ALONE = {
-    "noise": {"noise", "delay", "bursts", "blackout"},
-    "delay": {"noise", "delay", "bursts", "blackout"},
+    "noise": _LINK,
+    "delay": _LINK,
     "busy_core": {"busy_core"},
-    "recording": {"stalled_disk", "full_disk", "killed_master", "killed_slave"},
+    "recording": {
+        "stalled_disk",
+        "full_disk",
+        "killed_master",
+        "killed_slave",
+        "take_over",
+        "second_slave",
+        "recorded_calls",
+        "many_calls",
+        "foreign_files",
+    },
 }
 """What cannot come together: it would replace what lies under it, or wait for it."""

@@ -80,6 +80,23 @@ class Wire:
         moved_to, port = self._ask(do="rebind", host=host)
         return moved_to, port
 
+    def swap(self, slave: Address | None) -> None:
+        """Lead the master to another slave; None for the first one again."""
+        self._ask(do="swap", slave=slave)
+
+    def steal(self, host: str) -> tuple[int, int]:
+        """Overtake the master's datagrams with copies from `host`; "" ends it.
+
+        Returns:
+            How many datagrams, and how many probes of the path, the slave has sent to that address.
+        """
+        stolen, probed = self._ask(do="steal", host=host)
+        return stolen, probed
+
+    def recorded_calls(self) -> list[bytes]:
+        """The newest HELLOs of the master."""
+        return [bytes.fromhex(text) for text in self._ask(do="recorded_calls")]
+
     def recall(self, way: str, count: int) -> list[bytes]:
         """The newest datagrams that were passed on, as they came."""
         return [bytes.fromhex(text) for text in self._ask(do="recall", way=way, count=count)]

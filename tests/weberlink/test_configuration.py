@@ -117,6 +117,15 @@ def test_overrides_reach_into_mappings_and_lists_and_make_what_is_missing(tmp_pa
     assert system.tick_period == 0.002
 
 
+def test_one_direction_may_have_faults_of_its_own(tmp_path: Path) -> None:
+    faults = "link.emulate={delay_ms: 3, loss: 0.1, to_slave: {delay_ms: 152, blackouts_s: [[1, 0.5], [2, 0.1, 0.2]]}}"
+    emulate = load(write(tmp_path, MINIMAL), [faults]).system.link.emulate
+    assert emulate is not None
+    to_slave, to_master = emulate.directions
+    assert (to_slave.delay_ms, to_slave.loss, to_slave.blackouts_s) == (152, 0.1, ((1, 0.5), (2, 0.1, 0.2)))
+    assert (to_master.delay_ms, to_master.loss, to_master.blackouts_s) == (3, 0.1, ())
+
+
 @pytest.mark.parametrize(
     ("override", "expected"),
     [

@@ -4,15 +4,15 @@ from collections.abc import Callable
 
 from protocol.emulation import EmulatedLink, Emulation
 from protocol.events import Address
-from weberlink.configuration.model import EmulationSettings
+from weberlink.configuration.model import DirectionFaults
 
 
-def build_link(settings: EmulationSettings, uniform: Callable[[], float], epoch: float) -> EmulatedLink[Address]:
+def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> EmulatedLink[Address]:
     """One direction of the link, with its own source of chance."""
     return EmulatedLink(build_emulation(settings), uniform, epoch)
 
 
-def build_emulation(settings: EmulationSettings) -> Emulation:
+def build_emulation(settings: DirectionFaults) -> Emulation:
     return Emulation(
         delay_s=settings.delay_ms * 1e-3,
         jitter_s=settings.jitter_ms * 1e-3,

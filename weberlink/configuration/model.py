@@ -33,6 +33,10 @@ Interval = tuple[float, float]
 Name = Annotated[str, AfterValidator(check_name)]
 
 Probability = Annotated[float, Field(ge=0, le=1)]
+Start = Annotated[float, Field(ge=0)]
+Duration = Annotated[float, Field(gt=0)]
+Blackout = tuple[Start, Duration]
+Flap = tuple[Start, Duration, Duration]
 
 PERCEPTUAL_WEBER_LIMIT = 0.27
 """Above this Weber factor published task performance falls (Chaudhari 2011); `check` warns."""
@@ -73,8 +77,8 @@ class PredictedSettings(Settings):
         return self
 
 
-class EmulationSettings(Settings):
-    """Faults put on each side's outgoing datagrams, seeded."""
+class DirectionFaults(Settings):
+    """Faults of one direction of the link."""
 
     delay_ms: float = Field(default=0.0, ge=0, le=10_000)
     """Constant one-way delay."""
@@ -92,10 +96,29 @@ class EmulationSettings(Settings):
     """Share of datagrams with bits flipped."""
     rate_kbit_s: float | None = Field(default=None, gt=0)
     """Capacity of the link; none for no limit."""
-    blackouts_s: tuple[tuple[Annotated[float, Field(ge=0)], Annotated[float, Field(gt=0)]], ...] = ()
-    """Pairs of start and duration in which nothing arrives."""
+    blackouts_s: tuple[Blackout | Flap, ...] = ()
+    """Times in which nothing arrives: pairs of start and duration, or triples of start, duration and period for a link
+    that flaps: [2, 0.1, 0.2] drops everything for the first 100 ms of every 200 ms, from 2 s on."""
+
+
+class EmulationSettings(DirectionFaults):
+    """Faults put on each side's outgoing datagrams, seeded; the same in both directions unless one is set apart."""
+
+    to_slave: DirectionFaults | None = None
+    """What differs on the way from the master to the slave; the keys given here replace those above."""
+    to_master: DirectionFaults | None = None
+    """What differs on the way from the slave to the master."""
     seed: int = Field(default=0, ge=0)
     """Same seed, same faults."""
+
+    @property
+    def directions(self) -> tuple[DirectionFaults, DirectionFaults]:
+        """Faults of the way to the slave, and of the way to the master."""
+        to_slave, to_master = (
+            self if own is None else self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
+            for own in (self.to_slave, self.to_master)
+        )
+        return to_slave, to_master
 
 
 class NameSettings(Settings):

@@ -35,14 +35,14 @@ def _explain(definitions: dict[str, Any]) -> None:
     """Describe every field by the text below it. Pydantic could, but a daemon would wait for that at every start."""
     classes = (node for node in ast.parse(inspect.getsource(model)).body if isinstance(node, ast.ClassDef))
     for each in classes:
-        if each.name not in definitions:  # what others inherit from has no place of its own
-            continue
+        heirs = [heir for heir in definitions if issubclass(getattr(model, heir, object), getattr(model, each.name))]
         for field, text in pairwise(each.body):
             match field, text:
                 case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):
-                    properties = definitions[each.name]["properties"]
-                    described = properties[name] | {"description": inspect.cleandoc(explanation)}
-                    properties[name] = dict(sorted(described.items()))
+                    for properties in (definitions[heir]["properties"] for heir in heirs):
+                        if name in properties:
+                            described = properties[name] | {"description": inspect.cleandoc(explanation)}
+                            properties[name] = dict(sorted(described.items()))
 
 
 def _driver(name: str, options: Any, definitions: dict[str, Any]) -> dict[str, Any]:

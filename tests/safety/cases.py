@@ -1,0 +1,135 @@
+"""The cases: what the operator does, what the link does, and what predicts and controls meanwhile."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
+
+CUT = 0.9
+"""When the link fails [s]."""
+DARK, LONG_DARK, FLAPPING = 0.6, 4.6, 2.0
+"""How long it stays cut; so that the session ends meanwhile; how long it flaps [s]."""
+AFTER = 1.2
+"""How long the link is good afterwards [s]."""
+
+MOTIONS = {
+    # At full speed through free space when the link fails.
+    "free": (
+        (-0.055, 0.0, 0.03),
+        "[{motion: rest, duration_s: 0.7}, {motion: reach, to_m: [0.055, 0, 0.03], duration_s: 0.35},"
+        " {motion: rest, duration_s: 9}]",
+    ),
+    # On the way into the contact and along the surface when the link fails; afterwards the hand leaves.
+    "press": (
+        (-0.02, 0.0, 0.02),
+        "[{motion: rest, duration_s: 0.7}, {motion: reach, to_m: [0.02, 0, -0.03], duration_s: 0.35},"
+        " {motion: rest, duration_s: 0.1}, {motion: reach, to_m: [0.02, 0, 0.03], duration_s: 0.3},"
+        " {motion: rest, duration_s: 9}]",
+    ),
+    # Leaving the contact when the link fails; pressing again when it is good again.
+    "away": (
+        (0.0, 0.0, 0.02),
+        "[{motion: rest, duration_s: 0.1}, {motion: reach, to_m: [0, 0, -0.03], duration_s: 0.3},"
+        " {motion: rest, duration_s: 0.4}, {motion: reach, to_m: [0.03, 0, 0.04], duration_s: 0.35},"
+        " {motion: reach, to_m: [0, 0, -0.03], duration_s: 0.3},"
+        " {motion: rest, duration_s: 9}]",
+    ),
+}
+TO_SLAVE, TO_MASTER, BOTH = "to slave", "to master", "both ways"
+DIRECTIONS = (TO_SLAVE, TO_MASTER, BOTH)
+SCHEMES = ("none", "tdpa", "mmt")
+FLAPS_HZ = (1.0, 2.0, 5.0, 10.0, 20.0)
+FORCE = (*PREDICTORS, HYBRID, ADAPTIVE)
+POSITION = ("zoh", "linear", "trend", HYBRID, ADAPTIVE)
+PREDICTION = (*((force, "linear") for force in FORCE), *((HYBRID, each) for each in POSITION if each != "linear"))
+"""(force, position)."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run.
+
+    Args:
+        motion: of `MOTIONS`.
+        direction: of `DIRECTIONS`, in which datagrams are lost.
+        scheme: of control.
+        force, position: predictors.
+        flap_hz: 0 for one cut of `dark` seconds; otherwise the link is cut for half of each period.
+        dark: length of the cut [s].
+        retract: whether the robot backs off when the session is lost; it holds otherwise.
+        delay_s: one-way delay of the link to the slave and to the master [s].
+    """
+
+    motion: str
+    direction: str
+    scheme: str = "none"
+    force: str = HYBRID
+    position: str = "linear"
+    flap_hz: float = 0.0
+    dark: float = DARK
+    retract: bool = False
+    delay_s: tuple[float, float] = (0.002, 0.002)
+
+    @property
+    def fault(self) -> str:
+        cut = f"{self.flap_hz:g} Hz" if self.flap_hz else "cut"
+        kind = "long " if self.dark > DARK and not self.flap_hz else ""
+        return f"{kind}{cut} {self.direction}"
+
+    @property
+    def restored(self) -> float:
+        """When the link is good again for good [s]."""
+        return CUT + (FLAPPING if self.flap_hz else self.dark)
+
+    @property
+    def longest_dark(self) -> float:
+        """[s]."""
+        return 0.5 / self.flap_hz if self.flap_hz else self.dark
+
+    @property
+    def blackouts(self) -> tuple[tuple[float, float], ...]:
+        """Of a direction that is cut: (start, duration) [s]."""
+        if not self.flap_hz:
+            return ((CUT, self.dark),)
+        count = round(FLAPPING * self.flap_hz)
+        return tuple((CUT + number / self.flap_hz, 0.5 / self.flap_hz) for number in range(count))
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """Of configs/loopback.yaml, as of `--set`."""
+        home, script = MOTIONS[self.motion]
+        return (
+            f"codec.force.predictor={self.force}",
+            f"codec.position.predictor={self.position}",
+            f"control.scheme={self.scheme}",
+            f"master.device.home_m={list(home)}",
+            f"master.device.script={script}",
+            f"slave.robot.home_m={list(home)}",
+            "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
+            f"slave.limits.on_silence={'retract' if self.retract else 'hold'}",
+        )
+
+
+def every() -> Iterator[Case]:
+    """All of them."""
+    for direction, flap, scheme, (force, position), motion in product(
+        DIRECTIONS, (0.0, *FLAPS_HZ), SCHEMES, PREDICTION, MOTIONS
+    ):
+        yield Case(motion, direction, scheme, force, position, flap)
+    yield from special()
+
+
+def special() -> Iterator[Case]:
+    """A robot that retracts, a session that ends meanwhile, and a link that is slow in one direction."""
+    for direction, motion in product(DIRECTIONS, MOTIONS):
+        yield Case(motion, direction, retract=True)
+        yield Case(motion, direction, dark=LONG_DARK)
+        yield Case(motion, direction, delay_s=(0.03, 0.002))
+        yield Case(motion, direction, delay_s=(0.002, 0.03))
+
+
+def selection() -> Sequence[Case]:
+    """A short choice of all: each predictor, scheme, motion, direction and frequency, but not each with each."""
+    chosen = [case for index, case in enumerate(every()) if index % 74 == 0]
+    return [*chosen, *(case for index, case in enumerate(special()) if index % 5 == 0)]

@@ -1,0 +1,112 @@
+"""Datagrams that are held for some time and then delivered: how many are executed, by age and direction."""
+
+from dataclasses import asdict, dataclass
+from itertools import product
+from typing import Any
+
+from protocol.emulation import Emulation
+from tests.safety.cases import TO_MASTER, TO_SLAVE
+from tests.safety.observed_link import Hold, ObservedLink
+from tests.safety.run import simulation
+from tests.weberlink.systems import configuration
+
+WRAP_S = 2**24 * 1e-5
+"""After which a time stamp of 24 bits of 10 us says the same again [s]."""
+SILENCE_S = 0.1
+FROM_S, BATCH_S = 1.0, 0.23
+"""Datagrams that leave in this time are held."""
+QUICK_S = 10.0
+"""Longer ages are run at a tenth of the rate."""
+AGES_S = (
+    *(0.001, 0.005, 0.02, 0.05, 0.08, 0.095, 0.105, 0.12, 0.15, 0.2, 0.3),
+    *(factor * 4.0 * SILENCE_S + offset for factor in (1, 2, 3, 5, 8) for offset in (-0.002, 0.0, 0.002, 0.05)),
+    *(1.0, 3.0, 3.1, 3.2, 4.0, 10.0, 30.0, 100.0, WRAP_S - 0.05, WRAP_S, WRAP_S + 0.05, 200.0, 2.0 * WRAP_S),
+)
+ALONE, ALL = "others pass", "all held"
+TAPS = "[{motion: tap, at_m: [0, 0, 0], height_m: 0.002, frequency_hz: 5, count: 10000}]"
+"""So that force and position need many updates."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One row: what was held, and what became of it.
+
+    Args:
+        direction: `TO_SLAVE` or `TO_MASTER`.
+        mode: `ALONE` where only the batch is held; `ALL` where nothing passes that way until the batch is delivered.
+        age_s: of each datagram of the batch when it arrives.
+        held: how many there were.
+        executed: updates executed of any age in the run.
+        too_old: of them, older than the limit of silence when they arrived.
+        oldest_ms: the oldest of them.
+    """
+
+    direction: str
+    mode: str
+    age_s: float
+    held: int
+    executed: int
+    too_old: int
+    oldest_ms: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def hold(direction: str, mode: str, age: float) -> Held:
+    """Hold a batch in one direction for so long, in both others as usual."""
+    return _run(direction, mode, age, lambda at: _age(at, mode, age))
+
+
+def _age(at: float, mode: str, age: float) -> float | None:
+    if FROM_S <= at < FROM_S + BATCH_S:
+        return age
+    if mode == ALL and FROM_S <= at < FROM_S + BATCH_S + age:
+        return 1e9  # never
+    return None
+
+
+def delay(to_slave: float, to_master: float) -> Held:
+    """A link that is always as slow as this [s]; the row is of the slower direction."""
+    slower = TO_SLAVE if to_slave >= to_master else TO_MASTER
+    return _run(slower, "always", max(to_slave, to_master), lambda _: None, (to_slave, to_master))
+
+
+def _run(direction: str, mode: str, age: float, held: Hold, delays: tuple[float, float] = (0.001, 0.001)) -> Held:
+    rate = 100.0 if age > QUICK_S else 1000.0
+    loaded = configuration(
+        f"rate_hz={rate}",
+        f"link.silence_ms={1e3 * SILENCE_S}",
+        f"master.device.script={TAPS}",
+        "codec.force={predictor: zoh, weber: 0.02}",
+        "codec.position.predictor=zoh",
+        "slave.scene=[{shape: plane, stiffness_n_m: 300}]",
+    )
+    ways = {
+        way: ObservedLink(Emulation(delay_s=delay), hold=held if way == direction else lambda _: None)
+        for way, delay in zip((TO_SLAVE, TO_MASTER), delays, strict=True)
+    }
+    simulated = simulation(loaded, *ways.values())
+    for _ in range(round((FROM_S + BATCH_S + age + 0.5) * rate)):
+        simulated.step()
+    link = ways[direction]
+    link.settle()
+    executed = link.executions
+    return Held(
+        direction,
+        mode,
+        age,
+        sum(FROM_S <= at < FROM_S + BATCH_S for at in link.departures),
+        len(executed),
+        sum(each > SILENCE_S + 1e-6 for each in executed),
+        1e3 * max(executed, default=0.0),
+    )
+
+
+def every() -> list[tuple[str, str, float]]:
+    """All (direction, mode, age)."""
+    return list(product((TO_SLAVE, TO_MASTER), (ALONE, ALL), sorted(AGES_S)))
+
+
+DELAYS_S = ((0.152, 0.001), (0.001, 0.152), (0.09, 0.005), (0.005, 0.09), (0.06, 0.06))
+"""Of links that are slow for good: to the slave, to the master [s]."""

@@ -1,0 +1,111 @@
+"""One direction of the link that notes when each datagram left, when it arrived, and whether it was executed.
+
+It can also hold datagrams for any time while others pass.
+"""
+
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Callable
+from heapq import heappop, heappush
+from itertools import accumulate, count
+from math import inf
+from random import Random
+
+import numpy as np
+from numpy.typing import NDArray
+
+from protocol.emulation import EmulatedLink, Emulation
+from protocol.events import Address
+
+Hold = Callable[[float], float | None]
+"""Departure [s] of a datagram to the age [s] at which it arrives; None for one that is not held."""
+
+
+class ObservedLink:
+    """Takes the place of an `EmulatedLink` in a simulation, in front of one.
+
+    Datagrams are handed over one at a time, so that a risen count of executed updates belongs to the one before.
+
+    Attributes:
+        executed: how many updates the receiving end has executed so far; set once that end is there.
+        departures: when each datagram was sent [s].
+        arrivals: (arrival, departure) of each datagram handed over [s].
+        executions: the age of each executed update when it arrived [s].
+    """
+
+    def __init__(self, emulation: Emulation | None = None, *, hold: Hold = lambda _: None, seed: int = 1) -> None:
+        self._link: EmulatedLink[tuple[Address, float]] = EmulatedLink(emulation or Emulation(), Random(seed).random)
+        self._hold = hold
+        self._held: list[tuple[float, int, bytes, tuple[Address, float]]] = []
+        self._numbers = count()
+        self._ready: deque[tuple[bytes, tuple[Address, float]]] = deque()
+        self._ready_at = inf
+        self._last: tuple[float, float] | None = None
+        self._executed_before = 0
+        self.executed: Callable[[], int] = lambda: 0
+        self.departures: list[float] = []
+        self.arrivals: list[tuple[float, float]] = []
+        self.executions: list[float] = []
+
+    def send(self, data: bytes, tag: Address, now: float) -> None:
+        self.departures.append(now)
+        age = self._hold(now)
+        if age is None:
+            self._link.send(data, (tag, now), now)
+        else:
+            heappush(self._held, (now + age, next(self._numbers), data, (tag, now)))
+
+    def next_due(self) -> float | None:
+        dues = [self._link.next_due(), self._held[0][0] if self._held else None]
+        due = min((due for due in dues if due is not None), default=inf)
+        if self._ready:
+            due = min(due, self._ready_at)
+        return None if due == inf else due
+
+    def receive(self, now: float) -> list[tuple[bytes, Address]]:
+        """The next datagram that has arrived by now, if there is one."""
+        self.settle()
+        if not self._ready:
+            self._ready_at = now
+            while self._held and self._held[0][0] <= now:
+                _, _, data, tag = heappop(self._held)
+                self._ready.append((data, tag))
+            self._ready.extend(self._link.receive(now))
+        if not self._ready:
+            return []
+        data, (address, departure) = self._ready.popleft()
+        self._last = now, departure
+        self.arrivals.append(self._last)
+        return [(data, address)]
+
+    def settle(self) -> None:
+        """Note whether the datagram handed over last was executed."""
+        executed = self.executed()
+        if self._last is not None and executed > self._executed_before:
+            arrival, departure = self._last
+            self.executions.append(arrival - departure)
+        self._executed_before, self._last = executed, None
+
+
+def loop_ages(outward: ObservedLink, inward: ObservedLink, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The true age of the loop at one end, whatever the protocol knows of it.
+
+    Args:
+        outward, inward: the links from and to that end.
+        times: shape (n,) [s].
+
+    Returns:
+        Shape (n,), time since the departure of the newest datagram that the peer is known to have received [s];
+        infinite before the first.
+    """
+    outward_at = [arrival for arrival, _ in outward.arrivals]
+    newest = list(accumulate((departure for _, departure in outward.arrivals), max))
+    told_at: list[float] = []
+    confirmed: list[float] = []
+    for arrival, departure in inward.arrivals:
+        heard = bisect_right(outward_at, departure)
+        told_at.append(arrival)
+        confirmed.append(newest[heard - 1] if heard else -inf)
+    best = np.array([-inf, *accumulate(confirmed, max)])
+    ages: NDArray[np.float64] = times - best[np.searchsorted(np.array(told_at), times, side="right")]
+    return ages

@@ -1,0 +1,295 @@
+"""Faults made by somebody else: a second master, a second slave, who can copy datagrams, another user of the host."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from time import monotonic
+from typing import Any, Self
+
+from evaluation.session import Records
+from protocol.emulation import Emulation
+from protocol.keys import load as load_key
+from protocol.states import State
+from telemetry.reader import RingReader
+from telemetry.ring import default_path
+from tests.soak.ammunition import load
+from tests.soak.field import Field
+from tests.soak.rig import LINK, Rig, free_port
+from weberlink.configuration import MASTER, SLAVE
+
+START_S = 20.0
+"""From the start of a program to its first tick: its imports take longest [s]."""
+NEW_SESSION_S = 3.0
+CALLS_S = 5.0
+THIEF, CALLER = "127.0.0.4", "127.0.0.3"
+NOBODY = 65_534
+_LOOK = 0.02
+
+
+class Rival:
+    """Another master or slave with the same file and key, started by its command, for as long as the `with` lasts.
+
+    Attributes:
+        engaged: ticks that it spent in a session.
+        ticks: that were seen.
+        outcome: what its report says, once it has ended; "" if it gave none.
+    """
+
+    def __init__(self, rig: Rig, side: str, *arguments: str) -> None:
+        self.engaged = self.ticks = 0
+        self.outcome = ""
+        self._reader: RingReader | None = None
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "weberlink", side, str(rig.file), "--json", "-", "--duration", "60", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self._ring = default_path(f"{self._process.pid}-{side}")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def look(self) -> bool:
+        """Read its telemetry; returns whether it is in a session now."""
+        if self._reader is None:
+            with suppress(FileNotFoundError):
+                self._reader = RingReader(self._ring)
+        if self._reader is None:
+            return False
+        states = self._reader.read()["state"]
+        self.ticks += len(states)
+        self.engaged += int((states == State.ENGAGED.value).sum())
+        return len(states) > 0 and bool(states[-1] == State.ENGAGED.value)
+
+    def end(self) -> None:
+        """Stop it, if it still runs."""
+        if self.outcome or self._process.stdout is None or self._process.stdout.closed:
+            return
+        self.look()
+        if self.running:
+            self._process.send_signal(signal.SIGTERM)
+        try:
+            output, errors = self._process.communicate(timeout=START_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            output, errors = self._process.communicate()
+        with suppress(ValueError):
+            self.outcome = str(json.loads(output).get("outcome", ""))
+        self.outcome = self.outcome or errors.decode(errors="replace").strip()[-200:]
+        if self._reader is not None:
+            self._reader.close()
+
+
+def _follow(at: Field, rival: Rival, seconds: float) -> None:
+    """Let a rival run for so long from its first tick on, or until it ends."""
+    at.watch.until(lambda: rival.look() or rival.ticks > 0 or not rival.running, START_S)
+    deadline = monotonic() + seconds
+    at.watch.until(lambda: (rival.look() and False) or not rival.running or monotonic() > deadline, seconds)
+
+
+def second_master(at: Field) -> list[str]:
+    """Another master with the key calls the slave, which is in a session: it is refused, and is told why."""
+    address = f"link.slave={LINK}:{at.rig.slave_address[1]}"
+    with Rival(at.rig, MASTER, "--set", address) as rival:
+        _follow(at, rival, at.lasting(1.5, 1.5, 6.0))
+        rival.end()
+    found = [f"a second master was in a session for {rival.engaged} ticks"] * (rival.engaged > 0)
+    if "refused" not in rival.outcome:
+        found.append(f"the second master was not refused: {rival.outcome or 'it says nothing'}")
+    return found if rival.ticks else [*found, "the second master did not start"]
+
+
+def take_over(at: Field) -> list[str]:
+    """A second master that says so takes the slave over; the first one is told and ends."""
+    address = f"link.slave={LINK}:{at.rig.slave_address[1]}"
+    first = at.rig.lives.pop(MASTER)
+    found = []
+    with Rival(at.rig, MASTER, "--set", address, "--take-over") as rival:
+        at.watch.until(lambda: first.read() is None or rival.look() or not rival.running, START_S)
+        if not rival.engaged:
+            rival.end()
+            found.append(f"the second master did not get the slave: {rival.outcome}")
+        at.watch.until(lambda: not first.daemon.running, 3.0)
+        if first.daemon.running:
+            found.append("the first master goes on")
+        rival.end()
+    if first.daemon.running:
+        first.daemon.stop(signal.SIGTERM)
+    outcome = str(first.daemon.finish()["outcome"])
+    if not found and "taken over" not in outcome:
+        found.append(f"the first master was not told why: {outcome}")
+    at.watch.bury(first, first.read())
+    first.close()
+    at.watch.begin()  # while the second master had the slave, the first one's records say nothing of the session
+    at.ended_at = monotonic()
+    at.rig.start(MASTER)
+    return found
+
+
+def second_slave(at: Field) -> list[str]:
+    """The relay leads the master to another slave with the same key: the master refuses it, and names a fault.
+
+    It may end with that refusal; then it is started again.
+    """
+    port = free_port()
+    seen: list[Records] = []
+    with Rival(at.rig, SLAVE, "--set", f"link.listen={LINK}:{port}") as rival:
+        at.watch.until(lambda: rival.look() or rival.ticks > 0 or not rival.running, START_S)
+        master = at.rig.lives.pop(MASTER)
+        at.rig.wire.swap((LINK, port))
+        deadline = monotonic() + at.rig.silence + at.lasting(1.0, 1.0, 5.0)
+        while monotonic() < deadline:
+            at.watch.wait(_LOOK)
+            rival.look()
+            seen += [records] if (records := master.read()) is not None else []
+        at.rig.wire.swap(None)
+        rival.end()
+    found = [f"the second slave was in a session for {rival.engaged} ticks"] * (rival.engaged > 0)
+    if not any(records["fault"].any() for records in seen):
+        found.append("the master named no fault")
+    at.watch.begin()  # the master's records of that time were not the watch's
+    at.ended_at = monotonic()
+    if master.daemon.running:
+        at.rig.lives[MASTER] = master
+    else:
+        outcome = str(master.daemon.finish()["outcome"])
+        found += [f"the master has ended: {outcome}"] * ("refused" not in outcome)
+        at.watch.bury(master, master.read())
+        master.close()
+        at.rig.start(MASTER)
+    return found if rival.ticks else [*found, f"the second slave did not start: {rival.outcome}"]
+
+
+def stolen_path(at: Field) -> list[str]:
+    """Somebody delivers a copy of each datagram from another address before it comes itself, and drops nothing."""
+    wire = at.rig.wire
+    wire.emulate(Emulation(delay_s=0.003), "forward")
+    wire.steal(THIEF)
+    try:
+        at.watch.wait(at.lasting(1.0, 1.0, 4.0))
+    finally:
+        stolen, probed = wire.steal("")
+    sent = at.watch.seen(SLAVE)["datagrams_sent"]
+    at.notes["datagrams to the thief"] = stolen
+    at.notes["probes to the thief"] = probed
+    at.notes["datagrams sent meanwhile"] = int(sent[-1] - sent[0])
+    return [f"{stolen} of {sent[-1] - sent[0]} datagrams went to who copied the master's"] * (stolen > 0)
+
+
+def recorded_calls(rate: int) -> Callable[[Field], list[str]]:
+    """HELLOs of earlier calls are sent again, so many a second, while both ends begin anew and call for a session."""
+
+    def inject(at: Field) -> list[str]:
+        rig, watch, wire = at.rig, at.watch, at.rig.wire
+        # The master of a soak makes a few calls only; the others stand for a long recording.
+        genuine = wire.recorded_calls()
+        recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"))
+        wire.emulate(Emulation(loss=1.0))
+        for side in (MASTER, SLAVE):
+            watch.bury(*rig.kill(side))
+            rig.start(side)
+        if not watch.until(lambda: all(life.last is not None for life in rig.lives.values()), START_S):
+            return ["a daemon did not start"]
+        with _volley(rig, recorded, rate) as gun:
+            watch.wait(0.3)
+            opened = monotonic()
+            wire.emulate(Emulation())
+            is_back = watch.until(lambda: watch.engaged(opened), NEW_SESSION_S)
+            seconds = monotonic() - opened
+            if not at.short:
+                gun.wait(CALLS_S + 10.0)
+        at.ended_at = monotonic()
+        at.notes["ms to the newest session"] = round(1e3 * seconds)
+        return [] if is_back else [f"no new session within {seconds:.1f} s while {rate} recorded calls came a second"]
+
+    return inject
+
+
+@contextmanager
+def _volley(rig: Rig, datagrams: Sequence[bytes], rate: int) -> Iterator[subprocess.Popen[bytes]]:
+    order = {
+        "target": rig.slave_address,
+        "source": (CALLER, 0),
+        "spoof": False,
+        "rate": rate,
+        "seconds": CALLS_S,
+        "datagrams": [data.hex() for data in datagrams],
+    }
+    path = rig.folder / "order.json"
+    path.write_text(json.dumps(order), encoding="ascii")
+    gun = subprocess.Popen([sys.executable, "-m", "tests.soak.volley", str(path)], stdout=subprocess.PIPE)
+    try:
+        assert gun.stdout is not None
+        gun.stdout.readline()
+        yield gun
+    finally:
+        gun.kill()
+        gun.wait()
+        assert gun.stdout is not None
+        gun.stdout.close()
+
+
+def foreign_files(at: Field) -> list[str]:
+    """Another user has made files and a FIFO where a daemon that starts again will have its telemetry."""
+    if os.geteuid() != 0:
+        at.notes["left out, another user can be had by root only"] = 1
+        return []
+    side = at.random.choice((MASTER, SLAVE))
+    at.watch.bury(*at.rig.kill(side))
+    ring = Path(at.rig.ring(side))
+    left = [ring, *(ring.with_suffix(suffix) for suffix in (".json", ".ask"))]
+    for path in left:  # what the killed daemon left; its launcher would have removed it
+        path.unlink(missing_ok=True)
+    planted = sum(_plant(command, path) for command, path in zip(("mkfifo", "touch", "mkfifo"), left, strict=True))
+    at.notes["files of another user"] = planted
+    at.rig.start(side)
+    life = at.rig.lives.pop(side)  # not to be looked at before its ring is its own
+    deadline = monotonic() + START_S
+    while monotonic() < deadline and life.daemon.running and not _is_own(ring):
+        at.watch.wait(_LOOK)
+    found = []
+    if not (life.daemon.running and _is_own(ring)):
+        with suppress(ProcessLookupError):
+            os.kill(life.pid, signal.SIGKILL)
+        outcome: Any = life.daemon.finish()["outcome"]
+        found.append(f"{planted} files of another user kept the {side} from starting: {outcome}")
+    for path in left:
+        with suppress(FileNotFoundError):
+            if path.lstat().st_uid == NOBODY:
+                path.unlink()
+    at.ended_at = monotonic()
+    if found:
+        at.rig.start(side)
+    else:
+        at.rig.lives[side] = life
+    return found
+
+
+def _plant(command: str, path: Path) -> bool:
+    """Whether another user could make it."""
+    made = subprocess.run(
+        [command, str(path)], check=False, user=NOBODY, group=NOBODY, extra_groups=[], capture_output=True
+    )
+    return made.returncode == 0
+
+
+def _is_own(path: Path) -> bool:
+    try:
+        found = path.lstat()
+    except (FileNotFoundError, PermissionError):
+        return False
+    return found.st_uid == os.geteuid() and found.st_size > 0
