@@ -145,7 +145,7 @@ def test_after_a_lag_spike_no_command_older_than_the_limit_is_executed() -> None
     held = [at for at in forward.updates_sent_at if LagSpike.BEGIN <= at <= LagSpike.END]
     fresh = [at for at in held if LagSpike.END - at <= SILENCE]
     assert accepted[burst - 1] - accepted[round(LagSpike.BEGIN / TICK)] == 0
-    assert accepted[burst] - accepted[burst - 1] == len(fresh)  # none: a master that is not heard sends none
+    assert accepted[burst] - accepted[burst - 1] == len(fresh) > 0
     assert statistics.dropped[DropReason.STALE] >= len(held) - len(fresh) > 0
     assert simulation.slave.endpoint.state is State.ENGAGED
 
