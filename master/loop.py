@@ -113,6 +113,7 @@ class MasterLoop:
         self._encodes = False
         self._is_engaged = False
         self._is_fresh = True
+        self._is_enabled = button is None
         self._last_reading_at = nan
         self._position: Vector = ZERO
         self._buttons = 0
@@ -159,7 +160,8 @@ class MasterLoop:
         self._sent = self._received = 0
         self._codec_time = 0.0
         elapsed = self._pace.tick(now)
-        self._note_stall(now)
+        if self._pace.settling:
+            self._settle(now)
         self._hear(now)
         self._retune(index, deadline)
         self._read(now)
@@ -233,7 +235,7 @@ class MasterLoop:
                 self._sent,
                 self._received,
                 self._limiter.clipped or (rotation is not None and rotation.clipped),
-                self._gate.ramping if self._enabled else RELEASED,
+                self._gate.ramping if self._is_enabled else RELEASED,
                 model.kind,
                 self.tuning.generation & 0xFF,
                 self._buttons & 0xFF,
@@ -318,18 +320,12 @@ class MasterLoop:
         self.failure = self.failure or why
         self.stop(now, fault.name.lower().replace("_", " "))
 
-    def _note_stall(self, now: float) -> None:
-        """After a stall of this process the device is asked anew before it counts as lost."""
+    def _settle(self, now: float) -> None:
+        """Meet a stall of this process: the device is asked anew before it counts as lost."""
         self._faults.clear(Fault.STALLED)
         if self._pace.stalled:
             self._faults.meet(Fault.STALLED)
             self._watchdog.feed(now)
-            self._encodes = self._is_engaged = False
-
-    @property
-    def _enabled(self) -> bool:
-        """Whether the operator lets this side act: always, or while the button is held."""
-        return self._button is None or bool(self._buttons >> self._button & 1)
 
     def _engage(self, now: float) -> None:
         """Decide whether this tick may send positions and display force; begin afresh when either begins again.
@@ -337,12 +333,13 @@ class MasterLoop:
         To begin afresh is to send a complete update and to fade the force in from zero. A stall ends both for some
         ticks, so that the peer is told.
         """
-        endpoint = self.endpoint
+        endpoint, button = self.endpoint, self._button
+        self._is_enabled = button is None or bool(self._buttons >> button & 1)
         encodes = (
             endpoint.state is State.ENGAGED
-            and self._enabled
+            and self._is_enabled
             and not self._pace.settling
-            and not self._faults.has(Fault.DEVICE)
+            and self._faults.active is not Fault.DEVICE
         )
         is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
         begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
@@ -375,7 +372,7 @@ class MasterLoop:
 
     def _read(self, now: float) -> None:
         """The device's position; the last good one while it gives none, until that has lasted too long."""
-        if self._faults.has(Fault.DEVICE):
+        if self._faults.active is Fault.DEVICE:
             return
         complaint = "gives no new sample"
         try:

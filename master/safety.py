@@ -68,6 +68,9 @@ class SlewLimiter:
     def limit(self, force: Vector, elapsed: float) -> Vector:
         """The force, or the point on the way to it from the last one that `elapsed` seconds allow."""
         before = self._value
+        if force == before:
+            self.limited = False
+            return force
         way, allowed = dist(before, force), self._rate * elapsed
         self.limited = way > allowed
         if self.limited:

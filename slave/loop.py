@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
-from codec.vector import ZERO, Vector, is_finite, norm
+from codec.vector import ZERO, Vector, is_finite
 from control.contract import LinkQuality, SlaveControl
 from control.tuning import Tuning
 from protocol.endpoint import Endpoint
@@ -92,7 +92,9 @@ class SlaveLoop:
         self._tick_period = tick_period
         self._pace = StallDetector(tick_period)
         self._horizon = horizon
-        self._trip_force = trip_force
+        # A reading that saturates at the limit is not above it.
+        self._trip_squared = (trip_force * (1.0 + 1e-9)) ** 2
+        self._is_overloaded = False
         self._watchdog = Watchdog(robot_limit)
         self._stopwatch = stopwatch
         self._by_button = by_button
@@ -151,7 +153,8 @@ class SlaveLoop:
         self._sent = self._received = 0
         self._codec_time = 0.0
         elapsed = self._pace.tick(now)
-        self._settle(now)
+        if self._pace.settling:
+            self._settle(now)
         self._hear()
         self._retune(index, deadline)
         self._engage(now)
@@ -303,9 +306,9 @@ class SlaveLoop:
         if self._pace.stalled:
             self._faults.meet(Fault.STALLED)
             self._watchdog.feed(now)  # it is asked anew before it counts as lost
-        if not self._pace.settling or self._faults.has(Fault.DEVICE):
-            return
         self._is_led = False
+        if self._faults.active is Fault.DEVICE:
+            return
         with suppress(RobotFault):  # which `_feel` meets in this very tick
             where = self.robot.latest(now).position
             if is_finite(where):
@@ -324,7 +327,7 @@ class SlaveLoop:
         is_led = (
             self.endpoint.state is State.ENGAGED
             and self.endpoint.is_peer_encoding(now)
-            and not self._faults.has(Fault.DEVICE)
+            and self._faults.active is not Fault.DEVICE
         )
         if is_led and not self._is_led and not self._is_fresh:
             self.encoder.restart()
@@ -346,7 +349,7 @@ class SlaveLoop:
         """Of the record: whether less than all of the force is shown, and whether that is the operator's wish."""
         if self._by_button and self.endpoint.state is State.ENGAGED and not (self._is_led or self._pace.settling):
             return RELEASED
-        return int(self._guard.ramping or (self.rotation is not None and self.rotation.guard.ramping))
+        return self._guard.ramping or (self.rotation is not None and self.rotation.guard.ramping)
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
@@ -377,7 +380,7 @@ class SlaveLoop:
         else:
             self._commanded = commanded
             self._applied = self._guard.follow(self._controlled(commanded, elapsed), step)
-        if not self._guard.tripped:
+        if self._faults.active is not Fault.NONE and not self._guard.tripped:
             self._faults.clear(Fault.TRIPPED)
         self.robot.command(self._applied, now)
         if self.rotation is not None:
@@ -391,7 +394,7 @@ class SlaveLoop:
 
     def _feel(self, now: float) -> None:
         """The robot's force; the last good one while it gives none, until that has lasted too long."""
-        if self._faults.has(Fault.DEVICE):
+        if self._faults.active is Fault.DEVICE:
             return
         complaint = "gives no new sample"
         try:
@@ -407,6 +410,8 @@ class SlaveLoop:
             self._last_reading_at = reading.at
             self._force, self._where = reading.force, reading.position
             self._watchdog.feed(now)
+            x, y, z = reading.force
+            self._is_overloaded = x * x + y * y + z * z > self._trip_squared
             if self._is_overloaded and not self._guard.tripped:
                 self._faults.meet(Fault.TRIPPED)
                 self._guard.trip(self._force, self._where)
@@ -416,11 +421,6 @@ class SlaveLoop:
             trouble = self.robot.trouble if isinstance(self.robot, Explaining) else None
             why = f": {trouble}" if trouble else ""
             self._lose_robot(f"{self.robot.spec.name} {complaint}{why}", now)
-
-    @property
-    def _is_overloaded(self) -> bool:
-        """Whether the contact force is above its limit; a reading that saturates at the limit is not."""
-        return norm(self._force) > self._trip_force * (1.0 + 1e-9)
 
     def _lose_robot(self, complaint: str, now: float) -> None:
         self._faults.meet(Fault.DEVICE)
