@@ -75,8 +75,8 @@ class Liveness:
         """Departure of our newest datagram that the sender of this echo had heard [s]; -inf if it had heard none."""
         if echo == DEAF:
             return -inf
-        newest = floor((now - self._epoch) / self._unit)
-        return self._epoch + (newest - (newest - echo) % _MODULUS) * self._unit
+        latest = floor((now - self._epoch) / self._unit) + 1  # a rounding may put an echo of just now ahead of now
+        return min(now, self._epoch + (latest - (latest - echo) % _MODULUS) * self._unit)
 
     def is_current(self, echo: int, now: float) -> bool:
         """Whether the loop age of a datagram with this echo is within the limit as it arrives."""

@@ -1,6 +1,6 @@
 """Loop age: what an end may conclude from an echo, for any clocks and delays; two ends in test_endpoint_session."""
 
-from math import inf
+from math import floor, inf, nextafter
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -25,6 +25,16 @@ def test_echo_tells_departure_on_own_clock(own: float, other: float, there: floa
     assert true - rounding <= age <= true + SILENCE / UNITS + rounding
     if age <= SILENCE:
         assert back <= SILENCE + rounding, "what is executed left no longer ago"
+
+
+@given(st.integers(0, 10**7))
+def test_echo_of_just_now_is_current(ticks: int) -> None:
+    """Over a path without delay, where clocks and stamps round differently."""
+    now = ticks * 1e-3
+    peer = Liveness(0.0, SILENCE, floor(now * 1e5) * 1e-5, now)
+    end = Liveness(0.0, SILENCE, 0.0, 0.0)
+    for arrival in (now, nextafter(now, -inf), nextafter(now, inf)):
+        assert end.is_current(peer.echo(now), arrival)
 
 
 def test_nothing_heard_within_limit_echoes_deaf() -> None:
