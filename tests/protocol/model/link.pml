@@ -8,6 +8,7 @@
  * LIMIT     silence [steps]; EXPIRE: further steps until a session is over
  * SLOTS     datagrams of a session that the channel can hold back in each direction, each for as long as it likes
  * STOPS     1: processes may stop and go on
+ * TICKS     1: the ticks of an end may stop and go on while its event loop still sends
  * WRAP      time stamps wrap after so many steps; ECHO_WRAP: the echo byte does. 0: never
  * ERROR     by how much an end may take a datagram for too young: half the asymmetry of the path [steps]
  * CHECK     which property is watched: 1 age of what is taken, 2 age of what drives, 3 one end alone, 4 recovery, 5 fade,
@@ -35,6 +36,9 @@
 #ifndef STOPS
 #define STOPS 0
 #endif
+#ifndef TICKS
+#define TICKS 0
+#endif
 #ifndef WRAP
 #define WRAP 0
 #endif
@@ -60,8 +64,14 @@
 #define FULL 2                       /* the whole force, in steps of the ramp */
 
 #define OVER (LIMIT + EXPIRE + 1)    /* loop age of a session that is over; no age of an end is counted further */
-#define OLDEST ((WRAP -> WRAP : 0) + LIMIT + ERROR + 1)       /* age of a held datagram: older ones are all alike */
-#define OLDEST_ECHO (ECHO_WRAP -> ECHO_WRAP + LIMIT + 1 : LIMIT + 1)
+#define OLDEST (WRAP + LIMIT + ERROR + 1)       /* age of a held datagram: older ones are all alike */
+#if ECHO_WRAP
+#define OLDEST_ECHO (WRAP + 2 * LIMIT + ERROR + 2)
+#define TOLD(age) (age == DEAF -> DEAF : age % ECHO_WRAP)
+#else
+#define OLDEST_ECHO (LIMIT + 1)
+#define TOLD(age) age
+#endif
 #define TOO_OLD 255
 #define DEAF 255
 #define NEVER 255
@@ -85,6 +95,7 @@ typedef End {
     byte quiet;                      /* time since anything fresh came */
     bool peer_encoding;              /* what the newest accepted datagram says */
     byte gain;                       /* share of the force, or of the way to the commanded position, at the device */
+    bool frozen;                     /* the ticks of the owner have stopped, while its event loop goes on */
     byte stopped;                    /* 0: the process runs; else since how many steps not */
     byte alone;
 }
@@ -94,7 +105,8 @@ typedef Datagram {
     byte session;
     byte age;                        /* time since it left */
     byte echo;                       /* time since the datagram of the receiver left that it confirms; or DEAF */
-    bool encoding;
+    bool encoding;                   /* what it says */
+    bool ran;                        /* what is so: its sender was engaged and its ticks, with the encoder, ran */
     bool seen;                       /* its number is marked in the replay window, or its stamp not above the newest */
     byte passed;                     /* 1 + time since a higher number was accepted; 0: none was */
 }
@@ -102,7 +114,8 @@ typedef Datagram {
 #define PLACES (SLOTS + 1)           /* the last place of a direction is for handshake datagrams */
 End end[2];
 Datagram held[2 * PLACES];
-byte pending;                        /* slave: the session on paper */
+byte pending;                        /* slave: the session on paper, until its first sealed datagram has come */
+byte paper;                          /* and the time since the HELLO that it is for came */
 byte answer;                         /* slave: 1 + age of the HELLO to be answered; 0: none */
 byte good;
 
@@ -124,24 +137,26 @@ Datagram d;
 #endif
 #define AGE(e) end[e].loop
 #endif
-#if MUTANT == 1                      /* the event loop says it without being told by the owner's tick */
-#define IS_ENCODING(e) true
-#else
+#define RUNS_ENCODER(e) (end[e].state == ENGAGED && !end[e].frozen)
+#if PROTOCOL == 0 || MUTANT == 1     /* the event loop says it without being told by the owner's tick */
 #define IS_ENCODING(e) (end[e].state == ENGAGED)
+#else
+#define IS_ENCODING(e) RUNS_ENCODER(e)
 #endif
-#define IS_THERE(e) (end[e].state == ENGAGED && end[e].stopped == 0)
+#define IS_THERE(e) (end[e].state == ENGAGED && end[e].stopped == 0 && !end[e].frozen)
+#define IS_UP(e) (end[e].stopped == 0 && !end[e].frozen)
 #define IS_CALLING (end[MASTER].state == CONNECTING || end[MASTER].state == SILENT)
 
 inline count(what, most) { what = (what < most -> what + 1 : what) }
 
 inline forget(place) {
     held[place].kind = 0; held[place].session = 0; held[place].age = 0; held[place].echo = 0;
-    held[place].encoding = 0; held[place].seen = 0; held[place].passed = 0
+    held[place].encoding = 0; held[place].ran = 0; held[place].seen = 0; held[place].passed = 0
 }
 
 inline keep(place) {
     held[place].kind = d.kind; held[place].session = d.session; held[place].age = d.age; held[place].echo = d.echo;
-    held[place].encoding = d.encoding; held[place].seen = d.seen; held[place].passed = 0
+    held[place].encoding = d.encoding; held[place].ran = d.ran; held[place].seen = d.seen; held[place].passed = 0
 }
 
 inline rename(from, to) {
@@ -161,6 +176,9 @@ inline end_session(e) {
 }
 
 inline run_timers(e) {
+#if PROTOCOL == 1 && MUTANT != 9     /* mutant 9: a session on paper is kept for ever */
+    if :: e == SLAVE && paper >= OVER -> pending = NONE; paper = 0; answer = 0 :: else fi;
+#endif
     if
     :: end[e].session == NONE
     :: else ->
@@ -202,7 +220,7 @@ inline begin_session(e, named) {
 
 /* Held datagrams of the session with a lower number have been overtaken. */
 inline overtake(e) {
-    for (k : (1 - e) * PLACES .. (1 - e) * PLACES + SLOTS - 1) {
+    for (k : (1 - (e)) * PLACES .. (1 - (e)) * PLACES + SLOTS - 1) {
         if
         :: held[k].kind == SEALED && held[k].session == d.session && held[k].age > d.age && held[k].passed == 0 ->
             held[k].passed = 1
@@ -215,7 +233,7 @@ inline overtake(e) {
 /* A sealed datagram of this end's session. */
 inline accept(e) {
     seem = (WRAP > 0 && d.age >= WRAP -> d.age - WRAP : d.age);              /* its age as its stamp tells it */
-    echo = (ECHO_WRAP > 0 && d.echo != DEAF && d.echo >= ECHO_WRAP -> d.echo - ECHO_WRAP : d.echo);
+    echo = TOLD(d.echo);
     if
     :: d.seen && MUTANT != 4 -> seem = TOO_OLD                               /* REPLAYED; mutant 4: no window */
     :: else
@@ -237,7 +255,7 @@ inline accept(e) {
 #if PROTOCOL == 1
         if :: d.echo != DEAF && echo < end[e].loop -> end[e].loop = echo :: else fi;
 #endif
-        if :: d.encoding && d.age < end[e].command -> end[e].command = d.age :: else fi;
+        if :: d.ran && d.age < end[e].command -> end[e].command = d.age :: else fi;
         if
         :: d.age < end[e].heard || MUTANT == 7 ->                            /* mutant 7: by arrival, not by number */
             end[e].heard = d.age; end[e].peer_encoding = d.encoding
@@ -252,10 +270,10 @@ inline receive(e) {
     :: d.kind == SEALED && d.session == end[e].session -> accept(e)
     :: d.kind == SEALED && d.session != end[e].session && e == SLAVE && d.session == pending ->
         begin_session(SLAVE, pending);
-        pending = NONE; answer = 0;
+        pending = NONE; paper = 0; answer = 0;
         accept(SLAVE)
     :: d.kind == HELLO && !d.seen && d.session == NEXT ->                    /* nobody can use the answer to any other */
-        pending = NEXT; answer = 1 + d.age;
+        pending = NEXT; paper = 0; answer = 1 + d.age;
 #if PROTOCOL == 1                    /* of a held HELLO the stamp is not above that of this one */
         if :: held[SLOTS].kind == HELLO && held[SLOTS].age >= d.age -> held[SLOTS].seen = 1 :: else fi
 #endif
@@ -270,17 +288,18 @@ inline receive(e) {
 /* --- the channel */
 
 inline set(sort, named, with_echo, encodes) {
-    d.kind = sort; d.session = named; d.age = 0; d.echo = with_echo; d.encoding = encodes; d.seen = 0; d.passed = 0
+    d.kind = sort; d.session = named; d.age = 0; d.echo = with_echo; d.encoding = encodes; d.ran = 0; d.seen = 0; d.passed = 0
 }
 
-inline unset() { d.kind = 0; d.session = 0; d.age = 0; d.echo = 0; d.encoding = 0; d.seen = 0; d.passed = 0 }
+inline unset() { d.kind = 0; d.session = 0; d.age = 0; d.echo = 0; d.encoding = 0; d.ran = 0; d.seen = 0; d.passed = 0 }
 
 /* What one end sends in a step, in this order, and then what the channel has held back. */
 inline send_sealed(e) {
     if
     :: end[e].stopped == 0 && end[e].session != NONE ->
         set(SEALED, end[e].session, end[e].heard, IS_ENCODING(e));
-        if :: d.echo > LIMIT -> d.echo = DEAF :: else fi;
+        d.ran = RUNS_ENCODER(e);
+        if :: end[e].quiet > LIMIT -> d.echo = DEAF :: else fi;
         place = e * PLACES + where[e]
     :: else
     fi
@@ -302,7 +321,7 @@ inline take_held(from) {
     :: release[from] != 0 ->
         k = from * PLACES + release[from] - 1;
         d.kind = held[k].kind; d.session = held[k].session; d.age = held[k].age; d.echo = held[k].echo;
-        d.encoding = held[k].encoding; d.seen = held[k].seen; d.passed = held[k].passed;
+        d.encoding = held[k].encoding; d.ran = held[k].ran; d.seen = held[k].seen; d.passed = held[k].passed;
         held[k].seen = (d.kind != WELCOME);
         k = 0
     :: else
@@ -367,9 +386,9 @@ inline sift() {
 }
 
 inline watch(e) {
-    assert(!WATCHES(2) || end[e].stopped != 0 || !IS_DRIVING(e) || end[e].command <= LIMIT);
+    assert(!WATCHES(2) || !IS_UP(e) || !IS_DRIVING(e) || end[e].command <= LIMIT);
     if
-    :: WATCHES(3) && end[e].stopped == 0 && IS_DRIVING(e) && !IS_THERE(1 - e) ->
+    :: WATCHES(3) && IS_UP(e) && IS_DRIVING(e) && !IS_THERE(1 - e) ->
         end[e].alone++;
         assert(end[e].alone <= ALONE)
     :: CHECK == 7 && IS_THERE(e) && !IS_THERE(1 - e) ->
@@ -381,14 +400,14 @@ inline watch(e) {
     :: WATCHES(5) ->
         assert(end[e].stopped <= LIMIT || end[e].gain == 0);                 /* it does not stand while the process stops */
         assert(woken[e] <= LIMIT || end[e].gain <= 1);                       /* and fades in afterwards */
-        assert(end[e].stopped != 0 || IS_DRIVING(e) || end[e].gain == 0)     /* there is none without the peer */
+        assert(!IS_UP(e) || IS_DRIVING(e) || end[e].gain == 0)     /* there is none without the peer */
     :: else
     fi
 }
 
 inline watch_channel() {
     if
-    :: WATCHES(4) && fate[0] == 0 && fate[1] == 0 && end[0].stopped == 0 && end[1].stopped == 0 -> count(good, GOOD)
+    :: WATCHES(4) && fate[0] == 0 && fate[1] == 0 && IS_UP(0) && IS_UP(1) -> count(good, GOOD)
     :: else -> good = 0
     fi;
     assert(good < GOOD || (IS_DRIVING(MASTER) && IS_DRIVING(SLAVE) && end[SLAVE].session == CURRENT))
@@ -403,9 +422,10 @@ inline guard(e) {
 
 /* A line of the trace that `spin -t` shows. */
 inline print_end(e) {
-    printf("%d %e in %d: loop %d heard %d command %d quiet %d peer encodes %d gain %d stopped %d alone %d | sent %d released %d\n",
+    printf("%d %e in %d: loop %d heard %d command %d quiet %d peer encodes %d gain %d stopped %d alone %d | sent %d released %d held %e age %d echo %d in %d passed %d; paper %d\n",
         (e), end[e].state, end[e].session, end[e].loop, end[e].heard, end[e].command, end[e].quiet, end[e].peer_encoding,
-        end[e].gain, end[e].stopped, end[e].alone, fate[e], release[e])
+        end[e].gain, end[e].stopped, end[e].alone, fate[e], release[e],
+        held[e * PLACES].kind, held[e * PLACES].age, held[e * PLACES].echo, held[e * PLACES].session, held[e * PLACES].passed, pending)
 }
 
 active proctype world() {
@@ -418,6 +438,12 @@ active proctype world() {
     :: atomic {
         /* choose */
         for (k : 0 .. 1) {
+#if TICKS
+            if
+            :: end[k].frozen = 0
+            :: end[k].frozen = 1
+            fi;
+#endif
 #if STOPS
             if
             :: end[k].stopped == 0
@@ -448,13 +474,21 @@ active proctype world() {
         d_step {
             k = 0;
             age_held();
+#if PROTOCOL == 1
+            if :: pending != NONE -> count(paper, OVER) :: else fi;
+#endif
             for (who : 0 .. 1) {
                 age_end(who);
                 if :: end[who].stopped == 0 -> run_timers(who) :: else fi
             }
             for (who : 0 .. 1) { pass(who) }
             for (who : 0 .. 1) {
-                if :: end[who].stopped == 0 -> run_timers(who); tick(who) :: else fi
+                if
+                :: end[who].stopped == 0 ->
+                    run_timers(who);
+                    if :: !end[who].frozen -> tick(who) :: else fi
+                :: else
+                fi
             }
             for (who : 0 .. 1) { guard(who); print_end(who); watch(who) }
             watch_channel();
