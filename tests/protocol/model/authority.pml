@@ -138,7 +138,15 @@ inline sift() {
             :: else
             fi;
             if :: paper[OF(s, m)] != h && !(slave[s].master == m && slave[s].hello == h) -> sealed[AT(s, m, h)] = false :: else fi;
-            if :: !(master[m].slave == s && master[m].hello == h) -> bye[AT(s, m, h)] = false :: else fi
+            if :: !(master[m].slave == s && master[m].hello == h) -> bye[AT(s, m, h)] = false :: else fi;
+            if
+            :: PROTOCOL == 1 && paper[OF(s, m)] == h && !sealed[AT(s, m, h)] && !welcome[AT(s, m, h)] -> paper[OF(s, m)] = 0
+            :: else
+            fi;
+            if
+            :: master[m].state == CLOSED && PROTOCOL == 1 -> master[m].called = 0; newest[OF(s, m)] = 0; master[m].expected = 0
+            :: else
+            fi
         } } }
     }
 }
@@ -155,8 +163,7 @@ active proctype world() {
         master[0].state = CONNECTING; master[1].state = CONNECTING;
         slave[0].state = LISTENING; slave[1].state = LISTENING;
         master[0].slave = NOBODY; master[1].slave = NOBODY; slave[0].master = NOBODY; slave[1].master = NOBODY;
-        if :: master[0].take_over = false :: master[0].take_over = true fi;
-        if :: master[1].take_over = false :: master[1].take_over = true fi;
+        if :: master[1].take_over = false :: master[1].take_over = true fi;   /* master 0 never says it */
         master[0].expected = 0;                                             /* named in its file */
         master[1].expected = NOBODY                                         /* bound by its first session */
     }

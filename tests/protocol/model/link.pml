@@ -135,7 +135,11 @@ Datagram d;
 #else
 #define IS_DRIVING(e) (end[e].state == ENGAGED && end[e].peer_encoding)
 #endif
+#if MUTANT == 10                     /* engaged while the other is heard */
+#define AGE(e) end[e].quiet
+#else
 #define AGE(e) end[e].loop
+#endif
 #endif
 #define RUNS_ENCODER(e) (end[e].state == ENGAGED && !end[e].frozen)
 #if PROTOCOL == 0 || MUTANT == 1     /* the event loop says it without being told by the owner's tick */
