@@ -10,13 +10,14 @@ DEV := $(VENV)/.dev
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test hunt lint format fuzz safety soak bench figures vendor lock schema clean
+.PHONY: system demo test hunt lint format fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
 	command -v chromedriver >/dev/null || apt-get install -y -q --no-install-recommends chromium chromium-driver
 	command -v cyclictest >/dev/null || apt-get install -y -q --no-install-recommends rt-tests
 	command -v sockperf >/dev/null || apt-get install -y -q --no-install-recommends sockperf
+	command -v spin >/dev/null && command -v gcc >/dev/null || apt-get install -y -q --no-install-recommends spin gcc libc6-dev
 
 demo: $(RUN)  ## an operator feels a remote scene, through two processes and a real UDP socket
 	$(BIN)/weberlink loopback --duration $(DURATION)
@@ -44,6 +45,9 @@ fuzz: $(DEV)  ## a minute of mutated datagrams against both ends
 safety: $(DEV)  ## links that fail in one direction, and held datagrams, in virtual time: the tables of docs/safety.md
 	mkdir -p docs/safety
 	$(BIN)/python -m tests.safety --out docs/safety/figures
+
+model: $(DEV)  ## every state of the models of the protocol: the new one holds, today's fails, each fault put in is found
+	$(BIN)/python -m tests.protocol.model
 
 soak: $(DEV)  ## an hour of faults, then floods, against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)

@@ -27,9 +27,11 @@ class LinkQuality(NamedTuple):
     jitter: float
 
 
-@runtime_checkable
 class Surface(Protocol):
-    """A received model of a contact: an elastic wall that rests where it is."""
+    """A received model of a contact: an elastic wall that rests where it is.
+
+    Who hands one over knows that it is one: a moving model, or one with friction, may have the same attributes.
+    """
 
     @property
     def stiffness(self) -> float:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from codec import Decoder, Encoder, Update
 from codec.fitted import UNFITTED, fitted
 from codec.vector import ZERO, Vector, is_finite
-from control.contract import LinkQuality, MasterControl, Surface
+from control.contract import LinkQuality, MasterControl
 from control.tuning import Tuning
 from master.devices.contract import Device, DeviceFault, Explaining
 from master.safety import ForceGate, ForceLimiter, SlewLimiter
@@ -364,7 +364,7 @@ class MasterLoop:
                 model, newest = self.decoder.state[1], self.decoder.newest
                 assert newest is not None
                 self._fitted = fitted(model)
-                self.control.learn(model if isinstance(model, Surface) else None, newest.value, newest.position)
+                self.control.learn(None if model is None else model.wall(), newest.value, newest.position)
                 self._received += 1
         except ValueError:  # from a peer that agreed on this channel and does not keep to it
             self._faults.note(Fault.UPDATE)

@@ -56,6 +56,9 @@ class Affine(NamedTuple):
             return _turned_back((a, b, c), value, along / own)
         return (a, b, c)
 
+    def wall(self) -> None:
+        return None
+
 
 def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
     """A force brought back into the cone about the newest one, its part along that kept."""

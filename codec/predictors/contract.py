@@ -16,6 +16,19 @@ from codec.sample import Sample
 from codec.vector import Vector, distance, norm
 
 
+class Wall(Protocol):
+    """An elastic wall at rest: its force depends on the position alone, and what it takes to press it in comes back."""
+
+    @property
+    def stiffness(self) -> float:
+        """[N/m]: half the square of the force by this is the energy stored."""
+        ...
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        """The force [N] at a position [m]; the tick does not matter."""
+        ...
+
+
 class Model(Protocol):
     """A fitted predictor. Compares equal to another with the same parameters, bit for bit."""
 
@@ -30,6 +43,10 @@ class Model(Protocol):
             The predicted value in the unit of the samples. May leave every bound or be non-finite for wild inputs; the
             channel confines it.
         """
+        ...
+
+    def wall(self) -> Wall | None:
+        """The wall that can be rendered in place of this model, as it was at the newest sample; None if it is none."""
         ...
 
 

@@ -10,3 +10,6 @@ class Hold(NamedTuple):
 
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
         return self.value
+
+    def wall(self) -> None:
+        return None

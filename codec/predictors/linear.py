@@ -21,6 +21,9 @@ class Line(NamedTuple):
         value, slope = self.value, self.slope
         return (value[0] + slope[0] * ahead, value[1] + slope[1] * ahead, value[2] + slope[2] * ahead)
 
+    def wall(self) -> None:
+        return None
+
 
 def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Line | None:  # noqa: ARG001
     if previous is None or newest.tick <= previous.tick:

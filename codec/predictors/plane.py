@@ -28,6 +28,9 @@ class Plane(NamedTuple):
         force = -self.stiffness * height
         return (force * normal[0], force * normal[1], force * normal[2])
 
+    def wall(self) -> "Plane":
+        return self
+
 
 def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Plane | None:
     if previous is None or not same_contact(newest, previous):

@@ -36,6 +36,9 @@ class Sphere(NamedTuple):
         outward = self.stiffness * depth / length if self.radius > 0.0 else -self.stiffness * depth / length
         return (outward * x, outward * y, outward * z)
 
+    def wall(self) -> "Sphere":
+        return self
+
 
 def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Sphere | None:
     if previous is None or not same_contact(newest, previous):

@@ -79,6 +79,10 @@ class Surface(NamedTuple):
         push, pull = -self.stiffness * height, self.stiffness
         return (push * a + pull * u, push * b + pull * v, push * c + pull * w), (x + u, y + v, z + w)
 
+    def wall(self) -> "Surface":
+        """The patch where it was at the newest sample, without motion and friction, neither of which is elastic."""
+        return self._replace(friction=0.0, velocity=0.0, acceleration=0.0, pulse=0.0)
+
     def _under(self, tick: float, position: Vector) -> tuple[Vector, float]:
         """Normal at the foot of a position, and its height over the surface [m]."""
         a, b, c = self.normal

@@ -286,3 +286,13 @@ def test_the_pull_turns_with_the_way() -> None:
             assert sqrt(force[0] ** 2 + force[1] ** 2) == pytest.approx(MU, rel=1e-3)
             against = atan2(force[1], force[0]) - (angle - 0.5 * pi)
             assert abs(sin(0.5 * against)) < 0.07
+
+
+@pytest.mark.parametrize("curvature", [0.0, 20.0, -20.0])
+def test_its_wall_rests_where_the_newest_sample_was(curvature: float) -> None:
+    moving = Surface((0.0, 0.0, 1.0), ZERO, 1000, 500.0, curvature, friction=0.4, velocity=1e-4, acceleration=1e-7)
+    probe = (0.001, 0.0, -0.002)
+    wall = moving.wall()
+    assert wall.at(0.0, probe) == wall.at(2000.0, probe) == moving.at(1000, probe)
+    assert moving.at(0.0, probe) != moving.at(1000, probe)
+    assert wall.memory is None

@@ -1,0 +1,1 @@
+"""Models of the protocol in Promela, and what runs them."""
