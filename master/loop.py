@@ -342,6 +342,9 @@ class MasterLoop:
             and self._faults.active is not Fault.DEVICE
         )
         is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
+        endpoint.attest(now, is_encoding=encodes)
+        if encodes is self._encodes and is_engaged is self._is_engaged and not self._pace.stalled:
+            return
         begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
         if self._pace.stalled or (begins and not self._is_fresh):
             self.encoder.restart()
@@ -351,7 +354,6 @@ class MasterLoop:
             self._gate.close()
         self._is_fresh = self._is_fresh and not is_engaged
         self._encodes, self._is_engaged = encodes, is_engaged
-        endpoint.attest(now, is_encoding=encodes)
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
@@ -423,7 +425,8 @@ class MasterLoop:
     def _render(self, now: float) -> None:
         """The force at the device's own position now, without waiting for the network."""
         endpoint, step = self.endpoint, self._pace.step
-        known_at = endpoint.encoder_heard_at
+        liveness = endpoint.liveness
+        known_at = liveness.encoder_heard_at
         heard_time = endpoint.heard_time(min(now, known_at + self._horizon)) if known_at > -inf else None
         if heard_time is not None:  # a session that is over leaves its last force, which fades
             self._heard_tick = heard_time / self._tick_period
@@ -437,8 +440,8 @@ class MasterLoop:
         limited = self._limiter.limit(self.control.render(self._decoded))
         is_open = self._gate.gain > 0.0
         slewed = self._slew.limit(limited, step) if is_open else self._slew.place(limited)
-        age = endpoint.silent_for(now)
-        self._output = self._gate.pass_through(slewed, engaged=self._is_engaged, age=age, elapsed=step)
+        out_of_touch = now - liveness.in_touch_at
+        self._output = self._gate.pass_through(slewed, engaged=self._is_engaged, age=out_of_touch, elapsed=step)
         self.control.displayed(self._output)
         self.device.command(self._output, now)
         held_back = self._slew.limited

@@ -88,13 +88,16 @@ class ForceGate:
     """The share of the decoded force that the operator is given, 0 to 1, without a jump in either direction.
 
     It opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While it is engaged
-    but the loop through the peer grows old (`Endpoint.silent_for`), it closes over the last part of the
-    silence limit, so that the force *is* zero when the limit is reached, not only then begins to fall. The gate is the
-    same whatever ended the silence, so a returning peer is felt as a fade-in. `ramping` says whether the beginning or
-    the end of a session holds the force back, and not silence.
+    but out of touch with the peer (`Liveness.in_touch_at`), it closes over the last part of the silence limit, so that
+    the force *is* zero when the limit is reached, not only then begins to fall. The gate is the same whatever ended the
+    silence, so a returning peer is felt as a fade-in.
+
+    Attributes:
+        gain: the share.
+        ramping: whether the beginning or the end of a session holds the force back, and not silence.
     """
 
-    __slots__ = ("_fade_from", "_gain", "_ramp", "_silence", "ramping")
+    __slots__ = ("_fade_from", "_ramp", "_silence", "gain", "ramping")
 
     def __init__(self, *, ramp: float, silence: float, fade_share: float) -> None:
         """Make the gate, closed.
@@ -107,16 +110,12 @@ class ForceGate:
         self._ramp = ramp
         self._silence = silence
         self._fade_from = fade_share * silence
-        self._gain = 0.0
+        self.gain = 0.0
         self.ramping = True
-
-    @property
-    def gain(self) -> float:
-        return self._gain
 
     def close(self) -> None:
         """Shut at once; for a new session, whose first force has nothing to do with the last one."""
-        self._gain = 0.0
+        self.gain = 0.0
 
     def pass_through(self, force: Vector, *, engaged: bool, age: float, elapsed: float) -> Vector:
         """The share of a force that passes now.
@@ -124,17 +123,20 @@ class ForceGate:
         Args:
             force: the decoded force [N].
             engaged: whether force may be felt at all.
-            age: of the loop through the peer, on this end's clock [s].
+            age: how long the ends have been out of touch [s].
             elapsed: time since the last call [s].
         """
+        if engaged and self.gain == 1.0 and age <= self._fade_from:
+            self.ramping = False
+            return force
         step = elapsed / self._ramp
         heard = (self._silence - age) / (self._silence - self._fade_from)
-        wanted = min(1.0, self._gain + step) if engaged else self._gain - step
-        self._gain = max(0.0, min(wanted, heard))
-        self.ramping = not engaged or self._gain < min(1.0, heard)
+        wanted = min(1.0, self.gain + step) if engaged else self.gain - step
+        self.gain = max(0.0, min(wanted, heard))
+        self.ramping = not engaged or self.gain < min(1.0, heard)
         return self.share(force)
 
     def share(self, torque: Vector) -> Vector:
         """The share of a torque [N m], or force, that passes in a tick whose force has passed through."""
-        gain = self._gain
+        gain = self.gain
         return (torque[0] * gain, torque[1] * gain, torque[2] * gain)

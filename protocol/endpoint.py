@@ -63,6 +63,7 @@ class Endpoint:
 
     Attributes, which the owner reads:
         state: where the conversation stands.
+        liveness: when the ends last heard each other in the session, or in the last one.
         statistics: counters and measurements, which go on.
     """
 
@@ -77,13 +78,13 @@ class Endpoint:
         "_is_encoding",
         "_lengths",
         "_listener",
-        "_liveness",
         "_mailbox",
         "_parameters",
         "_path",
         "_role",
         "_served",
         "_session",
+        "liveness",
         "state",
         "statistics",
     )
@@ -174,7 +175,7 @@ class Endpoint:
         self._entropy = entropy
         self._session: Session | None = None
         self._former: Session | None = None
-        self._liveness: Liveness | None = None  # of the session, or of the last one
+        self.liveness = Liveness(epoch, silence, 0.0, -inf)
         self._path: Path | None = None
         self._attested_at: float | None = None
         self._is_encoding = True
@@ -202,7 +203,7 @@ class Endpoint:
     @property
     def heard_at(self) -> float:
         """When the newest fresh datagram came from the peer [s]; -inf before the first."""
-        return -inf if self._liveness is None else self._liveness.heard_at
+        return self.liveness.heard_at
 
     @property
     def confirmed_at(self) -> float:
@@ -210,28 +211,11 @@ class Endpoint:
 
         The time since then is the loop age.
         """
-        return -inf if self._liveness is None else self._liveness.confirmed_at
-
-    @property
-    def encoder_heard_at(self) -> float:
-        """When the peer's encoder was last known to run, and all its updates to be held here [s]; -inf before that."""
-        return -inf if self._liveness is None else self._liveness.encoder_heard_at
-
-    def silent_for(self, now: float) -> float:
-        """How long the ends have been out of touch [s]: the loop age, or the time since the peer's encoder ran."""
-        if self._liveness is None:
-            return inf
-        return now - min(self._liveness.confirmed_at, self._liveness.encoder_heard_at)
+        return self.liveness.confirmed_at
 
     def is_peer_encoding(self, now: float) -> bool:
         """Whether what the peer encodes may be acted on: each end hears the other, and the peer's encoder runs."""
-        liveness = self._liveness
-        return (
-            self.state is State.ENGAGED
-            and liveness is not None
-            and liveness.is_peer_encoding
-            and now - liveness.encoder_heard_at <= self._parameters.silence
-        )
+        return self.state is State.ENGAGED and now <= self.liveness.encodes_until
 
     def peer_time(self, now: float) -> float | None:
         """The peer's clock [s since its epoch]; None while it is not known. Divided by the tick period: its tick."""
@@ -302,10 +286,19 @@ class Endpoint:
         that never does counts as encoding.
         """
         self._attested_at = now
-        self._is_encoding = is_encoding
+        if is_encoding is not self._is_encoding:
+            self._is_encoding = is_encoding
+            self._tell_encoding()
+
+    def _tell_encoding(self) -> None:
+        """See that the peer knows at once whether our encoder runs."""
         session = self._session
-        if session is not None and self.state is State.ENGAGED and session.sender.said_encoding is not is_encoding:
-            session.sender.heartbeats.asked()  # the peer should know at once
+        if (
+            session is not None
+            and self.state is State.ENGAGED
+            and session.sender.said_encoding is not self._is_encoding
+        ):
+            session.sender.heartbeats.asked()
             self._due = None
 
     def forget(self) -> None:
@@ -542,6 +535,7 @@ class Endpoint:
         if session.is_fresh and self.state is State.SILENT and now < session.silent_at:
             self._turn(Trigger.HEAR)
             self._dialer.stop()
+            self._tell_encoding()
             self._mailbox.tell(PeerReturned())
         if isinstance(outcome, PathAsked):
             self._mailbox.post(session.sender.send_path(now, outcome.token, is_answer=True), address)
@@ -627,7 +621,7 @@ class Endpoint:
         self._turn(Trigger.ESTABLISH)
         self._end_session()
         self._session = session
-        self._liveness = session.liveness
+        self.liveness = session.liveness
         self._address = address
         if self._role is Role.RESPONDER:
             self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))

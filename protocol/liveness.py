@@ -31,6 +31,8 @@ class Liveness:
         encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, and since whose
             departure no update is known to be missing [s]; -inf before the first.
         is_peer_encoding: whether the encoder of the peer ran when the newest fresh datagram left that says so.
+        encodes_until: until when what the peer encodes may be acted on, if nothing more is heard [s]; -inf if it may not.
+        in_touch_at: the earlier of `confirmed_at` and `encoder_heard_at` [s]; the ends have been out of touch since.
     """
 
     __slots__ = (
@@ -41,7 +43,9 @@ class Liveness:
         "_unit",
         "confirmed_at",
         "encoder_heard_at",
+        "encodes_until",
         "heard_at",
+        "in_touch_at",
         "is_peer_encoding",
     )
 
@@ -62,7 +66,7 @@ class Liveness:
         self._newest = -1
         self.heard_at = now
         self.confirmed_at = confirmed_at
-        self.encoder_heard_at = -inf
+        self.encoder_heard_at = self.encodes_until = self.in_touch_at = -inf
         self.is_peer_encoding = False
 
     def echo(self, now: float) -> int:
@@ -100,3 +104,5 @@ class Liveness:
             self.is_peer_encoding = says_encoding
             if says_encoding:
                 self.encoder_heard_at = now
+            self.encodes_until = self.encoder_heard_at + self._silence if says_encoding else -inf
+        self.in_touch_at = min(self.confirmed_at, self.encoder_heard_at)

@@ -324,25 +324,24 @@ class SlaveLoop:
         """
         if self._pace.settling:
             return
-        is_led = (
-            self.endpoint.state is State.ENGAGED
-            and self.endpoint.is_peer_encoding(now)
-            and self._faults.active is not Fault.DEVICE
-        )
-        if is_led and not self._is_led and not self._is_fresh:
-            self.encoder.restart()
-            if self.rotation is not None:
-                self.rotation.encoder.restart()
-            self.control.resume(self.endpoint.peer_credit)
-        elif self._is_led and not is_led:
+        is_led = self.endpoint.is_peer_encoding(now) and self._faults.active is not Fault.DEVICE
+        if is_led is self._is_led:
+            return
+        self._is_led = is_led
+        if not is_led:
             self.decoder.reset()
             self.endpoint.forget()
             self._guard.release(self._force, self._where)
             if self.rotation is not None:
                 self.rotation.decoder.reset()
                 self.rotation.guard.release()
-        self._is_fresh = self._is_fresh and not is_led
-        self._is_led = is_led
+        elif self._is_fresh:
+            self._is_fresh = False
+        else:
+            self.encoder.restart()
+            if self.rotation is not None:
+                self.rotation.encoder.restart()
+            self.control.resume(self.endpoint.peer_credit)
 
     @property
     def _ramping(self) -> int:
@@ -368,7 +367,7 @@ class SlaveLoop:
         """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
         commanded = turned = None
         if self._is_led and not self._is_overloaded:
-            heard_time = self.endpoint.heard_time(min(now, self.endpoint.encoder_heard_at + self._horizon))
+            heard_time = self.endpoint.heard_time(min(now, self.endpoint.liveness.encoder_heard_at + self._horizon))
             tick = (heard_time or 0.0) / self._tick_period
             began = self._stopwatch()
             commanded = self.decoder.value(tick)
