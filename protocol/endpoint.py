@@ -292,13 +292,11 @@ class Endpoint:
 
     def _tell_encoding(self) -> None:
         """See that the peer knows at once whether our encoder runs."""
-        session = self._session
-        if (
-            session is not None
-            and self.state is State.ENGAGED
-            and session.sender.said_encoding is not self._is_encoding
-        ):
-            session.sender.heartbeats.asked()
+        if self._session is None or self.state is not State.ENGAGED:
+            return
+        sender = self._session.sender
+        if sender.said_encoding is not self._is_encoding:
+            sender.heartbeats.asked()
             self._due = None
 
     def forget(self) -> None:
@@ -622,6 +620,7 @@ class Endpoint:
         self._end_session()
         self._session = session
         self.liveness = session.liveness
+        self._tell_encoding()
         self._address = address
         if self._role is Role.RESPONDER:
             self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))

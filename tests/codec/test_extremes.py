@@ -22,7 +22,7 @@ from codec.quantizer import INT16_MAX
 from codec.vector import ZERO, Vector, distance, is_finite, norm, scale
 from master.safety import ForceLimiter
 from protocol.sequence import expand_counter
-from protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, read_head
+from protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, pack_word, read_head
 from tests.examples import examples
 
 Samples = Sequence[tuple[int, Vector, Vector]]
@@ -121,7 +121,7 @@ def roll(radius: float, *, aside: float = 0.0) -> Samples:
 def wire(update: Update, layout: UpdateLayout) -> Update:
     """What the receiver makes of an update that was `LATENCY` ticks under way."""
     layout.check(update.selector, update.newest, update.gap, update.previous)
-    data = layout.pack(0, 0, 0, update.tick & (1 << TICK_BITS) - 1, *update[1:])
+    data = layout.pack(0, pack_word(0, 0, 0, update.tick & (1 << TICK_BITS) - 1), *update[1:])
     head = read_head(data[0], data[CLEAR_BYTES:])
     newest, gap, previous = layout.unpack(data[CLEAR_BYTES:], head.has_previous)
     return Update(expand_counter(head.tick, TICK_BITS, update.tick + LATENCY), head.selector, newest, gap, previous)

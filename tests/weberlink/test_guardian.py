@@ -38,7 +38,7 @@ class Pusher(SimpleNamespace):
         super().__init__(spec=spec, guarded=options.guarded)
 """
 FILE = """
-link: {listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: none}
+link: {listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session}
 master: {device: {driver: pusher}}
 slave: {robot: {driver: point}}
 """

@@ -51,10 +51,10 @@ class End:
         configuration: of the system.
         role: of its endpoint.
         port: of the peer, for the initiator.
-        began: `time.monotonic` of tick 0 of this end [s].
+        epoch: `time.monotonic` of tick 0 of both ends [s].
     """
 
-    def __init__(self, configuration: Configuration, role: Role, port: int, began: float) -> None:
+    def __init__(self, configuration: Configuration, role: Role, port: int, epoch: float) -> None:
         system = configuration.system
         forward, backward = channels(system)
         asks = role is Role.INITIATOR
@@ -62,8 +62,9 @@ class End:
         self.encoder, self.decoder = Encoder(outgoing), Decoder(incoming)
         peer = (HOST, port) if asks else None
         security = build_security(configuration)
-        self.endpoint = build_endpoint(system, role, security, os.urandom, began, (outgoing,), (incoming,), peer)
+        self.endpoint = build_endpoint(system, role, security, os.urandom, epoch, (outgoing,), (incoming,), peer)
         attend(self.endpoint, self._hear)
+        self._epoch, self._tick_period = epoch, system.tick_period
         self.shell = UdpShell(self.endpoint, now=monotonic, listen=(HOST, 0))
         self.samples = contact()
         self.moments: dict[int, list[int]] = {}
@@ -73,16 +74,17 @@ class End:
     def position(self, tick: int) -> Vector:
         return self.samples[tick % len(self.samples)][0]
 
-    def ask(self, index: int, _deadline: float, now: float) -> None:
+    def ask(self, _index: int, deadline: float, now: float) -> None:
         """As a tick of the daemon: hear first, then encode, send and flush."""
         self.shell.service(now)
         if self.endpoint.state is State.ENGAGED:
-            position = self.position(index)
+            tick = round((deadline - self._epoch) / self._tick_period)
+            position = self.position(tick)
             began = monotonic_ns()
-            update = self.encoder.encode(index, position)
+            update = self.encoder.encode(tick, position)
             if update is not None:
                 self.endpoint.send_update(now, *update)
-                self.moments[index] = [began]
+                self.moments[tick] = [began]
         self.shell.flush(now)
 
     def _hear(self) -> None:
@@ -179,7 +181,7 @@ def main(text: str) -> int:
     die_with_parent(SIGHUP, order["parent"])
     asks = order["end"] == ASK
     configuration = load(Path(order["file"]), [*order["overrides"], *OVERRIDES])
-    end = End(configuration, Role.INITIATOR if asks else Role.RESPONDER, order.get("port", 0), monotonic())
+    end = End(configuration, Role.INITIATOR if asks else Role.RESPONDER, order.get("port", 0), order["epoch"])
     Rights(**order["rights"]).take(0 if asks else 1)
     freeze_garbage()
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:

@@ -10,6 +10,7 @@ import subprocess
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,7 @@ def measure(name: str, order: Mapping[str, Any], rate_hz: float, duration_s: flo
         "warm_up": round(rate_hz * WARM_UP_S),
         "rights": asdict(rights),
         "parent": os.getpid(),
+        "epoch": monotonic(),
     }
     with ExitStack() as stack:
         answering = _start(name, common | {"end": ANSWER}, stack)

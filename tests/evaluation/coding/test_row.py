@@ -34,7 +34,7 @@ def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float
         update = encoder.encode(tick, tuple(force), tuple(position))
         if update is not None:
             decoder.apply(update)
-            packed = layout.pack(1, 0, 0, tick, update.selector, update.newest, update.gap, update.previous)
+            packed = layout.pack(1, 0, update.selector, update.newest, update.gap, update.previous)
             datagrams.append(len(packed) + PresharedKey.tag_size)
         held = decoder.value(tick, tuple(position))
         assert held is not None

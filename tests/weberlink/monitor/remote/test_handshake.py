@@ -81,4 +81,4 @@ def test_no_message_of_the_one_protocol_is_one_of_the_other() -> None:
     dialer.start(0.0)
     assert answer(dialer.hello(0.0), OURS, os.urandom) is None
     listener = Listener(daemons, os.urandom, {}, 2, 0.0, lambda *_: None, name="slave")  # type: ignore[arg-type]
-    assert listener.receive(Call(OURS, os.urandom).hello(), 0.0) is DropReason.UNPROVEN
+    assert listener.receive(Call(OURS, os.urandom).hello(), ("192.0.2.1", 1), 0.0) is DropReason.UNPROVEN
