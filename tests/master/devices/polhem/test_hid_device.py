@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from codec.vector import ZERO, Vector, distance
+from hardware.guardian import Guardian
 from master.devices.contract import DeviceFault
 from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
 from master.devices.polhem.options import PolhemHidOptions
@@ -126,6 +127,9 @@ class Desk:
             if reports or now >= until:
                 return reports
             sleep(0.0002)
+
+    def guard(self, guardian: Guardian) -> None:
+        pass  # who has the device in hand stops with it
 
     def close(self) -> None:
         pass
