@@ -204,7 +204,7 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     if weber > PERCEPTUAL_WEBER_LIMIT:
         yield f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}"
     emulate = system.link.emulate or EmulationSettings()
-    round_trip_ms = 2.0 * (emulate.delay_ms + emulate.jitter_ms)
+    round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
     if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
         yield (
             f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms, so "
@@ -214,10 +214,9 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
         yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"
     if system.codec.force.floor_n == 0.0:
         yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
-    if emulate.delay_ms > 0.0 and system.control.scheme == "none":
+    if round_trip_ms > 0.0 and system.control.scheme == "none":
         yield (
-            f"control.scheme none: a delay of {emulate.delay_ms:g} ms each way can make contact unstable; "
-            "use tdpa, mmt or auto"
+            f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; use tdpa, mmt or auto"
         )
     if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no model to feel"

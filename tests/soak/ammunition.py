@@ -26,13 +26,14 @@ _PROOF = 16
 _AHEAD = 200
 
 
-def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes) -> list[bytes]:
+def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls: int = ROUNDS) -> list[bytes]:
     """Datagrams of a kind, to be sent over and over.
 
     Args:
         kind: one of `KINDS`.
         genuine: what the peer has sent lately, oldest first.
         key: that the two ends share.
+        calls: how many different ones.
 
     Raises:
         ValueError: there is no such kind, or nothing genuine to make it of.
@@ -51,9 +52,9 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes) -> lis
         case "random":
             return [random.randbytes(random.randint(1, _LONGEST_RANDOM)) for _ in range(ROUNDS)]
         case "handshake":
-            return [call[:-_PROOF] + random.randbytes(_PROOF) for call in _calls(genuine, key, random)]
+            return [call[:-_PROOF] + random.randbytes(_PROOF) for call in _calls(genuine, key, random, calls)]
         case "calls":
-            return _calls(genuine, key, random)
+            return _calls(genuine, key, random, calls)
     raise ValueError(f"there is no kind {kind!r}; there are {', '.join(KINDS)}")
 
 
@@ -62,7 +63,7 @@ def _forge(like: bytes, sequence: int, random: Random) -> bytes:
     return head + random.randbytes(len(like) - len(head))
 
 
-def _calls(genuine: Sequence[bytes], key: bytes, random: Random) -> list[bytes]:
+def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> list[bytes]:
     """HELLOs like a genuine one, of as many calls with the key, whose answers nobody can use any more."""
     security = PresharedKey(key)
     hello = next((data for data in genuine if kind_of(data) == Kind.HELLO), None)
@@ -76,8 +77,8 @@ def _calls(genuine: Sequence[bytes], key: bytes, random: Random) -> list[bytes]:
     caller = Caller(said.name, said.instance)
 
     def before(_now: float) -> int:
-        return header.stamp - ROUNDS  # and rising, as those of a recording
+        return header.stamp - count  # and rising, as those of a recording
 
     dialer = Dialer(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, caller=caller, stamp=before)
     dialer.start(0.0)
-    return [dialer.hello(1.0) for _ in range(ROUNDS)]
+    return [dialer.hello(1.0) for _ in range(count)]

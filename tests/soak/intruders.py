@@ -25,6 +25,8 @@ from weberlink.configuration import MASTER, SLAVE
 START_S = 20.0
 """From the start of a program to its first tick: its imports take longest [s]."""
 NEW_SESSION_S = 3.0
+RECORDED = 10_000
+"""Calls in a long recording."""
 CALLS_S = 5.0
 THIEF, CALLER = "127.0.0.4", "127.0.0.3"
 NOBODY = 65_534
@@ -197,7 +199,7 @@ def recorded_calls(rate: int) -> Callable[[Field], list[str]]:
         rig, watch, wire = at.rig, at.watch, at.rig.wire
         # The master of a soak makes a few calls only; the others stand for a long recording.
         genuine = wire.recorded_calls()
-        recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"))
+        recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"), calls=RECORDED)
         wire.emulate(Emulation(loss=1.0))
         for side in (MASTER, SLAVE):
             watch.bury(*rig.kill(side))
