@@ -215,7 +215,7 @@ def test_a_page_that_does_not_read_loses_rows_but_no_figures_and_holds_up_nobody
         feed.description = None
         watch.put(Session("7", feed))
         slow = socket.socket()
-        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)  # less, and the kernel waits long between two windows
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)  # with less, the kernel waits long between windows
         slow.setblocking(False)
         await asyncio.get_running_loop().sock_connect(slow, ("127.0.0.1", int(where.split(":")[1])))
         reader, writer = await asyncio.open_connection(sock=slow, limit=4096)
