@@ -16,8 +16,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION
 from protocol.reasons import DropReason
 from protocol.states import State
+from protocol.wire import Kind
 from telemetry.fault import Fault
 from tests.weberlink.processes import ENGAGED, Program, Records, Telemetry, document, until
 from weberlink.cli import app
@@ -355,6 +357,7 @@ def garbage(genuine: list[bytes], count: int) -> Iterator[bytes]:
     draw = random.Random(7)  # seeded: the same garbage in every run, but for what was overheard
     for _ in range(count):
         yield draw.randbytes(draw.randrange(80))
+        yield bytes((Kind.HELLO, PROTOCOL_VERSION)) + draw.randbytes(PADDED_HELLO)
         original = draw.choice(genuine)
         yield original[: draw.randrange(len(original))]
         yield original + draw.randbytes(1 + draw.randrange(40))

@@ -12,6 +12,7 @@ from typing import IO, Any, Self
 import pytest
 
 from master.devices.polhem.serial_device import PolhemSerialDevice
+from protocol.keys import generate
 from tests.weberlink.processes import PATIENCE, ROOT, Program, document, until
 from tests.weberlink.systems import CONFIGS
 
@@ -152,7 +153,9 @@ def test_without_a_sign_check_there_is_no_current_and_a_line_says_so(tmp_path: P
 
 def test_a_signal_while_a_person_is_still_homing_the_device_is_an_orderly_end(tmp_path: Path) -> None:
     with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
-        overrides = [f"master.device.port={phantom.port}", "master.device.homing=button", "link.slave=127.0.0.1:47999"]
+        generate(tmp_path / "key")
+        link = ["link.slave=127.0.0.1:47999", "link.security=psk", f"link.key_file={tmp_path / 'key'}"]
+        overrides = [f"master.device.port={phantom.port}", "master.device.homing=button", *link]
         arguments = [FILE, *(each for option in overrides for each in ("--set", option))]
         with Program("master", *arguments, "--json", "-") as program:
             until(lambda: phantom.status()["messages"] > 0, "the driver to wait for the button")

@@ -78,7 +78,7 @@ def test_two_hosts_with_the_same_file_exchange_position_and_force(hosts: tuple[s
     assert operators["position"]["packets"] > 0
     assert robots["force"]["packets"] > 0
     for summary in (operators, robots):
-        assert summary["link"]["received"] > 33  # two seconds of at least a heartbeat every 50 ms
+        assert summary["link"]["received"] > 8  # two seconds of at least a heartbeat every 200 ms
     told = waiting.records
     assert told["updates_received"].max() > 0
     assert told["position"].any()

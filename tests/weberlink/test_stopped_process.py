@@ -20,7 +20,7 @@ pytestmark = pytest.mark.realtime
 LIMIT_S = 0.1
 FILE = """
 axes: xy
-link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: none, silence_ms: 500}}
+link: {{listen: "127.0.0.1:0", slave: "127.0.0.1:0", security: session, silence_ms: 500}}
 master:
   device: {{driver: haply_2diy, port: {port}, signs_checked: {checked}}}
   limits: {{device_ms: 5000}}
