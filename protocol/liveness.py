@@ -31,7 +31,7 @@ class Liveness:
         encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, and since whose
             departure no update is known to be missing [s]; -inf before the first.
         is_peer_encoding: whether the encoder of the peer ran when the newest fresh datagram left that says so.
-        encodes_until: when what the peer encodes may be acted on no more, if nothing else is heard [s]; -inf if it may not.
+        encodes_until: end of the time in which what the peer encodes may be acted on [s]; -inf if it may not.
         in_touch_at: the earlier of `confirmed_at` and `encoder_heard_at` [s]; the ends have been out of touch since.
     """
 

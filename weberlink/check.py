@@ -216,7 +216,8 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
         yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
     if round_trip_ms > 0.0 and system.control.scheme == "none":
         yield (
-            f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; use tdpa, mmt or auto"
+            f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; "
+            "use tdpa, mmt or auto"
         )
     if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no model to feel"
