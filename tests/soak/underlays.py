@@ -10,7 +10,7 @@ from tests.soak import disk
 from tests.soak.field import Field
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
-DELAY = Emulation(delay_s=0.06, jitter_s=0.02)
+DELAY = Emulation(delay_s=0.045, jitter_s=0.015)
 LONGEST_BURN_S = 40.0
 _BURN = """
 import os, sys, time
