@@ -15,8 +15,9 @@ LONGEST_INTERVAL = 0.2
 """Longest gap between datagrams without loss [s]."""
 LEAST_SHARE = 0.1
 """Shortest gap without loss, as a share of the silence limit: a limit too short for its path is not worth a flood."""
-ROUND_TRIP_SHARE = 0.6
-"""Largest round trip, as a share of the silence limit, that leaves time for heartbeats before a fade begins."""
+ROUND_TRIP_SHARE = 0.4
+"""Largest round trip, as a share of the silence limit, that is advised. Two round trips pass before the first echo of a
+session; where these take longer than the limit, it falls silent for some ticks as it begins."""
 LATE_TICKS = 3
 """How late the two ends together may be with a heartbeat, in ticks."""
 INTRODUCTIONS = 5

@@ -146,7 +146,7 @@ class LinkSettings(Settings):
     """The key, as written by `weberlink keygen`; needed with `psk`."""
     silence_ms: float = Field(default=100.0, ge=10, le=1e3 * LONGEST_SILENCE)
     """Longest time since a datagram left that the other side is known to have heard; beyond it the force is zero, the
-    robot holds, and no command is executed. More than the round trip by two thirds."""
+    robot holds, and no command is executed. At least 2.5 round trips are advised."""
     emulate: EmulationSettings | None = None
     """Faults to put on the link; leave out for a real one."""
 
