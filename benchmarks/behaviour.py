@@ -1,0 +1,119 @@
+"""Digests of sessions in virtual time: equal digests before and after a change show that behaviour is unchanged.
+
+Every shipped configuration that virtual time can run, and one variant for each predictor, deadband, control scheme and
+fault, is simulated. A digest covers every datagram of both directions, the report without its run time, and the signal
+that the robot felt.
+
+    python -m benchmarks.behaviour            compare with benchmarks/behaviour.json
+    python -m benchmarks.behaviour --write    write that file
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+try:
+    from weberlink.protocol.emulation import EmulatedLink
+    from weberlink.system.configuration import ConfigurationError, load
+    from weberlink.system.simulate import simulate
+except ModuleNotFoundError:  # before the move into one namespace
+    from protocol.emulation import EmulatedLink
+    from weberlink.configuration import ConfigurationError, load
+    from weberlink.simulate import simulate
+
+ROOT = Path(__file__).parents[1]
+STORED = Path(__file__).with_suffix(".json")
+DURATION = 5.0
+HARDWARE = {"phantom-arm.yaml"}
+LAN = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none")
+LOOPBACK = {
+    **{
+        f"predictor {name}": (f"codec.force.predictor={name}",)
+        for name in ("zoh", "linear", "plane", "sphere", "affine", "trend", "surface", "hybrid", "adaptive")
+    },
+    **{f"reference {name}": (f"codec.force.reference={name}",) for name in ("displayed", "sent")},
+    "deadband cone": ("codec.force.deadband={shape: cone}",),
+    "deadband level_crossing": ("codec.force.deadband={shape: level_crossing}",),
+    "deadband velocity_adaptive": ("codec.force.deadband={shape: velocity_adaptive}",),
+    "smooth updates": ("codec.force.smooth_ms=20",),
+    **{
+        f"scheme {name}": (f"control.scheme={name}", "link.emulate={delay_ms: 25, jitter_ms: 3, seed: 5}")
+        for name in ("none", "tdpa", "mmt", "auto")
+    },
+    "faults": (
+        "link.emulate={delay_ms: 12, jitter_ms: 4, loss: 0.1, burst: 3, reorder: 0.02, duplicate: 0.02, corrupt: 0.01}",
+        "link.emulate.seed=3",
+    ),
+    "position zoh": ("codec.position.predictor=zoh",),
+    "no session security": ("link.security=none",),
+}
+
+
+def cases() -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    for path in sorted((ROOT / "configs").glob("*.yaml")):
+        if path.name not in HARDWARE:
+            yield path.name, path.name, LAN if path.name == "lan.yaml" else ()
+    for name, overrides in LOOPBACK.items():
+        yield f"loopback.yaml, {name}", "loopback.yaml", overrides
+    for file in ("scene-height-field.yaml", "rotation.yaml", "scene-moving.yaml"):
+        yield f"{file}, faults", file, LOOPBACK["faults"]
+        yield f"{file}, adaptive", file, ("codec.force.predictor=adaptive",)
+
+
+def digest(case: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
+    name, file, overrides = case
+    datagrams, count = hashlib.sha256(), 0
+    send: Callable[..., None] = EmulatedLink.send
+
+    def observed(self: Any, data: bytes, address: Any, now: float) -> None:
+        nonlocal count
+        count += 1
+        datagrams.update(repr((address, now)).encode() + data)
+        send(self, data, address, now)
+
+    EmulatedLink.send = observed  # type: ignore[method-assign]
+    try:
+        summary, recorder = simulate(load(ROOT / "configs" / file, overrides), DURATION)
+    except ConfigurationError as error:
+        return {"name": name, "refused": str(error).replace(str(ROOT), "")}
+    finally:
+        EmulatedLink.send = send  # type: ignore[method-assign]
+    del summary["run_time_s"]
+    report = json.dumps(summary, sort_keys=True, default=str)
+    trace = recorder.trace
+    felt = b"".join(each.tobytes() for each in (trace.time_s, trace.position_m, trace.force_n))
+    return {
+        "name": name,
+        "datagrams": count,
+        "sent": datagrams.hexdigest()[:16],
+        "report": hashlib.sha256(report.encode()).hexdigest()[:16],
+        "signal": hashlib.sha256(felt).hexdigest()[:16],
+    }
+
+
+def main() -> int:
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--write", action="store_true")
+    arguments.add_argument("--only", default="")
+    chosen = arguments.parse_args()
+    todo = [case for case in cases() if chosen.only in case[0]]
+    with ProcessPoolExecutor(2) as pool:
+        found = {each.pop("name"): each for each in pool.map(digest, todo)}
+    if chosen.write:
+        STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        return 0
+    before = json.loads(STORED.read_text(encoding="utf-8"))
+    different = [name for name in found if found[name] != before.get(name)]
+    for name in different:
+        sys.stdout.write(f"different: {name}\n  before {before.get(name)}\n  now    {found[name]}\n")
+    sys.stdout.write(f"{len(found) - len(different)} of {len(found)} sessions are the same\n")
+    return 1 if different else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
