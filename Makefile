@@ -68,13 +68,13 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/weberlink adaptive $(TRACES) --docs docs/adaptive
 	$(BIN)/weberlink bench --plots docs/bench --json docs/bench/bench.json
-	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/weberlink/monitor/test_page_live.py -k picture
+	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/apps/monitor/test_page_live.py -k picture
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
-	$(BIN)/python -m weberlink.configuration.schema configs/weberlink.schema.json
+	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json
 
 vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums of their manifest
-	$(BIN)/python weberlink/monitor/page/vendor/fetch.py
+	$(BIN)/python src/weberlink/apps/monitor/page/vendor/fetch.py
 
 lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \

@@ -22,9 +22,9 @@ try:
     from weberlink.system.configuration import ConfigurationError, load
     from weberlink.system.simulate import simulate
 except ModuleNotFoundError:  # before the move into one namespace
-    from protocol.emulation import EmulatedLink
-    from weberlink.configuration import ConfigurationError, load
-    from weberlink.simulate import simulate
+    from weberlink.protocol.emulation import EmulatedLink
+    from weberlink.system.configuration import ConfigurationError, load
+    from weberlink.system.simulate import simulate
 
 ROOT = Path(__file__).parents[1]
 STORED = Path(__file__).with_suffix(".json")
@@ -76,7 +76,7 @@ def digest(case: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
         datagrams.update(repr((address, now)).encode() + data)
         send(self, data, address, now)
 
-    EmulatedLink.send = observed  # type: ignore[method-assign]
+    EmulatedLink.send = observed  # type: ignore[method-assign,assignment]
     try:
         summary, recorder = simulate(load(ROOT / "configs" / file, overrides), DURATION)
     except ConfigurationError as error:

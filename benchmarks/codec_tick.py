@@ -7,10 +7,10 @@ import sys
 from pathlib import Path
 from time import perf_counter
 
-from codec import Decoder, Encoder, force_channel
-from codec.vector import Vector
-from evaluation.environment import environment, footer
-from master.trace import read_trace
+from weberlink.codec import Decoder, Encoder, force_channel
+from weberlink.geometry.vector import Vector
+from weberlink.master.trace import read_trace
+from weberlink.system.environment import environment, footer
 
 LIMIT_US = 15.0
 ROUNDS = 5
@@ -20,7 +20,7 @@ TRACE = Path(__file__).parents[1] / "configs" / "traces" / "operator.csv"
 def main() -> int:
     trace = read_trace(TRACE)
     samples: list[tuple[Vector, Vector]] = [
-        (tuple(force), tuple(position))  # type: ignore[misc]
+        (tuple(force), tuple(position))
         for force, position in zip(trace.force_n.tolist(), trace.position_m.tolist(), strict=True)
     ]
     out = sys.stdout

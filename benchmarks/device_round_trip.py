@@ -23,11 +23,11 @@ from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 from typing import IO, Any
 
-from codec.vector import Vector
-from evaluation.environment import environment, footer
-from master.devices.contract import DeviceFault
-from master.devices.polhem.serial_device import PolhemSerialDevice
-from realtime.process import prepare
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
+from weberlink.realtime.process import prepare
+from weberlink.system.environment import environment, footer
 
 TICK = 0.001
 WATCHDOG_S = 0.1

@@ -15,11 +15,11 @@ from statistics import median
 from time import perf_counter
 from typing import Any
 
-from codec.vector import norm
-from evaluation.environment import environment, footer
-from weberlink.composition.slave import build_robot
-from weberlink.configuration import load
-from weberlink.simulate import build_simulation
+from weberlink.geometry.vector import norm
+from weberlink.system.composition.slave import build_robot
+from weberlink.system.configuration import load
+from weberlink.system.environment import environment, footer
+from weberlink.system.simulate import build_simulation
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 SCENES = ("mujoco-arm.yaml", "mujoco-peg.yaml")

@@ -17,7 +17,7 @@ from statistics import median
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from evaluation.environment import environment, footer
+from weberlink.system.environment import environment, footer
 
 LIMIT = 0.03
 """Share of a core that the recorder may take."""

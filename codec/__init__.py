@@ -5,9 +5,9 @@ integers of an `Update`. The scheme is that of Xu, Kammerl, Chaudhari and Steinb
 geometry-based prediction for haptic data reduction", HAVE 2011 ("the paper" throughout this package).
 """
 
-from codec.channel import Channel, force_channel, position_channel
-from codec.decoder import Decoder
-from codec.encoder import Encoder
-from codec.update import Update
+from weberlink.codec.channel import Channel, force_channel, position_channel
+from weberlink.codec.decoder import Decoder
+from weberlink.codec.encoder import Encoder
+from weberlink.codec.update import Update
 
 __all__ = ["Channel", "Decoder", "Encoder", "Update", "force_channel", "position_channel"]

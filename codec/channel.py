@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
 
-from codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
-from codec.predictors import (
+from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
+from weberlink.codec.predictors import (
     ADAPTIVE,
     ADAPTIVE_BANK,
     BANKS,
@@ -17,10 +17,10 @@ from codec.predictors import (
     Predictor,
     Trust,
 )
-from codec.quantizer import Grids, Quantizer
-from codec.sample import Sample
-from codec.smoothing import Smoothing
-from codec.vector import ZERO, Vector, is_finite
+from weberlink.codec.quantizer import Grids, Quantizer
+from weberlink.codec.sample import Sample
+from weberlink.codec.smoothing import Smoothing
+from weberlink.geometry.vector import ZERO, Vector, is_finite
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,12 @@
 """The receiving end: it holds the model of the newest update and says the value at any tick and position."""
 
-from codec.channel import Channel
-from codec.predictors import Model, Parametric
-from codec.predictors.linear import Line
-from codec.predictors.surface import Surface
-from codec.sample import Sample
-from codec.update import Update
-from codec.vector import ZERO, Vector, add, is_finite, subtract
+from weberlink.codec.channel import Channel
+from weberlink.codec.predictors import Model, Parametric
+from weberlink.codec.predictors.linear import Line
+from weberlink.codec.predictors.surface import Surface
+from weberlink.codec.sample import Sample
+from weberlink.codec.update import Update
+from weberlink.geometry.vector import ZERO, Vector, add, is_finite, subtract
 
 
 class Decoder:

@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from math import inf
 
-from codec.adaptive.choice import Choice
-from codec.channel import Channel
-from codec.deadband import Deadband
-from codec.decoder import Decoder
-from codec.predictors import Parametric, Predictor
-from codec.sample import Sample
-from codec.update import MAX_GAP, Update
-from codec.vector import ZERO, Vector, distance, is_finite
+from weberlink.codec.adaptive.choice import Choice
+from weberlink.codec.channel import Channel
+from weberlink.codec.deadband import Deadband
+from weberlink.codec.decoder import Decoder
+from weberlink.codec.predictors import Parametric, Predictor
+from weberlink.codec.sample import Sample
+from weberlink.codec.update import MAX_GAP, Update
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
 
 
 class Encoder:
@@ -25,7 +25,7 @@ class Encoder:
     A bank of several is the paper's hybrid. It chooses when it sends: the predictor whose value *before* the update
     comes closest (after it, all would pass through the sample), and holds that choice until the next send. Where the
     channel asks for it the choice is by the record of the predictors instead, and parameters are estimated from
-    all samples (`codec.adaptive`).
+    all samples (`weberlink.codec.adaptive`).
 
     Deadband and choice may be retuned while it runs. The other end needs to know of neither.
 

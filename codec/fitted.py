@@ -2,13 +2,13 @@
 
 from typing import NamedTuple
 
-from codec.predictors import Model
-from codec.predictors.affine import Affine
-from codec.predictors.linear import Line
-from codec.predictors.plane import Plane
-from codec.predictors.sphere import Sphere
-from codec.predictors.surface import Surface
-from codec.vector import Vector, dot, scale, subtract
+from weberlink.codec.predictors import Model
+from weberlink.codec.predictors.affine import Affine
+from weberlink.codec.predictors.linear import Line
+from weberlink.codec.predictors.plane import Plane
+from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.surface import Surface
+from weberlink.geometry.vector import Vector, dot, scale, subtract
 
 NONE, LINE, PLANE, SPHERE = 0, 1, 2, 3
 _UNKNOWN: Vector = (float("nan"),) * 3

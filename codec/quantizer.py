@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Final, NamedTuple
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 INT16_MAX = 32_767
 LARGEST = 1e150

@@ -8,7 +8,7 @@ at all.
 
 from dataclasses import dataclass
 
-from codec.vector import Vector, norm, scale
+from weberlink.geometry.vector import Vector, norm, scale
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""`python -m master FILE` is `weberlink master FILE`."""
+"""`python -m weberlink.master FILE` is `weberlink master FILE`."""
 
 import sys
 

@@ -9,15 +9,15 @@ from collections.abc import Callable, Mapping
 from math import ceil, inf, nan
 from typing import TYPE_CHECKING
 
-from codec import Decoder, Encoder, Update
-from codec.fitted import UNFITTED, fitted
-from codec.vector import ZERO, Vector, is_finite
-from control.contract import LinkQuality, MasterControl
-from control.tuning import Tuning
-from master.devices.contract import Device, DeviceFault, Explaining
-from master.safety import ForceGate, ForceLimiter, SlewLimiter
-from protocol.endpoint import Endpoint
-from protocol.events import (
+from weberlink.codec import Decoder, Encoder, Update
+from weberlink.codec.fitted import UNFITTED, fitted
+from weberlink.control.contract import LinkQuality, MasterControl
+from weberlink.control.tuning import Tuning
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.master.devices.contract import Device, DeviceFault, Explaining
+from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
     Connected,
@@ -32,15 +32,15 @@ from protocol.events import (
     UpdateLost,
     UpdateReceived,
 )
-from protocol.states import State
-from realtime.stall import StallDetector
-from realtime.watchdog import Watchdog
-from telemetry.fault import Fault, FaultLedger
-from telemetry.link import counters, delays
-from telemetry.record import NO_ROTATION, RELEASED, UNKNOWN, Record
+from weberlink.protocol.states import State
+from weberlink.realtime.stall import StallDetector
+from weberlink.realtime.watchdog import Watchdog
+from weberlink.telemetry.fault import Fault, FaultLedger
+from weberlink.telemetry.link import counters, delays
+from weberlink.telemetry.record import NO_ROTATION, RELEASED, UNKNOWN, Record
 
 if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
-    from master.rotation import HandRotation
+    from weberlink.master.rotation import HandRotation
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""

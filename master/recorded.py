@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 
-from master.trace import FEWEST_ROWS, Array, TraceError
-from protocol.states import State
-from telemetry.recording.reader import RecordingError, read_recording
+from weberlink.master.trace import FEWEST_ROWS, Array, TraceError
+from weberlink.protocol.states import State
+from weberlink.telemetry.recording.reader import RecordingError, read_recording
 
 Side = Literal["master", "slave"]
 

@@ -6,12 +6,12 @@ the session: the loop says when it is heard, sent and rendered, and the gate of 
 
 from math import pi
 
-from codec import Decoder, Encoder, Update
-from codec.rotation import Quaternion, unit_quaternion, vector
-from codec.vector import ZERO, Vector, distance
-from master.devices.contract import TorqueDevice
-from master.safety import ForceGate, ForceLimiter, SlewLimiter
-from telemetry.record import RotationRecord
+from weberlink.codec import Decoder, Encoder, Update
+from weberlink.geometry.rotation import Quaternion, unit_quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.master.devices.contract import TorqueDevice
+from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.telemetry.record import RotationRecord
 
 
 class HandRotation:

@@ -7,7 +7,7 @@ Owns no clock and no network; both are told the time and what the session looks 
 
 from math import dist, hypot
 
-from codec.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector
 
 
 class ForceLimiter:

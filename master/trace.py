@@ -89,7 +89,7 @@ def _read(path: Path, sides: tuple[Literal["master", "slave"], ...]) -> Trace:
     if is_recording(path):
         if find_spec("mcap") is None:
             raise TraceError(f'{path}: reading it needs mcap; install it with: pip install "weberlink[recording]"')
-        from master.recorded import table_of  # noqa: PLC0415 - an optional library
+        from weberlink.master.recorded import table_of  # noqa: PLC0415 - an optional library
 
         return as_trace(table_of(path, sides))
     columns = positions_in_header(path)

@@ -1,11 +1,11 @@
 """Datagram session between the two ends of a teleoperation link: sans-I/O core, and a thin shell in `protocol.aio`.
 
 Pure but for that shell: no socket, no clock, no randomness of its own. It carries integers and knows no codec. Security
-suites are imported where they are chosen: `protocol.psk` or `protocol.checksum`.
+suites are imported where they are chosen: `weberlink.protocol.psk` or `weberlink.protocol.checksum`.
 """
 
-from protocol.endpoint import Endpoint
-from protocol.events import (
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import (
     Address,
     ChangeAnswered,
     ChangeProposed,
@@ -21,10 +21,10 @@ from protocol.events import (
     UpdateLost,
     UpdateReceived,
 )
-from protocol.reasons import DropReason
-from protocol.roles import Role
-from protocol.states import State, StateError
-from protocol.statistics import Statistics
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.roles import Role
+from weberlink.protocol.states import State, StateError
+from weberlink.protocol.statistics import Statistics
 
 __all__ = [
     "Address",

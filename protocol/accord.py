@@ -8,7 +8,7 @@ moment has come, the proposer makes the change when the first one arrives, and t
 from math import inf
 from typing import NamedTuple
 
-from protocol.events import ChangeAnswered, ChangeProposed
+from weberlink.protocol.events import ChangeAnswered, ChangeProposed
 
 NUMBERS = 8
 PACE = 0.02

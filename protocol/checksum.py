@@ -7,7 +7,7 @@ misnumbered datagram and one of another session fail as they would under a real 
 from hashlib import sha256
 from zlib import crc32
 
-from protocol.wire import CLEAR_BYTES
+from weberlink.protocol.wire import CLEAR_BYTES
 
 _TAG = 4
 _NONCE = 16

@@ -1,4 +1,4 @@
-"""The initiator's half of the handshake: says HELLO until it is answered. Its mirror is `protocol.listener`.
+"""The initiator's half of the handshake: says HELLO until it is answered. Its mirror is `weberlink.protocol.listener`.
 
 Each HELLO is a key exchange of its own, with a fresh ephemeral key: under one key two different HELLOs must not be
 sealed. The exchanges of the latest HELLOs stay open, since on a long path the answer to one comes after the next ones
@@ -10,7 +10,7 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
-from protocol.handshake import (
+from weberlink.protocol.handshake import (
     LARGEST_STAMP,
     WELCOME_HEADER,
     Caller,
@@ -23,8 +23,8 @@ from protocol.handshake import (
     read_map,
     read_welcome,
 )
-from protocol.reasons import DropReason
-from protocol.security import Outgoing, Protection, Security
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.security import Outgoing, Protection, Security
 
 FIRST_INTERVAL = 0.02
 LONGEST_INTERVAL = 0.1

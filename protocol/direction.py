@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from protocol.wire import (
+from weberlink.protocol.wire import (
     ACK_BYTES,
     CHANGE_TICK_BYTES,
     HEAD_BYTES,

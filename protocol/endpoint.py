@@ -8,9 +8,9 @@ and a count, never an exception. Knows no codec: it carries integers that it doe
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
-from protocol.dialer import Dialer
-from protocol.direction import Direction
-from protocol.events import (
+from weberlink.protocol.dialer import Dialer
+from weberlink.protocol.direction import Direction
+from weberlink.protocol.events import (
     Address,
     Connected,
     Event,
@@ -25,18 +25,18 @@ from protocol.events import (
     UpdateLost,
     UpdateReceived,
 )
-from protocol.handshake import INSTANCE_BYTES, PROTOCOL_VERSION, Caller, check_name, pack_agreement, read_map
-from protocol.listener import Listener
-from protocol.liveness import Liveness
-from protocol.mailbox import Mailbox
-from protocol.path import Path
-from protocol.reasons import DropReason
-from protocol.roles import Role
-from protocol.security import Protection, Security
-from protocol.session import FADE_SHARE, LONGEST_SILENCE, Opened, OwnersOutcome, Parameters, Session
-from protocol.states import State, Trigger, next_state
-from protocol.statistics import Statistics
-from protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS, Kind, kind_of, length_fault
+from weberlink.protocol.handshake import INSTANCE_BYTES, PROTOCOL_VERSION, Caller, check_name, pack_agreement, read_map
+from weberlink.protocol.listener import Listener
+from weberlink.protocol.liveness import Liveness
+from weberlink.protocol.mailbox import Mailbox
+from weberlink.protocol.path import Path
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.roles import Role
+from weberlink.protocol.security import Protection, Security
+from weberlink.protocol.session import FADE_SHARE, LONGEST_SILENCE, Opened, OwnersOutcome, Parameters, Session
+from weberlink.protocol.states import State, Trigger, next_state
+from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS, Kind, kind_of, length_fault
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 TAKEN_OVER = "taken over by "
@@ -59,7 +59,7 @@ class Endpoint:
     (`SessionExpired`). It calls again by itself whenever the peer is gone. A responder does the same from the other
     side and goes on listening, until `close`.
 
-    It is ENGAGED only while each end hears the other (`protocol.liveness`).
+    It is ENGAGED only while each end hears the other (`weberlink.protocol.liveness`).
 
     Attributes, which the owner reads:
         state: where the conversation stands.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from protocol.reasons import DropReason
+from weberlink.protocol.reasons import DropReason
 
 Address = tuple[str, int]
 """Host and UDP port."""

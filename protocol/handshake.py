@@ -12,7 +12,7 @@ exceed). Header and `refusal` are the same in every version from 2 on, so that t
 
 The identity is a hash of the master's name. The stamp, in ns, rises with every HELLO of a master, so that a responder
 drops a recorded HELLO for the cost of a look-up. Both messages carry the sender's clock, so the first two datagrams
-already map the clocks. Pure; `protocol.dialer` and `protocol.listener` drive it.
+already map the clocks. Pure; `weberlink.protocol.dialer` and `weberlink.protocol.listener` drive it.
 """
 
 from collections.abc import Mapping
@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import msgpack
 
-from protocol.roles import Role
-from protocol.wire import LONGEST_DATAGRAM, Kind
+from weberlink.protocol.roles import Role
+from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
 PROTOCOL_VERSION = 2
 PADDED_HELLO = 512

@@ -9,7 +9,7 @@ questions leave of the limit, and the number of questions follows from the measu
 
 from math import ceil, inf, log
 
-from protocol.liveness import UNITS
+from weberlink.protocol.liveness import UNITS
 
 LONGEST_INTERVAL = 0.2
 """Longest gap between datagrams without loss [s]."""

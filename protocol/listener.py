@@ -1,4 +1,4 @@
-"""The responder's half of the handshake: answers HELLOs. Its mirror is `protocol.dialer`.
+"""The responder's half of the handshake: answers HELLOs. Its mirror is `weberlink.protocol.dialer`.
 
 An answer opens a session only on paper. It becomes the session of the endpoint when the first datagram under its keys
 arrives, which only the sender of the HELLO can make: a recorded HELLO that somebody plays back opens nothing.
@@ -19,9 +19,9 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
-from protocol.dialer import unexpected_slave
-from protocol.events import Address
-from protocol.handshake import (
+from weberlink.protocol.dialer import unexpected_slave
+from weberlink.protocol.events import Address
+from weberlink.protocol.handshake import (
     HELLO_HEADER,
     WELCOME_HEADER,
     Caller,
@@ -37,10 +37,10 @@ from protocol.handshake import (
     read_map,
     version_mismatch,
 )
-from protocol.reasons import DropReason
-from protocol.roles import Role
-from protocol.security import Incoming, Protection, Security
-from protocol.session import Session
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.roles import Role
+from weberlink.protocol.security import Incoming, Protection, Security
+from weberlink.protocol.session import Session
 
 PENDING_LIMIT = 8
 """Sessions on paper of one master. A HELLO repeated before its answer can be back opens a further one."""

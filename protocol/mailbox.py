@@ -2,9 +2,9 @@
 
 from collections import deque
 
-from protocol.events import Address, DatagramDropped, Event
-from protocol.reasons import DropReason
-from protocol.statistics import Statistics
+from weberlink.protocol.events import Address, DatagramDropped, Event
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.statistics import Statistics
 
 QUEUED_DATAGRAMS = 64
 QUEUED_EVENTS = 256

@@ -10,8 +10,8 @@ from the peer.
 from collections.abc import Callable
 from math import inf
 
-from protocol.events import Address
-from protocol.wire import TOKEN_BYTES
+from weberlink.protocol.events import Address
+from weberlink.protocol.wire import TOKEN_BYTES
 
 PACE = 0.02
 """Least time between two challenges [s]."""

@@ -15,8 +15,8 @@ from hmac import digest
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
-from protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
-from protocol.wire import CLEAR_BYTES
+from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
+from weberlink.protocol.wire import CLEAR_BYTES
 
 KEY_BYTES = PSK_BYTES
 SECRET_BYTES = 32

@@ -6,7 +6,7 @@ Only the newest update is ever repeated: it carries the whole state, so an older
 from collections import deque
 from math import inf
 
-from protocol.sequence import ACKNOWLEDGEMENT_MASK
+from weberlink.protocol.sequence import ACKNOWLEDGEMENT_MASK
 
 SHORTEST_PACE = 0.005
 LONGEST_PACE = 0.1

@@ -6,18 +6,18 @@ what the receiving half tells it: what was delivered, what was acknowledged, and
 
 from math import inf
 
-from protocol.accord import Accord
-from protocol.credit import Credit
-from protocol.direction import Direction
-from protocol.heartbeat import HeartbeatSchedule
-from protocol.liveness import Liveness
-from protocol.loss import LossMeter, copies_needed
-from protocol.security import Protection
-from protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
-from protocol.statistics import Statistics
-from protocol.stream import PendingUpdate, Stream
-from protocol.timing import Clock
-from protocol.wire import (
+from weberlink.protocol.accord import Accord
+from weberlink.protocol.credit import Credit
+from weberlink.protocol.direction import Direction
+from weberlink.protocol.heartbeat import HeartbeatSchedule
+from weberlink.protocol.liveness import Liveness
+from weberlink.protocol.loss import LossMeter, copies_needed
+from weberlink.protocol.security import Protection
+from weberlink.protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
+from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.stream import PendingUpdate, Stream
+from weberlink.protocol.timing import Clock
+from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
     PHASE,
     TICK_BITS,

@@ -1,4 +1,4 @@
-"""One session, from the keys on: reads its datagrams, and holds what makes them (`protocol.sending`).
+"""One session, from the keys on: reads its datagrams, and holds what makes them (`weberlink.protocol.sending`).
 
 Owns replay window, clock mapping, loss and credit of one pair of session keys. Knows no address, no handshake and no
 state of the endpoint; what it carries are integers that it does not interpret.
@@ -7,20 +7,27 @@ state of the endpoint; what it carries are integers that it does not interpret.
 from math import inf
 from typing import NamedTuple
 
-from protocol.credit import Credit
-from protocol.direction import Direction
-from protocol.events import ChangeAnswered, ChangeProposed, PathAnswered, PathAsked, PeerClosed, UpdateReceived
-from protocol.heartbeat import HeartbeatSchedule
-from protocol.liveness import Liveness
-from protocol.loss import LossMeter
-from protocol.reasons import DropReason
-from protocol.replay import ReplayWindow
-from protocol.security import Protection
-from protocol.sending import Sender
-from protocol.sequence import SEQUENCE_BITS, expand_counter
-from protocol.statistics import Statistics
-from protocol.timing import Clock
-from protocol.wire import (
+from weberlink.protocol.credit import Credit
+from weberlink.protocol.direction import Direction
+from weberlink.protocol.events import (
+    ChangeAnswered,
+    ChangeProposed,
+    PathAnswered,
+    PathAsked,
+    PeerClosed,
+    UpdateReceived,
+)
+from weberlink.protocol.heartbeat import HeartbeatSchedule
+from weberlink.protocol.liveness import Liveness
+from weberlink.protocol.loss import LossMeter
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.replay import ReplayWindow
+from weberlink.protocol.security import Protection
+from weberlink.protocol.sending import Sender
+from weberlink.protocol.sequence import SEQUENCE_BITS, expand_counter
+from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.timing import Clock
+from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
     PHASE,
     TICK_BITS,

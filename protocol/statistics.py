@@ -3,8 +3,8 @@
 from collections import Counter
 from dataclasses import dataclass, field
 
-from protocol.reasons import DropReason
-from protocol.wire import UPDATE_KINDS
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.wire import UPDATE_KINDS
 
 
 @dataclass(slots=True)

@@ -2,13 +2,13 @@
 
 from typing import NamedTuple
 
-from protocol.repetition import Repetition
-from protocol.sequence import ACKNOWLEDGEMENT_MASK
-from protocol.wire import UpdateLayout
+from weberlink.protocol.repetition import Repetition
+from weberlink.protocol.sequence import ACKNOWLEDGEMENT_MASK
+from weberlink.protocol.wire import UpdateLayout
 
 
 class PendingUpdate(NamedTuple):
-    """What the peer is to hold; fields as in `protocol.events.UpdateReceived`."""
+    """What the peer is to hold; fields as in `weberlink.protocol.events.UpdateReceived`."""
 
     tick: int
     selector: int

@@ -14,7 +14,7 @@ Knows no socket and no clock of its own. Clocks count seconds since the epoch of
 
 from math import floor, inf
 
-from protocol.sequence import expand
+from weberlink.protocol.sequence import expand
 
 WINDOW = 4.0
 """Length of the minimum filter [s]."""

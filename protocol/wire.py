@@ -39,8 +39,8 @@ from enum import IntEnum
 from struct import Struct, error
 from typing import NamedTuple
 
-from protocol.credit import HEARTBEAT_BITS, UPDATE_BITS
-from protocol.reasons import DropReason
+from weberlink.protocol.credit import HEARTBEAT_BITS, UPDATE_BITS
+from weberlink.protocol.reasons import DropReason
 
 CHANGE_TICK_BYTES = 4
 CLEAR_BYTES = 4

@@ -1,4 +1,4 @@
-"""`python -m slave FILE` is `weberlink slave FILE`."""
+"""`python -m weberlink.slave FILE` is `weberlink slave FILE`."""
 
 import sys
 

@@ -10,13 +10,13 @@ from contextlib import suppress
 from math import ceil, nan
 from typing import TYPE_CHECKING
 
-from codec import Decoder, Encoder, Update
-from codec.fitted import UNFITTED, fitted
-from codec.vector import ZERO, Vector, is_finite
-from control.contract import LinkQuality, SlaveControl
-from control.tuning import Tuning
-from protocol.endpoint import Endpoint
-from protocol.events import (
+from weberlink.codec import Decoder, Encoder, Update
+from weberlink.codec.fitted import UNFITTED, fitted
+from weberlink.control.contract import LinkQuality, SlaveControl
+from weberlink.control.tuning import Tuning
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
     Connected,
@@ -31,17 +31,17 @@ from protocol.events import (
     UpdateLost,
     UpdateReceived,
 )
-from protocol.states import State
-from realtime.stall import StallDetector
-from realtime.watchdog import Watchdog
-from slave.robots.contract import Explaining, Robot, RobotFault
-from slave.safety import CommandGuard
-from telemetry.fault import Fault, FaultLedger
-from telemetry.link import counters, delays
-from telemetry.record import NO_ROTATION, RELEASED, UNKNOWN, Record
+from weberlink.protocol.states import State
+from weberlink.realtime.stall import StallDetector
+from weberlink.realtime.watchdog import Watchdog
+from weberlink.slave.robots.contract import Explaining, Robot, RobotFault
+from weberlink.slave.safety import CommandGuard
+from weberlink.telemetry.fault import Fault, FaultLedger
+from weberlink.telemetry.link import counters, delays
+from weberlink.telemetry.record import NO_ROTATION, RELEASED, UNKNOWN, Record
 
 if TYPE_CHECKING:  # what a session of three degrees of freedom does not import
-    from slave.rotation import ToolRotation
+    from weberlink.slave.rotation import ToolRotation
 
 
 class SlaveLoop:

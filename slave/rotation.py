@@ -4,12 +4,12 @@ Owns the second stream of a session, and exists only where the file asks for six
 the session: the loop says when the tool may follow, and when its torque is sent.
 """
 
-from codec import Decoder, Encoder, Update
-from codec.rotation import IDENTITY, Quaternion, quaternion, toward, vector
-from codec.vector import ZERO, Vector, norm
-from slave.robots.contract import OrientedRobot
-from slave.safety import Follower
-from telemetry.record import RotationRecord
+from weberlink.codec import Decoder, Encoder, Update
+from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, toward, vector
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.slave.robots.contract import OrientedRobot
+from weberlink.slave.safety import Follower
+from weberlink.telemetry.record import RotationRecord
 
 LARGEST = 1e9
 """No torque is as large [N m]; a record has room for it."""

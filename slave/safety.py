@@ -7,7 +7,7 @@ from collections.abc import Callable
 from math import hypot
 from typing import Generic, TypeVar
 
-from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
 Workspace = tuple[Vector, Vector]
 Place = TypeVar("Place", bound=tuple[float, ...])

@@ -13,17 +13,17 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from hardware.found import UDEV_RULES
-from protocol.states import State
-from telemetry.fault import Fault
-from tests.weberlink.processes import Program, document
-from weberlink import journal
+from tests.system.processes import Program, document
+from weberlink.apps.doctor import rights
 from weberlink.cli import app
-from weberlink.configuration.model import RealtimeSettings
-from weberlink.daemon import MISCONFIGURED
-from weberlink.doctor import rights
-from weberlink.launcher import STOP_LIMIT_S
-from weberlink.recorder import FINISH_LIMIT_S
+from weberlink.hardware.found import UDEV_RULES
+from weberlink.protocol.states import State
+from weberlink.system import journal
+from weberlink.system.configuration.model import RealtimeSettings
+from weberlink.system.daemon import MISCONFIGURED
+from weberlink.system.launcher import STOP_LIMIT_S
+from weberlink.system.recorder import FINISH_LIMIT_S
+from weberlink.telemetry.fault import Fault
 
 ROOT = Path(__file__).parents[1]
 UNITS = ROOT / "configs" / "systemd"

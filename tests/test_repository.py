@@ -11,7 +11,7 @@ import pytest
 from typer.main import get_command
 
 from weberlink.cli import app
-from weberlink.configuration.schema import schema
+from weberlink.system.configuration.schema import schema
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

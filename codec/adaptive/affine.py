@@ -4,9 +4,9 @@ f_i - f_1 = K (p_i - p_1) + g (t_i - t_1), each axis of the force by itself. The
 of a hand that hardly moves, and g small where motion explains as much as time does.
 """
 
-from codec.adaptive.candidate import Occasion
-from codec.predictors.affine import Affine
-from codec.vector import Vector, is_finite
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.predictors.affine import Affine
+from weberlink.geometry.vector import Vector, is_finite
 
 WINDOW = 14
 """Ticks back."""

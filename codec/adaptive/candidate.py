@@ -2,9 +2,9 @@
 
 from typing import NamedTuple, Protocol
 
-from codec.adaptive.history import History
-from codec.predictors import Model
-from codec.sample import Sample
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.predictors import Model
+from weberlink.codec.sample import Sample
 
 
 class Occasion(NamedTuple):

@@ -2,18 +2,18 @@
 
 from collections.abc import Sequence
 
-from codec.adaptive.affine import LocalAffine
-from codec.adaptive.candidate import Candidate, Occasion
-from codec.adaptive.contact import Contact
-from codec.adaptive.fitted import Fitted
-from codec.adaptive.history import History
-from codec.adaptive.shadow import Measure, Shadow
-from codec.adaptive.surface import Moving, Rough, Smooth
-from codec.adaptive.trend import HOLD_20, LINE_40
-from codec.channel import Channel
-from codec.predictors import FITTED, Model
-from codec.sample import Sample
-from codec.vector import ZERO, Vector
+from weberlink.codec.adaptive.affine import LocalAffine
+from weberlink.codec.adaptive.candidate import Candidate, Occasion
+from weberlink.codec.adaptive.contact import Contact
+from weberlink.codec.adaptive.fitted import Fitted
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.adaptive.shadow import Measure, Shadow
+from weberlink.codec.adaptive.surface import Moving, Rough, Smooth
+from weberlink.codec.adaptive.trend import HOLD_20, LINE_40
+from weberlink.codec.channel import Channel
+from weberlink.codec.predictors import FITTED, Model
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector
 
 PRESENT = 12.0
 """What an error of one deadband or more at this moment counts for, in sends."""

@@ -10,13 +10,13 @@ With c = 1/s the place where the surface holds the probe is q = p + c f. Three s
 Curvature is how much the normal turns over the way of q. The pulse w of a motion is told by second differences of n.q
 over longer times, which are -4 sin^2(w T / 2) of n.q less its middle.
 
-Nothing here knows which supposition is true: `codec.adaptive.shadow` finds out which of them saves updates.
+Nothing here knows which supposition is true: `weberlink.codec.adaptive.shadow` finds out which of them saves updates.
 """
 
 from math import asin, exp, sqrt
 
-from codec.adaptive.history import History
-from codec.vector import ZERO, Vector, dot, norm, scale, subtract, unit
+from weberlink.codec.adaptive.history import History
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 STEP = 10
 """Ticks over which ways and changes of force are taken."""

@@ -1,7 +1,7 @@
 """The paper's predictors as candidates: their models are those of the two samples that travel."""
 
-from codec.adaptive.candidate import Occasion
-from codec.predictors import Model, Predictor, Trust
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.predictors import Model, Predictor, Trust
 
 
 class Fitted:

@@ -1,6 +1,6 @@
 """The latest samples of a signal at the sender's full rate."""
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 KEPT = 128
 """At least so many samples are there once so many came."""

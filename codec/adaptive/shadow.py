@@ -7,14 +7,14 @@ apart, and the choice would be noise; docs/adaptive/ has the record with other t
 from collections.abc import Callable
 from math import exp
 
-from codec.adaptive.candidate import Candidate, Occasion
-from codec.adaptive.history import History
-from codec.predictors import Model
-from codec.predictors.hold import Hold
-from codec.predictors.surface import Surface
-from codec.sample import Sample
-from codec.update import MAX_GAP
-from codec.vector import Vector
+from weberlink.codec.adaptive.candidate import Candidate, Occasion
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.predictors import Model
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.predictors.surface import Surface
+from weberlink.codec.sample import Sample
+from weberlink.codec.update import MAX_GAP
+from weberlink.geometry.vector import Vector
 
 MEMORY = 3000.0
 """Time constant of the record [ticks]."""

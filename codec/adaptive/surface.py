@@ -1,12 +1,12 @@
-"""The surfaces that a contact may be, one for each supposition about it (see `codec.adaptive.contact`)."""
+"""The surfaces that a contact may be, one for each supposition about it (see `weberlink.codec.adaptive.contact`)."""
 
-from codec.adaptive.candidate import Occasion
-from codec.adaptive.contact import Contact
-from codec.adaptive.history import History
-from codec.predictors import Trust
-from codec.predictors.surface import Surface, patch
-from codec.sine import cosine, sine
-from codec.vector import Vector, dot, norm, unit
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.adaptive.contact import Contact
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.predictors import Trust
+from weberlink.codec.predictors.surface import Surface, patch
+from weberlink.geometry.sine import cosine, sine
+from weberlink.geometry.vector import Vector, dot, norm, unit
 
 LEAST_CURVATURE = 0.5
 """[1/m]: below it is flat, and cheaper."""

@@ -6,10 +6,10 @@ not. The filters are the least-squares regression of the next 20 (or 40) samples
 the latest ones, weighted by one over the deadband; docs/adaptive/ says of which recordings, and how it is made again.
 """
 
-from codec.adaptive.candidate import Occasion
-from codec.adaptive.history import History
-from codec.predictors.linear import Line
-from codec.vector import Vector, add, distance, norm, scale
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.predictors.linear import Line
+from weberlink.geometry.vector import Vector, add, distance, norm, scale
 
 LAGS = (1, 2, 4, 8, 16, 32)
 """Ticks; the filters read the newest sample less those so long before."""

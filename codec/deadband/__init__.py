@@ -3,12 +3,12 @@
 `ForceDeadband` is the default. What each rests on and how to choose is in docs/deadbands.md.
 """
 
-from codec.deadband.cone import ConeDeadband
-from codec.deadband.contract import Deadband, Reference
-from codec.deadband.isotropic import ForceDeadband
-from codec.deadband.level_crossing import LevelCrossingDeadband
-from codec.deadband.position import PositionDeadband
-from codec.deadband.velocity import VelocityDeadband
+from weberlink.codec.deadband.cone import ConeDeadband
+from weberlink.codec.deadband.contract import Deadband, Reference
+from weberlink.codec.deadband.isotropic import ForceDeadband
+from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
+from weberlink.codec.deadband.position import PositionDeadband
+from weberlink.codec.deadband.velocity import VelocityDeadband
 
 __all__ = [
     "ConeDeadband",

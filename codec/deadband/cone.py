@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from math import pi, radians, sin
 from typing import ClassVar
 
-from codec.deadband.contract import check_not_negative
-from codec.vector import Vector, distance, norm
+from weberlink.codec.deadband.contract import check_not_negative
+from weberlink.geometry.vector import Vector, distance, norm
 
 DIRECTION_RAD = radians(18.4)
 """The least of the three: an operator sees the scene."""

@@ -5,7 +5,7 @@ A shape is a file beside this one. The decoder knows none of it: what is sent sa
 
 from typing import ClassVar, Literal, Protocol
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 Reference = Literal["actual", "displayed", "sent"]
 

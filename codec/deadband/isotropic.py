@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import ClassVar, get_args
 
-from codec.deadband.contract import Reference, check_not_negative
-from codec.vector import Vector, distance, norm
+from weberlink.codec.deadband.contract import Reference, check_not_negative
+from weberlink.geometry.vector import Vector, distance, norm
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,9 +10,9 @@ force would cross levels that nobody feels.
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from codec.deadband.cone import DIRECTION_RAD, chord, chord_of
-from codec.deadband.contract import check_not_negative
-from codec.vector import Vector, distance, norm
+from weberlink.codec.deadband.cone import DIRECTION_RAD, chord, chord_of
+from weberlink.codec.deadband.contract import check_not_negative
+from weberlink.geometry.vector import Vector, distance, norm
 
 LEAST_WEBER = 1e-4
 """A finer grid counts as this one, which is below any wire's."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from codec.deadband.contract import check_not_negative
-from codec.vector import Vector, distance
+from weberlink.codec.deadband.contract import check_not_negative
+from weberlink.geometry.vector import Vector, distance
 
 
 @dataclass(frozen=True, slots=True)

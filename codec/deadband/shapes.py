@@ -5,11 +5,11 @@ Each takes the Weber factor, the floor and what is its own.
 
 from collections.abc import Callable
 
-from codec.deadband.cone import ConeDeadband
-from codec.deadband.contract import Deadband
-from codec.deadband.isotropic import ForceDeadband
-from codec.deadband.level_crossing import LevelCrossingDeadband
-from codec.deadband.velocity import VelocityDeadband
+from weberlink.codec.deadband.cone import ConeDeadband
+from weberlink.codec.deadband.contract import Deadband
+from weberlink.codec.deadband.isotropic import ForceDeadband
+from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
+from weberlink.codec.deadband.velocity import VelocityDeadband
 
 ISOTROPIC = "isotropic"
 SHAPES: dict[str, Callable[..., Deadband]] = {

@@ -7,9 +7,9 @@ data reduction for haptic force-feedback signals using velocity-adaptive deadban
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from codec.deadband.contract import Reference, check_not_negative
-from codec.deadband.isotropic import which_reference
-from codec.vector import Vector, distance, norm
+from weberlink.codec.deadband.contract import Reference, check_not_negative
+from weberlink.codec.deadband.isotropic import which_reference
+from weberlink.geometry.vector import Vector, distance, norm
 
 SLOPE_S_M = 0.5
 MOST_WEBER = 0.25

@@ -5,14 +5,14 @@ every send, as the paper does it (see `codec.encoder`) or by their record (see `
 predictor is a bank of one.
 """
 
-from codec.predictors.affine import AFFINE
-from codec.predictors.contract import Model, Parametric, Predictor, Trust
-from codec.predictors.linear import LINEAR
-from codec.predictors.plane import PLANE
-from codec.predictors.sphere import SPHERE
-from codec.predictors.surface import SURFACE
-from codec.predictors.trend import TREND
-from codec.predictors.zoh import ZOH
+from weberlink.codec.predictors.affine import AFFINE
+from weberlink.codec.predictors.contract import Model, Parametric, Predictor, Trust
+from weberlink.codec.predictors.linear import LINEAR
+from weberlink.codec.predictors.plane import PLANE
+from weberlink.codec.predictors.sphere import SPHERE
+from weberlink.codec.predictors.surface import SURFACE
+from weberlink.codec.predictors.trend import TREND
+from weberlink.codec.predictors.zoh import ZOH
 
 FITTED: dict[str, Predictor] = {
     "zoh": ZOH,

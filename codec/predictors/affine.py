@@ -7,11 +7,11 @@ and does not pull: where the prediction has turned against the newest force, the
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from codec.parameters import Block
-from codec.predictors.contract import Parametric, Trust
-from codec.quantizer import Grids
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, add, norm, scale, subtract
+from weberlink.codec.parameters import Block
+from weberlink.codec.predictors.contract import Parametric, Trust
+from weberlink.codec.quantizer import Grids
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, norm, scale, subtract
 
 Matrix = tuple[Vector, Vector, Vector]
 """Rows."""

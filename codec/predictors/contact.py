@@ -1,7 +1,7 @@
 """What the geometry predictors share: the question whether two samples belong to one contact."""
 
-from codec.sample import Sample
-from codec.vector import ZERO
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO
 
 
 def same_contact(newest: Sample, previous: Sample) -> bool:

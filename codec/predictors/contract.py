@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from codec.parameters import pack, unpack
-from codec.predictors.hold import Hold
-from codec.quantizer import Grids
-from codec.sample import Sample
-from codec.vector import Vector, distance, norm
+from weberlink.codec.parameters import pack, unpack
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.quantizer import Grids
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import Vector, distance, norm
 
 
 class Wall(Protocol):

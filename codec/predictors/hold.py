@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 
 class Hold(NamedTuple):

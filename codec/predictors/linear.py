@@ -5,9 +5,9 @@ It extrapolates without end when nothing arrives; the silence ramp and the force
 
 from typing import NamedTuple
 
-from codec.predictors.contract import Predictor, Trust
-from codec.sample import Sample
-from codec.vector import Vector
+from weberlink.codec.predictors.contract import Predictor, Trust
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import Vector
 
 
 class Line(NamedTuple):

@@ -6,10 +6,10 @@ height of p over the wall is h = n.p + d, and the force -s h n where h < 0.
 
 from typing import NamedTuple
 
-from codec.predictors.contact import same_contact
-from codec.predictors.contract import Predictor, Trust
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, dot, norm, subtract, unit
+from weberlink.codec.predictors.contact import same_contact
+from weberlink.codec.predictors.contract import Predictor, Trust
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract, unit
 
 
 class Plane(NamedTuple):

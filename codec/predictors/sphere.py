@@ -9,10 +9,10 @@ solved by orthogonal projection, not by normal equations, whose condition number
 
 from typing import NamedTuple
 
-from codec.predictors.contact import same_contact
-from codec.predictors.contract import Predictor, Trust
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from weberlink.codec.predictors.contact import same_contact
+from weberlink.codec.predictors.contract import Predictor, Trust
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
 
 class Sphere(NamedTuple):

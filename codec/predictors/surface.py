@@ -14,12 +14,12 @@ from collections.abc import Sequence
 from math import sqrt
 from typing import NamedTuple
 
-from codec.parameters import Float, Uniform
-from codec.predictors.contract import Parametric, Trust
-from codec.quantizer import Grids
-from codec.sample import Sample
-from codec.sine import sine
-from codec.vector import ZERO, Vector
+from weberlink.codec.parameters import Float, Uniform
+from weberlink.codec.predictors.contract import Parametric, Trust
+from weberlink.codec.quantizer import Grids
+from weberlink.codec.sample import Sample
+from weberlink.geometry.sine import sine
+from weberlink.geometry.vector import ZERO, Vector
 
 
 class Surface(NamedTuple):

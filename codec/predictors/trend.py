@@ -1,17 +1,17 @@
 """A straight line in time whose value and slope the sender works out from all of its samples: f_0 + g (t - t_1).
 
 Unlike `linear` it need not pass through a sample: f_0 is where the signal is expected to be soon, within the deadband
-of where it is (`codec.adaptive.trend` says how).
+of where it is (`weberlink.codec.adaptive.trend` says how).
 """
 
 from collections.abc import Sequence
 
-from codec.parameters import EXPONENT_BITS, Block, room
-from codec.predictors.contract import Parametric, Trust
-from codec.predictors.linear import Line
-from codec.quantizer import Grids
-from codec.sample import Sample
-from codec.vector import add, subtract
+from weberlink.codec.parameters import EXPONENT_BITS, Block, room
+from weberlink.codec.predictors.contract import Parametric, Trust
+from weberlink.codec.predictors.linear import Line
+from weberlink.codec.quantizer import Grids
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import add, subtract
 
 FINEST = 2.0**-4
 """Last digit of an offset, in wire steps."""

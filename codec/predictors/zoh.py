@@ -1,8 +1,8 @@
 """Zero-order hold: the newest sample, until the next one. Every other predictor falls back to it."""
 
-from codec.predictors.contract import Predictor, Trust
-from codec.predictors.hold import Hold
-from codec.sample import Sample
+from weberlink.codec.predictors.contract import Predictor, Trust
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.sample import Sample
 
 
 def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Hold:  # noqa: ARG001

@@ -5,14 +5,14 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import cast
 
-from master.devices.contract import DeviceDriver
+from weberlink.master.devices.contract import DeviceDriver
 
 BUILT_IN = {
-    "haply_2diy": "master.devices.haply.device:HaplyDevice",
-    "operator": "master.devices.operator:OperatorDevice",
-    "polhem_hid": "master.devices.polhem.hid_device:PolhemHidDevice",
-    "polhem_serial": "master.devices.polhem.serial_device:PolhemSerialDevice",
-    "replay": "master.devices.replay:ReplayDevice",
+    "haply_2diy": "weberlink.master.devices.haply.device:HaplyDevice",
+    "operator": "weberlink.master.devices.operator:OperatorDevice",
+    "polhem_hid": "weberlink.master.devices.polhem.hid_device:PolhemHidDevice",
+    "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
+    "replay": "weberlink.master.devices.replay:ReplayDevice",
 }
 
 COMPUTED = frozenset({"operator", "replay"})
@@ -20,8 +20,8 @@ COMPUTED = frozenset({"operator", "replay"})
 
 
 def drivers() -> dict[str, str]:
-    """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.devices`."""
-    return {entry.name: entry.value for entry in entry_points(group="weberlink.devices")} | BUILT_IN
+    """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.apps.devices`."""
+    return {entry.name: entry.value for entry in entry_points(group="weberlink.apps.devices")} | BUILT_IN
 
 
 def load(name: str) -> DeviceDriver:

@@ -1,4 +1,4 @@
-"""What every haptic device driver offers: the mirror of `slave.robots.contract`."""
+"""What every haptic device driver offers: the mirror of `weberlink.slave.robots.contract`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from pydantic import BaseModel
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 Quaternion = tuple[float, float, float, float]
 """(w, x, y, z)."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from codec.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector
 
 
 class Oscillator(NamedTuple):

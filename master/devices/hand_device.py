@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from codec.vector import ZERO, Vector, add, is_finite, norm, scale
-from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
-from master.devices.hand import Hand, HandOptions
-from master.devices.tremor import Tremor
-from master.devices.wrist import WristOptions
+from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
+from weberlink.master.devices.hand import Hand, HandOptions
+from weberlink.master.devices.tremor import Tremor
+from weberlink.master.devices.wrist import WristOptions
 
 if TYPE_CHECKING:
-    from master.devices.turning import Turning
+    from weberlink.master.devices.turning import Turning
 
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand pause, it does not jump
 
@@ -160,6 +160,6 @@ class HandDevice:
 
 
 def _turning(options: WristOptions, script: Callable[[float], Vector], seed: int) -> "Turning":
-    from master.devices.turning import Turning  # noqa: PLC0415
+    from weberlink.master.devices.turning import Turning  # noqa: PLC0415
 
     return Turning(options, script, Random(f"wrist {seed}").random)  # noqa: S311

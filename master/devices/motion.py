@@ -7,7 +7,7 @@ from itertools import accumulate
 from math import cos, pi, sin
 from typing import Protocol
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 
 class Leg(Protocol):

@@ -7,9 +7,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from codec.vector import ZERO, Vector, distance, norm, scale
-from master.devices.hand_device import HandDevice, HandDeviceOptions
-from master.devices.motion import Circle, Leg, Line, Motion
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
+from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
+from weberlink.master.devices.motion import Circle, Leg, Line, Motion
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from codec.vector import Vector
-from master.devices.hand_device import HandDevice, HandDeviceOptions
-from master.devices.motion import Line
-from master.trace import Trace, read_motion
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
+from weberlink.master.devices.motion import Line
+from weberlink.master.trace import Trace, read_motion
 
 
 def signed_axes(text: str) -> str:

@@ -4,10 +4,10 @@ Owns what is alike for all such devices: the limit of the force, faults, and the
 bytes and no mechanics.
 """
 
-from codec.vector import ZERO, Vector, is_finite, norm, scale
-from hardware.fault import HardwareFault
-from hardware.worker import Exchange, Worker
-from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.worker import Exchange, Worker
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
 STALE_S = 0.01
 """A force is not held for longer than this, or than three ticks, where no other is commanded."""
@@ -24,7 +24,7 @@ class ThreadedDevice:
     Args:
         spec: of the device.
         exchange: takes a force [N], along the axes and within the limit of the spec, and gives a reading; what it may
-            raise is said in `hardware.worker.Exchange`.
+            raise is said in `weberlink.hardware.worker.Exchange`.
         tick_period: [s].
         bad_replies: how many in a row end the session; there is no force from the first.
         reconnect: how long to look for the device when it is gone [s].

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from math import hypot, pi, sin, sqrt
 
-from codec.vector import Vector
-from master.devices.hand import Oscillator
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.hand import Oscillator
 
 LOWEST_HZ, HIGHEST_HZ = 8.0, 12.0
 COMPONENTS = 4

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from math import pi, radians, sin
 
-from codec.quaternion import inverse, product
-from codec.rotation import IDENTITY, Quaternion, quaternion, unit_quaternion, vector
-from codec.vector import ZERO, Vector, add, scale
-from master.devices.hand import Oscillator, transition
-from master.devices.tremor import Tremor
-from master.devices.wrist import WristOptions
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, unit_quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, add, scale
+from weberlink.master.devices.hand import Oscillator, transition
+from weberlink.master.devices.tremor import Tremor
+from weberlink.master.devices.wrist import WristOptions
 
 
 class Wrist:

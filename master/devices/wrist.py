@@ -2,8 +2,8 @@
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from codec.vector import ZERO, Vector
-from master.devices.hand import Oscillator
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.master.devices.hand import Oscillator
 
 
 class WristOptions(BaseModel):

@@ -1,4 +1,4 @@
-"""The emulated haptic devices there are: the mirror of `slave.emulators`."""
+"""The emulated haptic devices there are: the mirror of `weberlink.slave.emulators`."""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Protocol, cast
 from pydantic import BaseModel
 
 EMULATORS = {
-    "haply_2diy": "master.emulators.haply:HaplyEmulator",
-    "polhem_hid": "master.emulators.polhem:PolhemHidEmulator",
-    "polhem_serial": "master.emulators.polhem:PolhemSerialEmulator",
+    "haply_2diy": "weberlink.master.emulators.haply:HaplyEmulator",
+    "polhem_hid": "weberlink.master.emulators.polhem:PolhemHidEmulator",
+    "polhem_serial": "weberlink.master.emulators.polhem:PolhemSerialEmulator",
 }
 """By the name of the driver that talks to it: "module:Class", imported only on use."""
 
@@ -19,7 +19,7 @@ class EmulatorClass(Protocol):
     """An emulator as the table names it: its options, its transport (serial or hid), and the faults of its own.
 
     `OWN_FAULTS` has what each of them does, and with what value. A class for HID also has `identity`, a
-    `hardware.umockdev.description.HidIdentity`.
+    `weberlink.hardware.umockdev.description.HidIdentity`.
     """
 
     Options: ClassVar[type[BaseModel]]

@@ -5,8 +5,8 @@ The hand is that of the `operator` driver: it follows its script, yields to the 
 
 from pydantic import Field
 
-from codec.vector import ZERO, Vector, add, distance, is_finite, subtract
-from master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, subtract
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 
 STEP = 0.001
 """Longest step of the hand's model [s]."""

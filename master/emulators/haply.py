@@ -12,13 +12,13 @@ from typing import ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from codec.vector import ZERO, Vector
-from hardware.emulator import WireFaults
-from master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
-from master.devices.haply.frame import Frame
-from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
-from master.devices.operator import CircleAround, Reach, Rest, Script, Slide
-from master.emulators.handle import Handle, HandleOptions
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.emulator import WireFaults
+from weberlink.master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
+from weberlink.master.devices.haply.frame import Frame
+from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
+from weberlink.master.devices.operator import CircleAround, Reach, Rest, Script, Slide
+from weberlink.master.emulators.handle import Handle, HandleOptions
 
 PATIENCE_S = 1.0
 """How long the firmware waits for the rest of a message before it takes it for done."""

@@ -1,8 +1,8 @@
 """Indexing: while a button is pressed the hand moves and the robot stays, as one lifts a mouse."""
 
-from codec.quaternion import inverse, product
-from codec.rotation import IDENTITY, Quaternion
-from codec.vector import ZERO, Vector, add, subtract
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import IDENTITY, Quaternion
+from weberlink.geometry.vector import ZERO, Vector, add, subtract
 
 
 class Clutch:

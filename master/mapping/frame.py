@@ -2,9 +2,9 @@
 
 from math import cos, radians, sin
 
-from codec.quaternion import inverse, product
-from codec.rotation import Quaternion
-from codec.vector import Vector, add, scale
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import Quaternion
+from weberlink.geometry.vector import Vector, add, scale
 
 Box = tuple[Vector, Vector]
 """Lowest and highest corner."""

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass, replace
 
-from codec.rotation import Quaternion
-from codec.vector import ZERO, Vector, add, is_finite, norm, scale
-from master.devices.contract import Device, DeviceReading, DeviceSpec, Explaining, TorqueDevice
-from master.mapping.clutch import Clutch
-from master.mapping.frame import FrameMap
-from master.mapping.walls import Walls
+from weberlink.geometry.rotation import Quaternion
+from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
+from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, Explaining, TorqueDevice
+from weberlink.master.mapping.clutch import Clutch
+from weberlink.master.mapping.frame import FrameMap
+from weberlink.master.mapping.walls import Walls
 
 LONGEST_PAUSE = 0.1
 """After a longer pause between two commands [s] the hand may be anywhere: walls and force fade in anew."""

@@ -1,7 +1,7 @@
 """Virtual walls around where the robot may go; pure."""
 
-from codec.vector import Vector, scale, subtract
-from master.mapping.frame import Box
+from weberlink.geometry.vector import Vector, scale, subtract
+from weberlink.master.mapping.frame import Box
 
 
 class Walls:

@@ -1,5 +1,5 @@
 """The shell that gives an endpoint a socket and timers: the only part of `protocol` that does I/O."""
 
-from protocol.aio.udp import AddressInUseError, UdpShell
+from weberlink.protocol.aio.udp import AddressInUseError, UdpShell
 
 __all__ = ["AddressInUseError", "UdpShell"]

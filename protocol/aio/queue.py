@@ -8,9 +8,9 @@ import asyncio
 import socket
 from collections.abc import Callable
 
-from protocol.aio.budget import WorkBudget
-from protocol.events import Address
-from protocol.wire import LONGEST_DATAGRAM
+from weberlink.protocol.aio.budget import WorkBudget
+from weberlink.protocol.events import Address
+from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 SLICE_S = 2e-4
 """Longest piece of work before the loop sees to other things; a single datagram may take longer [s]."""

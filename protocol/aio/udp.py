@@ -16,11 +16,11 @@ from collections.abc import Callable
 from errno import EADDRINUSE
 from math import inf
 
-from protocol.aio.queue import ReceiveQueue
-from protocol.emulation import EmulatedLink
-from protocol.endpoint import Endpoint
-from protocol.events import Address
-from protocol.states import State
+from weberlink.protocol.aio.queue import ReceiveQueue
+from weberlink.protocol.emulation import EmulatedLink
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import Address
+from weberlink.protocol.states import State
 
 PEER_SHARE = 0.3
 """Of a processor, for what comes from the peer's address, or from anywhere while there is no peer."""

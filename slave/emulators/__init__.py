@@ -1,4 +1,4 @@
-"""The emulated robots there are: the mirror of `master.emulators`."""
+"""The emulated robots there are: the mirror of `weberlink.master.emulators`."""
 
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Protocol, cast
 
 from pydantic import BaseModel
 
-EMULATORS = {"dynamixel": "slave.emulators.dynamixel:DynamixelEmulator"}
+EMULATORS = {"dynamixel": "weberlink.slave.emulators.dynamixel:DynamixelEmulator"}
 """By the name of the driver that talks to it: "module:Class", imported only on use."""
 
 

@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Sequence
 from math import inf
 
-from slave.emulators.servo import Servo, word
-from slave.robots.dynamixel.packet import (
+from weberlink.slave.emulators.servo import Servo, word
+from weberlink.slave.robots.dynamixel.packet import (
     ALERT,
     BROADCAST,
     OVERHEAD,

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from slave.emulators.pose import Joints, Symmetric
+from weberlink.slave.emulators.pose import Joints, Symmetric
 
 FLIPS = 3**4  # no pattern of four joints comes back; two or three are what happens, 27 the most of 300 000 at random
 

@@ -4,17 +4,17 @@
 
 Each step is linearly implicit Euler: what can be stiff (viscous friction, springs and dampers of scene and stops)
 counts at the end of the step, so that no stiffness makes it unstable, and what it adds is damping. Dry friction counts
-at the end of the step too (`slave.emulators.dry_friction`).
+at the end of the step too (`weberlink.slave.emulators.dry_friction`).
 """
 
 from collections.abc import Sequence
 
-from codec.vector import ZERO, Vector
-from slave.emulators.dry_friction import times, with_dry_friction
-from slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
-from slave.emulators.pose import Joints, Pose, Symmetric
-from slave.emulators.tip_contact import TipContact
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.emulators.dry_friction import times, with_dry_friction
+from weberlink.slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
+from weberlink.slave.emulators.pose import Joints, Pose, Symmetric
+from weberlink.slave.emulators.tip_contact import TipContact
+from weberlink.slave.scenes.scene import Scene
 
 STEP = 0.0005
 """Of integration [s]."""

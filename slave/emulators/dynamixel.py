@@ -13,17 +13,17 @@ from typing import Annotated, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from codec.vector import Vector
-from hardware.emulator import WireFaults
-from slave.emulators.bus import Bus
-from slave.emulators.control_table import BAUD_RATES, MODEL
-from slave.emulators.dynamics import STEP, Arm
-from slave.emulators.gripper import Gripper
-from slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
-from slave.emulators.motor import TORQUE_N_M_PER_A, amperes
-from slave.emulators.pose import Joints, Pose
-from slave.emulators.servo import Measured, Servo
-from slave.scenes.settings import SceneSettings, build
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.emulator import WireFaults
+from weberlink.slave.emulators.bus import Bus
+from weberlink.slave.emulators.control_table import BAUD_RATES, MODEL
+from weberlink.slave.emulators.dynamics import STEP, Arm
+from weberlink.slave.emulators.gripper import Gripper
+from weberlink.slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
+from weberlink.slave.emulators.motor import TORQUE_N_M_PER_A, amperes
+from weberlink.slave.emulators.pose import Joints, Pose
+from weberlink.slave.emulators.servo import Measured, Servo
+from weberlink.slave.scenes.settings import SceneSettings, build
 
 GAP_STEPS = round(1.0 / STEP)
 """Most of them per call; a longer silence is not made up for."""
@@ -89,7 +89,7 @@ class DynamixelOptions(BaseModel):
 
 
 class DynamixelEmulator:
-    """Sans-I/O: bytes and `now` go in, messages come out. See `hardware.emulator`."""
+    """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`."""
 
     Options = DynamixelOptions
     transport: ClassVar[str] = "serial"

@@ -2,7 +2,7 @@
 
 from math import copysign
 
-from slave.emulators.dynamics import STEP, STOP_DAMPING, STOP_STIFFNESS
+from weberlink.slave.emulators.dynamics import STEP, STOP_DAMPING, STOP_STIFFNESS
 
 INERTIA = 0.005  # [kg m^2] of rotor and crank; a guess
 COULOMB = 0.02 * STEP  # [N m s] a step; a guess

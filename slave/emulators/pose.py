@@ -13,8 +13,8 @@ thousands of times a second. Knows neither friction nor motors.
 
 from math import cos, sin
 
-from codec.vector import Vector
-from slave.emulators.links import (
+from weberlink.geometry.vector import Vector
+from weberlink.slave.emulators.links import (
     BASE_TO_SHOULDER,
     FOREARM,
     HAND,

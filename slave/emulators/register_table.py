@@ -3,7 +3,7 @@
 from struct import Struct
 from typing import NamedTuple
 
-from slave.emulators.control_table import (
+from weberlink.slave.emulators.control_table import (
     DEFINED,
     EEPROM_END,
     END,
@@ -12,7 +12,7 @@ from slave.emulators.control_table import (
     Item,
     covered,
 )
-from slave.robots.dynamixel.packet import (
+from weberlink.slave.robots.dynamixel.packet import (
     ACCESS_ERROR,
     DATA_LENGTH_ERROR,
     DATA_LIMIT_ERROR,

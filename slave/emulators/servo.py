@@ -10,8 +10,8 @@ from math import inf
 from struct import Struct
 from typing import NamedTuple
 
-from slave.emulators.control_table import ANY_16, BAUD_RATES, BY_NAME, ITEMS
-from slave.emulators.motor import (
+from weberlink.slave.emulators.control_table import ANY_16, BAUD_RATES, BY_NAME, ITEMS
+from weberlink.slave.emulators.motor import (
     A_PER_COUNT,
     FULL_DUTY,
     NO_LOAD_RAD_S,
@@ -21,8 +21,8 @@ from slave.emulators.motor import (
     STALL_A,
     Drive,
 )
-from slave.emulators.register_table import CURRENT_MODE, CURRENT_POSITION_MODE, POSITION_MODE, RegisterTable
-from slave.robots.dynamixel.packet import (
+from weberlink.slave.emulators.register_table import CURRENT_MODE, CURRENT_POSITION_MODE, POSITION_MODE, RegisterTable
+from weberlink.slave.robots.dynamixel.packet import (
     ACTION,
     ALERT,
     DATA_LENGTH_ERROR,

@@ -6,9 +6,9 @@ of normal n pushes with f = k (d - h n.J w) - b n.J w along n, and its friction 
 
 from collections.abc import Sequence
 
-from codec.vector import Vector
-from slave.emulators.pose import Jacobian, Joints, Symmetric
-from slave.scenes.contact import Touch
+from weberlink.geometry.vector import Vector
+from weberlink.slave.emulators.pose import Jacobian, Joints, Symmetric
+from weberlink.slave.scenes.contact import Touch
 
 
 class TipContact:

@@ -1,11 +1,11 @@
 """The table of integrators. A new one is a file beside these and a line here."""
 
-from slave.integrators.contract import Body, Integrator, Motion, Scheme
+from weberlink.slave.integrators.contract import Body, Integrator, Motion, Scheme
 
 INTEGRATORS: dict[str, Scheme] = {
-    "semi_implicit": Scheme("slave.integrators.semi_implicit:SemiImplicit", order=1, l_stable=False),
-    "implicit": Scheme("slave.integrators.implicit:Implicit", order=2, l_stable=True),
-    "exact": Scheme("slave.integrators.exact:Exact", order=2, l_stable=True, exact_if_linear=True),
+    "semi_implicit": Scheme("weberlink.slave.integrators.semi_implicit:SemiImplicit", order=1, l_stable=False),
+    "implicit": Scheme("weberlink.slave.integrators.implicit:Implicit", order=2, l_stable=True),
+    "exact": Scheme("weberlink.slave.integrators.exact:Exact", order=2, l_stable=True, exact_if_linear=True),
 }
 """By name, the cheapest step first."""
 

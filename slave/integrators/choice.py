@@ -3,8 +3,8 @@
 from math import ceil, sqrt
 from typing import NamedTuple
 
-from slave.integrators.contract import Body
-from slave.scenes.scene import Scene
+from weberlink.slave.integrators.contract import Body
+from weberlink.slave.scenes.scene import Scene
 
 AUTO = "auto"
 STEP_ANGLE = 0.2  # largest omega h and largest c h / m of a semi-implicit substep, for accuracy

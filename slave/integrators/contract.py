@@ -2,15 +2,15 @@
 
     m a = k (goal - x) - c v + f(x, v)
 
-with the contact force f of the scene. How the force follows from x and v is in `slave.integrators.reaction`.
+with the contact force f of the scene. How the force follows from x and v is in `weberlink.slave.integrators.reaction`.
 """
 
 from dataclasses import dataclass
 from importlib import import_module
 from typing import NamedTuple, Protocol, cast
 
-from codec.vector import Vector
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.scene import Scene
 
 
 class Motion(NamedTuple):

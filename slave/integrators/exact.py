@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 
-from codec.vector import ZERO, Vector, add
-from slave.integrators.contract import Body, Motion
-from slave.integrators.linear_contact import Drag, LinearContact, Oscillators
-from slave.integrators.reaction import reaction
-from slave.scenes.contact import Touch
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector, add
+from weberlink.slave.integrators.contract import Body, Motion
+from weberlink.slave.integrators.linear_contact import Drag, LinearContact, Oscillators
+from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.scenes.contact import Touch
+from weberlink.slave.scenes.scene import Scene
 
 
 class Exact:
@@ -15,7 +15,7 @@ class Exact:
 
     Between events the motion is linear and has a closed form (`slave.integrators.oscillation`), in coordinates that do
     not know of each other even where contacts meet at an angle (`slave.integrators.faces`); the events are located to
-    rounding (`slave.integrators.linear_contact`).
+    rounding (`weberlink.slave.integrators.linear_contact`).
 
     Elsewhere each step is that of the tangent planes at the proxy of its middle, which half a step with those at its
     start finds, and of a friction force that is constant (sliding) or linear (sticking) about that middle. On a smooth

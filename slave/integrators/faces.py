@@ -10,8 +10,8 @@ the proxy moves as if there were no contact.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from codec.vector import ZERO, Vector, add, dot, scale, subtract
-from slave.scenes.active_set import PARALLEL, pair, single, smallest_push, triple
+from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
+from weberlink.slave.scenes.active_set import PARALLEL, pair, single, smallest_push, triple
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 SOLVERS = (single, pair, triple)

@@ -2,11 +2,11 @@
 
 from math import sqrt
 
-from codec.vector import ZERO, Vector, add, dot, scale
-from slave.integrators.contract import Body, Motion
-from slave.integrators.reaction import pressing, reaction
-from slave.integrators.stage import Equation, Stage, linear_part
-from slave.scenes.scene import Scene, SceneState
+from weberlink.geometry.vector import ZERO, Vector, add, dot, scale
+from weberlink.slave.integrators.contract import Body, Motion
+from weberlink.slave.integrators.reaction import pressing, reaction
+from weberlink.slave.integrators.stage import Equation, Stage, linear_part
+from weberlink.slave.scenes.scene import Scene, SceneState
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
 
@@ -21,7 +21,7 @@ class Implicit:
     g it is L-stable, and a step ends at its second stage, so the scene is left exactly where it was solved. A stage is
     one equation for a velocity, solved by Newton's method with the matrix of springs, dampers and sticking friction;
     the scene is set back before each evaluation, and what stays is the accepted position. At most 24 evaluations a
-    stage; one or two where contact is flat (`slave.integrators.stage`).
+    stage; one or two where contact is flat (`weberlink.slave.integrators.stage`).
 
     It never adds energy to linear contact (von Neumann: |R| <= 1 holds in the energy norm), but nothing of the kind
     holds across a change of contact. There a step of backward Euler takes its place. The energy U of control and

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from math import pi, sqrt
 from typing import NamedTuple
 
-from codec.vector import Vector, dot
-from slave.integrators.contract import Body
-from slave.integrators.faces import Coordinate, Face, Faces
-from slave.integrators.oscillation import Oscillation
-from slave.scenes.scene import FARTHEST, Facing
+from weberlink.geometry.vector import Vector, dot
+from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.faces import Coordinate, Face, Faces
+from weberlink.slave.integrators.oscillation import Oscillation
+from weberlink.slave.scenes.scene import FARTHEST, Facing
 
 EVENTS_SPARE = 32
 EVENTS_PER_SWING = 8

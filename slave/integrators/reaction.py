@@ -4,14 +4,14 @@
 
 The depths are the multipliers of the smallest push that brings the probe back to the surface, probe = proxy - sum
 depth_i n_i. For contacts that are not at right angles their rates are therefore not -n_i v, but solve G rates = -n v
-with the Gram matrix G of the normals (see `slave.scenes.active_set`).
+with the Gram matrix G of the normals (see `weberlink.slave.scenes.active_set`).
 """
 
 from collections.abc import Sequence
 
-from codec.vector import ZERO, Vector, dot
-from slave.scenes.active_set import pair, single, triple
-from slave.scenes.contact import Touch
+from weberlink.geometry.vector import ZERO, Vector, dot
+from weberlink.slave.scenes.active_set import pair, single, triple
+from weberlink.slave.scenes.contact import Touch
 
 SOLVERS = (single, pair, triple)
 NONE: frozenset[int] = frozenset()

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from codec.vector import ZERO, Vector, dot
-from slave.integrators.reaction import by_normals, depth_rates
-from slave.scenes.contact import Touch
+from weberlink.geometry.vector import ZERO, Vector, dot
+from weberlink.slave.integrators.reaction import by_normals, depth_rates
+from weberlink.slave.scenes.contact import Touch
 
 
 class Resistance:

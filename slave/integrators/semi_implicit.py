@@ -1,9 +1,9 @@
 """Semi-implicit (symplectic) Euler: the cheapest step, for contacts that the step resolves."""
 
-from codec.vector import ZERO, Vector
-from slave.integrators.contract import Body, Motion
-from slave.integrators.reaction import reaction
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.integrators.contract import Body, Motion
+from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.scenes.scene import Scene
 
 
 class SemiImplicit:

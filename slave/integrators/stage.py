@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from codec.vector import ZERO, Vector, dot
-from slave.integrators.contract import Body, Motion
-from slave.integrators.reaction import reaction
-from slave.integrators.resistance import Resistance
-from slave.scenes.contact import Touch
-from slave.scenes.scene import Scene, SceneState
+from weberlink.geometry.vector import ZERO, Vector, dot
+from weberlink.slave.integrators.contract import Body, Motion
+from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.integrators.resistance import Resistance
+from weberlink.slave.scenes.contact import Touch
+from weberlink.slave.scenes.scene import Scene, SceneState
 
 EVALUATIONS = 24
 HALVINGS = 3

@@ -5,13 +5,13 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import cast
 
-from slave.robots.contract import RobotDriver
+from weberlink.slave.robots.contract import RobotDriver
 
 BUILT_IN = {
-    "dynamixel": "slave.robots.dynamixel.driver:DynamixelRobot",
-    "mujoco": "slave.robots.mjcf.driver:MujocoRobot",
-    "point": "slave.robots.point:PointRobot",
-    "simulated": "slave.robots.simulated:SimulatedRobot",
+    "dynamixel": "weberlink.slave.robots.dynamixel.driver:DynamixelRobot",
+    "mujoco": "weberlink.slave.robots.mjcf.driver:MujocoRobot",
+    "point": "weberlink.slave.robots.point:PointRobot",
+    "simulated": "weberlink.slave.robots.simulated:SimulatedRobot",
 }
 
 COMPUTED = frozenset({"mujoco", "point", "simulated"})

@@ -1,4 +1,4 @@
-"""What every robot driver offers: the mirror of `master.devices.contract`."""
+"""What every robot driver offers: the mirror of `weberlink.master.devices.contract`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 from pydantic import BaseModel
 
-from codec.vector import ZERO, Vector
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.scenes.scene import Scene
 
 Quaternion = tuple[float, float, float, float]
 """(w, x, y, z)."""

@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from codec.vector import ZERO, Vector, is_finite
-from slave.robots.contract import Quaternion, RobotFault, RobotReading
-from slave.robots.virtual import VirtualOptions, saturated, virtual_spec
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.slave.robots.contract import Quaternion, RobotFault, RobotReading
+from weberlink.slave.robots.virtual import VirtualOptions, saturated, virtual_spec
+from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from slave.robots.tool import Tool
+    from weberlink.slave.robots.tool import Tool
 
 
 class ToolOptions(BaseModel):
@@ -97,6 +97,6 @@ class PointRobot:
 
 
 def _tool(options: ToolOptions, scene: Scene | None) -> "Tool":
-    from slave.robots.tool import Tool  # noqa: PLC0415
+    from weberlink.slave.robots.tool import Tool  # noqa: PLC0415
 
     return Tool(options.points_m, Scene([]) if scene is None else scene)

@@ -5,12 +5,12 @@ from typing import Literal
 
 from pydantic import Field
 
-from codec.vector import ZERO, Vector, is_finite
-from slave.integrators import INTEGRATORS, Body, Integrator, Motion
-from slave.integrators.choice import SUBSTEPS_MOST, chosen
-from slave.robots.contract import RobotFault, RobotReading
-from slave.robots.virtual import VirtualOptions, saturated, virtual_spec
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.slave.integrators import INTEGRATORS, Body, Integrator, Motion
+from weberlink.slave.integrators.choice import SUBSTEPS_MOST, chosen
+from weberlink.slave.robots.contract import RobotFault, RobotReading
+from weberlink.slave.robots.virtual import VirtualOptions, saturated, virtual_spec
+from weberlink.slave.scenes.scene import Scene
 
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence is not made up for
 

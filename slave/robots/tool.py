@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from copy import deepcopy
 
-from codec.quaternion import turned
-from codec.rotation import IDENTITY, Quaternion, unit_quaternion
-from codec.vector import ZERO, Vector
-from slave.scenes.scene import Scene
+from weberlink.geometry.quaternion import turned
+from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.scenes.scene import Scene
 
 
 class Tool:

@@ -4,8 +4,8 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from codec.vector import Vector, norm, scale
-from slave.robots.contract import RobotSpec
+from weberlink.geometry.vector import Vector, norm, scale
+from weberlink.slave.robots.contract import RobotSpec
 
 
 class VirtualOptions(BaseModel):

@@ -10,7 +10,7 @@ be tried.
 from collections.abc import Sequence
 from itertools import combinations
 
-from codec.vector import Vector, dot
+from weberlink.geometry.vector import Vector, dot
 
 Push = tuple[int, float]
 """Which constraint, and its multiplier lambda [m]: how far it pushes along its normal."""

@@ -2,8 +2,8 @@
 
 from math import copysign, sqrt
 
-from codec.vector import Vector
-from slave.scenes.shape import Tangent
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.shape import Tangent
 
 
 class Box:

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from codec.vector import Vector
-from slave.scenes.shape import Shape, Tangent
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.shape import Shape, Tangent
 
 
 class Carved:

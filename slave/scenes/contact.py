@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-from codec.vector import ZERO, Vector
-from slave.scenes.shape import Shape
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.scenes.shape import Shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +114,11 @@ def contact_of(thing: SceneObject) -> Contact:
     if thing.damping_n_s_m is None:
         contact = SpringContact(thing.stiffness_n_m)
     else:
-        from slave.scenes.damping import DampedContact  # noqa: PLC0415
+        from weberlink.slave.scenes.damping import DampedContact  # noqa: PLC0415
 
         contact = DampedContact(thing.stiffness_n_m, thing.damping_n_s_m)
     if thing.friction is not None:
-        from slave.scenes.friction import FrictionContact  # noqa: PLC0415
+        from weberlink.slave.scenes.friction import FrictionContact  # noqa: PLC0415
 
         contact = FrictionContact(contact, thing.stiffness_n_m, thing.friction)
     return contact

@@ -1,7 +1,7 @@
 """A contact that also resists being pressed in quickly."""
 
-from codec.vector import ZERO, Vector
-from slave.scenes.contact import Touch
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.scenes.contact import Touch
 
 
 class DampedContact:

@@ -7,8 +7,8 @@ rendering for multi-finger manipulation using friction cone based god-objects", 
 
 from typing import cast
 
-from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract
-from slave.scenes.contact import Contact, FrictionCone, Touch
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
+from weberlink.slave.scenes.contact import Contact, FrictionCone, Touch
 
 State = tuple[object, Vector | None, bool]
 

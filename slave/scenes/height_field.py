@@ -5,8 +5,8 @@ from itertools import pairwise
 from math import cos, floor, hypot, pi, sqrt
 from typing import TypeVar
 
-from codec.vector import Vector
-from slave.scenes.shape import Tangent
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.shape import Tangent
 
 T = TypeVar("T")
 

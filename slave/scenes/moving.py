@@ -7,12 +7,12 @@ friction drags the probe along with the surface, and a damper resists the speed 
 from collections.abc import Sequence
 from dataclasses import replace
 
-from codec.vector import ZERO, Vector, add, norm, subtract
-from slave.scenes.contact import Contact, SceneObject, Touch
-from slave.scenes.proxy import along, traced
-from slave.scenes.scene import FARTHEST, Scene, SceneState
-from slave.scenes.shape import Shape, Tangent
-from slave.scenes.sway import Sway
+from weberlink.geometry.vector import ZERO, Vector, add, norm, subtract
+from weberlink.slave.scenes.contact import Contact, SceneObject, Touch
+from weberlink.slave.scenes.proxy import along, traced
+from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState
+from weberlink.slave.scenes.shape import Shape, Tangent
+from weberlink.slave.scenes.sway import Sway
 
 
 class MovedShape:

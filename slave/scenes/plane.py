@@ -1,7 +1,7 @@
 """A half-space."""
 
-from codec.vector import Vector, dot, norm, scale
-from slave.scenes.shape import Tangent
+from weberlink.geometry.vector import Vector, dot, norm, scale
+from weberlink.slave.scenes.shape import Tangent
 
 
 class Plane:

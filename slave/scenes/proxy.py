@@ -7,9 +7,9 @@ solid and moves to the locally closest point to the probe. Its only state is its
 from collections.abc import Sequence
 from math import inf
 
-from codec.vector import Vector, distance, dot, scale, subtract
-from slave.scenes.active_set import displacement, smallest_push
-from slave.scenes.shape import Shape
+from weberlink.geometry.vector import Vector, distance, dot, scale, subtract
+from weberlink.slave.scenes.active_set import displacement, smallest_push
+from weberlink.slave.scenes.shape import Shape
 
 Press = tuple[int, float, Vector]
 """Which shape the probe is pressed into, how deep [m], and the unit direction out of it."""

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from codec.vector import ZERO, Vector, distance, is_finite
-from slave.scenes.contact import Contact, SceneObject, Touch, contact_of
-from slave.scenes.proxy import Press, Proxy
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from weberlink.slave.scenes.contact import Contact, SceneObject, Touch, contact_of
+from weberlink.slave.scenes.proxy import Press, Proxy
 
 NOTHING: frozenset[int] = frozenset()
 FARTHEST = 1e12  # [m] beyond it squares of distances have no digits left for a contact

@@ -7,17 +7,17 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from codec.vector import Vector
-from slave.scenes.box import Box, BoxCavity
-from slave.scenes.carved import Carved
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.height_field import HeightField, bumps
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
-from slave.scenes.shape import Shape
-from slave.scenes.sphere import Sphere, SphereCavity
-from slave.scenes.sway import Sway, Wave
-from slave.scenes.turned import Turned
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.box import Box, BoxCavity
+from weberlink.slave.scenes.carved import Carved
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.height_field import HeightField, bumps
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.shape import Shape
+from weberlink.slave.scenes.sphere import Sphere, SphereCavity
+from weberlink.slave.scenes.sway import Sway, Wave
+from weberlink.slave.scenes.turned import Turned
 
 FASTEST_M_S = 10.0
 """Of an object that moves: a centimetre a tick, beyond any robot and any hand."""
@@ -237,7 +237,7 @@ def build(objects: Sequence[ObjectSettings]) -> Scene:
     things = [scene_object(settings) for settings in objects]
     if all(settings.motion is None for settings in objects):
         return Scene(things)
-    from slave.scenes.moving import MovingScene  # noqa: PLC0415
+    from weberlink.slave.scenes.moving import MovingScene  # noqa: PLC0415
 
     return MovingScene(things, [None if settings.motion is None else settings.motion.sway() for settings in objects])
 

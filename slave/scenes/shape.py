@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 Tangent = tuple[float, Vector]
 """Signed distance [m] from a point to a surface near it (negative inside the solid), and the outward unit normal."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import pi, sin
 from typing import Literal
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 Wave = Literal["sine", "triangle"]
 

@@ -2,8 +2,8 @@
 
 from math import cos, sin
 
-from codec.vector import Vector
-from slave.scenes.shape import Shape, Tangent
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.shape import Shape, Tangent
 
 
 class Turned:

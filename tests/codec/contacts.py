@@ -10,8 +10,8 @@ from random import Random
 import numpy as np
 import numpy.typing as npt
 
-from codec.vector import Vector
 from tests.codec.signals import Stream
+from weberlink.geometry.vector import Vector
 
 Array = npt.NDArray[np.float64]
 Path = Callable[[float], tuple[float, float, float]]

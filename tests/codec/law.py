@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from math import sqrt
 from typing import NamedTuple
 
-from codec import Channel, Decoder, Encoder, Update
-from codec.predictors import PARAMETRIC
-from codec.vector import Vector, distance
+from weberlink.codec import Channel, Decoder, Encoder, Update
+from weberlink.codec.predictors import PARAMETRIC
+from weberlink.geometry.vector import Vector, distance
 
 FORCE_PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid", *PARAMETRIC, "adaptive")
 POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "trend", "adaptive")

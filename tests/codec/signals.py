@@ -3,7 +3,7 @@
 from math import cos, pi, sin
 from random import Random
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 Stream = list[tuple[Vector, Vector]]
 """Per tick: force [N], commanded position [m]."""

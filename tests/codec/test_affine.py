@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Decoder, Encoder, Update, force_channel
-from codec.adaptive.affine import LocalAffine
-from codec.adaptive.candidate import Occasion
-from codec.adaptive.history import History
-from codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine
-from codec.predictors.hold import Hold
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 from tests.codec.signals import Stream
 from tests.examples import examples
+from weberlink.codec import Decoder, Encoder, Update, force_channel
+from weberlink.codec.adaptive.affine import LocalAffine
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
 S = 800.0
 coordinates = st.floats(-0.02, 0.02)

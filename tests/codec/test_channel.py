@@ -1,7 +1,7 @@
 import pytest
 
-from codec import force_channel, position_channel
-from codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PARAMETRIC, PREDICTORS
+from weberlink.codec import force_channel, position_channel
+from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PARAMETRIC, PREDICTORS
 
 
 def test_only_the_named_predictors_are_in_the_bank() -> None:

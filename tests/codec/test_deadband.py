@@ -2,8 +2,8 @@ from math import inf, nan
 
 import pytest
 
-from codec.deadband import ForceDeadband, PositionDeadband
-from codec.vector import ZERO
+from weberlink.codec.deadband import ForceDeadband, PositionDeadband
+from weberlink.geometry.vector import ZERO
 
 F3, F4, F5 = (0.0, 0.0, 3.0), (0.0, 4.0, 0.0), (5.0, 0.0, 0.0)
 

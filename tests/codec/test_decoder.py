@@ -4,13 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Decoder, Update, force_channel, position_channel
-from codec.parameters import pack
-from codec.predictors import PREDICTORS
-from codec.predictors.hold import Hold
-from codec.predictors.surface import SURFACE, Surface
-from codec.vector import ZERO, is_finite
 from tests.examples import examples
+from weberlink.codec import Decoder, Update, force_channel, position_channel
+from weberlink.codec.parameters import pack
+from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.predictors.surface import SURFACE, Surface
+from weberlink.geometry.vector import ZERO, is_finite
 
 levels16 = st.integers(-32_767, 32_767)
 samples = st.tuples(*[levels16] * 6)

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Channel, Decoder, Encoder, force_channel, position_channel
-from codec.deadband import Reference
-from codec.update import MAX_GAP
-from codec.vector import ZERO, Vector
 from tests.codec.contacts import rubbing_stream
 from tests.codec.law import FORCE_PREDICTORS, POSITION_BANKS, POSITION_PREDICTORS, coded
 from tests.codec.signals import contact_stream
 from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
+from weberlink.codec.deadband import Reference
+from weberlink.codec.update import MAX_GAP
+from weberlink.geometry.vector import ZERO, Vector
 
 webers = st.floats(0.005, 0.5)
 seeds = st.integers(0, 2**32 - 1)

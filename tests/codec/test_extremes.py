@@ -15,15 +15,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
-from codec.predictors import FITTED, PARAMETRIC, PREDICTORS
-from codec.predictors.zoh import Hold
-from codec.quantizer import INT16_MAX
-from codec.vector import ZERO, Vector, distance, is_finite, norm, scale
-from master.safety import ForceLimiter
-from protocol.sequence import expand_counter
-from protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, pack_word, read_head
 from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
+from weberlink.codec.predictors import FITTED, PARAMETRIC, PREDICTORS
+from weberlink.codec.predictors.zoh import Hold
+from weberlink.codec.quantizer import INT16_MAX
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, scale
+from weberlink.master.safety import ForceLimiter
+from weberlink.protocol.sequence import expand_counter
+from weberlink.protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, pack_word, read_head
 
 Samples = Sequence[tuple[int, Vector, Vector]]
 """Tick, force [N] (position [m] on a position channel), commanded position [m]."""

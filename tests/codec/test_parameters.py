@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import force_channel, position_channel
-from codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, room, unpack
-from codec.predictors import PARAMETRIC
-from codec.predictors.hold import Hold
-from codec.update import MAX_GAP
-from protocol.wire import UpdateLayout
 from tests.examples import examples
+from weberlink.codec import force_channel, position_channel
+from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, room, unpack
+from weberlink.codec.predictors import PARAMETRIC
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.update import MAX_GAP
+from weberlink.protocol.wire import UpdateLayout
 
 finite = st.floats(-1e300, 1e300)
 samples = st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6)

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.predictors import FITTED, Trust
-from codec.predictors.plane import Plane
-from codec.predictors.sphere import Sphere
-from codec.predictors.zoh import Hold
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
 from tests.examples import examples
+from weberlink.codec.predictors import FITTED, Trust
+from weberlink.codec.predictors.plane import Plane
+from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.zoh import Hold
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
 
 TRUST = Trust()
 coordinates = st.floats(-0.1, 0.1)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.quantizer import Quantizer
+from weberlink.codec.quantizer import Quantizer
 
 values = st.floats(-30.0, 30.0)
 anything = st.floats()

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
-from codec.deadband import ForceDeadband, PositionDeadband
-from codec.predictors import ADAPTIVE, FITTED, PREDICTORS
-from codec.vector import ZERO, distance
 from tests.codec.contacts import rubbing_stream
 from tests.codec.signals import contact_stream
 from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
+from weberlink.codec.deadband import ForceDeadband, PositionDeadband
+from weberlink.codec.predictors import ADAPTIVE, FITTED, PREDICTORS
+from weberlink.geometry.vector import ZERO, distance
 
 BANK = tuple(FITTED)
 EVERY = tuple(PREDICTORS)

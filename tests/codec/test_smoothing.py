@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Channel, Decoder, Encoder, Update, force_channel
-from codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
-from codec.predictors.linear import Line
-from codec.predictors.trend import TREND
-from codec.smoothing import Smoothing
-from codec.vector import ZERO, Vector, distance, norm
 from tests.codec.contacts import rubbing_stream
 from tests.codec.law import FORCE_PREDICTORS, half_step
 from tests.codec.signals import Stream, contact_stream
 from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel
+from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
+from weberlink.codec.predictors.linear import Line
+from weberlink.codec.predictors.trend import TREND
+from weberlink.codec.smoothing import Smoothing
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 vectors = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 DEADBANDS: dict[str, Callable[[], Deadband]] = {

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Channel, Decoder, Update, force_channel
-from codec.predictors.hold import Hold
-from codec.predictors.surface import SURFACE, Surface
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract, unit
 from tests.codec.contacts import GodObject
 from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Update, force_channel
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.predictors.surface import SURFACE, Surface
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract, unit
 
 UP: Vector = (0.0, 0.0, 1.0)
 S = 500.0

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec import Channel, Decoder, Update, force_channel, position_channel
-from codec.adaptive.candidate import Occasion
-from codec.adaptive.history import History
-from codec.adaptive.trend import HOLD_20, LAGS, LINE_40, NEAREST, Trend
-from codec.predictors.linear import Line
-from codec.predictors.trend import FINEST, SLOWEST, TREND
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, distance, norm, subtract
 from tests.examples import examples
+from weberlink.codec import Channel, Decoder, Update, force_channel, position_channel
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.adaptive.trend import HOLD_20, LAGS, LINE_40, NEAREST, Trend
+from weberlink.codec.predictors.linear import Line
+from weberlink.codec.predictors.trend import FINEST, SLOWEST, TREND
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, subtract
 
 steps = st.floats(-400.0, 400.0)
 rates = st.floats(-20.0, 20.0)

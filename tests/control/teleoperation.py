@@ -10,8 +10,8 @@ from heapq import heappop, heappush
 from math import ceil, pi, sin
 from random import Random
 
-from control.contract import LinkQuality, MasterControl, SlaveControl
 from tests.control.walls import Wall
+from weberlink.control.contract import LinkQuality, MasterControl, SlaveControl
 
 TICK = 1e-3
 FORCE_LIMIT = 10.0

@@ -4,13 +4,13 @@ from math import ceil
 
 import pytest
 
-from control.auto import HANDOVER, AutoMaster, AutoSlave
-from control.choice import DWELL, MMT, NONE, TDPA
-from control.contract import ZERO, LinkQuality, Settings, Vector
-from control.force_port import STEEPEST
-from control.tdpa import FORGIVENESS
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
+from weberlink.control.auto import HANDOVER, AutoMaster, AutoSlave
+from weberlink.control.choice import DWELL, MMT, NONE, TDPA
+from weberlink.control.contract import ZERO, LinkQuality, Settings, Vector
+from weberlink.control.force_port import STEEPEST
+from weberlink.control.tdpa import FORGIVENESS
 
 TICK = 1e-3
 SETTINGS = Settings(TICK, 30.0, level=0.05, damping=5.0, catch_up_speed=0.25)

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from control.choice import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
-from control.contract import LinkQuality
+from weberlink.control.choice import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
+from weberlink.control.contract import LinkQuality
 
 TICK = 0.01
 LEVEL = 0.05

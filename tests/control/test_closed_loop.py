@@ -10,10 +10,10 @@ from random import Random
 
 import pytest
 
-from control.contract import MasterControl, Settings
-from control.table import build_master_control, build_slave_control
 from tests.control.teleoperation import FORCE_RANGE, TICK, Course, Hand, Link, operate
 from tests.control.walls import Wall
+from weberlink.control.contract import MasterControl, Settings
+from weberlink.control.table import build_master_control, build_slave_control
 
 SETTINGS = Settings(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
 BOUND = 1e-3

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from control.contract import LinkQuality, MasterControl, Settings, SlaveControl, Surface, Vector
-from control.table import SCHEMES, build_master_control, build_slave_control
 from tests.control.vectors import forces, positions, vectors
 from tests.control.walls import Ball, Wall
 from tests.examples import examples
+from weberlink.control.contract import LinkQuality, MasterControl, Settings, SlaveControl, Surface, Vector
+from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 
 SETTINGS = Settings(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
 every = pytest.mark.parametrize("name", SCHEMES)

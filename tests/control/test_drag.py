@@ -5,11 +5,11 @@ from math import isfinite
 from hypothesis import given
 from hypothesis import strategies as st
 
-from control.contract import ZERO, Vector
-from control.drag import STRONGEST, LevelDrag
-from control.force_port import LEAST_STEP, ForcePort
 from tests.control.vectors import dot, forces, norm, steps, subtract, vectors
 from tests.examples import examples
+from weberlink.control.contract import ZERO, Vector
+from weberlink.control.drag import STRONGEST, LevelDrag
+from weberlink.control.force_port import LEAST_STEP, ForcePort
 
 LEVEL = 0.05
 TICK = 1e-3

@@ -2,10 +2,10 @@
 
 import pytest
 
-from control.contract import ZERO, LinkQuality, Settings, Vector
-from control.mmt import MmtMaster, agree
 from tests.control.vectors import largest_step, norm
 from tests.control.walls import Wall
+from weberlink.control.contract import ZERO, LinkQuality, Settings, Vector
+from weberlink.control.mmt import MmtMaster, agree
 
 TICK = 1e-3
 WALL = Wall(500.0)

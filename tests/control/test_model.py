@@ -8,10 +8,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from control.contract import Surface, Vector
-from control.model import MOST_SURFACES, SurfaceMixture
 from tests.control.vectors import norm, subtract, vectors
 from tests.control.walls import Ball, Wall
+from weberlink.control.contract import Surface, Vector
+from weberlink.control.model import MOST_SURFACES, SurfaceMixture
 
 TICK = 1e-3
 TURN = 0.02

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from control.contract import LEAST_CONTACT, ZERO, Vector
-from control.motion_port import CAUTION, LONGEST_RETREAT, MotionPort, affordable_share
 from tests.control.vectors import add, dot, norm, positions, scale, steps, subtract, vectors
+from weberlink.control.contract import LEAST_CONTACT, ZERO, Vector
+from weberlink.control.motion_port import CAUTION, LONGEST_RETREAT, MotionPort, affordable_share
 
 RANGE = 30.0
 DEBT = 1e-4

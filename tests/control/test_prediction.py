@@ -6,8 +6,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pytest import approx
 
-from control.contract import CREDIT_STEP
-from control.prediction import LONGEST, CreditPrediction
+from weberlink.control.contract import CREDIT_STEP
+from weberlink.control.prediction import LONGEST, CreditPrediction
 
 MOST = 1e-3
 TICK = 1e-3

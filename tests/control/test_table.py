@@ -7,10 +7,10 @@ from typing import get_args
 
 import pytest
 
-from control.choice import MMT, NONE, TDPA
-from control.contract import Settings
-from control.table import SCHEMES, build_master_control, build_slave_control
-from weberlink.configuration.model import ControlSettings
+from weberlink.control.choice import MMT, NONE, TDPA
+from weberlink.control.contract import Settings
+from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
+from weberlink.system.configuration.model import ControlSettings
 
 SETTINGS = Settings(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
 PORTS = {"drag", "force_port", "motion_port", "prediction", "tank", "tdpa"}
@@ -23,8 +23,8 @@ PARTS = {
 }
 BUILD = """
 import json, sys
-from control.contract import Settings
-from control.table import build_{side}_control
+from weberlink.control.contract import Settings
+from weberlink.control.table import build_{side}_control
 build_{side}_control("{name}", Settings(1e-3, 30.0, 0.05, 5.0, 0.25))
 json.dump([module.partition(".")[2] for module in sys.modules if module.startswith("control.")], sys.stdout)
 """

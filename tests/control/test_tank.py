@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from control.contract import CREDIT_STEP
-from control.tank import EnergyTank
+from weberlink.control.contract import CREDIT_STEP
+from weberlink.control.tank import EnergyTank
 
 MOST = 100.0
 joules = st.floats(-MOST, MOST)

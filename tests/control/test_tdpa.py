@@ -2,10 +2,10 @@
 
 import pytest
 
-from control.contract import CREDIT_STEP, ZERO, LinkQuality, Settings
-from control.tdpa import CAP, SHARE_AT_MASTER, TdpaMaster, TdpaSlave
 from tests.control.vectors import norm, subtract
 from tests.control.walls import Wall
+from weberlink.control.contract import CREDIT_STEP, ZERO, LinkQuality, Settings
+from weberlink.control.tdpa import CAP, SHARE_AT_MASTER, TdpaMaster, TdpaSlave
 
 TICK = 1e-3
 LEVEL = 0.05

@@ -2,7 +2,7 @@
 
 import pytest
 
-from control.tuning import BUSY, LEAD, Settings, Tuning, Verdict
+from weberlink.control.tuning import BUSY, LEAD, Settings, Tuning, Verdict
 
 FILE = Settings(0.1, "hybrid", "auto")
 PERMITTED = {"weber": (), "predictor": ("zoh", "plane", "hybrid"), "scheme": ("none", "tdpa")}

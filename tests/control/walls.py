@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from control.contract import ZERO, Vector
+from weberlink.control.contract import ZERO, Vector
 
 
 @dataclass(frozen=True)

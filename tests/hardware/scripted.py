@@ -6,8 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep
 
-from hardware.fault import HardwareFault
-from hardware.worker import Worker
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.worker import Worker
 
 REST = "rest"
 PATIENCE_S = 10.0

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from time import monotonic
 
-from hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
-from hardware.emulator import WireFaults, serve
 from tests.hardware.scripted import wait_for
+from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
+from weberlink.hardware.emulator import WireFaults, serve
 
 
 class Echo:

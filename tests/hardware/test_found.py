@@ -2,8 +2,8 @@
 
 import pytest
 
-from hardware.fault import HardwareFault
-from hardware.found import Found, UsbId, hid_devices, only, serial_ports
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import Found, UsbId, hid_devices, only, serial_ports
 
 ONE = Found("/dev/ttyACM0", "Teensy", "1234")
 TWO = Found("/dev/ttyACM1")

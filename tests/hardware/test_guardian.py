@@ -11,10 +11,10 @@ from time import monotonic, sleep
 
 import pytest
 
-from hardware.fault import BadReply, HardwareFault
-from hardware.guardian import LEASE_S, Guardian
-from hardware.serial_port import SerialPort
 from tests.hardware.scripted import PATIENCE_S, descriptors, wait_for
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.guardian import LEASE_S, Guardian
+from weberlink.hardware.serial_port import SerialPort
 
 ZERO, OTHER_ZERO, FORCE = b"zero\n", b"nothing\n", b"force\n"
 LONG_S = 60.0

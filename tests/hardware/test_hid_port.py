@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from hardware.fault import HardwareFault
-from hardware.hid_port import HidPort
 from tests.hardware.scripted import descriptors
 from tests.hardware.test_serial_port import NOBODY, TRY
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.hid_port import HidPort
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,11 +7,11 @@ from time import monotonic
 
 import pytest
 
-from hardware.fault import HardwareFault
-from hardware.pty_device import PtyDevice
-from hardware.serial_port import SerialPort
 from tests.hardware.scripted import descriptors
 from tests.hardware.test_emulator import Echo
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.serial_port import SerialPort
 
 
 def soon() -> float:

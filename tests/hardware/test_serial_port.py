@@ -11,9 +11,9 @@ from time import monotonic
 
 import pytest
 
-from hardware.fault import HardwareFault
-from hardware.serial_port import SerialPort
 from tests.hardware.scripted import descriptors, wait_for
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.serial_port import SerialPort
 
 ROOT = Path(__file__).parents[2]
 NOBODY = 65534

@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from hardware.fault import BadReply, HardwareFault
-from hardware.worker import Worker
 from tests.hardware.scripted import REST, Scripted, command_until, descriptors, gone, wait_for
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.worker import Worker
 
 ROOT = Path(__file__).parents[2]
 
@@ -412,7 +412,7 @@ def test_a_hanging_exchange_does_not_keep_a_stop_and_is_closed_when_it_comes_bac
 
 PROGRAM = """
 import sys, threading, time
-from hardware.worker import Worker
+from weberlink.hardware.worker import Worker
 
 class Exchange:
     def open(self): return 0

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector
-from master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 
 components = st.floats(-1e6, 1e6)
 FORCE = (0.0, 0.0, 4.0)

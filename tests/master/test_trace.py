@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from master.trace import Trace, TraceError, read_trace
+from weberlink.master.trace import Trace, TraceError, read_trace
 
 HEADER = "t,px,py,pz,fx,fy,fz\n"
 

@@ -4,11 +4,11 @@ import platform
 import sys
 from time import perf_counter
 
-from protocol import Endpoint, Role
-from protocol.checksum import Checksum
-from protocol.psk import PresharedKey
-from protocol.security import Security
 from tests.protocol.harness import KEY, MASTER, SLAVE, make_endpoint
+from weberlink.protocol import Endpoint, Role
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Security
 
 COUNT = 20_000
 BATCH = 50

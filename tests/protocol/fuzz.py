@@ -13,13 +13,13 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
-from protocol import Endpoint, State
-from protocol.checksum import Checksum
-from protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
-from protocol.psk import PresharedKey
-from protocol.security import Incoming, Outgoing, Protection, Security
-from protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, update_fields
+from weberlink.protocol import Endpoint, State
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Incoming, Outgoing, Protection, Security
+from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 
 STRANGER = ("203.0.113.9", 9)
 

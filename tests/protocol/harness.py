@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import ceil, floor, inf
 from random import Random
 
-from protocol import (
+from weberlink.protocol import (
     Address,
     Connected,
     DatagramDropped,
@@ -21,13 +21,13 @@ from protocol import (
     UpdateLost,
     UpdateReceived,
 )
-from protocol.checksum import Checksum
-from protocol.emulation import EmulatedLink, Emulation
-from protocol.heartbeat import HeartbeatSchedule
-from protocol.psk import PresharedKey
-from protocol.security import Protection, Security
-from protocol.session import FADE_SHARE
-from protocol.wire import kind_of
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.emulation import EmulatedLink, Emulation
+from weberlink.protocol.heartbeat import HeartbeatSchedule
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Protection, Security
+from weberlink.protocol.session import FADE_SHARE
+from weberlink.protocol.wire import kind_of
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)

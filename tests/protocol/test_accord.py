@@ -2,11 +2,11 @@
 
 import pytest
 
-from protocol import ChangeAnswered, ChangeProposed
-from protocol.accord import Accord
-from protocol.emulation import Emulation
-from protocol.wire import LONGEST_CHANGE, Kind, kind_of
 from tests.protocol.harness import TICK, Pair
+from weberlink.protocol import ChangeAnswered, ChangeProposed
+from weberlink.protocol.accord import Accord
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.wire import LONGEST_CHANGE, Kind, kind_of
 
 BODY = b'{"weber":0.2}'
 

@@ -4,13 +4,13 @@ from random import Random
 
 import pytest
 
-from protocol import Address, Connected, DropReason, PeerClosed, Refused, Role, State, TakenOver
-from protocol.dialer import Answer, Dialer
-from protocol.emulation import Emulation
-from protocol.handshake import HELLO_HEADER, INSTANCE_BYTES, Caller, Welcome, pack_map, read_hello_header
-from protocol.security import Security
-from protocol.wire import Kind, kind_of
 from tests.protocol.harness import AGREEMENT, MASTER, Pair, Side, make_endpoint, suites, update_fields
+from weberlink.protocol import Address, Connected, DropReason, PeerClosed, Refused, Role, State, TakenOver
+from weberlink.protocol.dialer import Answer, Dialer
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.handshake import HELLO_HEADER, INSTANCE_BYTES, Caller, Welcome, pack_map, read_hello_header
+from weberlink.protocol.security import Security
+from weberlink.protocol.wire import Kind, kind_of
 
 OTHER: Address = ("192.0.2.9", 40_009)
 

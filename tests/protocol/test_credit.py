@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import Connected, DropReason, Role
-from protocol.checksum import Checksum
-from protocol.credit import HEARTBEAT_BITS, UPDATE_BITS, Credit
-from protocol.emulation import Emulation
-from protocol.wire import Kind, kind_of
 from tests.protocol.harness import MASTER, Pair, make_endpoint, update_fields
+from weberlink.protocol import Connected, DropReason, Role
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.credit import HEARTBEAT_BITS, UPDATE_BITS, Credit
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.wire import Kind, kind_of
 
 CARRIED = {"carries_credit": True, "incoming_values": (3,), "outgoing_values": (3,)}
 STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2, duplicate=0.2, corrupt=0.05)

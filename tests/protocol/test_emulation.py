@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.emulation import HEADER_BYTES, QUEUE_S, REORDER_HOLD, EmulatedLink, Emulation
 from tests.examples import examples
+from weberlink.protocol.emulation import HEADER_BYTES, QUEUE_S, REORDER_HOLD, EmulatedLink, Emulation
 
 
 def link(seed: int = 1, epoch: float = 0.0, **faults: object) -> EmulatedLink[int]:

@@ -5,15 +5,15 @@ from random import Random
 
 import pytest
 
-from protocol import Connected, DropReason, PeerClosed, Refused, Role, State, StateError
-from protocol.checksum import Checksum
-from protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL
-from protocol.emulation import Emulation
-from protocol.handshake import HelloHeader, read_answered, read_hello_header
-from protocol.psk import PresharedKey
-from protocol.security import Security
-from protocol.wire import Kind, kind_of
 from tests.protocol.harness import AGREEMENT, MASTER, SLAVE, Pair, make_endpoint, suites
+from weberlink.protocol import Connected, DropReason, PeerClosed, Refused, Role, State, StateError
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.handshake import HelloHeader, read_answered, read_hello_header
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Security
+from weberlink.protocol.wire import Kind, kind_of
 
 OTHER_KEY = bytes(32)
 

@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import PeerSilent, State
-from protocol.emulation import Emulation
-from protocol.heartbeat import ASK_PACE
-from protocol.repetition import EARLY_PER_S, SHORTEST_PACE
-from protocol.session import FADE_SHARE
-from protocol.wire import Kind, kind_of
 from tests.examples import examples
 from tests.protocol.harness import INTERVAL, SILENCE, Pair, Side, update_fields
+from weberlink.protocol import PeerSilent, State
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.heartbeat import ASK_PACE
+from weberlink.protocol.repetition import EARLY_PER_S, SHORTEST_PACE
+from weberlink.protocol.session import FADE_SHARE
+from weberlink.protocol.wire import Kind, kind_of
 
 MENDED_WITHIN = 0.15
 """After the last loss of a silence that was none, the newest update is there: one interval of the other end's

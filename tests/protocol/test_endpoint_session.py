@@ -6,7 +6,8 @@ from random import Random
 
 import pytest
 
-from protocol import (
+from tests.protocol.harness import INTERVAL, MASTER, SILENCE, Pair, Side, make_endpoint, suites, update_fields
+from weberlink.protocol import (
     Connected,
     DropReason,
     PeerReturned,
@@ -17,13 +18,12 @@ from protocol import (
     UpdateLost,
     UpdateReceived,
 )
-from protocol.checksum import Checksum
-from protocol.emulation import Emulation
-from protocol.heartbeat import REPORT_INTERVAL
-from protocol.security import Security
-from protocol.session import EXPIRY
-from protocol.wire import Kind, kind_of
-from tests.protocol.harness import INTERVAL, MASTER, SILENCE, Pair, Side, make_endpoint, suites, update_fields
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.heartbeat import REPORT_INTERVAL
+from weberlink.protocol.security import Security
+from weberlink.protocol.session import EXPIRY
+from weberlink.protocol.wire import Kind, kind_of
 
 DARK = Emulation(loss=1.0)
 STORM = Emulation(

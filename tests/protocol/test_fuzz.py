@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import Endpoint, Role, State
-from protocol.direction import Direction
-from protocol.security import Security
-from protocol.wire import CLEAR_BYTES, Kind
 from tests.examples import examples
 from tests.protocol.cost import engaged
 from tests.protocol.fuzz import sessions
 from tests.protocol.harness import MASTER, SLAVE, suites, update_fields
+from weberlink.protocol import Endpoint, Role, State
+from weberlink.protocol.direction import Direction
+from weberlink.protocol.security import Security
+from weberlink.protocol.wire import CLEAR_BYTES, Kind
 
 DATAGRAMS = st.one_of(
     st.binary(max_size=100),

@@ -2,7 +2,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.handshake import (
+from tests.protocol.harness import AGREEMENT
+from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     LARGEST_STAMP,
     LONGEST_NAME,
@@ -24,9 +25,8 @@ from protocol.handshake import (
     read_welcome,
     version_mismatch,
 )
-from protocol.roles import Role
-from protocol.wire import Kind
-from tests.protocol.harness import AGREEMENT
+from weberlink.protocol.roles import Role
+from weberlink.protocol.wire import Kind
 
 HELLO = Hello(pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True)
 

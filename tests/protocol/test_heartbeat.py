@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.heartbeat import (
+from weberlink.protocol.heartbeat import (
     ASK_PACE,
     INTRODUCTION_INTERVAL,
     INTRODUCTIONS,

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from protocol.keys import KEY_BYTES, KeyFileError, generate, load
 from tests.strangers import NOBODY, needs_root
+from weberlink.protocol.keys import KEY_BYTES, KeyFileError, generate, load
 
 
 def test_a_generated_key_can_be_read_by_its_owner_only(tmp_path: Path) -> None:

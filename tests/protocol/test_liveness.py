@@ -5,7 +5,7 @@ from math import floor, inf, nextafter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.liveness import DEAF, UNITS, Liveness
+from weberlink.protocol.liveness import DEAF, UNITS, Liveness
 
 SILENCE = 0.1
 OFFSETS = st.floats(-1e6, 1e6)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.loss import (
+from weberlink.protocol.loss import (
     LOSSY,
     MOST_COPIES,
     PATIENCE,

@@ -5,7 +5,7 @@ from random import Random
 import pytest
 from noise.connection import Keypair, NoiseConnection
 
-from protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
+from weberlink.protocol.noise import NAME, OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
 
 PSK = SharedKey(bytes(range(PSK_BYTES)))
 PROLOGUE = b"\x01\x02 who and when"

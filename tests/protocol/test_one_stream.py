@@ -4,11 +4,11 @@ from hashlib import sha256
 
 import pytest
 
-from protocol.checksum import Checksum
-from protocol.emulation import Emulation
-from protocol.psk import PresharedKey
-from protocol.security import Security
 from tests.protocol.harness import KEY, Pair, Side, update_fields
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Security
 
 RECORDED = {
     ("checksum", False): "a16b2b70169f447b4643a347dc387279018899b9f66b5918d36b194632962286",

@@ -5,10 +5,10 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import Address, Connected, State
-from protocol.path import OVERTAKEN, Path
-from protocol.wire import Kind, kind_of
 from tests.protocol.harness import Pair, Side
+from weberlink.protocol import Address, Connected, State
+from weberlink.protocol.path import OVERTAKEN, Path
+from weberlink.protocol.wire import Kind, kind_of
 
 HOME: Address = ("192.0.2.1", 40_000)
 ELSEWHERE: Address = ("203.0.113.9", 9)

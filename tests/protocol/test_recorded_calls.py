@@ -6,10 +6,11 @@ from random import Random
 
 import pytest
 
-from protocol import DropReason, Endpoint, Role, State
-from protocol.dialer import Dialer
-from protocol.handshake import INSTANCE_BYTES, Caller, HelloHeader, pack_agreement, read_hello_header
-from protocol.listener import (
+from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
+from weberlink.protocol import DropReason, Endpoint, Role, State
+from weberlink.protocol.dialer import Dialer
+from weberlink.protocol.handshake import INSTANCE_BYTES, Caller, HelloHeader, pack_agreement, read_hello_header
+from weberlink.protocol.listener import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
     KNOWN_MASTERS,
@@ -17,9 +18,8 @@ from protocol.listener import (
     REFUSAL_PACE,
     STALE_PACE,
 )
-from protocol.psk import PresharedKey
-from protocol.wire import Kind, kind_of
-from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import Kind, kind_of
 
 STRANGER = ("203.0.113.9", 9)
 
@@ -176,7 +176,7 @@ def test_a_repeated_answer_about_stamps_moves_nothing_back() -> None:
 RATE = 20_000
 """Calls a second that somebody sends."""
 SHARE = 0.3
-"""Of a processor, that a shell spends on an open port (`protocol.aio.udp.PEER_SHARE`)."""
+"""Of a processor, that a shell spends on an open port (`weberlink.protocol.aio.udp.PEER_SHARE`)."""
 BUFFER = 160
 """HELLOs that wait in the kernel before it drops (212,992 bytes of buffer, 1,280 for each)."""
 COST = {True: 60e-6, False: 10e-6}

@@ -3,8 +3,8 @@ from math import inf
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.loss import MOST_COPIES
-from protocol.repetition import EARLY_PER_S, LONGEST_PACE, SHORTEST_PACE, Repetition
+from weberlink.protocol.loss import MOST_COPIES
+from weberlink.protocol.repetition import EARLY_PER_S, LONGEST_PACE, SHORTEST_PACE, Repetition
 
 
 def test_nothing_is_due_without_an_update_or_once_it_is_acknowledged() -> None:

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.replay import WINDOW, ReplayWindow
+from weberlink.protocol.replay import WINDOW, ReplayWindow
 
 
 @given(st.lists(st.integers(0, 3 * WINDOW), max_size=200))

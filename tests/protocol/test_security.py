@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from protocol.checksum import Checksum
-from protocol.psk import PresharedKey
-from protocol.security import Security
 from tests.protocol.harness import KEY, exchanged, suites
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.security import Security
 
 CLEAR = b"\x03\x01\x00\x00"
 DATAGRAM = CLEAR + b"what follows is hidden"
@@ -127,9 +127,9 @@ def test_a_key_has_its_size(size: int) -> None:
 def test_no_crypto_library_is_loaded_without_a_key() -> None:
     program = """
 import sys
-import protocol, protocol.aio, protocol.emulation, protocol.keys
-from protocol import Endpoint, Role, State
-from protocol.checksum import Checksum
+import weberlink.protocol, protocol.aio, protocol.emulation, protocol.keys
+from weberlink.protocol import Endpoint, Role, State
+from weberlink.protocol.checksum import Checksum
 ends = [Endpoint(role=role, agreement={}, outgoing_values=(3,), incoming_values=(3,), security=Checksum(),
                  entropy=bytes, epoch=0.0, tick_period=0.001, peer=("h", 1)) for role in Role]
 for end in ends[::-1]:
@@ -140,7 +140,7 @@ for _ in range(3):
             other.receive_datagram(data, ("h", 1), 0.0)
 assert all(end.state is State.ENGAGED for end in ends)
 assert "cryptography" not in sys.modules
-import protocol.psk
+import weberlink.protocol.psk
 assert "cryptography" in sys.modules
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.sequence import expand, expand_counter
+from weberlink.protocol.sequence import expand, expand_counter
 
 
 @given(st.integers(-(2**40), 2**40), st.integers(-(2**23) + 1, 2**23 - 1))

@@ -4,17 +4,17 @@ from itertools import pairwise
 
 import pytest
 
-from protocol.checksum import Checksum
-from protocol.direction import Direction
-from protocol.events import PeerClosed, UpdateReceived
-from protocol.heartbeat import INTRODUCTIONS
-from protocol.reasons import DropReason
-from protocol.security import Security
-from protocol.sending import REKEY_AFTER_S
-from protocol.session import Parameters, Session
-from protocol.statistics import Statistics
-from protocol.wire import PHASE, pack_word
 from tests.protocol.harness import exchanged, suites, update_fields
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.direction import Direction
+from weberlink.protocol.events import PeerClosed, UpdateReceived
+from weberlink.protocol.heartbeat import INTRODUCTIONS
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.security import Security
+from weberlink.protocol.sending import REKEY_AFTER_S
+from weberlink.protocol.session import Parameters, Session
+from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.wire import PHASE, pack_word
 
 
 def pair(

@@ -1,6 +1,6 @@
 import pytest
 
-from protocol.states import TABLE, State, StateError, Trigger, next_state
+from weberlink.protocol.states import TABLE, State, StateError, Trigger, next_state
 
 
 def test_every_state_has_a_row_and_closed_is_final() -> None:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.timing import EARLY_LIMIT, LONGEST_RTT, WINDOW, Clock, SlidingMinimum
+from weberlink.protocol.timing import EARLY_LIMIT, LONGEST_RTT, WINDOW, Clock, SlidingMinimum
 
 
 def mapped(offset: float = 100.0, delay: float = 0.01) -> Clock:

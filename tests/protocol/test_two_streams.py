@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import DropReason, PeerSilent, Role, State, UpdateReceived
-from protocol.emulation import Emulation
-from protocol.wire import Kind, kind_of
 from tests.examples import examples
 from tests.protocol.harness import Pair, Side, make_endpoint, suites, update_fields
+from weberlink.protocol import DropReason, PeerSilent, Role, State, UpdateReceived
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.wire import Kind, kind_of
 
 BOTH = {"outgoing_values": (3, 3), "incoming_values": (3, 3)}
 MENDED_WITHIN = 0.15

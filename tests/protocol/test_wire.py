@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import wire
-from protocol.checksum import Checksum
-from protocol.direction import Direction
-from protocol.psk import PresharedKey
-from protocol.reasons import DropReason
-from protocol.wire import Kind, Report, UpdateLayout
 from tests.protocol.harness import KEY
+from weberlink.protocol import wire
+from weberlink.protocol.checksum import Checksum
+from weberlink.protocol.direction import Direction
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.wire import Kind, Report, UpdateLayout
 
 LEVEL = st.integers(-32_768, 32_767)
 PSK_TAG = PresharedKey(KEY).tag_size

@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
+from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
 
 
 @pytest.fixture(autouse=True)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realtime.histogram import Histogram
+from weberlink.realtime.histogram import Histogram
 
 LIMIT = 500
 durations = st.lists(st.floats(min_value=0.0, max_value=LIMIT - 1.0), min_size=1, max_size=60)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from realtime.process import Grant, prepare
+from weberlink.realtime.process import Grant, prepare
 
 ROOT = Path(__file__).parents[2]
 
 ASK = """
 import json, os, sys
-from realtime.process import prepare
+from weberlink.realtime.process import prepare
 
 grants = prepare(*json.loads(sys.argv[1]))
 status = dict(line.split(":", 1) for line in open("/proc/self/status"))
@@ -31,7 +31,7 @@ print(json.dumps({
 
 GIVE_UP_RIGHTS = """
 import json, os, resource
-from realtime import process
+from weberlink.realtime import process
 for limit in (resource.RLIMIT_RTPRIO, resource.RLIMIT_NICE, resource.RLIMIT_MEMLOCK):
     resource.setrlimit(limit, (0, 0))
 if os.geteuid() == 0:
@@ -44,7 +44,7 @@ ORPHAN = """
 import os, signal, subprocess, sys
 child = subprocess.Popen([sys.executable, "-c", '''
 import signal, time
-from realtime.process import die_with_parent
+from weberlink.realtime.process import die_with_parent
 die_with_parent(signal.SIGKILL)
 print("tied", flush=True)
 time.sleep(60)
@@ -102,7 +102,7 @@ def test_a_process_without_rights_is_told_what_it_lacks_and_goes_on():
 
 AWAKE = """
 import json, os, sys
-from realtime import process
+from weberlink.realtime import process
 process._LATENCY_REQUEST = sys.argv[1]
 grant = process.prepare(0, False, None, wakeful=json.loads(sys.argv[2])).wakeful
 opened = [os.path.realpath(f"/proc/self/fd/{fd}") for fd in os.listdir("/proc/self/fd")]
@@ -171,7 +171,7 @@ def test_a_child_whose_parent_is_already_gone_ends_by_the_same_signal():
 
 DIE = """
 import os, resource, sys
-from realtime.process import forbid_core_dumps
+from weberlink.realtime.process import forbid_core_dumps
 
 try:
     resource.setrlimit(resource.RLIMIT_CORE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))

@@ -9,8 +9,8 @@ import time
 
 import pytest
 
-from realtime.garbage import GarbageSchedule
-from realtime.shell import run
+from weberlink.realtime.garbage import GarbageSchedule
+from weberlink.realtime.shell import run
 
 PERIOD = 0.001
 

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from realtime.stall import LEAST_STALL, LONGEST_STEP, SETTLING_TICKS, STALL_TICKS, StallDetector
+from weberlink.realtime.stall import LEAST_STALL, LONGEST_STEP, SETTLING_TICKS, STALL_TICKS, StallDetector
 
 TICK = 1e-3
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import uvloop
 
-from realtime.ticker import LARGEST_LEAD_SHARE, Ticker
+from weberlink.realtime.ticker import LARGEST_LEAD_SHARE, Ticker
 
 PERIOD = 0.001
 

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from realtime import timerfd
+from weberlink.realtime import timerfd
 
 MILLISECOND = 1_000_000
 

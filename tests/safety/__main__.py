@@ -9,10 +9,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import monotonic
 
-from evaluation.environment import environment, footer
 from tests.safety import cases, held
 from tests.safety.run import run
 from tests.safety.tables import by_fault, by_predictor, of_held
+from weberlink.system.environment import environment, footer
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

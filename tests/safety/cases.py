@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
-from codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
+from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 
 CUT = 0.9
 """When the link fails [s]."""

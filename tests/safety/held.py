@@ -4,11 +4,11 @@ from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Any
 
-from protocol.emulation import Emulation
 from tests.safety.cases import TO_MASTER, TO_SLAVE
 from tests.safety.observed_link import Hold, ObservedLink
 from tests.safety.run import simulation
-from tests.weberlink.systems import configuration
+from tests.system.systems import configuration
+from weberlink.protocol.emulation import Emulation
 
 WRAP_S = 2**24 * 1e-5
 """After which a time stamp of 24 bits of 10 us says the same again [s]."""

@@ -14,8 +14,8 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.emulation import EmulatedLink, Emulation
-from protocol.events import Address
+from weberlink.protocol.emulation import EmulatedLink, Emulation
+from weberlink.protocol.events import Address
 
 Hold = Callable[[float], float | None]
 """Departure [s] of a datagram to the age [s] at which it arrives; None for one that is not held."""

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from evaluation.simulation import Simulation, as_array
-from protocol.emulation import Emulation
-from protocol.states import State
-from telemetry.fault import Fault
 from tests.safety.cases import AFTER, BOTH, CUT, TO_MASTER, TO_SLAVE, Case
 from tests.safety.observed_link import ObservedLink, loop_ages
-from tests.weberlink.systems import configuration
-from weberlink.configuration import Configuration
-from weberlink.simulate import build_simulation
+from tests.system.systems import configuration
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.states import State
+from weberlink.system.configuration import Configuration
+from weberlink.system.simulate import build_simulation
+from weberlink.system.simulation import Simulation, as_array
+from weberlink.telemetry.fault import Fault
 
 STILL = 1e-9
 """[m] or [N]."""

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol.emulation import Emulation
-from protocol.states import State
-from telemetry.fault import Fault
-from telemetry.reader import DTYPE
 from tests.safety.cases import BOTH, CUT, DIRECTIONS, FLAPS_HZ, MOTIONS, PREDICTION, SCHEMES, Case, every, selection
 from tests.safety.observed_link import ObservedLink, loop_ages
 from tests.safety.run import Figures, measure, run, violated
-from tests.weberlink.systems import configuration, steps, system
+from tests.system.systems import configuration, steps, system
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.states import State
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import DTYPE
 
 CASE = Case("press", BOTH)
 SAFE = Figures(

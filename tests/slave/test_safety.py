@@ -4,9 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, toward
-from codec.vector import Vector, distance, norm
-from slave.safety import TRIP_PAUSE, CommandGuard, Follower
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, toward
+from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.slave.safety import TRIP_PAUSE, CommandGuard, Follower
 
 WORKSPACE = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 TICK = 1e-3

@@ -9,11 +9,11 @@ from signal import SIG_IGN, SIGHUP, SIGINT, SIGTERM, Signals, signal
 from time import monotonic
 from types import FrameType
 
-from evaluation.environment import environment, footer
 from tests.soak.faults import FAULTS
 from tests.soak.report import Report
 from tests.soak.rig import SILENCE_MS, RigError
 from tests.soak.soak import Soak
+from weberlink.system.environment import environment, footer
 
 STOP_SIGNALS = (SIGHUP, SIGINT, SIGTERM)
 LINE_EVERY_S = 60.0

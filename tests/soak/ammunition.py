@@ -6,10 +6,10 @@ Pure, but for the key of the one kind that stands for a long recording. Knows no
 from collections.abc import Sequence
 from random import Random
 
-from protocol.dialer import Dialer
-from protocol.handshake import HELLO_HEADER, PROTOCOL_VERSION, Caller, read_hello, read_hello_header, read_map
-from protocol.psk import PresharedKey
-from protocol.wire import CLEAR_BYTES, Kind, kind_of
+from weberlink.protocol.dialer import Dialer
+from weberlink.protocol.handshake import HELLO_HEADER, PROTOCOL_VERSION, Caller, read_hello, read_hello_header, read_map
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import CLEAR_BYTES, Kind, kind_of
 
 KINDS = ("forged", "replayed", "truncated", "random", "handshake", "calls")
 """

@@ -6,9 +6,9 @@ Pure: knows no socket and no clock; what it passes on goes to a function that it
 from collections import deque
 from collections.abc import Callable
 
-from protocol.emulation import EmulatedLink, Emulation
-from protocol.wire import Kind, kind_of
 from tests.soak.books import Book
+from weberlink.protocol.emulation import EmulatedLink, Emulation
+from weberlink.protocol.wire import Kind, kind_of
 
 REMEMBERED = 20_000
 """Datagrams kept to be sent again, of each direction."""

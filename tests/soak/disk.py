@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.soak.rig import SIDES, Rig
 from tests.soak.watch import Watch
-from weberlink.recorder import Recorder
+from weberlink.system.recorder import Recorder
 
 SIZE_KIB = 192
 FULL_S = 30.0

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from time import monotonic, sleep, time
 from typing import Any
 
-from protocol.emulation import Emulation
 from tests.soak import disk, intruders, laws
 from tests.soak.field import Field
 from tests.soak.underlays import DELAY, NOISE, burner
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.protocol.emulation import Emulation
+from weberlink.system.configuration import MASTER, SLAVE
 
 QUICK_S, RESTART_S = 3.0, 20.0
 """From the end of a fault to a session, and from the start of a daemon to one: its imports take longest [s]."""

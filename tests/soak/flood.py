@@ -15,13 +15,13 @@ from random import Random
 from time import sleep
 from typing import Any
 
-from evaluation.environment import environment, footer
-from protocol.keys import load as load_key
 from tests.soak.ammunition import KINDS, load
 from tests.soak.flood_laws import line, violated
 from tests.soak.observer import Observer
 from tests.soak.rig import SIDES, Rig
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.protocol.keys import load as load_key
+from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.environment import environment, footer
 
 FOREIGN, PEER = "foreign", "peer"
 STRANGER = ("127.0.0.3", 0)

@@ -11,17 +11,17 @@ from pathlib import Path
 from time import monotonic, time_ns
 from typing import Any, Self
 
-from evaluation.session import Records
-from protocol.emulation import Emulation
-from protocol.handshake import read_hello_header
-from protocol.keys import load as load_key
-from protocol.states import State
-from telemetry.reader import RingReader
-from telemetry.ring import default_path
 from tests.soak.ammunition import load
 from tests.soak.field import Field
 from tests.soak.rig import LINK, Rig, free_port
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.handshake import read_hello_header
+from weberlink.protocol.keys import load as load_key
+from weberlink.protocol.states import State
+from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.ring import default_path
 
 START_S = 20.0
 """From the start of a program to its first tick: its imports take longest [s]."""

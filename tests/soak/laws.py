@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from evaluation.session import Records
-from protocol.states import State
-from telemetry.reader import DTYPE
 from tests.soak.books import Book
 from tests.soak.processes import Footprint
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.protocol.states import State
+from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import DTYPE
 
 COUNTERS = (
     "ticks_missed",

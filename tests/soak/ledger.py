@@ -7,7 +7,7 @@ from tests.soak.laws import Reading, balanced, books_agree
 from tests.soak.processes import socket_queue
 from tests.soak.rig import SIDES, Rig
 from tests.soak.watch import Watch
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.system.configuration import MASTER, SLAVE
 
 RETRIES = 4
 RETRY_S = 0.5

@@ -6,13 +6,13 @@ from time import monotonic, sleep
 
 import numpy as np
 
-from evaluation.session import Records, SessionScore
-from protocol.states import State
 from tests.soak.laws import longest_gap
 from tests.soak.processes import cpu_seconds, socket_queue
 from tests.soak.rig import SIDES, Rig, RigError
-from weberlink.composition.link import channels
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.protocol.states import State
+from weberlink.system.composition.link import channels
+from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.session import Records, SessionScore
 
 _LOOK = 0.05
 

@@ -18,10 +18,10 @@ from random import Random
 from time import monotonic
 from typing import Any
 
-from protocol.emulation import Emulation
-from protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 from tests.soak.books import Books
 from tests.soak.direction import Direction
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 
 Address = tuple[str, int]
 

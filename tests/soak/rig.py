@@ -17,16 +17,16 @@ from typing import Any, Self
 
 import yaml
 
-from evaluation.session import Records
-from protocol.keys import generate
-from protocol.states import State
-from telemetry.reader import RingReader
-from telemetry.ring import default_path
 from tests.soak.wallclock import WallClock, wall_clock
 from tests.soak.wire import Wire
-from weberlink.configuration import MASTER, SLAVE, Configuration, load
-from weberlink.daemon import Order
-from weberlink.launcher import Daemon
+from weberlink.protocol.keys import generate
+from weberlink.protocol.states import State
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, load
+from weberlink.system.daemon import Order
+from weberlink.system.launcher import Daemon
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.ring import default_path
 
 SIDES = (MASTER, SLAVE)
 CONFIGURATION = Path(__file__).parents[2] / "configs" / "loopback.yaml"

@@ -8,7 +8,6 @@ from contextlib import nullcontext
 from random import Random
 from time import monotonic
 
-from protocol.emulation import Emulation
 from tests.soak import laws
 from tests.soak.faults import FAULTS, Fault
 from tests.soak.field import Field
@@ -17,6 +16,7 @@ from tests.soak.report import Kind, Report
 from tests.soak.rig import SIDES, SILENCE_MS, Rig
 from tests.soak.underlays import ALONE, UNDERLAYS
 from tests.soak.watch import Watch
+from weberlink.protocol.emulation import Emulation
 
 QUIET_S = 0.5
 """After a fault, before the books are compared: until what was lost is known to be lost."""

@@ -9,12 +9,12 @@ from random import Random
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol import Address, Connected, Endpoint, Role, State
-from protocol.wire import Kind, kind_of
 from tests.examples import examples
 from tests.protocol.fuzz import mutate
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, make_endpoint, update_fields
 from tests.soak import ammunition
+from weberlink.protocol import Address, Connected, Endpoint, Role, State
+from weberlink.protocol.wire import Kind, kind_of
 
 STRANGER: Address = ("203.0.113.9", 9)
 NOW = 1.0

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.emulation import Emulation
-from protocol.wire import Kind
 from tests.soak.books import Book, Books
 from tests.soak.direction import Direction
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.wire import Kind
 
 UPDATE, HELLO = bytes((Kind.UPDATE,)), bytes((Kind.HELLO,))
 ROUGH = Emulation(delay_s=0.01, jitter_s=0.02, loss=0.3, reorder=0.2, duplicate=0.3, corrupt=0.3)

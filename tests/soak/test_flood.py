@@ -11,16 +11,16 @@ from typing import Any
 
 import pytest
 
-from protocol.handshake import HELLO_HEADER
-from protocol.psk import PresharedKey
-from protocol.wire import Kind, kind_of
 from tests.protocol.harness import KEY, Pair
 from tests.soak import ammunition
 from tests.soak.flood import FOREIGN, flood
 from tests.soak.flood_laws import line, violated
 from tests.soak.processes import cpu_seconds, footprint, socket_queue
 from tests.soak.volley import Magazine, fire
-from weberlink.configuration import SLAVE
+from weberlink.protocol.handshake import HELLO_HEADER
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import Kind, kind_of
+from weberlink.system.configuration import SLAVE
 
 
 @pytest.fixture(scope="module")

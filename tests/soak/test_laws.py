@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.session import Records
-from protocol.states import State
-from telemetry.reader import DTYPE
 from tests.soak import laws
 from tests.soak.books import Book
 from tests.soak.laws import SLACK, Reading
 from tests.soak.processes import Footprint
+from weberlink.protocol.states import State
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import DTYPE
 
 PERIOD = 0.001
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from protocol.wire import Kind
 from tests.soak.wire import Wire
+from weberlink.protocol.wire import Kind
 
 HELLO = bytes([Kind.HELLO]) + bytes(40)
 UPDATE = bytes([Kind.UPDATE]) + bytes(20)

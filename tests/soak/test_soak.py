@@ -11,10 +11,10 @@ from tempfile import gettempdir
 
 import pytest
 
-from telemetry.runtime_directory import directories
 from tests.soak.faults import FAULTS
 from tests.soak.underlays import ALONE, UNDERLAYS
-from tests.weberlink.processes import PATIENCE, ROOT, until
+from tests.system.processes import PATIENCE, ROOT, until
+from weberlink.telemetry.runtime_directory import directories
 
 pytestmark = pytest.mark.realtime
 

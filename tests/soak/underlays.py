@@ -5,9 +5,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-from protocol.emulation import Emulation
 from tests.soak import disk
 from tests.soak.field import Field
+from weberlink.protocol.emulation import Emulation
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)
 DELAY = Emulation(delay_s=0.045, jitter_s=0.015)

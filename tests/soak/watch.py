@@ -10,12 +10,12 @@ from time import monotonic, sleep
 
 import numpy as np
 
-from evaluation.session import Records
 from tests.soak import laws
 from tests.soak.books import Books
 from tests.soak.processes import Footprint, footprint, socket_queue
 from tests.soak.rig import SIDES, Life, Rig, RigError
-from weberlink.configuration import MASTER, SLAVE
+from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.session import Records
 
 LOOK_S = 0.05
 SAMPLE_S = 1.0

@@ -9,8 +9,8 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import Any, Self
 
-from protocol.emulation import Emulation
 from tests.soak.books import Books
+from weberlink.protocol.emulation import Emulation
 
 Address = tuple[str, int]
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from telemetry.reader import RingReader
+from weberlink.telemetry.reader import RingReader
 
 reader = RingReader(sys.argv[1])
 sys.stdout.write("ready\n")

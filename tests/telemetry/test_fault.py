@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from telemetry.fault import Fault, FaultLedger
+from weberlink.telemetry.fault import Fault, FaultLedger
 
 real = st.sampled_from([fault for fault in Fault if fault])
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from telemetry.reader import DTYPE, RingReader
-from telemetry.record import COLUMNS, FIELDS
-from telemetry.ring import RECORDS_AT, RingFormatError, RingWriter
+from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.record import COLUMNS, FIELDS
+from weberlink.telemetry.ring import RECORDS_AT, RingFormatError, RingWriter
 
 
 def record(i):

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from telemetry.link import COUNTERS
-from telemetry.reader import DTYPE
-from telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
+from weberlink.telemetry.link import COUNTERS
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
 
 KINDS = {
     "<f8": st.floats(allow_nan=False),

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from telemetry.reader import RingReader
-from telemetry.record import COLUMNS, RECORD
-from telemetry.ring import (
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.record import COLUMNS, RECORD
+from weberlink.telemetry.ring import (
     HEADER,
     RECORDS_AT,
     RingFormatError,

@@ -9,9 +9,6 @@ from time import monotonic
 
 import pytest
 
-from telemetry.reader import RingReader
-from telemetry.ring import LARGEST_FILE, RingFormatError, RingWriter
-from telemetry.runtime_directory import ForeignFileError, Places, RuntimeDirectoryError, open_file
 from tests.strangers import (
     NOBODY,
     as_stranger,
@@ -23,6 +20,9 @@ from tests.strangers import (
     squat_large,
     squat_link,
 )
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.ring import LARGEST_FILE, RingFormatError, RingWriter
+from weberlink.telemetry.runtime_directory import ForeignFileError, Places, RuntimeDirectoryError, open_file
 
 ME = os.geteuid()
 

@@ -6,8 +6,8 @@ Record i holds i in every number and i modulo 251 in every byte.
 import sys
 import time
 
-from telemetry.record import FIELDS
-from telemetry.ring import RingWriter
+from weberlink.telemetry.record import FIELDS
+from weberlink.telemetry.ring import RingWriter
 
 is_byte = [field.kind == "u1" for field in FIELDS for _ in range(field.axes)]
 pause_s = float(sys.argv[3]) if len(sys.argv) > 3 else 0.0

@@ -28,7 +28,7 @@ from struct import Struct
 from typing import NamedTuple
 from zlib import crc32
 
-from hardware.fault import BadReply
+from weberlink.hardware.fault import BadReply
 
 RESET = bytes((0, 0))
 CLOCKWISE, COUNTER_CLOCKWISE = 0, 1

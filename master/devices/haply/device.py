@@ -6,15 +6,15 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from hardware.found import Found, UsbId, only, serial_ports
-from hardware.guardian import Guardian
-from master.devices.contract import DeviceSpec
-from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, RESET, Board, Encoder, Motor
-from master.devices.haply.exchange import Conduct, HaplyExchange
-from master.devices.haply.frame import Frame
-from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS, Version
-from master.devices.sign_check import fingerprint
-from master.devices.threaded_device import ThreadedDevice
+from weberlink.hardware.found import Found, UsbId, only, serial_ports
+from weberlink.hardware.guardian import Guardian
+from weberlink.master.devices.contract import DeviceSpec
+from weberlink.master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, RESET, Board, Encoder, Motor
+from weberlink.master.devices.haply.exchange import Conduct, HaplyExchange
+from weberlink.master.devices.haply.frame import Frame
+from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS, Version
+from weberlink.master.devices.sign_check import fingerprint
+from weberlink.master.devices.threaded_device import ThreadedDevice
 
 NAME = "haply_2diy"
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"

@@ -5,16 +5,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from time import monotonic
 
-from codec.vector import Vector
-from hardware.fault import BadReply, HardwareFault
-from hardware.guardian import Guardian
-from master.devices.contract import DeviceReading
-from master.devices.haply.board import RESET
-from master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
-from master.devices.haply.frame import Frame
-from master.devices.haply.line import Forgotten, Line
-from master.devices.haply.track import Track
-from master.devices.haply.version import Version
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.guardian import Guardian
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.haply.board import RESET
+from weberlink.master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
+from weberlink.master.devices.haply.frame import Frame
+from weberlink.master.devices.haply.line import Forgotten, Line
+from weberlink.master.devices.haply.track import Track
+from weberlink.master.devices.haply.version import Version
 
 SETUP_S = 0.5
 """How long a board may take for its first answer after it was set up."""

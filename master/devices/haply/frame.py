@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from codec.vector import Vector
-from master.devices.haply.fivebar import Pair
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.haply.fivebar import Pair
 
 
 class Frame(NamedTuple):

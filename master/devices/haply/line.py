@@ -5,11 +5,11 @@ Owns the order of things on the wire. Knows no linkage and no force.
 
 from time import monotonic
 
-from hardware.fault import BadReply, HardwareFault
-from hardware.guardian import Guardian
-from hardware.serial_port import SerialPort
-from master.devices.haply.board import REPLY_SIZE, Board
-from master.devices.haply.fivebar import Pair
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.guardian import Guardian
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.master.devices.haply.board import REPLY_SIZE, Board
+from weberlink.master.devices.haply.fivebar import Pair
 
 SETTLING_S = 0.1
 """How long an answer that is owed is waited for before it counts as lost."""

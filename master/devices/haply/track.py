@@ -4,8 +4,8 @@ The board's replies have no checksum. A byte that is lost shows in the length or
 angles that no arm could have.
 """
 
-from hardware.fault import BadReply, HardwareFault
-from master.devices.haply.fivebar import FiveBar, Pair, Unreachable
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.haply.fivebar import FiveBar, Pair, Unreachable
 
 FASTEST = 50.0
 """[rad/s]; a hand at 1 m/s turns an arm of 7 cm at 14."""

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, Board, Encoder, Motor
-from master.devices.haply.fivebar import FiveBar, Pair
+from weberlink.master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, Board, Encoder, Motor
+from weberlink.master.devices.haply.fivebar import FiveBar, Pair
 
 MOST_TORQUE_N_M = 0.123
 """What the firmware cuts the torque of a motor to, and full duty stands for.

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from math import atan2, copysign, cos, hypot, pi, sin
 
-from codec.vector import Vector
-from master.devices.polhem.drive import Angles
-from master.devices.polhem.linkage import Jacobian, acos_clamped
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.polhem.drive import Angles
+from weberlink.master.devices.polhem.linkage import Jacobian, acos_clamped
 
 LEAST_SINE = 1e-3
 """Between coupler and forearm, below which the linkage counts as at its dead point."""

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from codec.vector import Vector, add, norm, scale
-from master.devices.polhem.mechanism import Mechanism
+from weberlink.geometry.vector import Vector, add, norm, scale
+from weberlink.master.devices.polhem.mechanism import Mechanism
 
 RAMP_S = 0.05
 """In which the force comes up after a connection or a stall [s]."""

@@ -6,22 +6,22 @@ from math import inf
 from time import monotonic
 from typing import ClassVar
 
-from codec.vector import ZERO, Vector
-from hardware.fault import BadReply, HardwareFault
-from hardware.found import Found, UsbId, hid_devices
-from hardware.guardian import Guardian
-from master.devices.contract import DeviceReading
-from master.devices.polhem.force_stage import ForceStage
-from master.devices.polhem.hid_line import NO_CURRENT, HidLine, HidReports, ReportPort
-from master.devices.polhem.homing import await_press
-from master.devices.polhem.identity import Identity, located
-from master.devices.polhem.lock_step import LockStep
-from master.devices.polhem.options import PolhemHidOptions
-from master.devices.polhem.parameters import Parameters
-from master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
-from master.devices.polhem.reports import SHORT, WATCHDOG_S, Currents, Sensors, SetCounters, Unwrapper
-from master.devices.polhem.sign_check import fingerprint
-from master.devices.polhem.whereabouts import Whereabouts
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.found import Found, UsbId, hid_devices
+from weberlink.hardware.guardian import Guardian
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.polhem.force_stage import ForceStage
+from weberlink.master.devices.polhem.hid_line import NO_CURRENT, HidLine, HidReports, ReportPort
+from weberlink.master.devices.polhem.homing import await_press
+from weberlink.master.devices.polhem.identity import Identity, located
+from weberlink.master.devices.polhem.lock_step import LockStep
+from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.parameters import Parameters
+from weberlink.master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
+from weberlink.master.devices.polhem.reports import SHORT, WATCHDOG_S, Currents, Sensors, SetCounters, Unwrapper
+from weberlink.master.devices.polhem.sign_check import fingerprint
+from weberlink.master.devices.polhem.whereabouts import Whereabouts
 
 NAME = "polhem_hid"
 USAGE_PAGE = 0xFFAB

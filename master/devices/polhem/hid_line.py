@@ -4,10 +4,18 @@ from collections.abc import Callable, Sequence
 from time import monotonic
 from typing import Protocol
 
-from hardware.fault import HardwareFault
-from hardware.guardian import Guardian
-from hardware.hid_port import HidPort
-from master.devices.polhem.reports import LONG, SHORT, Currents, Sensors, SetCounters, decode_sensors, encode_command
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import Guardian
+from weberlink.hardware.hid_port import HidPort
+from weberlink.master.devices.polhem.reports import (
+    LONG,
+    SHORT,
+    Currents,
+    Sensors,
+    SetCounters,
+    decode_sensors,
+    encode_command,
+)
 
 LONGEST_REPORT = 64
 NO_CURRENT: Currents = (0, 0, 0)

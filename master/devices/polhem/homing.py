@@ -4,7 +4,7 @@ from collections.abc import Callable
 from time import monotonic, sleep
 from typing import TypeVar
 
-from hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.fault import BadReply, HardwareFault
 
 NEAR_COUNTS = 8
 """Counters that were set to zero between two looks are not farther from it."""

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable, Sequence
 
-from hardware.fault import HardwareFault
-from hardware.found import Found, only
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import Found, only
 
 
 class Identity:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from math import acos, atan2, cos, hypot, pi, sin
 from typing import Protocol
 
-from codec.vector import Vector
-from master.devices.polhem.drive import Angles
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.polhem.drive import Angles
 
 Jacobian = tuple[Vector, Vector, Vector]
 """Rows x, y, z; columns A, B, C [m/rad]."""

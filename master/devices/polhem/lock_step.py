@@ -10,7 +10,7 @@ from math import inf
 from time import monotonic
 from typing import Generic, NoReturn, Protocol, TypeVar
 
-from hardware.fault import BadReply
+from weberlink.hardware.fault import BadReply
 
 Message = TypeVar("Message")
 Answer = TypeVar("Answer")

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import copysign, cos, sin
 
-from codec.vector import ZERO, Vector, dot
-from master.devices.contract import Quaternion
-from master.devices.polhem.drive import Angles, Counts, Drive, Triple
-from master.devices.polhem.five_bar import FiveBar
-from master.devices.polhem.linkage import Jacobian, Linkage, SerialParallelogram
-from master.devices.polhem.weight import Weight
+from weberlink.geometry.vector import ZERO, Vector, dot
+from weberlink.master.devices.contract import Quaternion
+from weberlink.master.devices.polhem.drive import Angles, Counts, Drive, Triple
+from weberlink.master.devices.polhem.five_bar import FiveBar
+from weberlink.master.devices.polhem.linkage import Jacobian, Linkage, SerialParallelogram
+from weberlink.master.devices.polhem.weight import Weight
 
 __all__ = ["Angles", "Counts", "Drive", "FiveBar", "Jacobian", "Linkage", "Mechanism", "SerialParallelogram"]
 

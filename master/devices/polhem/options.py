@@ -5,9 +5,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, Parameters, Wiring
-from master.devices.polhem.reports import LONG
+from weberlink.master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, Parameters, Wiring
+from weberlink.master.devices.polhem.reports import LONG
 
 Sign = Literal[-1, 1]
 Signs = tuple[Sign, Sign, Sign]

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from master.devices.polhem.drive import Counts, Drive, Signs, Triple
-from master.devices.polhem.five_bar import FiveBar
-from master.devices.polhem.linkage import SerialParallelogram
-from master.devices.polhem.mechanism import Mechanism
-from master.devices.polhem.weight import FiveBarWeight, Link, ParallelogramWeight, Weight
+from weberlink.master.devices.polhem.drive import Counts, Drive, Signs, Triple
+from weberlink.master.devices.polhem.five_bar import FiveBar
+from weberlink.master.devices.polhem.linkage import SerialParallelogram
+from weberlink.master.devices.polhem.mechanism import Mechanism
+from weberlink.master.devices.polhem.weight import FiveBarWeight, Link, ParallelogramWeight, Weight
 
 HFABAPI = "forsslund/hfabapi, 2026-06-10"
 HAPTIKFABRIKENAPI = "forsslund/haptikfabrikenapi, 2021-06-10"

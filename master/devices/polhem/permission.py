@@ -1,7 +1,7 @@
 """Whether a device may have force, and what to tell a person about it; pure."""
 
-from master.devices.polhem.options import PolhemOptions
-from master.devices.polhem.parameters import Parameters
+from weberlink.master.devices.polhem.options import PolhemOptions
+from weberlink.master.devices.polhem.parameters import Parameters
 
 
 def force_allowed(options: PolhemOptions, parameters: Parameters, *, checked: str, named: bool) -> float:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from typing import ClassVar, Protocol
 
-from codec.vector import Vector
-from hardware.worker import Exchange
-from master.devices.contract import DeviceReading, DeviceSpec
-from master.devices.polhem.options import PolhemOptions
-from master.devices.polhem.parameters import Parameters
-from master.devices.polhem.permission import force_allowed, notes_of
-from master.devices.threaded_device import ThreadedDevice
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.worker import Exchange
+from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.master.devices.polhem.options import PolhemOptions
+from weberlink.master.devices.polhem.parameters import Parameters
+from weberlink.master.devices.polhem.permission import force_allowed, notes_of
+from weberlink.master.devices.threaded_device import ThreadedDevice
 
 BAD_REPLIES = 50
 """In a row are a fault, 10 ms each where nothing answers; from the first of them on the motors get no current."""

@@ -6,20 +6,20 @@ from pathlib import Path
 from time import monotonic
 from typing import ClassVar
 
-from codec.vector import ZERO, Vector
-from hardware.fault import BadReply, HardwareFault
-from hardware.found import Found, UsbId, serial_ports
-from master.devices.contract import DeviceReading
-from master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, WATCHDOG_S, Currents, Status, complaint
-from master.devices.polhem.force_stage import ForceStage
-from master.devices.polhem.homing import await_press, zeroed
-from master.devices.polhem.identity import Identity, located
-from master.devices.polhem.lock_step import LockStep
-from master.devices.polhem.options import PolhemSerialOptions
-from master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
-from master.devices.polhem.serial_line import SerialLine
-from master.devices.polhem.sign_check import fingerprint
-from master.devices.polhem.whereabouts import Whereabouts
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.found import Found, UsbId, serial_ports
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.polhem.bracket import GIMBAL_ERRORS, MODELS, WATCHDOG_S, Currents, Status, complaint
+from weberlink.master.devices.polhem.force_stage import ForceStage
+from weberlink.master.devices.polhem.homing import await_press, zeroed
+from weberlink.master.devices.polhem.identity import Identity, located
+from weberlink.master.devices.polhem.lock_step import LockStep
+from weberlink.master.devices.polhem.options import PolhemSerialOptions
+from weberlink.master.devices.polhem.polhem_device import CARRY_S, STALL_S, PolhemDevice, spec_of
+from weberlink.master.devices.polhem.serial_line import SerialLine
+from weberlink.master.devices.polhem.sign_check import fingerprint
+from weberlink.master.devices.polhem.whereabouts import Whereabouts
 
 NAME = "polhem_serial"
 NO_CURRENT: Currents = (0, 0, 0)

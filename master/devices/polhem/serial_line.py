@@ -3,8 +3,8 @@
 from itertools import repeat
 from time import monotonic
 
-from hardware.serial_port import SerialPort
-from master.devices.polhem.bracket import Currents, Status, StatusReader, encode_currents
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.master.devices.polhem.bracket import Currents, Status, StatusReader, encode_currents
 
 
 class SerialLine:

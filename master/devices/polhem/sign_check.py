@@ -1,7 +1,7 @@
 """The settings of these devices that a sign check is good for; pure."""
 
-from master.devices import sign_check
-from master.devices.polhem.parameters import Parameters
+from weberlink.master.devices import sign_check
+from weberlink.master.devices.polhem.parameters import Parameters
 
 
 def fingerprint(driver: str, parameters: Parameters) -> str:

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import atan2, cos, sin
 from typing import Protocol
 
-from master.devices.polhem.drive import Angles, Triple
-from master.devices.polhem.five_bar import FiveBar
+from weberlink.master.devices.polhem.drive import Angles, Triple
+from weberlink.master.devices.polhem.five_bar import FiveBar
 
 GRAVITY_M_S2 = 9.81
 

@@ -7,10 +7,10 @@ the wrong way: what no hand can have done is not believed.
 
 from typing import NamedTuple, NoReturn
 
-from codec.vector import Vector, distance
-from hardware.fault import BadReply, HardwareFault
-from master.devices.contract import DeviceReading
-from master.devices.polhem.parameters import Parameters
+from weberlink.geometry.vector import Vector, distance
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.polhem.parameters import Parameters
 
 SPEED_M_S = 3.0
 """Faster, a hand does not go."""

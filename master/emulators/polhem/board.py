@@ -5,17 +5,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from codec.vector import Vector
-from hardware.emulator import WireFaults
-from master.devices.polhem.parameters import PARAMETERS
-from master.emulators.polhem.body import FAULTS, Body, BodyOptions, Counts6, Currents
-from master.emulators.polhem.built import Built
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.emulator import WireFaults
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.emulators.polhem.body import FAULTS, Body, BodyOptions, Counts6, Currents
+from weberlink.master.emulators.polhem.built import Built
 
 FARTHEST_MM = 200
 
 
 class Board:
-    """See `hardware.emulator`; the bytes are the business of those that inherit.
+    """See `weberlink.hardware.emulator`; the bytes are the business of those that inherit.
 
     Args:
         options: of the device.

@@ -5,10 +5,10 @@ from math import sin, tau
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from codec.vector import ZERO, Vector, subtract
-from master.devices.polhem.mechanism import Mechanism
-from master.devices.polhem.options import SetName, Signs
-from master.emulators.handle import Handle, HandleOptions
+from weberlink.geometry.vector import ZERO, Vector, subtract
+from weberlink.master.devices.polhem.mechanism import Mechanism
+from weberlink.master.devices.polhem.options import SetName, Signs
+from weberlink.master.emulators.handle import Handle, HandleOptions
 
 Currents = tuple[float, float, float]
 Counts6 = tuple[int, int, int, int, int, int]

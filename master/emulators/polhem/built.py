@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from math import pi, tau
 from typing import Literal, get_args
 
-from master.devices.polhem.drive import Counts, Drive, Signs, Triple
+from weberlink.master.devices.polhem.drive import Counts, Drive, Signs, Triple
 
 Host = Literal["hfabapi", "haptikfabrikenapi", "woody_experimental"]
 Wire = Literal["serial", "hid14", "hid8"]

@@ -12,8 +12,8 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from hardware.umockdev.description import HidIdentity
-from master.devices.polhem.reports import (
+from weberlink.hardware.umockdev.description import HidIdentity
+from weberlink.master.devices.polhem.reports import (
     LONG,
     SHORT,
     WATCHDOG_S,
@@ -22,9 +22,9 @@ from master.devices.polhem.reports import (
     decode_command,
     encode_sensors,
 )
-from master.emulators.polhem.board import Board
-from master.emulators.polhem.body import FAULTS, OFF, BodyOptions, Counts6
-from master.emulators.polhem.built import Built, Host, built
+from weberlink.master.emulators.polhem.board import Board
+from weberlink.master.emulators.polhem.body import FAULTS, OFF, BodyOptions, Counts6
+from weberlink.master.emulators.polhem.built import Built, Host, built
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
@@ -59,7 +59,7 @@ class PolhemHidEmulatorOptions(BodyOptions):
 
 
 class PolhemHidEmulator(Board):
-    """See `hardware.emulator`."""
+    """See `weberlink.hardware.emulator`."""
 
     Options = PolhemHidEmulatorOptions
     transport: ClassVar[str] = "hid"

@@ -12,12 +12,12 @@ from typing import ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS, WATCHDOG_S, Status, encode_status
-from master.devices.polhem.options import Model
-from master.devices.polhem.parameters import MODEL_SETS
-from master.emulators.polhem.board import Board
-from master.emulators.polhem.body import FAULTS, BodyOptions, Counts6, Currents
-from master.emulators.polhem.built import Built, built
+from weberlink.master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS, WATCHDOG_S, Status, encode_status
+from weberlink.master.devices.polhem.options import Model
+from weberlink.master.devices.polhem.parameters import MODEL_SETS
+from weberlink.master.emulators.polhem.board import Board
+from weberlink.master.emulators.polhem.body import FAULTS, BodyOptions, Counts6, Currents
+from weberlink.master.emulators.polhem.built import Built, built
 
 BUFFER = 127
 FILLING = b"\n\r\0"
@@ -55,7 +55,7 @@ class PolhemSerialEmulatorOptions(BodyOptions):
 
 
 class PolhemSerialEmulator(Board):
-    """See `hardware.emulator`."""
+    """See `weberlink.hardware.emulator`."""
 
     Options = PolhemSerialEmulatorOptions
     transport: ClassVar[str] = "serial"

@@ -14,7 +14,7 @@ another arm than yours. Knows no motors.
 from math import acos, atan2, cos, hypot, pi, sin
 from typing import Final, NamedTuple
 
-from codec.vector import Vector
+from weberlink.geometry.vector import Vector
 
 Joints = tuple[float, float, float, float]
 """Angles [rad], rates [rad/s] or torques [N m] of joints 1 to 4."""

@@ -8,10 +8,10 @@ from struct import Struct
 from time import monotonic, sleep
 from typing import Final, NamedTuple, Protocol
 
-from hardware.fault import BadReply, HardwareFault
-from slave.robots.dynamixel import packet
-from slave.robots.dynamixel.packet import ALERT, Packet, Status, StatusReader, encode_packet, error_text
-from slave.robots.dynamixel.registers import (
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.slave.robots.dynamixel import packet
+from weberlink.slave.robots.dynamixel.packet import ALERT, Packet, Status, StatusReader, encode_packet, error_text
+from weberlink.slave.robots.dynamixel.registers import (
     HARDWARE_ERROR,
     PRESENT_ADDRESS,
     PRESENT_SIZE,
@@ -33,7 +33,7 @@ _PRESENT: Final = Struct("<hii")
 
 
 class Port(Protocol):
-    """What `hardware.serial_port.SerialPort` offers."""
+    """What `weberlink.hardware.serial_port.SerialPort` offers."""
 
     path: str
 

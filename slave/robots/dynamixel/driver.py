@@ -4,21 +4,21 @@ from math import ceil
 from time import monotonic, sleep
 from typing import ClassVar, Final
 
-from codec.vector import Vector, add, distance, is_finite, scale, subtract
-from hardware.fault import HardwareFault
-from hardware.found import Found, UsbId, only, serial_ports
-from hardware.serial_port import SerialPort
-from hardware.worker import Worker
-from slave.robots.contract import RobotFault, RobotReading, RobotSpec
-from slave.robots.dynamixel import registers
-from slave.robots.dynamixel.adapter import USB, latency_advice
-from slave.robots.dynamixel.exchange import ArmExchange, ArmSample
-from slave.robots.dynamixel.external_force import LowPass
-from slave.robots.dynamixel.motors import OnClose, watchdog_units
-from slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
-from slave.robots.interpolation import Interpolation
-from slave.robots.virtual import saturated
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import Found, UsbId, only, serial_ports
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.hardware.worker import Worker
+from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
+from weberlink.slave.robots.dynamixel import registers
+from weberlink.slave.robots.dynamixel.adapter import USB, latency_advice
+from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
+from weberlink.slave.robots.dynamixel.external_force import LowPass
+from weberlink.slave.robots.dynamixel.motors import OnClose, watchdog_units
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
+from weberlink.slave.robots.interpolation import Interpolation
+from weberlink.slave.robots.virtual import saturated
+from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "dynamixel"
 LOST_S: Final = 0.15

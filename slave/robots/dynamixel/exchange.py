@@ -9,17 +9,17 @@ from contextlib import suppress
 from time import monotonic, sleep
 from typing import Final, NamedTuple
 
-from codec.vector import Vector
-from hardware.fault import BadReply, HardwareFault
-from slave.robots.dynamixel import registers
-from slave.robots.dynamixel.adapter import latency_advice
-from slave.robots.dynamixel.arm import LOWER, UPPER, Joints, Posture, posture
-from slave.robots.dynamixel.bus import Bus, Port, Present
-from slave.robots.dynamixel.external_force import Friction, LowPass, tip_force
-from slave.robots.dynamixel.goal import Goal
-from slave.robots.dynamixel.impedance import Gains, currents, joint_torques
-from slave.robots.dynamixel.motors import Motors
-from slave.robots.interpolation import Interpolation, Sample
+from weberlink.geometry.vector import Vector
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.slave.robots.dynamixel import registers
+from weberlink.slave.robots.dynamixel.adapter import latency_advice
+from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, Joints, Posture, posture
+from weberlink.slave.robots.dynamixel.bus import Bus, Port, Present
+from weberlink.slave.robots.dynamixel.external_force import Friction, LowPass, tip_force
+from weberlink.slave.robots.dynamixel.goal import Goal
+from weberlink.slave.robots.dynamixel.impedance import Gains, currents, joint_torques
+from weberlink.slave.robots.dynamixel.motors import Motors
+from weberlink.slave.robots.interpolation import Interpolation, Sample
 
 WATCH_EVERY: Final = 25
 """Cycles from one look at a motor's torque or watchdog to the next."""

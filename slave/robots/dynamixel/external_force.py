@@ -13,8 +13,8 @@ from itertools import product
 from math import expm1, hypot, pi, sqrt
 from typing import Final, NamedTuple
 
-from codec.vector import ZERO, Vector
-from slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, Joints, Posture
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, Joints, Posture
 
 _FEELS_LEAST_M: Final = 0.02
 """Smallest singular value of the planar Jacobian, and smallest reach, without damping [m]: below it a torque of

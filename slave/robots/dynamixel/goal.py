@@ -1,6 +1,6 @@
 """Where the tip is meant to be, from commands that may come, stop and come back. Knows no bus and no clock."""
 
-from codec.vector import ZERO, Vector, add, distance, scale, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, distance, scale, subtract
 
 
 class Goal:

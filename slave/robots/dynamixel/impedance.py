@@ -14,8 +14,8 @@ no clock.
 from math import hypot
 from typing import Final, NamedTuple
 
-from codec.vector import Vector
-from slave.robots.dynamixel.arm import (
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.dynamixel.arm import (
     LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
     ROTOR_INERTIA_KG_M2,

@@ -9,10 +9,10 @@ from enum import StrEnum
 from math import ceil, floor
 from typing import Final, TypeVar
 
-from hardware.fault import BadReply, HardwareFault
-from slave.robots.dynamixel import registers
-from slave.robots.dynamixel.bus import Bus, Present
-from slave.robots.dynamixel.registers import MODELS, OPENMANIPULATOR_X_MODEL, Register
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.slave.robots.dynamixel import registers
+from weberlink.slave.robots.dynamixel.bus import Bus, Present
+from weberlink.slave.robots.dynamixel.registers import MODELS, OPENMANIPULATOR_X_MODEL, Register
 
 TRIES: Final = 12
 """At opening, where one answer that is late should not be the end; in all longer than a busy host pauses."""

@@ -7,8 +7,8 @@ from typing import Annotated, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from codec.vector import Vector, add, scale
-from slave.robots.dynamixel.arm import (
+from weberlink.geometry.vector import Vector, add, scale
+from weberlink.slave.robots.dynamixel.arm import (
     AXIS_X_M,
     COULOMB_N_M,
     LEAST_ROTOR_INERTIA_KG_M2,
@@ -18,12 +18,12 @@ from slave.robots.dynamixel.arm import (
     inverse_nearest,
     posture,
 )
-from slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
-from slave.robots.dynamixel.exchange import Settings
-from slave.robots.dynamixel.external_force import Friction, force_error
-from slave.robots.dynamixel.impedance import SLOWEST_HZ, Gains, fastest_damping, stiffest
-from slave.robots.dynamixel.motors import OnClose
-from slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
+from weberlink.slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
+from weberlink.slave.robots.dynamixel.exchange import Settings
+from weberlink.slave.robots.dynamixel.external_force import Friction, force_error
+from weberlink.slave.robots.dynamixel.impedance import SLOWEST_HZ, Gains, fastest_damping, stiffest
+from weberlink.slave.robots.dynamixel.motors import OnClose
+from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
 
 PATIENCE_S: Final = 0.1
 """How long the last command holds when no more come [s]."""

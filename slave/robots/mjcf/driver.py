@@ -7,14 +7,14 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, ClassVar
 
-from codec.vector import ZERO, Vector, is_finite
-from slave.robots.contract import Quaternion, RobotFault, RobotReading, RobotSpec
-from slave.robots.mjcf.options import MujocoOptions
-from slave.robots.virtual import saturated
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.slave.robots.contract import Quaternion, RobotFault, RobotReading, RobotSpec
+from weberlink.slave.robots.mjcf.options import MujocoOptions
+from weberlink.slave.robots.virtual import saturated
+from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
-    from slave.robots.mjcf.simulation import Simulation
+    from weberlink.slave.robots.mjcf.simulation import Simulation
 
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence is not made up for
 
@@ -92,5 +92,5 @@ def _simulation(options: MujocoOptions, tick_period: float) -> "Simulation":
     package, extra = MujocoRobot.NEEDS
     if find_spec(package) is None:
         raise ValueError(f'driver mujoco: needs {package}; install it with: pip install "weberlink[{extra}]"')
-    made: Simulation = import_module("slave.robots.mjcf.simulation").Simulation(options, tick_period)
+    made: Simulation = import_module("weberlink.slave.robots.mjcf.simulation").Simulation(options, tick_period)
     return made

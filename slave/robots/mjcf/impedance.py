@@ -4,9 +4,9 @@ from math import sqrt
 
 import numpy as np
 
-from codec.vector import Vector
-from slave.robots.mjcf.plant import Array, Plant
-from slave.robots.mjcf.posture import Posture
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.mjcf.plant import Array, Plant
+from weberlink.slave.robots.mjcf.posture import Posture
 
 IMMOBILE = 1e-6
 """A direction in which the end effector moves this much less readily than in the freest has no mobility."""

@@ -5,8 +5,8 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
-from codec.vector import Vector
-from slave.safety import Workspace
+from weberlink.geometry.vector import Vector
+from weberlink.slave.safety import Workspace
 
 CONTACTS = "contacts"
 """Where `force` names no sensor of the file: the contacts of the end effector."""

@@ -5,12 +5,12 @@ from math import pi
 import mujoco
 import numpy as np
 
-from codec.quaternion import inverse, product
-from codec.rotation import Quaternion, unit_quaternion, vector
-from codec.vector import Vector
-from slave.robots.mjcf.impedance import IMMOBILE
-from slave.robots.mjcf.plant import Array, Plant
-from slave.robots.mjcf.posture import Posture
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import Quaternion, unit_quaternion, vector
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.mjcf.impedance import IMMOBILE
+from weberlink.slave.robots.mjcf.plant import Array, Plant
+from weberlink.slave.robots.mjcf.posture import Posture
 
 STILL_ALIKE = 0.9986
 """Cosine of half the angle by which it may have turned since its damping was worked out: 6 degrees."""

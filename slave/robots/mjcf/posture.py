@@ -5,8 +5,8 @@ from math import inf, pi
 import mujoco
 import numpy as np
 
-from codec.vector import Vector
-from slave.robots.mjcf.plant import Array, Plant
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.mjcf.plant import Array, Plant
 
 CLOSE_ENOUGH = 1e-6
 """A point counts as reached [m]."""

@@ -5,9 +5,9 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from codec.vector import Vector
-from slave.robots.mjcf.options import CONTACTS
-from slave.robots.mjcf.plant import Plant
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.mjcf.options import CONTACTS
+from weberlink.slave.robots.mjcf.plant import Plant
 
 
 class Sensing(Protocol):

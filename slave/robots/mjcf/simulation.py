@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from codec.vector import ZERO, Vector, is_finite
-from slave.robots.contract import Quaternion, RobotFault
-from slave.robots.mjcf.impedance import Impedance
-from slave.robots.mjcf.options import MujocoOptions, RotationOptions
-from slave.robots.mjcf.plant import Plant
-from slave.robots.mjcf.posture import settle
-from slave.robots.mjcf.sensing import sensing
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.slave.robots.contract import Quaternion, RobotFault
+from weberlink.slave.robots.mjcf.impedance import Impedance
+from weberlink.slave.robots.mjcf.options import MujocoOptions, RotationOptions
+from weberlink.slave.robots.mjcf.plant import Plant
+from weberlink.slave.robots.mjcf.posture import settle
+from weberlink.slave.robots.mjcf.sensing import sensing
 
 if TYPE_CHECKING:
-    from slave.robots.mjcf.pose_impedance import PoseImpedance
-    from slave.robots.mjcf.torque_sensing import TorqueSensing
+    from weberlink.slave.robots.mjcf.pose_impedance import PoseImpedance
+    from weberlink.slave.robots.mjcf.torque_sensing import TorqueSensing
 
 STABLE_SHARE = 0.5
 """Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable
@@ -132,14 +132,14 @@ class Simulation:
 
 
 def _pose(plant: Plant, options: MujocoOptions, rotation: RotationOptions) -> "PoseImpedance":
-    from slave.robots.mjcf.pose_impedance import PoseImpedance  # noqa: PLC0415
+    from weberlink.slave.robots.mjcf.pose_impedance import PoseImpedance  # noqa: PLC0415
 
     stiffnesses = (options.stiffness_n_m, rotation.stiffness_n_m_rad)
     return PoseImpedance(plant, stiffnesses, options.damping_ratio, options.posture_hz)
 
 
 def _torque_sensing(plant: Plant, name: str) -> "TorqueSensing":
-    from slave.robots.mjcf.torque_sensing import torque_sensing  # noqa: PLC0415
+    from weberlink.slave.robots.mjcf.torque_sensing import torque_sensing  # noqa: PLC0415
 
     return torque_sensing(plant, name)
 

@@ -5,10 +5,10 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from codec.vector import Vector
-from slave.robots.mjcf.options import CONTACTS
-from slave.robots.mjcf.plant import Plant
-from slave.robots.mjcf.sensing import SensorSensing, geoms_of
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.mjcf.options import CONTACTS
+from weberlink.slave.robots.mjcf.plant import Plant
+from weberlink.slave.robots.mjcf.sensing import SensorSensing, geoms_of
 
 
 class TorqueSensing(Protocol):

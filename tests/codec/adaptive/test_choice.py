@@ -8,16 +8,16 @@ from random import Random
 
 import pytest
 
-from codec import Channel, Encoder, Update, force_channel, position_channel
-from codec.adaptive.choice import Choice
-from codec.adaptive.contact import Contact
-from codec.deadband import ForceDeadband
-from codec.predictors import PREDICTORS
-from codec.predictors.hold import Hold
-from codec.sample import Sample
-from codec.vector import ZERO, Vector
 from tests.codec.contacts import GodObject, contact, rubbing_stream, stroke
 from tests.codec.signals import Stream, contact_stream
+from weberlink.codec import Channel, Encoder, Update, force_channel, position_channel
+from weberlink.codec.adaptive.choice import Choice
+from weberlink.codec.adaptive.contact import Contact
+from weberlink.codec.deadband import ForceDeadband
+from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector
 
 
 def bank(*names: str) -> Channel:
@@ -254,7 +254,7 @@ def test_a_contact_is_followed_only_for_surfaces(
             super().__init__(threshold)
             made.append(threshold)
 
-    monkeypatch.setattr("codec.adaptive.choice.Contact", Noting)
+    monkeypatch.setattr("weberlink.codec.adaptive.choice.Contact", Noting)
     encoder = Encoder(bank(*names))
     for tick, sample in enumerate(rubbing_stream(1, ticks=50)):
         encoder.encode(tick, *sample)

@@ -9,11 +9,11 @@ from math import pi, sin
 
 import pytest
 
-from codec.adaptive.contact import Contact
-from codec.adaptive.history import History
-from codec.vector import ZERO, Vector, dot, unit
 from tests.codec.contacts import GodObject, contact, stroke
 from tests.codec.signals import Stream
+from weberlink.codec.adaptive.contact import Contact
+from weberlink.codec.adaptive.history import History
+from weberlink.geometry.vector import ZERO, Vector, dot, unit
 
 NORMAL = unit((0.3, -0.2, 0.93))
 MU = 0.3

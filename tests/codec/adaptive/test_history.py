@@ -1,5 +1,5 @@
-from codec.adaptive.history import KEPT, History
-from codec.vector import ZERO, Vector
+from weberlink.codec.adaptive.history import KEPT, History
+from weberlink.geometry.vector import ZERO, Vector
 
 
 def sample(tick: int) -> tuple[Vector, Vector]:

@@ -5,20 +5,20 @@ from math import exp
 
 import pytest
 
-from codec import Channel, Encoder, force_channel
-from codec.adaptive.candidate import Candidate, Occasion
-from codec.adaptive.contact import Contact
-from codec.adaptive.fitted import Fitted
-from codec.adaptive.history import History
-from codec.adaptive.shadow import MEMORY, REST, Shadow
-from codec.adaptive.surface import Rough
-from codec.predictors import FITTED, Model, Trust
-from codec.predictors.hold import Hold
-from codec.predictors.linear import Line
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, distance
 from tests.codec.contacts import GodObject, contact, stroke
 from tests.codec.signals import Stream
+from weberlink.codec import Channel, Encoder, force_channel
+from weberlink.codec.adaptive.candidate import Candidate, Occasion
+from weberlink.codec.adaptive.contact import Contact
+from weberlink.codec.adaptive.fitted import Fitted
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.adaptive.shadow import MEMORY, REST, Shadow
+from weberlink.codec.adaptive.surface import Rough
+from weberlink.codec.predictors import FITTED, Model, Trust
+from weberlink.codec.predictors.hold import Hold
+from weberlink.codec.predictors.linear import Line
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, distance
 
 
 def up(force: float) -> Vector:
@@ -26,7 +26,7 @@ def up(force: float) -> Vector:
 
 
 def shadowed(channel: Channel, shadow: Shadow, stream: Stream, found: Contact | None = None) -> list[int]:
-    """Ticks of its sends; the loop is that of `codec.adaptive.choice`."""
+    """Ticks of its sends; the loop is that of `weberlink.codec.adaptive.choice`."""
     history, sends, deadband = History(), [], channel.deadband
     for tick, (force, position) in enumerate(stream):
         bound = deadband.bound(force, force, force, 0.0)

@@ -5,16 +5,16 @@ from math import cos, pi, sin
 
 import pytest
 
-from codec.adaptive.candidate import Occasion
-from codec.adaptive.contact import Contact
-from codec.adaptive.history import History
-from codec.adaptive.surface import Moving, Rough, Smooth
-from codec.predictors import Trust
-from codec.predictors.surface import Surface
-from codec.sample import Sample
-from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
 from tests.codec.contacts import GodObject, contact, stroke, turned
 from tests.codec.signals import Stream
+from weberlink.codec.adaptive.candidate import Occasion
+from weberlink.codec.adaptive.contact import Contact
+from weberlink.codec.adaptive.history import History
+from weberlink.codec.adaptive.surface import Moving, Rough, Smooth
+from weberlink.codec.predictors import Trust
+from weberlink.codec.predictors.surface import Surface
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
 
 NORMAL = unit((0.3, -0.2, 0.93))
 Kind = type[Smooth] | type[Rough] | type[Moving]

@@ -1,6 +1,6 @@
 """The texts that umockdev is given."""
 
-from hardware.umockdev.description import HidIdentity, description, ioctls, paths
+from weberlink.hardware.umockdev.description import HidIdentity, description, ioctls, paths
 
 IDENTITY = HidIdentity(0x1234, 0x0006, "HID DEVICE", bytes.fromhex("06abffc0"), 14, "42", "mbed.org")
 

@@ -11,9 +11,9 @@ from select import select
 from time import monotonic, sleep
 from typing import cast
 
-from hardware.emulator import WireFaults
-from hardware.umockdev import HidIdentity, HidNode, Testbed
-from hardware.umockdev.node import QUEUE, TORN_S, _Numbered
+from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.umockdev import HidIdentity, HidNode, Testbed
+from weberlink.hardware.umockdev.node import QUEUE, TORN_S, _Numbered
 
 SIZE = 14
 IDENTITY = HidIdentity(0x1234, 6, "HID DEVICE", b"", SIZE)

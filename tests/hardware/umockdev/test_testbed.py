@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from hardware.emulator import WireFaults
-from hardware.fault import HardwareFault
-from hardware.umockdev import HidIdentity, HidNode, Testbed, missing, testbed
+from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.umockdev import HidIdentity, HidNode, Testbed, missing, testbed
 
 REASON = missing()
 needs_umockdev = pytest.mark.skipif(REASON is not None, reason=str(REASON))
@@ -24,9 +24,9 @@ DESCRIPTOR = bytes.fromhex("06abff0a0002a1017508150025ff950e09018102950e09029102
 HOST = """
 import json, sys
 from time import monotonic
-from hardware.fault import HardwareFault
-from hardware.found import UsbId, hid_devices
-from hardware.hid_port import HidPort, hidapi
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import UsbId, hid_devices
+from weberlink.hardware.hid_port import HidPort, hidapi
 
 port = None
 for line in sys.stdin:

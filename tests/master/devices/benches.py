@@ -15,15 +15,15 @@ from typing import Any
 
 import pytest
 
-from codec.vector import Vector, norm
-from hardware.emulator import WireFaults
-from hardware.pty_device import PtyDevice
-from master.devices import load
-from master.devices.contract import Device
-from master.emulators import load as load_emulator
 from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
 from tests.pace import TICK, real_time, virtual_time
+from weberlink.geometry.vector import Vector, norm
+from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.master.devices import load
+from weberlink.master.devices.contract import Device
+from weberlink.master.emulators import load as load_emulator
 
 SERIAL_FAULTS = ("unplug", "silent", "late", "garbled", "restart")
 

@@ -14,10 +14,10 @@ from time import monotonic
 from types import TracebackType
 from typing import Any, Self
 
-from codec.vector import norm
-from hardware.umockdev.node import HidNode
-from hardware.umockdev.testbed import Testbed
-from master.emulators import load as load_emulator
+from weberlink.geometry.vector import norm
+from weberlink.hardware.umockdev.node import HidNode
+from weberlink.hardware.umockdev.testbed import Testbed
+from weberlink.master.emulators import load as load_emulator
 
 ADDRESS = "WEBERLINK_TEST_HID_BENCH"
 """Variable that says where the outer process listens; where it is missing there is none."""

@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter
 
-from codec.vector import ZERO, Vector, norm, subtract
-from master.devices.operator import OperatorDevice, OperatorOptions
-from slave.scenes.settings import SceneSettings, build
+from weberlink.geometry.vector import ZERO, Vector, norm, subtract
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.slave.scenes.settings import SceneSettings, build
 
 TICK = 0.001
 SCENES: TypeAdapter[Any] = TypeAdapter(SceneSettings)

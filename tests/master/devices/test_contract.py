@@ -8,10 +8,10 @@ from time import monotonic
 
 import pytest
 
-from codec.vector import ZERO, Vector, distance, is_finite
-from master.devices import BUILT_IN
-from master.devices.contract import DeviceFault, TorqueDevice
 from tests.master.devices.benches import BENCHES, FAULTS, ON_A_WIRE, Bench
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from weberlink.master.devices import BUILT_IN
+from weberlink.master.devices.contract import DeviceFault, TorqueDevice
 
 PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
 FORCES: list[Vector] = [(0.5, 0.0, 0.0), (0.0, -0.5, 0.0), (0.3, 0.3, 0.3)]

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO
-from master.devices.hand import Hand, HandOptions, transition
+from weberlink.geometry.vector import ZERO
+from weberlink.master.devices.hand import Hand, HandOptions, transition
 
 positive = st.floats(0.01, 100.0)
 

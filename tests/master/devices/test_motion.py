@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, distance
-from master.devices.motion import Circle, Line, Motion, minimum_jerk
+from weberlink.geometry.vector import Vector, distance
+from weberlink.master.devices.motion import Circle, Line, Motion, minimum_jerk
 
 A: Vector = (0.0, 0.0, 0.03)
 B: Vector = (0.02, -0.01, 0.0)

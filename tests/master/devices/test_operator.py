@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from codec.vector import Vector, distance
-from master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.geometry.vector import Vector, distance
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 
 TICK = 0.001
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from codec.vector import Vector, distance
-from master.devices.hand import HandOptions
-from master.devices.replay import ReplayDevice, ReplayOptions
+from weberlink.geometry.vector import Vector, distance
+from weberlink.master.devices.hand import HandOptions
+from weberlink.master.devices.replay import ReplayDevice, ReplayOptions
 
 TICK = 0.001
 STIFF = HandOptions(mass_kg=0.01, damping_n_s_m=20.0, stiffness_n_m=10_000.0)

@@ -6,10 +6,10 @@ from time import monotonic, sleep
 
 import pytest
 
-from codec.vector import Vector, norm
-from hardware.fault import BadReply, HardwareFault
-from master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
-from master.devices.threaded_device import RAMP_S, STALE_S, ThreadedDevice
+from weberlink.geometry.vector import Vector, norm
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
+from weberlink.master.devices.threaded_device import RAMP_S, STALE_S, ThreadedDevice
 
 PATIENCE = 30.0
 TICK = 0.001

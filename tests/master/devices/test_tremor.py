@@ -3,9 +3,9 @@ from random import Random
 import numpy as np
 import pytest
 
-from codec.vector import ZERO, add
-from master.devices.hand import Hand, HandOptions
-from master.devices.tremor import Tremor
+from weberlink.geometry.vector import ZERO, add
+from weberlink.master.devices.hand import Hand, HandOptions
+from weberlink.master.devices.tremor import Tremor
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

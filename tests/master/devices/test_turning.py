@@ -12,15 +12,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.quaternion import inverse, product
-from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
-from codec.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, unit
-from master.devices.contract import TorqueDevice
-from master.devices.hand import Hand, HandOptions, Oscillator
-from master.devices.operator import OperatorDevice, OperatorOptions
-from master.devices.turning import Turning, Wrist
-from master.devices.wrist import WristOptions
 from tests.examples import examples
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, unit
+from weberlink.master.devices.contract import TorqueDevice
+from weberlink.master.devices.hand import Hand, HandOptions, Oscillator
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.master.devices.turning import Turning, Wrist
+from weberlink.master.devices.wrist import WristOptions
 
 TICK = 0.001
 STIFFNESS = WristOptions().stiffness_n_m_rad
@@ -173,7 +173,7 @@ def test_a_wrist_changes_nothing_of_where_the_hand_is() -> None:
 def test_without_a_wrist_nothing_of_it_is_imported() -> None:
     words = (
         "import sys; from master.devices.operator import *; device = OperatorDevice(OperatorOptions({}), 0.001);"
-        "device.open(0.0); device.latest(0.1); print('master.devices.turning' in sys.modules)"
+        "device.open(0.0); device.latest(0.1); print('weberlink.master.devices.turning' in sys.modules)"
     )
     said = [
         subprocess.run([sys.executable, "-c", words.replace("{}", wrist)], capture_output=True, text=True, check=True)
@@ -261,7 +261,7 @@ def test_closing_takes_the_torque_away_and_a_second_session_begins_level() -> No
 
 
 def test_a_replayed_trace_yields_to_torque_too(tmp_path: Any) -> None:
-    from master.devices.replay import ReplayDevice  # noqa: PLC0415
+    from weberlink.master.devices.replay import ReplayDevice  # noqa: PLC0415
 
     trace = tmp_path / "still.csv"
     trace.write_text("t,px,py,pz,fx,fy,fz\n0,0,0,0,0,0,0\n1,0.001,0,0,0,0,0\n")

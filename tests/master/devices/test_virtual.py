@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from codec.vector import Vector, is_finite
-from master.devices import load
-from master.devices.contract import Device
+from weberlink.geometry.vector import Vector, is_finite
+from weberlink.master.devices import load
+from weberlink.master.devices.contract import Device
 
 TICK = 0.001
 every_driver = pytest.mark.parametrize("name", ["operator", "replay"])

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import pytest
 
-from codec.vector import ZERO, Vector, distance, subtract
-from master.devices.operator import OperatorDevice
-from master.emulators.handle import CARRY_M_S, STEP, Handle, HandleOptions
+from weberlink.geometry.vector import ZERO, Vector, distance, subtract
+from weberlink.master.devices.operator import OperatorDevice
+from weberlink.master.emulators.handle import CARRY_M_S, STEP, Handle, HandleOptions
 
 TICK = 0.001
 

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector
-from hardware.emulator import Emulator
-from master.devices.haply.board import RESET
-from master.devices.haply.fivebar import radians
-from master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
-from master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
 from tests.examples import examples
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.emulator import Emulator
+from weberlink.master.devices.haply.board import RESET
+from weberlink.master.devices.haply.fivebar import radians
+from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
+from weberlink.master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
 
 V3 = VERSIONS["v3"]
 BOARD = V3.board

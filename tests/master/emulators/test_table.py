@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from hardware.emulator import WireFaults
-from master import devices
-from master.emulators import EMULATORS, load
+from weberlink.hardware.emulator import WireFaults
+from weberlink.master import devices
+from weberlink.master.emulators import EMULATORS, load
 
 every_emulator = pytest.mark.parametrize("name", sorted(EMULATORS))
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.quaternion import turned
-from codec.rotation import IDENTITY
-from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
-from master.mapping import FrameMap
+from weberlink.geometry.quaternion import turned
+from weberlink.geometry.rotation import IDENTITY
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from weberlink.master.mapping import FrameMap
 
 small = st.floats(-1.0, 1.0)
 vectors = st.tuples(small, small, small)

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, norm
-from master.devices.contract import DeviceReading, DeviceSpec
-from master.mapping import Clutch, FrameMap, MappedDevice, Walls
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.master.devices.contract import DeviceReading, DeviceSpec
+from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls
 
 TICK = 0.001
 EDGE = 0.06

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.quaternion import inverse, product
-from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
-from codec.vector import ZERO, Vector, norm, scale
-from master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
-from master.devices.operator import OperatorDevice, OperatorOptions
-from master.mapping import Clutch, FrameMap, MappedDevice
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, norm, scale
+from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.master.mapping import Clutch, FrameMap, MappedDevice
 
 TICK = 0.001
 SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)

@@ -6,9 +6,9 @@ import time
 
 import pytest
 
-from protocol.aio.budget import WorkBudget
-from protocol.aio.queue import ReceiveQueue
-from protocol.events import Address
+from weberlink.protocol.aio.budget import WorkBudget
+from weberlink.protocol.aio.queue import ReceiveQueue
+from weberlink.protocol.events import Address
 
 
 def test_what_is_spent_comes_back_at_the_rate_of_the_share() -> None:

@@ -13,10 +13,10 @@ from time import monotonic
 import pytest
 import uvloop
 
-from protocol import Connected, Role, State
-from protocol.aio import UdpShell
 from tests.protocol.aio.test_udp import ANY, make, until
 from tests.protocol.test_recorded_calls import RATE, forged, recorded
+from weberlink.protocol import Connected, Role, State
+from weberlink.protocol.aio import UdpShell
 
 pytestmark = pytest.mark.realtime
 

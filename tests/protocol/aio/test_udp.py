@@ -9,12 +9,12 @@ from time import monotonic, sleep
 import pytest
 import uvloop
 
-from protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
-from protocol.aio import AddressInUseError, UdpShell
-from protocol.aio.queue import MOST_S
-from protocol.emulation import EmulatedLink, Emulation
-from protocol.events import Address
 from tests.protocol.harness import make_endpoint, update_fields
+from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
+from weberlink.protocol.aio import AddressInUseError, UdpShell
+from weberlink.protocol.aio.queue import MOST_S
+from weberlink.protocol.emulation import EmulatedLink, Emulation
+from weberlink.protocol.events import Address
 
 ANY: Address = ("127.0.0.1", 0)
 HANG_S = 10.0

@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from slave.robots.dynamixel import packet
-from slave.robots.dynamixel.packet import ACCESS_ERROR, BROADCAST, Packet, Status, StatusReader, encode_packet
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.robots.dynamixel import packet
+from weberlink.slave.robots.dynamixel.packet import ACCESS_ERROR, BROADCAST, Packet, Status, StatusReader, encode_packet
 
 READ_POSITION = packet.read(11, 132, 4)  # 14 bytes, answered with 15
 

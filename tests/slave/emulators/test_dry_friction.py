@@ -3,9 +3,9 @@
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from slave.emulators.dry_friction import times, with_dry_friction
-from slave.emulators.pose import Joints, Pose
 from tests.examples import examples
+from weberlink.slave.emulators.dry_friction import times, with_dry_friction
+from weberlink.slave.emulators.pose import Joints, Pose
 
 angles = st.floats(-1.5, 1.5)
 impulses = st.floats(-0.01, 0.01)

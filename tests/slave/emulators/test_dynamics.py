@@ -5,14 +5,14 @@ from typing import Any
 
 import pytest
 
-from codec.vector import Vector
-from slave.emulators.dry_friction import sliding, times
-from slave.emulators.dynamics import STEP, STILL, Arm
-from slave.emulators.links import COULOMB, JOINTS, LINK_3, LINK_4, LINK_5, ROTOR_INERTIA, VISCOUS, Link
-from slave.emulators.pose import Joints, Pose
-from slave.emulators.tip_contact import along
-from slave.robots.dynamixel.arm import posture
-from slave.scenes.settings import FrictionSettings, PlaneObject, SphereObject, build
+from weberlink.geometry.vector import Vector
+from weberlink.slave.emulators.dry_friction import sliding, times
+from weberlink.slave.emulators.dynamics import STEP, STILL, Arm
+from weberlink.slave.emulators.links import COULOMB, JOINTS, LINK_3, LINK_4, LINK_5, ROTOR_INERTIA, VISCOUS, Link
+from weberlink.slave.emulators.pose import Joints, Pose
+from weberlink.slave.emulators.tip_contact import along
+from weberlink.slave.robots.dynamixel.arm import posture
+from weberlink.slave.scenes.settings import FrictionSettings, PlaneObject, SphereObject, build
 
 POSE: Joints = (0.3, -0.6, 0.5, 0.8)
 NO_FRICTION = [0.0] * 4

@@ -9,19 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from hardware.pty_device import PtyDevice
-from hardware.serial_port import SerialPort
-from slave.emulators import EMULATORS, load
-from slave.emulators.dynamics import STILL
-from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from slave.emulators.links import ROTOR_INERTIA
-from slave.emulators.pose import Pose
-from slave.robots.dynamixel import packet
-from slave.robots.dynamixel.arm import posture
-from slave.robots.dynamixel.packet import Packet, Status, StatusReader, encode_packet
-from slave.scenes.settings import PlaneObject
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.slave.emulators import EMULATORS, load
+from weberlink.slave.emulators.dynamics import STILL
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.emulators.links import ROTOR_INERTIA
+from weberlink.slave.emulators.pose import Pose
+from weberlink.slave.robots.dynamixel import packet
+from weberlink.slave.robots.dynamixel.arm import posture
+from weberlink.slave.robots.dynamixel.packet import Packet, Status, StatusReader, encode_packet
+from weberlink.slave.scenes.settings import PlaneObject
 
 HOME = (0.0, -1.05, 0.35, 0.70)
 RAD_PER_COUNT = 2.0 * pi / 4096.0

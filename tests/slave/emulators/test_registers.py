@@ -2,10 +2,11 @@
 
 import pytest
 
-from slave.emulators import control_table
-from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from slave.robots.dynamixel import packet, registers
-from slave.robots.dynamixel.packet import (
+from tests.slave.emulators.host import Host
+from weberlink.slave.emulators import control_table
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.robots.dynamixel import packet, registers
+from weberlink.slave.robots.dynamixel.packet import (
     ACCESS_ERROR,
     ALERT,
     DATA_LENGTH_ERROR,
@@ -16,8 +17,7 @@ from slave.robots.dynamixel.packet import (
     Packet,
     Status,
 )
-from slave.robots.dynamixel.registers import Register
-from tests.slave.emulators.host import Host
+from weberlink.slave.robots.dynamixel.registers import Register
 
 
 @pytest.fixture

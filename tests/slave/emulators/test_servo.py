@@ -2,8 +2,8 @@
 
 from math import pi
 
-from slave.emulators.motor import OFF
-from slave.emulators.servo import Measured, Servo
+from weberlink.slave.emulators.motor import OFF
+from weberlink.slave.emulators.servo import Measured, Servo
 
 TURN = 2.0 * pi
 

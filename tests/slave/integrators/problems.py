@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 
-from codec.vector import ZERO, Vector, dot, subtract
-from slave.integrators import INTEGRATORS, Body, Motion
-from slave.integrators.reaction import reaction
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
-from slave.scenes.sphere import Sphere
+from weberlink.geometry.vector import ZERO, Vector, dot, subtract
+from weberlink.slave.integrators import INTEGRATORS, Body, Motion
+from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.sphere import Sphere
 
 UP: Vector = (0.0, 0.0, 1.0)
 BODY = Body(0.2, 500.0, 5.0)

@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slave.integrators import INTEGRATORS, Body
-from slave.integrators.choice import FEW, SUBSTEPS_MOST, chosen
-from slave.scenes.contact import FrictionCone
 from tests.slave.integrators.problems import ball, wall
+from weberlink.slave.integrators import INTEGRATORS, Body
+from weberlink.slave.integrators.choice import FEW, SUBSTEPS_MOST, chosen
+from weberlink.slave.scenes.contact import FrictionCone
 
 TICK = 0.001
 CONE = FrictionCone(0.5, 0.4)

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from codec.vector import ZERO, Vector, dot, norm, unit
-from slave.integrators import INTEGRATORS, Body, Motion
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
-from slave.scenes.sphere import Sphere
 from tests.examples import examples
 from tests.slave.integrators.problems import OFF, UP, corner, difference, moving, run, wall
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
+from weberlink.slave.integrators import INTEGRATORS, Body, Motion
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.sphere import Sphere
 
 STEEL = 1e7
 OBLIQUE = ((UP, 3000.0, None), (unit((1.0, 0.3, 0.6)), 800.0, 4.0), (unit((-0.4, 1.0, 0.5)), 1500.0, None))

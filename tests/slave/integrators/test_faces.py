@@ -2,9 +2,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, dot, unit
-from slave.integrators.faces import Faces
-from slave.scenes.active_set import smallest_push
+from weberlink.geometry.vector import Vector, dot, unit
+from weberlink.slave.integrators.faces import Faces
+from weberlink.slave.scenes.active_set import smallest_push
 
 directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda n: dot(n, n) > 0.1).map(unit)
 points = st.tuples(*[st.floats(-0.01, 0.01)] * 3)

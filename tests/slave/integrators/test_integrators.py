@@ -6,13 +6,13 @@ from math import sqrt
 
 import pytest
 
-from codec.vector import ZERO, Vector, is_finite
-from slave.integrators import INTEGRATORS, Body, Motion
-from slave.integrators.reaction import reaction
-from slave.scenes.contact import FrictionCone
-from slave.scenes.scene import Scene
 from tests.slave.integrators.problems import BODY, UP, ball, corner, moving, run, wall
 from tests.slave.scenes.solids import scenes
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.slave.integrators import INTEGRATORS, Body, Motion
+from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.scenes.contact import FrictionCone
+from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
 CONE = FrictionCone(0.5, 0.4)

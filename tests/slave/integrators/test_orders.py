@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from codec.vector import Vector
-from slave.integrators import INTEGRATORS, Motion
-from slave.scenes.scene import Scene
 from tests.slave.integrators.problems import BODY, ball, difference, run, wall
+from weberlink.geometry.vector import Vector
+from weberlink.slave.integrators import INTEGRATORS, Motion
+from weberlink.slave.scenes.scene import Scene
 
 STEPS = (40, 80, 160, 320)
 FINEST = 3000

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from slave.integrators.oscillation import Oscillation
+from weberlink.slave.integrators.oscillation import Oscillation
 
 masses = st.floats(1e-3, 10.0)
 ratios = st.one_of(st.just(0.0), st.just(1.0), st.floats(0.9999, 1.0001), st.floats(0.01, 50.0))

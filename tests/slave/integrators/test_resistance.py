@@ -2,13 +2,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
-from slave.integrators.reaction import depth_rates, pressing, reaction
-from slave.integrators.resistance import Resistance
-from slave.scenes.contact import FrictionCone, SceneObject, Touch
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
 from tests.slave.integrators.problems import UP, corner, wall
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from weberlink.slave.integrators.reaction import depth_rates, pressing, reaction
+from weberlink.slave.integrators.resistance import Resistance
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
 
 STEP = 1e-3
 INERTIA = 0.2

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, norm, unit
-from slave.integrators import INTEGRATORS, Body
-from slave.integrators.choice import chosen
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
 from tests.examples import examples
 from tests.slave.integrators.problems import ball, energy, moving, wall
 from tests.slave.scenes.solids import SHAPES
+from weberlink.geometry.vector import ZERO, Vector, norm, unit
+from weberlink.slave.integrators import INTEGRATORS, Body
+from weberlink.slave.integrators.choice import chosen
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
 
 STIFFNESSES = (1e1, 1e3, 1e5, 1e7)
 MASSES = (1e-3, 0.1, 10.0)

@@ -9,15 +9,15 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from codec.vector import ZERO, Vector
-from hardware.pty_device import PtyDevice
-from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from slave.robots import load
-from slave.robots.contract import Robot
-from slave.scenes.contact import SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
 from tests.pace import TICK, real_time, virtual_time
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.robots import load
+from weberlink.slave.robots.contract import Robot
+from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
 
 GROUND = 500.0  # [N/m]
 

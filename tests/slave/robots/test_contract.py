@@ -7,10 +7,10 @@ from time import monotonic
 
 import pytest
 
-from codec.vector import Vector, distance, dot, is_finite, norm
-from slave.robots import BUILT_IN
-from slave.robots.contract import OrientedRobot, RobotFault
 from tests.slave.robots.benches import BENCHES, FAULTS, Bench
+from weberlink.geometry.vector import Vector, distance, dot, is_finite, norm
+from weberlink.slave.robots import BUILT_IN
+from weberlink.slave.robots.contract import OrientedRobot, RobotFault
 
 PATIENCE = 10.0  # [s] of real time until a test gives up on what must come
 

@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, is_finite
-from slave.integrators.choice import FEW
-from slave.robots.contract import RobotFault
-from slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
 from tests.examples import examples
+from weberlink.geometry.vector import ZERO, is_finite
+from weberlink.slave.integrators.choice import FEW
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
 UP = (0.0, 0.0, 1.0)

@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from codec.quaternion import turned
-from codec.rotation import IDENTITY, Quaternion, vector
-from codec.vector import ZERO, Vector, add, dot, is_finite, norm, scale, subtract
-from master.devices.operator import OperatorDevice, OperatorOptions
-from slave.robots.contract import OrientedRobot, RobotReading
-from slave.robots.point import PointOptions, PointRobot
-from slave.scenes.scene import Scene
-from slave.scenes.settings import SceneSettings, build
 from tests.examples import examples
+from weberlink.geometry.quaternion import turned
+from weberlink.geometry.rotation import IDENTITY, Quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, add, dot, is_finite, norm, scale, subtract
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.slave.robots.contract import OrientedRobot, RobotReading
+from weberlink.slave.robots.point import PointOptions, PointRobot
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.settings import SceneSettings, build
 
 TICK = 0.001
 SCENES: TypeAdapter[Any] = TypeAdapter(SceneSettings)

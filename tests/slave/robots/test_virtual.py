@@ -4,13 +4,13 @@ from typing import Any
 
 import pytest
 
-from codec.vector import ZERO, Vector, is_finite
-from slave.robots import load
-from slave.robots.contract import Robot
-from slave.scenes.box import BoxCavity
-from slave.scenes.contact import SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.slave.robots import load
+from weberlink.slave.robots.contract import Robot
+from weberlink.slave.scenes.box import BoxCavity
+from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
 every_driver = pytest.mark.parametrize("name", ["point", "simulated"])

@@ -2,16 +2,16 @@
 
 from math import sin
 
-from codec.vector import Vector
-from slave.scenes.box import Box, BoxCavity
-from slave.scenes.carved import Carved
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.height_field import HeightField, bumps
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
-from slave.scenes.shape import Shape
-from slave.scenes.sphere import Sphere, SphereCavity
-from slave.scenes.turned import Turned
+from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.box import Box, BoxCavity
+from weberlink.slave.scenes.carved import Carved
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.height_field import HeightField, bumps
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.shape import Shape
+from weberlink.slave.scenes.sphere import Sphere, SphereCavity
+from weberlink.slave.scenes.turned import Turned
 
 UP: Vector = (0.0, 0.0, 1.0)
 GROUND = Plane((0.0, 0.0, 0.0), UP)

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, dot, norm, scale
-from slave.scenes.active_set import displacement, smallest_push
+from weberlink.geometry.vector import Vector, dot, norm, scale
+from weberlink.slave.scenes.active_set import displacement, smallest_push
 
 
 @st.composite

@@ -2,10 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO
-from slave.scenes.contact import SceneObject
-from slave.scenes.scene import Scene
 from tests.slave.scenes.solids import GROUND
+from weberlink.geometry.vector import ZERO
+from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
 

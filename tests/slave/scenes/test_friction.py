@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, dot, norm, subtract
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.scene import Scene
-from slave.scenes.sphere import Sphere
 from tests.slave.scenes.solids import GROUND
+from weberlink.geometry.vector import Vector, dot, norm, subtract
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.sphere import Sphere
 
 TICK = 0.001
 STIFFNESS = 1000.0

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, add, distance, is_finite, subtract
-from slave.integrators.choice import chosen
-from slave.integrators.contract import Body
-from slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from slave.scenes.box import Box
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.moving import MovingScene
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
-from slave.scenes.sway import Sway
 from tests.slave.scenes.solids import GROUND, SHAPES, UP, wander
+from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, subtract
+from weberlink.slave.integrators.choice import chosen
+from weberlink.slave.integrators.contract import Body
+from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.slave.scenes.box import Box
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.moving import MovingScene
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.sway import Sway
 
 TICK = 0.001
 STIFFNESS = 500.0

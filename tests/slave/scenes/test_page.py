@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 from pydantic import TypeAdapter
 
-from slave.scenes.settings import (
+from weberlink.slave.scenes.settings import (
     BoxShape,
     HeightFieldShape,
     MotionSettings,

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract
-from slave.scenes.box import Box, BoxCavity
-from slave.scenes.carved import Carved
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.proxy import along
-from slave.scenes.scene import Scene
-from slave.scenes.sphere import Sphere, SphereCavity
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, elastic, scenes, wander
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract
+from weberlink.slave.scenes.box import Box, BoxCavity
+from weberlink.slave.scenes.carved import Carved
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.proxy import along
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.sphere import Sphere, SphereCavity
 
 TICK = 0.001
 near = st.floats(-0.08, 0.08)
@@ -280,8 +280,8 @@ def test_an_impossible_surface_is_refused_by_name(thing: object, named: str) -> 
     ("surface", "expected"),
     [
         ("", []),
-        (", damping_n_s_m=1.0", ["slave.scenes.damping"]),
-        (", friction=FrictionCone(0.4, 0.3)", ["slave.scenes.friction"]),
+        (", damping_n_s_m=1.0", ["weberlink.slave.scenes.damping"]),
+        (", friction=FrictionCone(0.4, 0.3)", ["weberlink.slave.scenes.friction"]),
     ],
 )
 def test_what_a_scene_does_not_name_is_not_imported(surface: str, expected: list[str]) -> None:
@@ -292,7 +292,7 @@ def test_what_a_scene_does_not_name_is_not_imported(surface: str, expected: list
         "from slave.scenes.scene import Scene\n"
         f"scene = Scene([SceneObject(Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), 500.0{surface})])\n"
         "scene.force((0.0, 0.0, -0.01), 0.001)\n"
-        "named = {'slave.scenes.damping', 'slave.scenes.friction', 'numpy', 'pydantic'}\n"
+        "named = {'weberlink.slave.scenes.damping', 'weberlink.slave.scenes.friction', 'numpy', 'pydantic'}\n"
         "sys.stdout.write(' '.join(sorted(named & set(sys.modules))))\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

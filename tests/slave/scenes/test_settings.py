@@ -4,8 +4,8 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from slave.scenes.scene import Scene
-from slave.scenes.settings import SceneSettings, build
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.settings import SceneSettings, build
 
 SCENE: TypeAdapter[Any] = TypeAdapter(SceneSettings)
 TICK = 0.001

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, add, distance, dot, is_finite, norm, scale, subtract
-from slave.scenes.box import Box
-from slave.scenes.height_field import HeightField, bumps
-from slave.scenes.plane import Plane
-from slave.scenes.sphere import Sphere, SphereCavity
-from slave.scenes.turned import Turned
 from tests.slave.scenes.solids import SHAPES, field
+from weberlink.geometry.vector import Vector, add, distance, dot, is_finite, norm, scale, subtract
+from weberlink.slave.scenes.box import Box
+from weberlink.slave.scenes.height_field import HeightField, bumps
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.sphere import Sphere, SphereCavity
+from weberlink.slave.scenes.turned import Turned
 
 near = st.floats(-0.08, 0.08)
 points = st.tuples(near, near, near)

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import distance, norm
-from slave.scenes.sway import Sway, Wave
+from weberlink.geometry.vector import distance, norm
+from weberlink.slave.scenes.sway import Sway, Wave
 
 ALONG = (0.6, 0.0, 0.8)
 STEP = 1e-5

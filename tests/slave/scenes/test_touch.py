@@ -2,10 +2,10 @@
 
 import pytest
 
-from codec.vector import ZERO, add, norm, scale
-from slave.scenes.contact import FrictionCone, SceneObject
-from slave.scenes.scene import Scene
 from tests.slave.scenes.solids import GROUND, SHAPES, UP, elastic, scenes, wander
+from weberlink.geometry.vector import ZERO, add, norm, scale
+from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
 CONE = FrictionCone(0.5, 0.4)

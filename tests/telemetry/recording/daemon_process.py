@@ -7,8 +7,8 @@ every byte, and its deadline.
 import sys
 import time
 
-from telemetry.record import FIELDS
-from telemetry.ring import RingWriter
+from weberlink.telemetry.record import FIELDS
+from weberlink.telemetry.ring import RingWriter
 
 path, side, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
 capacity = int(sys.argv[4]) if len(sys.argv) > 4 else 10_000

@@ -4,8 +4,8 @@ import json
 import resource
 import sys
 
-from telemetry.recording.writer import RecordingWriter
 from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
+from weberlink.telemetry.recording.writer import RecordingWriter
 
 path, limit = sys.argv[1], int(sys.argv[2])
 if limit:

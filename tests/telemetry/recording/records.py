@@ -6,8 +6,8 @@ import numpy as np
 from mcap.stream_reader import StreamReader
 from numpy.typing import NDArray
 
-from telemetry.reader import DTYPE
-from telemetry.recording.writer import Origin, RecordingWriter
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 
 SIDES = ("master", "slave")
 FACTS = {"bank": "zoh plane", "configuration": "rate_hz: 1000\n# ü\n"}

@@ -8,11 +8,11 @@ import pytest
 from mcap.records import Chunk, DataEnd, Schema
 from mcap.writer import CompressionType, Writer
 
-from telemetry.reader import DTYPE
-from telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
-from telemetry.recording.origin import TOPICS
-from telemetry.recording.reader import RecordingError, read_recording
 from tests.telemetry.recording.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
+from weberlink.telemetry.recording.origin import TOPICS
+from weberlink.telemetry.recording.reader import RecordingError, read_recording
 
 
 @pytest.fixture

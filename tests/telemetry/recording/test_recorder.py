@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from telemetry.reader import RingReader
-from telemetry.record import COLUMNS, FIELDS
-from telemetry.recording.reader import read_recording
-from telemetry.recording.recorder import Order, Source
-from telemetry.recording.writer import RecordingWriter
-from telemetry.ring import RingWriter
 from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.record import COLUMNS, FIELDS
+from weberlink.telemetry.recording.reader import read_recording
+from weberlink.telemetry.recording.recorder import Order, Source
+from weberlink.telemetry.recording.writer import RecordingWriter
+from weberlink.telemetry.ring import RingWriter
 
 ROOT = Path(__file__).parents[3]
 PATIENCE = 120.0
@@ -48,7 +48,7 @@ class Session:
     def recorder(self, sides=SIDES, **changes):
         rings = {side: str(self.ring(side)) for side in sides}
         order = Order(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
-        return self._start("-m", "telemetry.recording.recorder", order.to_json())
+        return self._start("-m", "weberlink.telemetry.recording.recorder", order.to_json())
 
     def _start(self, *arguments):
         process = subprocess.Popen(
@@ -190,7 +190,7 @@ def test_it_outlives_whoever_started_it(session):
     order = Order({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
     parent = subprocess.Popen(
         [sys.executable, "-c", "import subprocess, sys, time\n"
-         "process = subprocess.Popen([sys.executable, '-m', 'telemetry.recording.recorder', sys.argv[1]],"
+         "process = subprocess.Popen([sys.executable, '-m', 'weberlink.telemetry.recording.recorder', sys.argv[1]],"
          " stdout=subprocess.PIPE, start_new_session=True)\n"
          "print(process.pid, flush=True)\n"
          "time.sleep(100)", order.to_json()],
@@ -390,7 +390,10 @@ def test_a_ring_that_was_full_before_is_read_to_its_end(session):
     assert (status, told["records"]) == (0, {"slave": 4999})
 
 
-@pytest.mark.parametrize("module", ["telemetry", "telemetry.ring", "telemetry.record", "telemetry.reader"])
+@pytest.mark.parametrize(
+    "module",
+    ["weberlink.telemetry", "weberlink.telemetry.ring", "weberlink.telemetry.record", "weberlink.telemetry.reader"],
+)
 def test_a_daemon_never_loads_the_library(module):
-    code = f"import {module}, sys; sys.exit('mcap' in sys.modules or 'telemetry.recording' in sys.modules)"
+    code = f"import {module}, sys; sys.exit('mcap' in sys.modules or 'weberlink.telemetry.recording' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0

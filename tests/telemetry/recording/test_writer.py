@@ -18,12 +18,6 @@ from mcap.opcode import Opcode
 from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, MessageIndex
 
-from telemetry.reader import DTYPE
-from telemetry.record import FIELDS
-from telemetry.recording.message import ENCAPSULATION, END, SCHEMA_NAME
-from telemetry.recording.message import FACTS as FACTS_NAME
-from telemetry.recording.reader import read_recording
-from telemetry.recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
 from tests.examples import examples
 from tests.telemetry.recording.records import (
     FACTS,
@@ -36,6 +30,12 @@ from tests.telemetry.recording.records import (
     same,
     small_file,
 )
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import FIELDS
+from weberlink.telemetry.recording.message import ENCAPSULATION, END, SCHEMA_NAME
+from weberlink.telemetry.recording.message import FACTS as FACTS_NAME
+from weberlink.telemetry.recording.reader import read_recording
+from weberlink.telemetry.recording.writer import CHUNK_RECORDS, Origin, RecordingExistsError, RecordingWriter
 
 ROOT = Path(__file__).parents[3]
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from select import select
 from struct import pack
 
-from master.devices.haply.board import RESET
-from master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.board import RESET
+from weberlink.master.devices.haply.version import VERSIONS
 
 BOARD = VERSIONS["v3"].board
 ZERO = BOARD.torques(0.0, 0.0)

@@ -9,8 +9,8 @@ import sys
 from select import select
 from time import monotonic, sleep
 
-from master.devices.contract import DeviceFault
-from master.devices.haply.device import HaplyDevice, HaplyOptions
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.haply.device import HaplyDevice, HaplyOptions
 
 TICK = 0.001
 

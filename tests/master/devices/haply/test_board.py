@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.fault import BadReply
-from master.devices.haply.board import REPLY_SIZE, RESET, Board, Encoder, Motor
-from master.devices.haply.version import VERSIONS
 from tests.examples import examples
+from weberlink.hardware.fault import BadReply
+from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, Board, Encoder, Motor
+from weberlink.master.devices.haply.version import VERSIONS
 
 V2, V3 = VERSIONS["v2"].board, VERSIONS["v3"].board
 ANY = replace(V3, whole_counts=False)

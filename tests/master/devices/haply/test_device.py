@@ -12,14 +12,14 @@ from typing import Any
 
 import pytest
 
-from codec.vector import ZERO, Vector, distance
-from hardware.pty_device import PtyDevice
-from hardware.serial_port import SerialPort
-from master.devices.contract import DeviceFault
-from master.devices.haply.device import HaplyDevice, HaplyOptions
-from master.devices.haply.fivebar import degrees
-from master.devices.haply.version import VERSIONS
-from master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
+from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.haply.device import HaplyDevice, HaplyOptions
+from weberlink.master.devices.haply.fivebar import degrees
+from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 TICK = 0.001
 PATIENCE_S = 10.0

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from hardware.fault import BadReply, HardwareFault
-from master.devices.haply.board import RESET
-from master.devices.haply.exchange import Conduct, HaplyExchange
-from master.devices.haply.frame import Frame
-from master.devices.haply.version import VERSIONS
 from tests.master.devices.haply.far_end import BOARD, ZERO, Far, at
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.haply.board import RESET
+from weberlink.master.devices.haply.exchange import Conduct, HaplyExchange
+from weberlink.master.devices.haply.frame import Frame
+from weberlink.master.devices.haply.version import VERSIONS
 
 V3 = VERSIONS["v3"]
 HOME = at(*BOARD.home_deg)

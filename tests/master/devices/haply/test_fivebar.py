@@ -6,9 +6,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from master.devices.haply.fivebar import FiveBar, Pair, Unreachable, degrees, radians
-from master.devices.haply.version import VERSIONS
 from tests.examples import examples
+from weberlink.master.devices.haply.fivebar import FiveBar, Pair, Unreachable, degrees, radians
+from weberlink.master.devices.haply.version import VERSIONS
 
 every_version = pytest.mark.parametrize("name", sorted(VERSIONS))
 STEP = 1e-6

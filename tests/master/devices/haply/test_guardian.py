@@ -16,16 +16,16 @@ from time import monotonic, sleep
 
 import pytest
 
-from codec.vector import ZERO, norm
-from hardware.fault import HardwareFault
-from hardware.pty_device import PtyDevice
-from hardware.serial_port import SerialPort
-from master.devices.haply.board import Board
-from master.devices.haply.fivebar import degrees
-from master.devices.haply.version import VERSIONS
-from master.devices.threaded_device import RAMP_S
-from master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 from tests.master.devices.haply import host
+from weberlink.geometry.vector import ZERO, norm
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.master.devices.haply.board import Board
+from weberlink.master.devices.haply.fivebar import degrees
+from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 PATIENCE_S = 30.0
 LIMIT_S = 0.1

@@ -5,9 +5,9 @@ from time import monotonic, sleep
 
 import pytest
 
-from hardware.fault import BadReply, HardwareFault
-from master.devices.haply.line import Forgotten, Line
 from tests.master.devices.haply.far_end import BOARD, ZERO, Far, answer, counts
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.haply.line import Forgotten, Line
 
 PUSH = BOARD.torques(0.1, -0.1)
 LONG_S = 10.0

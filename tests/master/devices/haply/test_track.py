@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware.fault import BadReply, HardwareFault
-from master.devices.haply.fivebar import Pair, radians
-from master.devices.haply.track import FASTEST, STUCK_TRAVEL, Track
-from master.devices.haply.version import VERSIONS
 from tests.examples import examples
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.haply.fivebar import Pair, radians
+from weberlink.master.devices.haply.track import FASTEST, STUCK_TRAVEL, Track
+from weberlink.master.devices.haply.version import VERSIONS
 
 V3 = VERSIONS["v3"]
 HOME = radians(V3.board.home_deg)

@@ -3,11 +3,11 @@
 from collections import deque
 from time import monotonic, sleep
 
-from hardware.emulator import WireFaults
-from hardware.fault import HardwareFault
-from hardware.guardian import Guardian
-from master.devices.polhem.bracket import Status, decode_currents, encode_status
-from master.devices.polhem.reports import LONG, Sensors, SetCounters, decode_command, encode_sensors
+from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import Guardian
+from weberlink.master.devices.polhem.bracket import Status, decode_currents, encode_status
+from weberlink.master.devices.polhem.reports import LONG, Sensors, SetCounters, decode_command, encode_sensors
 
 Counts6 = tuple[int, int, int, int, int, int]
 

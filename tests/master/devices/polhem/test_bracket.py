@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from master.devices.polhem.bracket import (
+from tests.examples import examples
+from weberlink.master.devices.polhem.bracket import (
     ERRORS,
     LONGEST,
     Status,
@@ -14,7 +15,6 @@ from master.devices.polhem.bracket import (
     encode_currents,
     encode_status,
 )
-from tests.examples import examples
 
 int32 = st.integers(-(2**31), 2**31 - 1)
 statuses = st.builds(

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, distance, norm
-from master.devices.polhem.force_stage import RAMP_S, ForceStage
-from master.devices.polhem.parameters import PARAMETERS
 from tests.examples import examples
+from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.master.devices.polhem.force_stage import RAMP_S, ForceStage
+from weberlink.master.devices.polhem.parameters import PARAMETERS
 
 modest = examples(60)
 

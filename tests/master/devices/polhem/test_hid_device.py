@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from codec.vector import ZERO, Vector, distance
-from hardware.guardian import Guardian
-from master.devices.contract import DeviceFault
-from master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
-from master.devices.polhem.options import PolhemHidOptions
-from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.polhem_device import STALL_S, PolhemDevice
-from master.devices.polhem.reports import LONG, SHORT, SetCounters
-from master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
 from tests.master.devices.polhem.boards import Board
+from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.hardware.guardian import Guardian
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
+from weberlink.master.devices.polhem.options import PolhemHidOptions
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.polhem_device import STALL_S, PolhemDevice
+from weberlink.master.devices.polhem.reports import LONG, SHORT, SetCounters
+from weberlink.master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
 
 TICK = 0.001
 PATIENCE = 10.0

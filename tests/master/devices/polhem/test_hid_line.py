@@ -5,7 +5,7 @@ from time import monotonic
 
 import pytest
 
-from master.devices.polhem.hid_line import all_reports
+from weberlink.master.devices.polhem.hid_line import all_reports
 
 
 class Scripted:

@@ -4,8 +4,8 @@ from time import sleep
 
 import pytest
 
-from hardware.fault import BadReply, HardwareFault
-from master.devices.polhem.homing import await_press, zeroed
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.polhem.homing import await_press, zeroed
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from hardware.fault import HardwareFault
-from hardware.found import Found
-from master.devices.polhem.identity import Identity, located
-from master.devices.polhem.serial_device import teensys
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import Found
+from weberlink.master.devices.polhem.identity import Identity, located
+from weberlink.master.devices.polhem.serial_device import teensys
 
 ONE, OTHER = Found("/dev/ttyX1", "USB Serial", "111"), Found("/dev/ttyX2", "USB Serial", "222")
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from hardware.fault import BadReply
-from master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, LockStep
-from master.devices.polhem.polhem_device import BAD_REPLIES
+from weberlink.hardware.fault import BadReply
+from weberlink.master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, LockStep
+from weberlink.master.devices.polhem.polhem_device import BAD_REPLIES
 
 PATIENCE = 0.01
 REST = -1

@@ -7,13 +7,13 @@ from random import Random
 
 import pytest
 
-from codec.vector import Vector, distance, dot, norm
-from master.devices.contract import Quaternion
-from master.devices.polhem.drive import Angles, Counts, Drive
-from master.devices.polhem.five_bar import FiveBar
-from master.devices.polhem.linkage import SerialParallelogram
-from master.devices.polhem.mechanism import Mechanism
-from master.devices.polhem.parameters import PARAMETERS, Board, Parameters
+from weberlink.geometry.vector import Vector, distance, dot, norm
+from weberlink.master.devices.contract import Quaternion
+from weberlink.master.devices.polhem.drive import Angles, Counts, Drive
+from weberlink.master.devices.polhem.five_bar import FiveBar
+from weberlink.master.devices.polhem.linkage import SerialParallelogram
+from weberlink.master.devices.polhem.mechanism import Mechanism
+from weberlink.master.devices.polhem.parameters import PARAMETERS, Board, Parameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 ORIGIN: Vector = (0.0, 0.0, 0.0)

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 import yaml
 
-from codec.vector import ZERO, Vector, distance, norm
-from master.devices import load
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.master.devices import load
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
 EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]

@@ -6,10 +6,10 @@ from typing import Any, get_args
 import pytest
 from pydantic import ValidationError
 
-from master.devices.polhem.bracket import MODELS
-from master.devices.polhem.drive import Drive
-from master.devices.polhem.options import Model, PolhemHidOptions, SetName
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
+from weberlink.master.devices.polhem.bracket import MODELS
+from weberlink.master.devices.polhem.drive import Drive
+from weberlink.master.devices.polhem.options import Model, PolhemHidOptions, SetName
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from master.devices.polhem.hid_device import PolhemHidDevice
-from master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
-from master.devices.polhem.serial_device import PolhemSerialDevice
+from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
+from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
+from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
 
 TICK = 0.001
 HID, SERIAL = PolhemHidOptions, PolhemSerialOptions

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from master.devices.polhem.reports import (
+from tests.examples import examples
+from weberlink.master.devices.polhem.reports import (
     LONG,
     SHORT,
     Sensors,
@@ -16,7 +17,6 @@ from master.devices.polhem.reports import (
     encode_sensors,
     wrapped,
 )
-from tests.examples import examples
 
 modest = examples(60)
 

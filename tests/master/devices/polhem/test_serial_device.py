@@ -9,16 +9,16 @@ from typing import Any
 
 import pytest
 
-from codec.vector import ZERO, Vector, norm
-from hardware.fault import BadReply
-from hardware.pty_device import PtyDevice
-from master.devices.contract import DeviceFault, DeviceReading
-from master.devices.polhem.lock_step import QUIET_S
-from master.devices.polhem.options import PolhemSerialOptions
-from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
-from master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from tests.master.devices.polhem.boards import Counts6, Teensy
+from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.hardware.fault import BadReply
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.master.devices.contract import DeviceFault, DeviceReading
+from weberlink.master.devices.polhem.lock_step import QUIET_S
+from weberlink.master.devices.polhem.options import PolhemSerialOptions
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
+from weberlink.master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 TICK = 0.001
 PATIENCE = 10.0

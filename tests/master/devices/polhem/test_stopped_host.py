@@ -7,11 +7,11 @@ import sys
 from pathlib import Path
 from time import monotonic, sleep
 
-from codec.vector import norm
-from hardware.pty_device import PtyDevice
-from master.devices.polhem.bracket import WATCHDOG_S
-from master.devices.polhem.force_stage import RAMP_S
-from master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.geometry.vector import norm
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.master.devices.polhem.bracket import WATCHDOG_S
+from weberlink.master.devices.polhem.force_stage import RAMP_S
+from weberlink.master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 ROOT = Path(__file__).parents[4]
 PATIENCE = 20.0
@@ -19,7 +19,7 @@ PUSH_N, FULL_N = 2.0, 5.0
 HOST = f"""
 import sys
 from time import monotonic, sleep
-from master.devices import load
+from weberlink.master.devices import load
 driver = load("polhem_serial")
 options = driver.Options(port=sys.argv[1], model="woodenhaptics")
 options = options.model_copy(update=dict(signs_checked=driver.fingerprint(options)))

@@ -5,11 +5,11 @@ from math import acos, cos, hypot, pi, radians, sin
 
 import pytest
 
-from codec.vector import norm
-from master.devices.polhem.drive import Angles
-from master.devices.polhem.force_stage import ForceStage
-from master.devices.polhem.parameters import PARAMETERS, Parameters
-from master.devices.polhem.weight import GRAVITY_M_S2
+from weberlink.geometry.vector import norm
+from weberlink.master.devices.polhem.drive import Angles
+from weberlink.master.devices.polhem.force_stage import ForceStage
+from weberlink.master.devices.polhem.parameters import PARAMETERS, Parameters
+from weberlink.master.devices.polhem.weight import GRAVITY_M_S2
 
 WITH_MASSES = [each for each in PARAMETERS.values() if each.mechanism.weight is not None]
 with_masses = pytest.mark.parametrize("parameters", WITH_MASSES, ids=[each.name for each in WITH_MASSES])

@@ -4,11 +4,11 @@ from math import sin
 
 import pytest
 
-from codec.vector import Vector, distance
-from hardware.fault import BadReply, HardwareFault
-from master.devices.contract import DeviceReading
-from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.whereabouts import Whereabouts
+from weberlink.geometry.vector import Vector, distance
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.whereabouts import Whereabouts
 
 WOODY = PARAMETERS["woodenhaptics_2015"]
 HOME = (0, 0, 0, 0, 0, 0)

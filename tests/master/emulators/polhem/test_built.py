@@ -5,18 +5,18 @@ from typing import Any, get_args
 import pytest
 from pydantic import ValidationError
 
-from codec.vector import Vector, distance, norm
-from master.devices.polhem.force_stage import ForceStage
-from master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
-from master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
-from master.devices.polhem.reports import LONG, SHORT, decode_sensors, encode_command
-from master.emulators.polhem import (
+from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.master.devices.polhem.force_stage import ForceStage
+from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
+from weberlink.master.devices.polhem.reports import LONG, SHORT, decode_sensors, encode_command
+from weberlink.master.emulators.polhem import (
     PolhemHidEmulator,
     PolhemHidEmulatorOptions,
     PolhemSerialEmulator,
     PolhemSerialEmulatorOptions,
 )
-from master.emulators.polhem.built import BUILT, Host, Wire
+from weberlink.master.emulators.polhem.built import BUILT, Host, Wire
 
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0, "hand": {"stiffness_n_m": 3000.0}}
 FORCES: tuple[Vector, ...] = ((0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8))

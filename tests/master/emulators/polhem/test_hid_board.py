@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import distance
-from master.devices.polhem.parameters import PARAMETERS
-from master.devices.polhem.reports import (
+from tests.examples import examples
+from weberlink.geometry.vector import distance
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.devices.polhem.reports import (
     LONG,
     SHORT,
     Sensors,
@@ -18,8 +19,7 @@ from master.devices.polhem.reports import (
     decode_sensors,
     encode_command,
 )
-from master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
-from tests.examples import examples
+from weberlink.master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
 
 FRAME = 0.001
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}

@@ -10,12 +10,12 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import distance
-from hardware.pty_device import PtyDevice
-from master.devices.polhem.bracket import Status, StatusReader, encode_currents
-from master.devices.polhem.parameters import PARAMETERS
-from master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 from tests.examples import examples
+from weberlink.geometry.vector import distance
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.master.devices.polhem.bracket import Status, StatusReader, encode_currents
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 TICK = 0.001
 MODELS = {

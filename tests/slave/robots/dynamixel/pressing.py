@@ -7,9 +7,9 @@ import sys
 from time import monotonic, sleep
 from typing import Final
 
-from slave.robots.contract import RobotFault
-from slave.robots.dynamixel.driver import DynamixelRobot
-from slave.robots.dynamixel.options import DynamixelOptions
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.slave.robots.dynamixel.driver import DynamixelRobot
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 GROUND_M: Final = 0.1
 GOAL_M: Final = (0.2, 0.02, GROUND_M - 0.02)

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, VISCOUS_N_M_S, Joints, inverse_nearest, posture
-from slave.robots.dynamixel.impedance import Gains, joint_torques
-from slave.robots.dynamixel.options import DynamixelOptions
+from weberlink.slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, VISCOUS_N_M_S, Joints, inverse_nearest, posture
+from weberlink.slave.robots.dynamixel.impedance import Gains, joint_torques
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 Matrix = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import Vector, distance, dot
-from slave.emulators.pose import Pose
-from slave.robots.dynamixel import arm
-from slave.robots.dynamixel.arm import (
+from weberlink.geometry.vector import Vector, distance, dot
+from weberlink.slave.emulators.pose import Pose
+from weberlink.slave.robots.dynamixel import arm
+from weberlink.slave.robots.dynamixel.arm import (
     LOWER,
     ROTOR_INERTIA_KG_M2,
     UPPER,
@@ -19,8 +19,8 @@ from slave.robots.dynamixel.arm import (
     posture,
     within_limits,
 )
-from slave.robots.dynamixel.exchange import WEIGHT_A
-from slave.robots.dynamixel.options import DynamixelOptions
+from weberlink.slave.robots.dynamixel.exchange import WEIGHT_A
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 STEP = 1e-6
 ROTOR = ROTOR_INERTIA_KG_M2

@@ -9,11 +9,11 @@ from threading import Event, Thread
 
 import pytest
 
-from hardware.fault import BadReply, HardwareFault
-from hardware.serial_port import SerialPort
-from slave.robots.dynamixel import packet, registers
-from slave.robots.dynamixel.bus import MARK_SIZES, Bus, Present
-from slave.robots.dynamixel.packet import ALERT, Packet, PacketReader, Status, encode_packet, encode_status
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.slave.robots.dynamixel import packet, registers
+from weberlink.slave.robots.dynamixel.bus import MARK_SIZES, Bus, Present
+from weberlink.slave.robots.dynamixel.packet import ALERT, Packet, PacketReader, Status, encode_packet, encode_status
 
 IDS = (11, 12, 13, 14)
 PATIENCE = 10.0

@@ -10,18 +10,18 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from codec.vector import Vector, distance
-from hardware.fault import BadReply, HardwareFault
-from hardware.pty_device import PtyDevice
-from hardware.serial_port import SerialPort
-from slave.emulators.dynamixel import DynamixelEmulator
-from slave.robots.contract import RobotFault, RobotReading
-from slave.robots.dynamixel import registers
-from slave.robots.dynamixel.bus import Bus
-from slave.robots.dynamixel.driver import DynamixelRobot
-from slave.robots.dynamixel.options import DynamixelOptions, corners
-from slave.scenes.scene import Scene
-from tests.weberlink.systems import CONFIGS
+from tests.system.systems import CONFIGS
+from weberlink.geometry.vector import Vector, distance
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.serial_port import SerialPort
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator
+from weberlink.slave.robots.contract import RobotFault, RobotReading
+from weberlink.slave.robots.dynamixel import registers
+from weberlink.slave.robots.dynamixel.bus import Bus
+from weberlink.slave.robots.dynamixel.driver import DynamixelRobot
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions, corners
+from weberlink.slave.scenes.scene import Scene
 
 PATIENCE = 10.0
 TICK = 0.001

@@ -5,16 +5,16 @@ from itertools import pairwise
 
 import pytest
 
-from codec.vector import Vector, distance, norm, subtract
-from hardware.fault import BadReply, HardwareFault
-from slave.emulators.dynamixel import DynamixelOptions as EmulatedOptions
-from slave.robots.dynamixel import registers
-from slave.robots.dynamixel.arm import Joints, posture
-from slave.robots.dynamixel.exchange import WATCH_EVERY
-from slave.robots.dynamixel.external_force import force_error
-from slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
-from slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
 from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
+from weberlink.geometry.vector import Vector, distance, norm, subtract
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.slave.emulators.dynamixel import DynamixelOptions as EmulatedOptions
+from weberlink.slave.robots.dynamixel import registers
+from weberlink.slave.robots.dynamixel.arm import Joints, posture
+from weberlink.slave.robots.dynamixel.exchange import WATCH_EVERY
+from weberlink.slave.robots.dynamixel.external_force import force_error
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
+from weberlink.slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
 
 AT_WORK: Vector = (0.2, 0.03, 0.13)
 FLOOR_Z = 0.1

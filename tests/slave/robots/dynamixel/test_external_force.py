@@ -6,9 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, distance, norm, scale
-from slave.robots.dynamixel.arm import COULOMB_N_M, LOWER, UPPER, VISCOUS_N_M_S, Joints, inverse_nearest, posture
-from slave.robots.dynamixel.external_force import Friction, LowPass, force_error, tip_force
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
+from weberlink.slave.robots.dynamixel.arm import (
+    COULOMB_N_M,
+    LOWER,
+    UPPER,
+    VISCOUS_N_M_S,
+    Joints,
+    inverse_nearest,
+    posture,
+)
+from weberlink.slave.robots.dynamixel.external_force import Friction, LowPass, force_error, tip_force
 
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
 NONE = Friction(STILL, STILL)

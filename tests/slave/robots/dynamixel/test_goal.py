@@ -2,8 +2,8 @@
 
 from itertools import pairwise
 
-from codec.vector import Vector, distance
-from slave.robots.dynamixel.goal import Goal
+from weberlink.geometry.vector import Vector, distance
+from weberlink.slave.robots.dynamixel.goal import Goal
 
 HERE: Vector = (0.2, 0.0, 0.1)
 THERE: Vector = (0.2, 0.0, 0.12)

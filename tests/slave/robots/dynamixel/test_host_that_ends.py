@@ -14,11 +14,11 @@ from time import monotonic, sleep
 
 import pytest
 
-from hardware.pty_device import PtyDevice
-from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from slave.robots.dynamixel import options, registers
 from tests.slave.robots.dynamixel.pressing import GROUND_M
-from tests.weberlink.processes import PATIENCE, ROOT, until
+from tests.system.processes import PATIENCE, ROOT, until
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.robots.dynamixel import options, registers
 
 pytestmark = pytest.mark.realtime
 

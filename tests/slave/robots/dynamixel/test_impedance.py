@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from codec.vector import ZERO, Vector, add
-from slave.robots.dynamixel.arm import (
+from tests.slave.robots.dynamixel.stability import largest_eigenvalue, workspace
+from weberlink.geometry.vector import ZERO, Vector, add
+from weberlink.slave.robots.dynamixel.arm import (
     LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
     ROTOR_INERTIA_KG_M2,
@@ -17,7 +18,7 @@ from slave.robots.dynamixel.arm import (
     posture,
     within_limits,
 )
-from slave.robots.dynamixel.impedance import (
+from weberlink.slave.robots.dynamixel.impedance import (
     LIMIT_MARGIN_RAD,
     SLOWEST_HZ,
     Gains,
@@ -27,7 +28,6 @@ from slave.robots.dynamixel.impedance import (
     null_direction,
     stiffest,
 )
-from tests.slave.robots.dynamixel.stability import largest_eigenvalue, workspace
 
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])

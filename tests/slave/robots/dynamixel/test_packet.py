@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slave.robots.dynamixel import packet
-from slave.robots.dynamixel.packet import (
+from weberlink.slave.robots.dynamixel import packet
+from weberlink.slave.robots.dynamixel.packet import (
     HEADER,
     LONGEST,
     Packet,

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slave.robots.dynamixel import registers
-from slave.robots.dynamixel.registers import Register
+from weberlink.slave.robots.dynamixel import registers
+from weberlink.slave.robots.dynamixel.registers import Register
 
 TABLE = sorted(value for value in vars(registers).values() if isinstance(value, Register))
 

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from codec.vector import Vector
-from slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from slave.robots.dynamixel import options as of
-from slave.robots.dynamixel import packet, registers
-from slave.robots.dynamixel.exchange import ArmExchange, ArmSample
-from slave.robots.dynamixel.packet import Packet, PacketReader, Status, StatusReader, encode_packet
-from slave.robots.dynamixel.registers import Register
-from slave.robots.interpolation import Interpolation
+from weberlink.geometry.vector import Vector
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.robots.dynamixel import options as of
+from weberlink.slave.robots.dynamixel import packet, registers
+from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
+from weberlink.slave.robots.dynamixel.packet import Packet, PacketReader, Status, StatusReader, encode_packet
+from weberlink.slave.robots.dynamixel.registers import Register
+from weberlink.slave.robots.interpolation import Interpolation
 
 
 class VirtualTime:

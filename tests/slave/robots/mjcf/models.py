@@ -5,9 +5,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from codec.vector import Vector
-from slave.robots.contract import RobotReading
-from slave.robots.mjcf.driver import MujocoRobot
+from weberlink.geometry.vector import Vector
+from weberlink.slave.robots.contract import RobotReading
+from weberlink.slave.robots.mjcf.driver import MujocoRobot
 
 TICK = 0.001
 MASS = 0.2

@@ -10,11 +10,11 @@ pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 import numpy as np
 
-from codec.vector import ZERO, distance
-from slave.robots.mjcf.impedance import Impedance
-from slave.robots.mjcf.plant import Plant
-from slave.robots.mjcf.posture import settle
 from tests.slave.robots.mjcf.models import MASS, TICK, chain, gantry, hold, lead, readings, robot, written
+from weberlink.geometry.vector import ZERO, distance
+from weberlink.slave.robots.mjcf.impedance import Impedance
+from weberlink.slave.robots.mjcf.plant import Plant
+from weberlink.slave.robots.mjcf.posture import settle
 
 ABOVE = (0.0, 0.0, 0.04)
 

@@ -7,10 +7,10 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from codec.vector import ZERO, Vector
-from slave.robots.contract import RobotFault
-from slave.robots.mjcf.driver import LONGEST_GAP, MujocoRobot
 from tests.slave.robots.mjcf.models import GROUND, MASS, TICK, gantry, hold, robot, wall
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.slave.robots.mjcf.driver import LONGEST_GAP, MujocoRobot
 
 STIFF = 5000.0
 SERIES = 1.0 / (1.0 / GROUND + 1.0 / STIFF)

@@ -9,12 +9,12 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from codec.vector import ZERO
-from slave.robots.mjcf.driver import MujocoRobot
-from slave.scenes.contact import SceneObject
-from slave.scenes.plane import Plane
-from slave.scenes.scene import Scene
 from tests.slave.robots.mjcf.models import TICK, chain, gantry, robot
+from weberlink.geometry.vector import ZERO
+from weberlink.slave.robots.mjcf.driver import MujocoRobot
+from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.scene import Scene
 
 FIXED = '<mujoco><worldbody><body><geom size="0.1"/><site name="tip"/></body></worldbody></mujoco>'
 NAMELESS = '<mujoco><worldbody><body><joint/><geom size="0.1"/><site/></body></worldbody></mujoco>'
@@ -68,7 +68,7 @@ WITHOUT = """
 import sys
 sys.modules["mujoco"] = None
 from pathlib import Path
-from slave.robots import load
+from weberlink.slave.robots import load
 driver = load("mujoco")
 options = driver.Options(model=Path("model.xml"))
 driver.Options.model_json_schema()
@@ -85,6 +85,6 @@ def test_without_the_package_the_options_are_there_and_the_robot_says_what_is_mi
     assert ended.stderr == ""
     assert ended.stdout.splitlines() == [
         'driver mujoco: needs mujoco; install it with: pip install "weberlink[mujoco]"',
-        "['slave.robots.mjcf.driver', 'slave.robots.mjcf.options']",
+        "['weberlink.slave.robots.mjcf.driver', 'weberlink.slave.robots.mjcf.options']",
     ]
     assert MujocoRobot.NEEDS == ("mujoco", "mujoco")

@@ -8,9 +8,9 @@ import yaml
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from slave.robots.mjcf.driver import MujocoRobot
-from slave.robots.mjcf.options import MujocoOptions
 from tests.slave.robots.mjcf.models import TICK, lead
+from weberlink.slave.robots.mjcf.driver import MujocoRobot
+from weberlink.slave.robots.mjcf.options import MujocoOptions
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "mujoco.md").read_text()
 

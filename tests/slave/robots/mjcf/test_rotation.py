@@ -13,15 +13,15 @@ import yaml
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from codec.quaternion import inverse, product
-from codec.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
-from codec.vector import ZERO, Vector, add, dot, norm, scale, subtract
-from master.devices.operator import OperatorDevice, OperatorOptions
-from slave.robots.contract import OrientedRobot, RobotReading
-from slave.robots.mjcf.driver import MujocoRobot
-from slave.robots.mjcf.plant import Plant
-from slave.robots.mjcf.pose_impedance import PoseImpedance
 from tests.slave.robots.mjcf.models import SLIDES, TICK, chain, gantry, lead, robot, wall, written
+from weberlink.geometry.quaternion import inverse, product
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.slave.robots.contract import OrientedRobot, RobotReading
+from weberlink.slave.robots.mjcf.driver import MujocoRobot
+from weberlink.slave.robots.mjcf.plant import Plant
+from weberlink.slave.robots.mjcf.pose_impedance import PoseImpedance
 
 CONFIGS = Path(__file__).parents[4] / "configs"
 SPRING = 0.35

@@ -12,9 +12,9 @@ import yaml
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from codec.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
-from slave.robots.mjcf.driver import MujocoRobot
 from tests.slave.robots.mjcf.models import TICK, lead, readings
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from weberlink.slave.robots.mjcf.driver import MujocoRobot
 
 CONFIGS = Path(__file__).parents[4] / "configs"
 FELT = 2000.0 / 3.0

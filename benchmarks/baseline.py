@@ -1,0 +1,138 @@
+"""An earlier run beside this one: which figures, their ratio, and in what the two runs differ besides."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from weberlink.system.configuration import ConfigurationError
+
+KIND = "weberlink bench"
+VERSION = 1
+"""Of the document: raised when a figure changes its place or its meaning."""
+
+Document = Mapping[str, Any]
+
+
+def read(path: Path) -> Document:
+    """The document of an earlier run.
+
+    Raises:
+        ConfigurationError: if it cannot be read, or is not one.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"--baseline: {path}: cannot be read: {error.strerror}") from None
+    except ValueError:  # neither text nor JSON
+        raise ConfigurationError(f"--baseline: {path}: is not JSON; {_EXPECTED}") from None
+    if not isinstance(document, dict) or document.get("kind") != KIND:
+        raise ConfigurationError(f"--baseline: {path}: is not of a bench run; {_EXPECTED}")
+    if document.get("version") != VERSION:
+        raise ConfigurationError(
+            f"--baseline: {path}: is of version {document.get('version')}, this program compares version {VERSION}"
+        )
+    try:
+        figures(document)
+    except (KeyError, TypeError, AttributeError, ValueError):
+        raise ConfigurationError(f"--baseline: {path}: lacks figures of a bench run; {_EXPECTED}") from None
+    return document
+
+
+_EXPECTED = "expected what `weberlink bench --json FILE` wrote"
+
+
+def figures(document: Document) -> dict[str, float | None]:
+    """What is compared, by name with its unit, of a document of this version."""
+    return dict(_figures(document))
+
+
+def _figures(document: Document) -> Iterator[tuple[str, float | None]]:
+    for rate in document["lateness"]:
+        khz = f"{rate['rate_hz'] / 1e3:g} kHz"
+        for name in ("p50", "p99", "p99_9"):
+            yield f"{khz} lateness {name} [us]", _float(rate["lateness_us"][name])
+        yield f"{khz} limit p99 [us]", _float(rate["limit"]["lateness_us"]["p99"])
+        for side, daemon in rate["daemons"].items():
+            yield f"{khz} {side} missed [%]", 100.0 * daemon["missed_share"]
+    for way, summary in document["latency"]["weberlink_us"].items():
+        yield f"{way.replace('_', ' ')} p50 [us]", _float(summary["p50"])
+        yield f"{way.replace('_', ' ')} p99 [us]", _float(summary["p99"])
+    yield "plain round trip p50 [us]", _float(document["latency"]["plain_socket_us"]["round_trip"]["p50"])
+    for side, total in document["tick_cost"]["total_us"].items():
+        yield f"{side} tick, sum of parts [us]", _float(total)
+        yield f"{side} CPU, share of a core [%]", 100.0 * document["cpu"][side]["cpu_share"]
+    yield "codec live [samples/s]", _float(document["codec"]["live_samples_per_s"])
+    yield "codec compiled [samples/s]", _float(document["codec"]["compiled_samples_per_s"])
+    for side, memory in document["memory"].items():
+        yield f"{side} memory [KiB]", _float(memory["last_kib"])
+        yield f"{side} growth [KiB/min]", _float(memory["growth_kib_per_minute"])
+    for what, start in document["start_up"].items():
+        yield f"start of {what} [s]", _float(start["median_s"])
+
+
+def differences(earlier: Document, now: Document) -> list[str]:
+    """In what two runs differ that is not a figure, a line each."""
+    here, there = _circumstances(now), _circumstances(earlier)
+    return [
+        f"{name}: {there.get(name)} earlier, {value} now" for name, value in here.items() if there.get(name) != value
+    ]
+
+
+def _circumstances(document: Document) -> dict[str, Any]:
+    facts, about = document.get("environment", {}), document.get("host", {})
+    found = {name: facts.get(name) for name in ("machine", "cores", "system", "python", "commit")}
+    found |= facts.get("packages", {})
+    found |= {name: about.get(name) for name in ("preemption", "governors", "isolated_cpus", "command_line")}
+    found |= dict(document.get("rights", {}))
+    found["duration_s"] = document.get("duration_s")
+    found["limit of lateness"] = [rate["limit"]["name"] for rate in document["lateness"]][:1]
+    fast = document["latency"].get("sockperf")
+    found["sockperf"] = None if fast is None else fast.get("version")
+    return found
+
+
+def as_json(earlier: Document, now: Document) -> dict[str, Any]:
+    """The comparison for the document: figures that both runs have, and in what they differ besides."""
+    before, after = figures(earlier), figures(now)
+    return {
+        "figures": [
+            {"name": name, "earlier": before[name], "now": value, "ratio": _ratio(value, before[name])}
+            for name, value in after.items()
+            if name in before
+        ],
+        "differences": differences(earlier, now),
+    }
+
+
+def comparison(compared: Mapping[str, Any], name: str) -> Table:
+    """For people; of `as_json`."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(Text(f"beside {name}"), no_wrap=True, overflow="ellipsis")
+    for heading in ("earlier", "now", "now / earlier"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for figure in compared["figures"]:
+        table.add_row(Text(figure["name"]), *(_number(figure[key]) for key in ("earlier", "now", "ratio")))
+    whole = Table.grid()
+    whole.add_row(table)
+    said = compared["differences"]
+    if said:
+        whole.add_row(Text("the runs differ, and so may their figures, in " + "; ".join(said), style="yellow"))
+    return whole
+
+
+def _ratio(now: float | None, earlier: float | None) -> float | None:
+    return None if now is None or not earlier else now / earlier
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}" if abs(value) < 1e4 else f"{value:.0f}"
+
+
+def _float(value: object) -> float | None:
+    if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+        raise ValueError(f"{value!r} is not a number")
+    return value

@@ -1,0 +1,194 @@
+"""The way of an update through everything but the tick: encoder, endpoint, security, socket, endpoint, decoder.
+
+A process of its own, asking or answering (`benchmarks.echo`). The one that asks is the master of a session and
+sends positions; the one that answers is the slave and sends forces. Both are driven as a daemon drives them: an event
+loop that the socket wakes, its shell, and an endpoint. Only the wait for the next tick is left out: what has arrived is
+decoded at once.
+"""
+
+import asyncio
+import json
+import os
+import sys
+from collections.abc import Callable
+from importlib.resources import files
+from pathlib import Path
+from signal import SIGHUP
+from time import monotonic, monotonic_ns
+from typing import Any
+
+import uvloop
+
+from benchmarks.arrangement import tell
+from benchmarks.bare_echo import HOST, Moments
+from benchmarks.echo import ASK
+from benchmarks.rights import Rights
+from weberlink.codec import Decoder, Encoder, Update
+from weberlink.geometry.vector import Vector
+from weberlink.master.trace import read_trace
+from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
+from weberlink.protocol.roles import Role
+from weberlink.protocol.states import State
+from weberlink.realtime.garbage import freeze_garbage
+from weberlink.realtime.process import die_with_parent
+from weberlink.realtime.ticker import Ticker
+from weberlink.system.composition.link import build_endpoint, build_security, channels
+from weberlink.system.configuration import Configuration, load
+
+OVERRIDES = ("codec.force.weber=0", "codec.force.floor_n=0", "codec.position.weber=0", "codec.position.bound_m=0")
+"""Every sample is sent: it is the way of an update that is timed, not whether there is one."""
+PATIENCE_S = 10.0
+CONTACT_N = 0.2
+TREMBLE_M, TREMBLE_SHARE = 1e-4, 0.02
+
+
+class End:
+    """One end of the echo: codec, endpoint and shell, and the moments that it saw.
+
+    Args:
+        configuration: of the system.
+        role: of its endpoint.
+        port: of the peer, for the initiator.
+        epoch: `time.monotonic` of tick 0 of both ends [s].
+    """
+
+    def __init__(self, configuration: Configuration, role: Role, port: int, epoch: float) -> None:
+        system = configuration.system
+        forward, backward = channels(system)
+        asks = role is Role.INITIATOR
+        outgoing, incoming = (forward, backward) if asks else (backward, forward)
+        self.encoder, self.decoder = Encoder(outgoing), Decoder(incoming)
+        peer = (HOST, port) if asks else None
+        security = build_security(configuration)
+        self.endpoint = build_endpoint(system, role, security, os.urandom, epoch, (outgoing,), (incoming,), peer)
+        attend(self.endpoint, self._hear)
+        self._epoch, self._tick_period = epoch, system.tick_period
+        self.shell = UdpShell(self.endpoint, now=monotonic, listen=(HOST, 0))
+        self.samples = contact()
+        self.moments: dict[int, list[int]] = {}
+        self.ended = asyncio.Event()
+        self._take = self._end_trip if asks else self._answer
+
+    def position(self, tick: int) -> Vector:
+        return self.samples[tick % len(self.samples)][0]
+
+    def ask(self, _index: int, deadline: float, now: float) -> None:
+        """As a tick of the daemon: hear first, then encode, send and flush."""
+        self.shell.service(now)
+        if self.endpoint.state is State.ENGAGED:
+            tick = round((deadline - self._epoch) / self._tick_period)
+            position = self.position(tick)
+            began = monotonic_ns()
+            update = self.encoder.encode(tick, position)
+            if update is not None:
+                self.endpoint.send_update(now, *update)
+                self.moments[tick] = [began]
+        self.shell.flush(now)
+
+    def _hear(self) -> None:
+        while (event := self.endpoint.next_event()) is not None:
+            self._meet(event)
+
+    def _meet(self, event: Event) -> None:
+        if isinstance(event, UpdateReceived):
+            self.decoder.apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
+            self.decoder.value(event.tick + 1, self.position(event.tick))
+            self._take(event.tick)
+        elif isinstance(event, PeerClosed):
+            self.ended.set()
+
+    def _answer(self, tick: int) -> None:
+        there = monotonic_ns()
+        position, force = self.samples[tick % len(self.samples)]
+        back = monotonic_ns()
+        update = self.encoder.encode(tick, force, position)
+        if update is not None:
+            self.endpoint.send_update(monotonic(), *update)  # the shell is about to ask for it
+            self.moments[tick] = [there, back]
+
+    def _end_trip(self, tick: int) -> None:
+        moment = self.moments.get(tick)
+        if moment is not None:
+            moment.append(monotonic_ns())
+
+    def answered(self) -> Moments:
+        """The moments of the questions that came to their end."""
+        return {tick: (pair[0], pair[1]) for tick, pair in self.moments.items() if len(pair) == 2}
+
+
+def attend(endpoint: Endpoint, heard: Callable[[], None]) -> None:
+    """Have an endpoint call back before it is asked for what is to be sent: what it heard may be answered by then."""
+
+    class Attentive(Endpoint):
+        __slots__ = ()
+
+        def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
+            heard()
+            return super().datagrams_to_send()
+
+    endpoint.__class__ = Attentive
+
+
+def contact() -> list[tuple[Vector, Vector]]:
+    """Positions and forces of the shipped recording where something is touched, in a tremble that nothing predicts."""
+    trace = read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))
+    rows = zip(trace.position_m.tolist(), trace.force_n.tolist(), strict=True)
+    touching = [(position, force) for position, force in rows if max(map(abs, force)) > CONTACT_N]
+    return [_trembling(position, force, (-1) ** index) for index, (position, force) in enumerate(touching)]
+
+
+def _trembling(position: Vector, force: Vector, sign: int) -> tuple[Vector, Vector]:
+    x, y, z = position
+    fx, fy, fz = force
+    push = 1.0 + sign * TREMBLE_SHARE
+    return (x, y, z + sign * TREMBLE_M), (push * fx, push * fy, push * fz)
+
+
+async def run(end: End, order: dict[str, Any]) -> None:
+    """Until all questions are asked, or the peer has left."""
+    loop = asyncio.get_running_loop()
+    await end.shell.open(loop)
+    end.endpoint.connect(monotonic())
+    end.shell.flush(monotonic())
+    try:
+        if order["end"] == ASK:
+            await _ask(end, order)
+        else:
+            tell(f"{end.shell.address[1]}\n")
+            await end.ended.wait()
+    finally:
+        end.shell.close()
+
+
+async def _ask(end: End, order: dict[str, Any]) -> None:
+    wanted = order["warm_up"] + order["questions"]
+    # Woken as the bare echo is; a lead would let it begin with warm caches, and that one not.
+    ticker = Ticker(1.0 / order["rate_hz"], end.ask, leads=False)
+    ticker.start()
+    try:
+        until = monotonic() + wanted / order["rate_hz"] + PATIENCE_S
+        while len(end.moments) < wanted and monotonic() < until:
+            await asyncio.sleep(0.05)
+    finally:
+        ticker.stop()
+    end.endpoint.close(monotonic(), "completed")
+
+
+def main(text: str) -> int:
+    order = json.loads(text)
+    die_with_parent(SIGHUP, order["parent"])
+    asks = order["end"] == ASK
+    configuration = load(Path(order["file"]), [*order["overrides"], *OVERRIDES])
+    end = End(configuration, Role.INITIATOR if asks else Role.RESPONDER, order.get("port", 0), order["epoch"])
+    Rights(**order["rights"]).take(0 if asks else 1)
+    freeze_garbage()
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(run(end, order))
+    tell(json.dumps(end.answered()))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

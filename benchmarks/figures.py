@@ -1,0 +1,108 @@
+"""The figures of a bench run. Needs matplotlib (extra: plots), which nothing else imports."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import fill
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from benchmarks.lateness import Lateness
+from benchmarks.tick_cost import PARTS, TickCost
+
+COLOURS = {"master": "#0072B2", "slave": "#D55E00"}
+"""Okabe and Ito's, told apart by colour-blind readers; the limit is black and dashed."""
+PART_COLOURS = ("#0072B2", "#E69F00", "#F0E442", "#56B4E9", "#CC79A7", "#009E73", "#D55E00", "0.55")
+WAKING = "waking up ahead of time, event loop, cold caches"
+LEAST_US = 1.0
+STEPS_PER_DECADE = 400
+WIDTH_IN = 10.0
+CAPTION_PT, CAPTION_LINE = 7, 150
+
+
+def lateness_figure(rates: Sequence[Lateness], path: Path, caption: str) -> None:
+    """Share of ticks that are later than a lateness, a panel for each rate; daemons beside the limit.
+
+    Args:
+        rates: measured.
+        path: of the picture; its suffix names the format.
+        caption: where it was measured, printed below.
+    """
+    figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
+    panels = figure.subplots(1, len(rates), sharex=True, sharey=True, squeeze=False).ravel().tolist()
+    for axes, rate in zip(panels, rates, strict=True):
+        _panel(axes, rate)
+    panels[0].set_xlim(left=LEAST_US)  # shared, so once all is drawn
+    panels[0].set_ylim(top=1.5)
+    panels[0].set_ylabel("share of ticks that are later")
+    panels[0].legend(fontsize=8, loc="lower left")
+    figure.suptitle("How late a tick is, beside a thread that does nothing but wake", fontsize=11)
+    figure.supxlabel(_wrapped(caption), fontsize=CAPTION_PT, color="0.3")
+    figure.savefig(path, dpi=160)
+
+
+def _panel(axes: Axes, rate: Lateness) -> None:
+    curves = [(name, side.lateness_us, COLOURS[name], "-") for name, side in rate.sides.items()]
+    for name, values, colour, line in [*curves, (rate.limit.name, rate.limit.lateness_us, "black", "--")]:
+        axes.plot(*exceedance(values), color=colour, linestyle=line, linewidth=1.5, label=name, drawstyle="steps-pre")
+    axes.axvline(1e6 / rate.rate_hz, color="0.6", linewidth=0.8)
+    _note(axes, "one period", (1e6 / rate.rate_hz, 1.0), rotation=90)
+    axes.set(xscale="log", yscale="log")
+    for name, share in (("p99", 1e-2), ("p99.9", 1e-3)):
+        axes.axhline(share, color="0.6", linewidth=0.8)
+        axes.text(0.01, share, name, transform=axes.get_yaxis_transform(), va="bottom", fontsize=7)
+    axes.set_title(f"{rate.rate_hz / 1e3:g} kHz", fontsize=10)
+    axes.set_xlabel("lateness of a tick [us]", fontsize=9)
+    axes.grid(which="major", alpha=0.3)
+    axes.tick_params(labelsize=8)
+
+
+def _note(axes: Axes, text: str, at: tuple[float, float], *, rotation: float) -> None:
+    axes.annotate(
+        text, at, (-2, -2), textcoords="offset points", rotation=rotation, ha="right", va="top", fontsize=7, color="0.4"
+    )
+
+
+def exceedance(values: ArrayLike) -> tuple[list[float], list[float]]:
+    """Of values: each as an abscissa, and the share that is at least as large; the axis begins at `LEAST_US`.
+
+    Abscissas are as fine as can be seen: more points would only take time to draw.
+    """
+    decades = np.log10(np.maximum(np.asarray(values, dtype=np.float64), LEAST_US))
+    ordered = 10.0 ** (np.sort(np.round(decades * STEPS_PER_DECADE)) / STEPS_PER_DECADE)
+    firsts = np.flatnonzero(np.diff(ordered, prepend=-np.inf))
+    return ordered[firsts].tolist(), (1.0 - firsts / len(ordered)).tolist()
+
+
+def cpu_figure(cost: TickCost, live: Lateness, path: Path, caption: str) -> None:
+    """What a tick costs by part, a bar for each side, up to the CPU time that the live daemon takes for it."""
+    figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
+    axes = figure.subplots()
+    sides = list(cost.parts_us)
+    left = np.zeros(len(sides))
+    for part, colour in zip(PARTS, PART_COLOURS, strict=True):
+        widths = np.array([cost.parts_us[side][part] for side in sides])
+        _bars(axes, sides, widths, left, colour, part)
+        left += widths
+    booked = np.array([live.sides[side].cpu_s / live.sides[side].ticks * 1e6 for side in sides])
+    _bars(axes, sides, np.maximum(booked - left, 0.0), left, "0.88", WAKING)
+    for place, (side, total) in enumerate(zip(sides, booked.tolist(), strict=True)):
+        share = live.sides[side].cpu_s / live.sides[side].elapsed_s
+        end = max(total, float(left[place]))
+        axes.annotate(f"{100 * share:.1f} % of a core", (end, place), (4, 0), textcoords="offset points", va="center")
+    axes.set_xlim(right=1.25 * float(np.maximum(booked, left).max()))
+    axes.invert_yaxis()
+    axes.set_xlabel(f"CPU time of a tick at {live.rate_hz / 1e3:g} kHz [us]")
+    figure.legend(loc="outside upper center", ncols=5, fontsize=8, frameon=False)
+    figure.supxlabel(_wrapped(caption), fontsize=CAPTION_PT, color="0.3")
+    figure.savefig(path, dpi=160)
+
+
+def _bars(axes: Axes, sides: Sequence[str], widths: ArrayLike, left: ArrayLike, colour: str, label: str) -> None:
+    axes.barh(sides, widths, left=np.array(left), color=colour, edgecolor="white", linewidth=0.6, label=label)
+
+
+def _wrapped(caption: str) -> str:
+    return "\n".join(fill(line, CAPTION_LINE) for line in caption.splitlines())

@@ -1,1 +1,0 @@
-"""Offline: recorded signals through the codec, whole systems in virtual time, and the figures of a session."""

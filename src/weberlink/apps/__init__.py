@@ -1,0 +1,1 @@
+"""Programs around a session: monitor, doctor, device test, emulators, recordings."""

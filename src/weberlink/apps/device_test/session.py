@@ -1,0 +1,121 @@
+"""From a name and options to the test of one driver, and to its end in one line."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from weberlink.apps.device_test.dialog import Dialog, Left
+from weberlink.apps.device_test.master import try_master
+from weberlink.apps.device_test.outcome import DeviceTestError
+from weberlink.apps.device_test.robot import try_robot
+from weberlink.apps.devices import SIDES
+from weberlink.master.devices.contract import DeviceFault
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.system.composition.link import construct
+from weberlink.system.configuration import MASTER, ConfigurationError, load
+from weberlink.system.configuration.document import override
+from weberlink.system.configuration.errors import describe
+from weberlink.system.configuration.paths import settle
+from weberlink.system.extras import need
+
+RATE_HZ = 1000.0
+"""Of the loop that the driver is built for, where no file says another."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What was asked for on the command line.
+
+    Args:
+        name: of the driver.
+        file: a configuration that names it; None for its defaults.
+        overrides: "key=value" each, of the options of the driver; the whole path of the key will do too.
+    """
+
+    name: str
+    file: Path | None = None
+    overrides: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A driver of one side, with what it is built from."""
+
+    side: str
+    driver: Any
+    options: BaseModel
+    tick_period: float
+
+
+def run(request: Request, dialog: Dialog) -> None:
+    """Test a device or a robot.
+
+    Raises:
+        ConfigurationError: there is no such driver, or its options are wrong.
+        DeviceTestError: it failed, cannot be used, or the person stopped; force at zero, device closed.
+    """
+    part = _part(request)
+    where = SIDES[part.side].section
+
+    def build(*arguments: Any) -> Any:
+        return construct(where, part.driver, *arguments, part.tick_period)
+
+    try:
+        if part.side == MASTER:
+            try_master(part.driver, part.options, build, dialog)
+        else:
+            try_robot(part.driver, lambda: build(part.options, None), dialog)
+    except (DeviceFault, RobotFault) as fault:
+        raise DeviceTestError(str(fault)) from None
+    except (Left, KeyboardInterrupt):
+        dialog.tell("")
+        left = "; the force is off" if part.side == MASTER else ""
+        raise DeviceTestError(f"{request.name}: stopped before the end{left}") from None
+
+
+def _part(request: Request) -> Part:
+    side = next((name for name, each in SIDES.items() if request.name in each.table.drivers()), None)
+    if side is None:
+        known = ", ".join(name for each in SIDES.values() for name in sorted(each.table.drivers()))
+        raise ConfigurationError(f"{request.name}: there is no such driver; there are {known}")
+    section = SIDES[side].section
+    overrides = [text.removeprefix(f"{section}.") for text in request.overrides]
+    if request.file is not None:
+        loaded = load(request.file, [f"{section}.{text}" for text in overrides], sides=[side])
+        settings = loaded.system.master.device if side == MASTER else loaded.system.slave.robot
+        part = loaded.device if side == MASTER else loaded.robot
+        assert part is not None
+        if settings.driver != request.name:
+            raise ConfigurationError(f"{request.file}: {section}.driver: is {settings.driver}, not {request.name}")
+        return Part(side, part.driver, part.options, loaded.system.tick_period)
+    return _alone(request.name, side, overrides)
+
+
+def _alone(name: str, side: str, overrides: Sequence[str]) -> Part:
+    """A driver with its defaults and what the command line says."""
+    try:
+        driver: Any = SIDES[side].table.load(name)
+    except ImportError as error:
+        raise ConfigurationError(f"{name}: cannot be loaded: {error}") from None
+    need_of(driver, name)
+    content: dict[str, Any] = {}
+    overridden = {override(content, text) for text in overrides}
+    try:
+        options = driver.Options.model_validate(content)
+    except ValidationError as error:
+        raise ConfigurationError(describe(error, driver.Options, (name,))) from None
+    return Part(side, driver, settle(options, Path.cwd(), overridden), 1.0 / RATE_HZ)
+
+
+def need_of(driver: Any, name: str) -> None:
+    """Make sure of the optional package of a driver.
+
+    Raises:
+        ConfigurationError: it is not installed.
+    """
+    if hasattr(driver, "NEEDS"):
+        package, extra = driver.NEEDS
+        need(package, extra, name)

@@ -1,0 +1,141 @@
+"""What the kernel grants a daemon of this user, tried in a child process, and how late its timer wakes it there.
+
+The child imports what a daemon imports and asks for the same with the same calls, then waits for a timer half a second
+long. Run as a program it is that child: an answer as JSON on standard output.
+"""
+
+import json
+import os
+import select
+import subprocess
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import monotonic_ns
+
+from weberlink.realtime import timerfd
+from weberlink.realtime.histogram import Histogram
+from weberlink.realtime.process import prepare
+
+MEASURE_S = 0.5
+LIMIT_S = 30.0
+"""For a child that hangs."""
+IMPORTS = (
+    "asyncio",
+    "uvloop",
+    "weberlink.system.daemon",
+    "weberlink.system.composition.master",
+    "weberlink.system.composition.slave",
+)
+"""What any daemon has in memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to try.
+
+    Args:
+        priority: of SCHED_FIFO; 0 for none.
+        lock_memory: whether to lock it.
+        wakeful: whether to keep processors out of deep idle states.
+        cpu: to be pinned to; None for none.
+        rate_hz: of the ticks.
+        encrypted: whether a daemon needs the library for it.
+    """
+
+    priority: int
+    lock_memory: bool
+    wakeful: bool
+    cpu: int | None
+    rate_hz: float
+    encrypted: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What came of it.
+
+    Args:
+        grants: as a run reports them: name to `granted` and `detail`.
+        memory_bytes: address space of such a process, which is what a limit on locked memory must hold.
+        lateness_us: from the deadline to the wake-up: `p50`, `p99`, `max`.
+        wake_ups: of the measurement.
+        missed: deadlines without one.
+        failure: why there is nothing of all this; None if there is.
+    """
+
+    grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)
+    memory_bytes: int = 0
+    lateness_us: dict[str, float] = field(default_factory=dict)
+    wake_ups: int = 0
+    missed: int = 0
+    failure: str | None = None
+
+
+def run_trial(request: Request) -> Trial:
+    """Try it in a child process; never raises."""
+    try:
+        done = subprocess.run(  # noqa: S603
+            [sys.executable, "-m", "weberlink.apps.doctor.trial", json.dumps(asdict(request))],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            timeout=LIMIT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Trial(failure=f"a child process cannot be tried: {error}")
+    try:
+        return Trial(**json.loads(done.stdout))
+    except (ValueError, TypeError):
+        last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        return Trial(failure=f"the child process of the trial failed: {last}")
+
+
+def main(text: str) -> None:
+    """The child: ask, measure, answer."""
+    request = Request(**json.loads(text))
+    for name in (*IMPORTS, *(["weberlink.protocol.psk"] if request.encrypted else [])):
+        __import__(name)
+    grants = prepare(request.priority, request.lock_memory, request.cpu, wakeful=request.wakeful)
+    lateness, missed = measure(request.rate_hz)
+    answer = Trial(
+        grants=grants.as_dict(),
+        memory_bytes=address_space_bytes(),
+        lateness_us={"p50": lateness.percentile(50), "p99": lateness.percentile(99), "max": lateness.max},
+        wake_ups=lateness.count,
+        missed=missed,
+    )
+    sys.stdout.write(json.dumps(asdict(answer)))
+
+
+def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[Histogram, int]:
+    """Lateness of wake-ups from a timer at this rate [us], and how many deadlines passed without one."""
+    lateness, missed = Histogram(), 0
+    period_ns = round(1e9 / rate_hz)
+    start_ns = monotonic_ns() + period_ns
+    count = max(2, int(seconds * rate_hz))
+    index = -1
+    fd = timerfd.create()
+    try:
+        timerfd.arm(fd, start_ns, period_ns)
+        while index < count - 1:
+            select.select([fd], [], [])
+            now = monotonic_ns()
+            passed = timerfd.expirations(fd)
+            index += passed
+            missed += max(0, passed - 1)
+            lateness.add((now - start_ns - index * period_ns) * 1e-3)
+    finally:
+        os.close(fd)
+    return lateness, missed
+
+
+def address_space_bytes() -> int:
+    """Of this process: with all memory locked, present and future, this is what counts against the limit."""
+    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
+    return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmSize:")), 0)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,0 +1,132 @@
+"""The udev rules that give a user access to the devices: whether this host has them, installing them, what else helps.
+
+Knows no driver; that the rules name the devices of every driver is held by a test.
+"""
+
+import grp
+import os
+import pwd
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib.resources import files
+from pathlib import Path
+
+from weberlink.hardware.found import UDEV_RULES
+
+RULES_DIR = Path("/etc/udev/rules.d")
+FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))
+"""Where udev looks for rules."""
+SUBSYSTEMS = ("hidraw", "tty", "usb")
+"""Of the devices that the rules are for."""
+SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")
+"""Where sudo finds a program by its bare name."""
+
+
+class RulesError(Exception):
+    """The rules cannot be installed; one line that says why and what to do."""
+
+
+def shipped() -> str:
+    """The rules of this version."""
+    return (files("weberlink.configs") / UDEV_RULES).read_text(encoding="utf-8")
+
+
+def installed(folders: Iterable[Path] = FOLDERS) -> bool:
+    """Whether the rules of this version are where udev looks."""
+    text = shipped()
+    return any(_text(folder / UDEV_RULES) == text for folder in folders)
+
+
+def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
+    """Copy the rules, and let udev apply them to what is plugged in; returns what to tell.
+
+    Args:
+        folder: where to.
+        udevadm: the program that talks to udev; looked for if not given.
+
+    Raises:
+        RulesError: they cannot be written; nothing is changed.
+    """
+    target = folder / UDEV_RULES
+    draft = target.with_name(f".{UDEV_RULES}.{os.getpid()}")  # udev reads only what ends in .rules
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        draft.write_text(shipped(), encoding="utf-8")
+        draft.chmod(0o644)
+        draft.replace(target)
+    except PermissionError:
+        raise RulesError(f"{folder}: only root may write there; run: {install_line()}") from None
+    except OSError as error:
+        raise RulesError(f"{target}: cannot be written: {error.strerror}") from None
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+    problem = _apply(udevadm or shutil.which("udevadm"))
+    if problem is None:
+        return [f"{target}: installed, and applied to what is plugged in"]
+    return [f"{target}: installed; {problem}, so unplug the devices and plug them in again, or restart"]
+
+
+def install_line() -> str:
+    """The command that installs the rules, as this user can type it: sudo does not look into a virtual environment."""
+    program = Path(sys.executable).with_name("weberlink")
+    if any(Path(folder, "weberlink").exists() for folder in SUDO_FOLDERS):
+        return "sudo weberlink devices --install-rules"
+    words = [str(program)] if program.exists() else [sys.executable, "-m", "weberlink"]
+    return f"sudo {shlex.join(words)} devices --install-rules"
+
+
+def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str | None:
+    """How to get into the group that may open a device, if it is the group that is missing.
+
+    Args:
+        path: of the device.
+        groups: this process is in these.
+        user: name; that of this process if not given.
+    """
+    try:
+        status = os.stat(path)  # noqa: PTH116 - a device, not a file to read
+        group = grp.getgrgid(status.st_gid)
+    except (OSError, KeyError):
+        return None
+    may = status.st_mode & (stat.S_IRGRP | stat.S_IWGRP) == stat.S_IRGRP | stat.S_IWGRP
+    if not may or status.st_gid == 0 or status.st_gid in groups:
+        return None
+    if (user or _user()) in group.gr_mem:
+        return f"log out and in again: you are in the group {group.gr_name}, but this session began before"
+    return f"sudo usermod -aG {group.gr_name} $USER    (then log out and in again)"
+
+
+def _apply(udevadm: str | None) -> str | None:
+    """Let udev read the rules and go over what is plugged in; returns what is in the way."""
+    if udevadm is None:
+        return "there is no udevadm here"
+    trigger = ["trigger", "--action=change", *(f"--subsystem-match={name}" for name in SUBSYSTEMS)]
+    for arguments in (["control", "--reload"], trigger):
+        try:
+            done = subprocess.run([udevadm, *arguments], capture_output=True, text=True, timeout=30, check=False)  # noqa: S603
+        except (OSError, subprocess.TimeoutExpired) as error:
+            return f"{udevadm} cannot be run ({error})"
+        if done.returncode != 0:
+            complaint = " ".join(done.stderr.split()) or f"exit status {done.returncode}"
+            return f"udevadm {arguments[0]} refused ({complaint})"
+    return None
+
+
+def _text(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def _user() -> str:
+    try:
+        return pwd.getpwuid(os.getuid()).pw_name
+    except KeyError:
+        return ""

@@ -1,0 +1,36 @@
+"""Commands for whoever operates a host."""
+
+from typing import Annotated, Literal
+
+import typer
+
+from weberlink.cli.arguments import Json, OptionalFile, Set
+from weberlink.cli.output import errors, fail, write
+from weberlink.system.configuration import SIDES, load
+from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
+
+Side = Annotated[
+    Literal["master", "slave"] | None, typer.Option("--side", help="That is to run here; both if not given.")
+]
+
+
+def doctor(
+    file: OptionalFile = None,
+    side: Side = None,
+    json_out: Json = None,
+    set_: Set = None,
+) -> None:
+    """Look at this machine, and at what FILE needs of it; say what is in the way, and the line that helps."""
+    from weberlink.apps.doctor import Grade, Needs, examine  # noqa: PLC0415 - each command imports what it needs
+
+    if file is None and set_:
+        fail("--set: needs a FILE", MISCONFIGURED)
+    sides = SIDES if side is None else (side,)
+    with errors():
+        needs = Needs(sides=sides) if file is None else Needs.of(load(file, set_ or (), sides), sides)
+    found = examine(needs)
+    write(found.document, json_out, found.show)
+    raise typer.Exit(FAILED if found.count(Grade.PROBLEM) else COMPLETED)
+
+
+COMMANDS = (doctor,)

@@ -1,0 +1,181 @@
+"""Commands that run a system, or one side of it, or look at its file."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set
+from weberlink.cli.output import attempt, errors, fail, finish
+from weberlink.system.configuration import MASTER, SIDES, SLAVE, load
+from weberlink.system.daemon import MISCONFIGURED
+
+STANDARD_OUTPUT = Path("-")
+
+
+def loopback(
+    file: OptionalFile = None,
+    duration: Duration = None,
+    json_out: Json = None,
+    record: Record = None,
+    log: Log = None,
+    set_: Set = None,
+) -> None:
+    """Run master and slave as two processes over UDP on 127.0.0.1."""
+    path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
+    overrides = [*(set_ or ()), *free_port(path, set_ or ())]
+    _live("loopback", path, overrides, SIDES, duration, json_out, record, log)
+
+
+def master(
+    file: File,
+    duration: Duration = None,
+    json_out: Json = None,
+    record: Record = None,
+    log: Log = None,
+    set_: Set = None,
+    take_over: Annotated[
+        bool, typer.Option("--take-over", help="Replace the master that the slave serves now, which then stops.")
+    ] = False,
+) -> None:
+    """Run the operator's side."""
+    _live("master", file, set_ or (), [MASTER], duration, json_out, record, log, take_over=take_over)
+
+
+def slave(
+    file: File,
+    duration: Duration = None,
+    json_out: Json = None,
+    record: Record = None,
+    log: Log = None,
+    set_: Set = None,
+) -> None:
+    """Run the teleoperator's side."""
+    _live("slave", file, set_ or (), [SLAVE], duration, json_out, record, log)
+
+
+def check(file: File, set_: Set = None) -> None:
+    """Validate a file, and print what it composes and what that costs."""
+    from weberlink.system.check import describe  # noqa: PLC0415 - each command imports what it needs
+
+    with errors():
+        lines = list(describe(load(file, set_ or ())))
+    typer.echo("\n".join(lines))
+
+
+def keygen(out: Annotated[Path, typer.Argument(metavar="OUT", help="Where to write the key, with mode 0600.")]) -> None:
+    """Write a new pre-shared key, for one master and one slave."""
+    from weberlink.protocol.keys import KeyFileError, generate  # noqa: PLC0415
+
+    try:
+        generate(out)
+    except KeyFileError as error:
+        fail(str(error), MISCONFIGURED)
+    typer.echo(f"{out}: key written, readable by you alone; copy it to the other host over a channel you trust")
+
+
+def simulate(
+    file: File,
+    duration: Duration = None,
+    json_out: Json = None,
+    trace: Annotated[
+        Path | None, typer.Option(metavar="OUT", help="Write what the robot was commanded and felt, as a trace (CSV).")
+    ] = None,
+    record: Record = None,
+    set_: Set = None,
+) -> None:
+    """Run the whole system in virtual time, as fast as it goes."""
+    from weberlink.system.simulate import simulate as run  # noqa: PLC0415
+
+    with errors():
+        summary, recorder = run(load(file, set_ or ()), duration, record)
+    problem = None if trace is None else attempt(lambda: recorder.save(trace), trace)
+    finish(summary, f"weberlink simulate {file}", json_out, problem)
+
+
+def _live(
+    name: str,
+    path: Path,
+    overrides: list[str] | tuple[()],
+    sides: Any,
+    duration: float | None,
+    json_out: Path | None,
+    record: Path | None,
+    log: Path | None,
+    *,
+    take_over: bool = False,
+) -> None:
+    from weberlink.system.composition.trial import try_out  # noqa: PLC0415
+    from weberlink.system.launcher import Session  # noqa: PLC0415
+    from weberlink.system.recorder import check_target  # noqa: PLC0415
+    from weberlink.system.report import status_line  # noqa: PLC0415
+    from weberlink.telemetry.runtime_directory import directory  # noqa: PLC0415
+
+    with errors():
+        configuration = load(path, overrides, sides)
+        notes = try_out(configuration)
+        directory()
+        if record is not None:
+            check_target(record)
+    for note in notes:
+        typer.echo(f"weberlink: note: {note}", err=True)
+    console = Console(stderr=True)
+    with (
+        journal_to(log, json_out, configuration.system.rate_hz) as journal,
+        Live(Text("starting"), console=console, refresh_per_second=10, transient=True) as live,
+    ):
+
+        def watch(records: dict[str, Any], summary: dict[str, Any]) -> None:
+            live.update(Text(status_line(records, summary)))
+
+        watcher = watch if console.is_terminal else None
+        with Session(
+            configuration, overrides, sides, duration, watcher, record, journal, take_over=take_over
+        ) as session:
+            summary = session.run()
+    finish(summary, f"weberlink {name}", json_out, quiet=log == STANDARD_OUTPUT)
+
+
+@contextmanager
+def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Iterator[Any]:
+    """The log of a session, as long as it lasts; None where none was asked for."""
+    if log is None:
+        yield None
+        return
+    from weberlink.system.journal import Journal, LogFile  # noqa: PLC0415
+
+    if log == json_out == STANDARD_OUTPUT:
+        fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)
+    with errors():
+        file = LogFile(log)
+    with file:
+        yield Journal(file.write, rate_hz)
+
+
+def free_port(path: Path, overrides: list[str] | tuple[()]) -> list[str]:
+    """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once."""
+    import socket  # noqa: PLC0415
+
+    from weberlink.system.configuration.model import split_address  # noqa: PLC0415
+
+    with errors():
+        link = load(path, overrides).system.link
+    host, port = split_address(link.listen)
+    if port != 0:
+        return []
+    is_v6 = ":" in host
+    with socket.socket(socket.AF_INET6 if is_v6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind((host, 0))
+        port = probe.getsockname()[1]
+    address = json.dumps(f"[{host}]:{port}" if is_v6 else f"{host}:{port}")  # quoted, for YAML
+    return [f"link.listen={address}", f"link.slave={address}"]
+
+
+COMMANDS = (loopback, master, slave, check, keygen, simulate)

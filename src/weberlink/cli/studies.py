@@ -1,0 +1,244 @@
+"""Commands of the lab: recordings, signals through the codec, studies of numbers and of people."""
+
+import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from weberlink.cli.arguments import File, Full, Json, Plots, Set, Workers, finite
+from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
+from weberlink.cli.sessions import free_port
+from weberlink.system.daemon import FAILED
+
+
+def info(
+    recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
+    json_out: Json = None,
+) -> None:
+    """Say what a recording holds: its sides, its gaps, and the figures of the session."""
+    from weberlink.apps.recordings import describe  # noqa: PLC0415
+
+    with errors():
+        description = describe(recordings)
+    write(description.document, json_out, description.show)
+
+
+def export(
+    recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
+    to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv or parquet (extra: weberlink[parquet]).")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to; beside the recording if not given.")
+    ] = None,
+) -> None:
+    """Write a recording as tables, one for each side, on one time axis."""
+    from weberlink.apps.recordings import ExportError  # noqa: PLC0415
+    from weberlink.apps.recordings import export as run  # noqa: PLC0415
+
+    try:
+        with errors():
+            lines = run(recordings, to, out)
+    except ExportError as error:
+        fail(str(error), FAILED)
+    typer.echo("\n".join(lines))
+
+
+def evaluate(
+    traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="Recorded signals (CSV or MCAP).")],
+    predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
+    weber: Annotated[
+        str, typer.Option(metavar="K,..", help='Weber factors; "paper" for 0.025,0.05,0.1,0.15,0.2,0.3.')
+    ] = "0.10",
+    floor: Annotated[float, typer.Option(metavar="N", min=0.0, callback=finite, help="Absolute threshold [N].")] = 0.02,
+    deadband: Annotated[
+        str,
+        typer.Option(metavar="SHAPE,..", help="Deadbands: isotropic, cone, level_crossing, velocity_adaptive."),
+    ] = "isotropic",
+    jnd: Annotated[
+        float, typer.Option(metavar="J", help="What a person just notices, as a share of the force, for every row.")
+    ] = 0.10,
+    wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
+    workers: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Processes; as many as pay if not given.")
+    ] = None,
+    engine: Annotated[
+        str, typer.Option(metavar="E", help="What codes: python, compiled (extra: weberlink[compiled]), or auto.")
+    ] = "auto",
+    dask: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster for the work (extra: weberlink[dask])."),
+    ] = None,
+    json_out: Json = None,
+    plots: Plots = None,
+) -> None:
+    """Run recorded signals through the codec."""
+    from weberlink.studies.evaluate.command import EvaluationError, Place, run  # noqa: PLC0415
+
+    place = Place(workers, dask)
+    try:
+        with errors(), progress_bar() as progress:
+            result = run(
+                traces, predictor, weber, floor,
+                jnd=jnd, wire=wire, plots=plots is not None, engine=engine, deadbands=deadband,
+                place=place, progress=progress,
+            )  # fmt: skip
+    except EvaluationError as error:
+        fail(str(error), FAILED)
+    publish(result, json_out, plots)
+
+
+def precision(full: Full = False, json_out: Json = None, plots: Plots = None) -> None:
+    """Put error beside run time: integrators of stiff contact, and the codec."""
+    from weberlink.studies.precision.command import run  # noqa: PLC0415
+
+    with errors(), progress_bar() as progress:
+        result = run(full=full, plots=plots is not None, progress=lambda what, done, total: progress(done, total, what))
+    publish(result, json_out, plots)
+
+
+def stability(
+    full: Full = False,
+    workers: Workers = None,
+    json_out: Json = None,
+    plots: Plots = None,
+) -> None:
+    """Map which stiff and extreme cases stay bounded, and what energy they make."""
+    from weberlink.studies.stability.command import run  # noqa: PLC0415
+
+    with errors(), progress_bar() as progress:
+        result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
+    publish(result, json_out, plots)
+
+
+def bench(
+    duration: Annotated[
+        float | None,
+        typer.Option("--duration", metavar="S", min=1.0, callback=finite, help="Of a live run [s]; 20 if not given."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A glance at everything, in half a minute.")] = False,
+    baseline: Annotated[
+        Path | None, typer.Option("--baseline", metavar="FILE", help="Put an earlier --json beside it.")
+    ] = None,
+    json_out: Json = None,
+    plots: Plots = None,
+    set_: Set = None,
+) -> None:
+    """Put real-time and throughput figures beside the limits of this machine, all in one run."""
+    from benchmarks.arrangement import BenchError  # noqa: PLC0415
+    from benchmarks.study import run  # noqa: PLC0415
+
+    file = Path(str(files("weberlink.configs") / "loopback.yaml"))
+    try:
+        with errors(), progress_bar() as progress:
+            result = run(
+                file, set_ or (), lambda overrides: free_port(file, overrides), duration=duration, quick=quick,
+                baseline=baseline, plots=plots is not None, progress=progress,
+            )  # fmt: skip
+    except BenchError as error:
+        fail(str(error), FAILED)
+    publish(result, json_out, plots)
+
+
+def experiment(
+    file: File,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the ledgers.")] = Path("experiment"),
+    subject: Annotated[
+        int | None, typer.Option(metavar="N", min=1, help="Number of the subject; the next that is free if not given.")
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; 10 if not given."),
+    ] = None,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Of the orders of trials.")] = None,
+    simulate: Annotated[bool, typer.Option("--simulate", help="A program rates, in virtual time; no person.")] = False,
+    record: Annotated[
+        bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (extra: weberlink[recording]).")
+    ] = True,
+    set_: Set = None,
+) -> None:
+    """Let a person feel and rate 30 blind trials; it goes on where it was left."""
+    from weberlink.studies.experiment.command import Request  # noqa: PLC0415
+    from weberlink.studies.experiment.command import run as conduct  # noqa: PLC0415
+    from weberlink.studies.experiment.conduct import ConductError  # noqa: PLC0415
+
+    overrides = tuple(set_ or ())
+    request = Request(file, overrides, out, subject, seed, duration, simulate, record)
+    # A person sees nothing but what is asked of them.
+    shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
+    with errors(), shown as progress:
+        try:
+            words = conduct(
+                request,
+                ports=lambda: free_port(file, list(overrides)),
+                source=sys.stdin,
+                screen=sys.stdout,
+                report=lambda done, total: progress(done, total, "trials"),
+            )
+        except ConductError as error:
+            fail(str(error), FAILED)
+        except OSError as error:
+            fail(f"{error.filename or out}: cannot be written: {error.strerror}", FAILED)
+    typer.echo(words)
+
+
+def ratings(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the ledgers of an experiment.")],
+    level: Annotated[
+        float,
+        typer.Option(metavar="L", min=0.0, max=5.0, callback=finite, help="Rating at which packets are compared."),
+    ] = 4.0,
+    only: Annotated[
+        str | None, typer.Option(metavar="WHOSE", help="people or simulated, where the folder has both.")
+    ] = None,
+    json_out: Json = None,
+    csv_out: Annotated[Path | None, typer.Option("--csv", metavar="OUT", help="Write every rating as CSV.")] = None,
+    plots: Plots = None,
+) -> None:
+    """Analyse the ratings of an experiment: means, tests, and packets saved at equal quality."""
+    from weberlink.studies.experiment.ratings import run  # noqa: PLC0415
+
+    with errors():
+        result = run(folder, level=level, only=only, plots=plots is not None)
+    problem = None if csv_out is None else attempt(lambda: result.write_csv(csv_out), csv_out)
+    publish(result, json_out, plots)
+    if problem is not None:
+        fail(problem, FAILED)
+
+
+def paper(
+    traces: Annotated[list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people.")] = None,
+    workers: Workers = None,
+    json_out: Json = None,
+    plots: Plots = None,
+) -> None:
+    """Put the paper's claims beside what is measured on recordings and on simulated scenes."""
+    from weberlink.studies.paper.command import run  # noqa: PLC0415
+
+    with errors(), progress_bar() as progress:
+        result = run(traces or [], plots=plots is not None, workers=workers, progress=progress)
+    publish(result, json_out, plots)
+
+
+def adaptive(
+    traces: Annotated[
+        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; else the shipped one.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A glance at a part of it.")] = False,
+    workers: Workers = None,
+    json_out: Json = None,
+    docs: Annotated[
+        Path | None, typer.Option("--docs", metavar="DIR", help="Write page and figures (extra: weberlink[plots]).")
+    ] = None,
+) -> None:
+    """Measure the adaptive predictor against the paper's hybrid: packets, what is felt, each part, cost."""
+    from weberlink.studies.adaptive.command import run  # noqa: PLC0415
+
+    with errors(), progress_bar() as progress:
+        result = run(traces or [], quick=quick, docs=docs is not None, workers=workers, progress=progress)
+    publish(result, json_out, docs)
+
+
+COMMANDS = (info, export, evaluate, precision, stability, bench, experiment, ratings, paper, adaptive)

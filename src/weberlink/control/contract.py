@@ -1,0 +1,163 @@
+"""What every control scheme offers to the two loops. Knows no codec: a surface is whatever says a force at a point."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, runtime_checkable
+
+Vector = tuple[float, float, float]
+"""Force [N] or position [m]; unused axes are exactly 0."""
+
+ZERO: Vector = (0.0, 0.0, 0.0)
+
+CREDIT_STEP = 1e-4
+"""Energy of one unit of credit [J]. What is handed over is rounded down to it, so rounding never makes energy."""
+
+LEAST_CONTACT = 0.05
+"""Force from which on something counts as touched [N]: less is the noise of a sensor, or left over by a deadband."""
+
+
+class LinkQuality(NamedTuple):
+    """The link as it is measured now.
+
+    Args:
+        rtt: round trip [s]; None while unknown.
+        jitter: by how much few datagrams exceed the least delay [s].
+    """
+
+    rtt: float | None
+    jitter: float
+
+
+class Surface(Protocol):
+    """A received model of a contact: an elastic wall that rests where it is.
+
+    Who hands one over knows that it is one: a moving model, or one with friction, may have the same attributes.
+    """
+
+    @property
+    def stiffness(self) -> float:
+        """Of the wall [N/m]: half the square of its force by this is the energy that it stores."""
+        ...
+
+    def at(self, tick: float, position: Vector) -> Vector:
+        """The force of the wall at a position [m]; a wall that rests does not read the tick."""
+        ...
+
+
+class Control(Protocol):
+    """What both sides of a scheme have in common."""
+
+    @property
+    def active(self) -> int:
+        """The scheme at work, as its place in `weberlink.control.table.SCHEMES`."""
+        ...
+
+    @property
+    def tank(self) -> float:
+        """Energy that this side may still spend [J]."""
+        ...
+
+    @property
+    def credit(self) -> int:
+        """Energy handed to the other side since the session began, in units of `CREDIT_STEP`; never decreases."""
+        ...
+
+    def reset(self) -> None:
+        """A new session: nothing of the old one counts."""
+        ...
+
+    def resume(self, peer_credit: int) -> None:
+        """The same session goes on after an interruption: no force, motion, model or energy from before counts.
+
+        A debt stays, and so does what was handed to the other side, since `credit` never decreases.
+
+        Args:
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`; all of it is given up.
+        """
+        ...
+
+
+@runtime_checkable
+class Imposable(Protocol):
+    """A scheme that chooses among others, and can be told which."""
+
+    def impose(self, scheme: int | None) -> None:
+        """Hold the scheme of this place in `weberlink.control.table.SCHEMES`; None to choose again."""
+        ...
+
+
+class MasterControl(Control, Protocol):
+    """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
+
+    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+        """Take what an update says.
+
+        Args:
+            surface: the model that it carries, where it is one of a contact.
+            force: of the newest sample [N].
+            position: that the force belongs to [m].
+        """
+        ...
+
+    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:
+        """Book the work of the tick that has passed.
+
+        Args:
+            position: of the device [m].
+            elapsed: since the last call [s].
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
+            quality: of the link.
+        """
+        ...
+
+    def render(self, force: Vector) -> Vector:
+        """The force to display [N], from the one that the decoder says."""
+        ...
+
+    def displayed(self, force: Vector) -> None:
+        """What the device was told in the end [N]; it is held until the next tick."""
+        ...
+
+
+class SlaveControl(Control, Protocol):
+    """The teleoperator's side of a scheme. In a tick: `follow`, then `observe` once the robot has been read."""
+
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
+        """Where the robot may be told to go.
+
+        Args:
+            target: where the operator is, as decoded [m].
+            here: where the robot was told to be last [m].
+            elapsed: since the last call [s].
+            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
+            quality: of the link.
+        """
+        ...
+
+    def observe(self, position: Vector, force: Vector) -> None:
+        """Book the work of this tick.
+
+        Args:
+            position: where the robot was told to be [m].
+            force: of the environment on the robot, as the operator is shown it [N].
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the two sides of a scheme are built from.
+
+    Args:
+        tick_period: of both sides [s].
+        force_range: largest force that the robot reports [N].
+        level: energy that each tank is kept at [J].
+        damping: most of the drag that fills an empty tank [N s/m].
+        catch_up_speed: how fast the robot makes up for a distance to the operator, on top of the operator's own
+            motion [m/s].
+    """
+
+    tick_period: float
+    force_range: float
+    level: float
+    damping: float
+    catch_up_speed: float

@@ -1,0 +1,116 @@
+"""Model-mediated teleoperation: the operator feels a model of the scene here, not a force from there.
+
+The geometry that the codec fits (plane, sphere) is rendered at the device's own position, at once, whatever the delay;
+the network only corrects the model. Source: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics
+Research 27(2), 2008; with geometry from a perceptual codec: Xu, Cizmeci, Al-Nuaimi, Steinbach, "Point cloud-based
+model-mediated teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation and
+Measurement 63(11), 2014.
+
+Assumes a scene at rest that is a plane or a sphere where it is touched, and passive. Adds no lag to what the model
+says; what changes in the scene is felt a round trip later. Where no model holds (the first sample of a contact, a
+fit outside the trusted range, a field of force) the newest received force is held, under the same passivity controller
+as the operator's port of `weberlink.control.tdpa`, which also answers for what sampling and model changes could make.
+"""
+
+from math import dist, hypot
+
+from weberlink.control.contract import ZERO, LinkQuality, Settings, Surface, Vector
+from weberlink.control.drag import LevelDrag
+from weberlink.control.force_port import ForcePort
+from weberlink.control.model import SurfaceMixture
+from weberlink.control.tank import FORGIVENESS, EnergyTank
+
+TURN = 0.05
+"""Time in which a new model replaces the old one, where energy allows it [s]."""
+MISFIT = 0.2
+"""A sample that differs from the model by less than this share of the larger force does not change it."""
+MISFIT_FLOOR = 0.05
+"""The same in absolute terms [N]."""
+CAP = 3.0
+"""Most that the tank holds beside what the model stores, in levels."""
+
+
+class MmtMaster:
+    """Renders the model; the tank holds what the model stores and what a change of it may cost."""
+
+    __slots__ = ("_drag", "_elapsed", "_fallback", "_held", "_level", "_mixture", "_port", "_tank")
+
+    active = 2
+    credit = 0
+
+    def __init__(self, settings: Settings) -> None:
+        self._level = settings.level
+        self._drag = LevelDrag(settings.damping, self._level)
+        self._port = ForcePort(settings.tick_period, self._level)
+        self._tank = EnergyTank()
+        self._mixture = SurfaceMixture()
+        self._fallback: Vector = ZERO
+        self._held: Vector = ZERO
+        self._elapsed = 0.0
+
+    @property
+    def tank(self) -> float:
+        return self._tank.level
+
+    def reset(self) -> None:
+        self._tank.reset()
+        self._forget()
+
+    def resume(self, peer_credit: int) -> None:
+        self._tank.renounce(peer_credit)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._port.reset()
+        self._mixture.reset()
+        self._fallback = self._held = ZERO
+
+    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+        if surface is not None:
+            self._mixture.want(surface, self._port.position)
+            self._fallback = ZERO
+            return
+        wanted = self._mixture.wanted
+        if wanted is not None and agree(wanted.at(0.0, position), force):
+            return  # no model of its own, and none needed: free space in front of a wall, or a point on it
+        self._mixture.want(None, self._port.position)
+        self._fallback = force
+
+    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
+        tank, mixture = self._tank, self._mixture
+        tank.level += self._port.move(position)
+        _, stored = mixture.at(position)
+        share = min(1.0, elapsed / TURN)
+        mixture.turn(share, position, elapsed, tank.level - stored)
+        self._held = toward(self._held, self._fallback, share)
+        tank.spill(stored + CAP * self._level)
+        self._elapsed = elapsed
+
+    def render(self, force: Vector) -> Vector:  # noqa: ARG002
+        port, tank = self._port, self._tank
+        modelled, stored = self._mixture.at(port.position)
+        held = self._held
+        wanted = (modelled[0] + held[0], modelled[1] + held[1], modelled[2] + held[2])
+        passive = port.passive(wanted, tank.level, self._elapsed)
+        return self._drag.added(passive, port.way, self._elapsed, tank.level - stored, port.mobility)
+
+    def displayed(self, force: Vector) -> None:
+        self._port.hold(force)
+
+    def forgive(self, elapsed: float) -> None:
+        """Forget a debt by and by while another scheme is displayed."""
+        self._tank.forgive(elapsed / FORGIVENESS)
+
+
+def toward(start: Vector, goal: Vector, share: float) -> Vector:
+    """The point that lies this share of the way to the goal."""
+    return (
+        start[0] + share * (goal[0] - start[0]),
+        start[1] + share * (goal[1] - start[1]),
+        start[2] + share * (goal[2] - start[2]),
+    )
+
+
+def agree(a: Vector, b: Vector) -> bool:
+    """Whether two forces [N] are alike enough to be of one model."""
+    return dist(a, b) <= max(MISFIT * max(hypot(*a), hypot(*b)), MISFIT_FLOOR)

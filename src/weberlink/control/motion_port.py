@@ -1,0 +1,139 @@
+"""The robot's port: the work that its motion does on the environment, and a step that never spends more than there is.
+
+An admittance-type port: forces come in, positions go out. The work of a step is that of the mean of the two forces,
+which is exact for a spring. Within a step a stiff contact may open, and gives back less, or the force may reach the
+range of the sensor, and takes more: both are booked so that a wall never seems to give more than it took.
+"""
+
+from math import hypot, inf, sqrt
+
+from weberlink.control.contract import LEAST_CONTACT, ZERO, Vector
+
+CAUTION = 4.0
+"""A wall may be this much stiffer than it has shown yet."""
+SATURATED = 0.999
+"""Part of its range from which a sensor is at it."""
+LONGEST_RETREAT = 5e-5
+"""Longest step back from a wall in a tick that an empty tank allows, whatever may be behind [m]."""
+SHORTEST_WAY = 1e-6
+"""Shorter steps say nothing about stiffness [m]."""
+
+
+class MotionPort:
+    """Observer and controller of the port.
+
+    What a step will cost is not known before it is made: the force may rise. In contact it is foreseen to rise with the
+    stiffness seen in this contact, times `CAUTION`; in free space a wall may be anywhere, and the force jump to the
+    range of the sensor. A step is shortened to what the tank holds then; the rest of the way is made up for as energy
+    arrives, so the distance between operator and robot (the drift of the passivity approach) is given back by itself.
+
+    Args:
+        force_range: largest force that the robot reports [N].
+        debt: what sliding along a surface may overdraw [J].
+    """
+
+    __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness", "_taken", "_touches")
+
+    def __init__(self, force_range: float, debt: float) -> None:
+        self._force_range = force_range
+        self._debt = debt
+        self.reset()
+
+    def reset(self) -> None:
+        self._position: Vector | None = None
+        self._force: Vector = ZERO
+        self._stiffness = inf
+        self._taken = 0.0
+        self._touches = False
+
+    def book(self, position: Vector, force: Vector) -> float:
+        """The robot was told to be here and feels this [N]; returns the work done on the environment [J]."""
+        before, earlier, touched = self._position, self._force, self._touches
+        self._position, self._force = position, force
+        self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+        if before is None:
+            return 0.0
+        x, y, z = position[0] - before[0], position[1] - before[1], position[2] - before[2]
+        work = -0.5 * ((earlier[0] + force[0]) * x + (earlier[1] + force[1]) * y + (earlier[2] + force[2]) * z)
+        if not self._touches:
+            work = max(work, -max(0.0, self._taken))
+        elif work > 0.0 and self._is_saturated(force):
+            work = max(work, -(force[0] * x + force[1] * y + force[2] * z))
+        self._taken = self._taken + work if self._touches else 0.0  # since this contact began
+        self._learn_stiffness(x * x + y * y + z * z, earlier, touched=touched)
+        return work
+
+    def _is_saturated(self, force: Vector) -> bool:
+        """Whether a force is at the range of the sensor: it grew to it before the end of the step."""
+        squared = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
+        return squared >= SATURATED * SATURATED * self._force_range * self._force_range
+
+    def _learn_stiffness(self, squared_way: float, earlier: Vector, *, touched: bool) -> None:
+        force = self._force
+        if not self._touches:
+            self._stiffness = inf
+        elif touched and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # a first touch shows a part of it only
+            x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
+            seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
+            self._stiffness = seen if self._stiffness == inf else max(seen, self._stiffness)
+
+    def affordable(self, target: Vector, here: Vector, tank: float) -> Vector:
+        """The point on the way from `here` to `target` [m] that the tank [J] reaches to."""
+        x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
+        squared = x * x + y * y + z * z
+        if squared == 0.0:
+            return target
+        force = self._force
+        against = -(force[0] * x + force[1] * y + force[2] * z)
+        jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # to the mean of now and the range
+        share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
+        if against < 0.0 and self._touches:  # out of the wall that it touches
+            share = max(share, min(1.0, LONGEST_RETREAT / squared**0.5))
+        if share == 1.0:
+            return target
+        pressed = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
+        if against > 0.0 and pressed > 0.0 and tank > -self._debt:  # only what goes against the force is shortened
+            kept = (1.0 - share) * against / pressed
+            return (target[0] + kept * force[0], target[1] + kept * force[1], target[2] + kept * force[2])
+        back = 0.0
+        if tank < 0.0 < against and pressed > 0.0:  # what was overdrawn is taken back from the wall, by yielding to it
+            back = min(-tank / pressed, LONGEST_RETREAT / pressed**0.5)
+        return (
+            here[0] + share * x + back * force[0],
+            here[1] + share * y + back * force[1],
+            here[2] + share * z + back * force[2],
+        )
+
+
+def affordable_share(against: float, rise: float, jump: float, tank: float) -> float:
+    """The largest share s of a step, 0..1, with  s against + min(s^2 rise, s jump) <= tank.
+
+    Args:
+        against: cost of the whole step at the force of now [J]; negative where the environment pushes along.
+        rise: what a stiffness adds to the whole step [J], >= 0; may be infinite.
+        jump: what a force that jumps to its range adds [J], >= 0.
+        tank: [J]; where it is negative, the share that gains most.
+    """
+    if against + min(rise, jump) <= tank:
+        return 1.0
+    if tank < 0.0:
+        return _most_gainful_share(against, rise, jump)
+    with_jump = tank / (against + jump) if against + jump > 0.0 else 1.0
+    return min(1.0, max(with_jump, _share_with_rise(against, rise, tank)))
+
+
+def _most_gainful_share(against: float, rise: float, jump: float) -> float:
+    """Where  s against + min(s^2 rise, s jump)  is least: at the vertex of the parabola, or at the whole step."""
+    if against >= 0.0:
+        return 0.0
+    if 2.0 * rise <= -against or against + jump <= -0.25 * against * against / rise:
+        return 1.0
+    return -0.5 * against / rise
+
+
+def _share_with_rise(against: float, rise: float, tank: float) -> float:
+    """The positive root of  s^2 rise + s against = tank > 0, by the formula that does not cancel."""
+    if rise == inf:
+        return 0.0
+    root = sqrt(against * against + 4.0 * rise * tank)
+    return 2.0 * tank / (against + root) if against > 0.0 else 0.5 * (root - against) / rise

@@ -1,0 +1,163 @@
+"""The time-domain passivity approach: the link never gives out more energy than went in.
+
+At both ports an observer books the work done, and a controller keeps the energy tank from going below zero: a softer
+force at the operator's port, a shorter step at the robot's. Energy travels as a sum in every datagram, so delay, jitter
+and loss postpone it and nothing else; no bound on the delay is assumed. What is assumed is that hand and environment
+are passive, and that a tick is short against how they change. Sources: Ryu, Kwon, Hannaford, "Stable teleoperation with
+time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of `weberlink.control.tank`,
+`weberlink.control.drag` and `weberlink.control.prediction`.
+
+Neither side adds lag to a signal that its tank can pay for. The cost is felt where it cannot: drag while the tanks fill
+for the first time, a wall that is soft until the first work has crossed the link, and stickiness when the hand turns
+back, since the energy to push it out is still in the wall at the other end.
+"""
+
+from math import dist, hypot
+
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, Settings, Surface, Vector
+from weberlink.control.drag import LevelDrag
+from weberlink.control.force_port import ForcePort
+from weberlink.control.motion_port import MotionPort
+from weberlink.control.prediction import CreditPrediction
+from weberlink.control.tank import FORGIVENESS, EnergyTank
+
+SHARE_AT_MASTER = 0.3
+"""Level of the master's tank as a share of the slave's."""
+CAP = 10.0
+"""Most that the master's tank holds, in levels of its own: what came back from the wall, for the next push."""
+LEAK = 0.2
+"""Time constant with which the master's tank feeds the slave's [s]; what is not needed there comes back."""
+KEPT = 0.5
+"""Share of its level that the master's tank keeps in contact: a resting hand trembles, and gives and takes energy."""
+PREDICTED = 0.004
+"""Most that is predicted of unheard credit, as a share of the level."""
+SLIDING_DEBT = 0.004
+"""What the robot may overdraw by sliding along a surface, as a share of the level."""
+
+
+class TdpaMaster:
+    """Observer and controller of the operator's port."""
+
+    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_port", "_tank")
+
+    active = 1
+
+    def __init__(self, settings: Settings) -> None:
+        self._level = SHARE_AT_MASTER * settings.level
+        self._drag = LevelDrag(settings.damping, self._level)
+        self._port = ForcePort(settings.tick_period, self._level)
+        self._tank = EnergyTank()
+        self._elapsed = 0.0
+        self._in_contact = False
+
+    @property
+    def tank(self) -> float:
+        return self._tank.level
+
+    @property
+    def credit(self) -> int:
+        return self._tank.credit
+
+    def reset(self) -> None:
+        self._port.reset()
+        self._tank.reset()
+        self._in_contact = False
+
+    def resume(self, peer_credit: int) -> None:
+        self._port.reset()
+        self._tank.renounce(peer_credit)
+        self._in_contact = False
+
+    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
+
+    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
+        work = self._port.move(position)
+        tank = self._tank
+        tank.level += work
+        if work > 0.0:  # what the hand puts in goes to the robot, but for what the own tank lacks
+            tank.hand_over(min(work, tank.level - self._level))
+        tank.receive(peer_credit)
+        kept = KEPT * self._level if self._in_contact else 0.0
+        tank.hand_over((min(tank.level, self._level) - kept) * min(1.0, elapsed / LEAK))
+        tank.spill(CAP * self._level)
+        self._elapsed = elapsed
+
+    def render(self, force: Vector) -> Vector:
+        port = self._port
+        self._in_contact = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+        passive = port.passive(force, self._tank.level, self._elapsed)
+        return self._drag.added(passive, port.way, self._elapsed, self._tank.level, port.mobility)
+
+    def displayed(self, force: Vector) -> None:
+        self._port.hold(force)
+
+    def forgive(self, elapsed: float) -> None:
+        """Forget a debt by and by while another scheme is displayed."""
+        self._tank.forgive(elapsed / FORGIVENESS)
+
+
+class TdpaSlave:
+    """Observer and controller of the robot's port."""
+
+    __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_tank", "_target")
+
+    active = 1
+
+    def __init__(self, settings: Settings) -> None:
+        self._level = settings.level
+        self._catch_up_speed = settings.catch_up_speed
+        self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)
+        self._tank = EnergyTank()
+        self._prediction = CreditPrediction(PREDICTED * settings.level)
+        self._target: Vector | None = None
+
+    @property
+    def tank(self) -> float:
+        return self._tank.level
+
+    @property
+    def credit(self) -> int:
+        return self._tank.credit
+
+    def reset(self) -> None:
+        self._port.reset()
+        self._tank.reset()
+        self._prediction.reset()
+        self._target = None
+
+    def resume(self, peer_credit: int) -> None:
+        self._port.reset()
+        self._tank.renounce(peer_credit)
+        self._prediction.reset(peer_credit)
+        self._target = None
+
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
+        self._tank.receive(peer_credit)
+        ahead = self._prediction.ahead(peer_credit, elapsed)
+        goal = self._caught_up(target, here, elapsed)
+        return self._port.affordable(goal, here, self._tank.level + ahead)
+
+    def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
+        """As `follow`, without a limit of energy: what is overdrawn is forgotten by and by."""
+        self._tank.receive(peer_credit)
+        self._tank.forgive(elapsed / FORGIVENESS)
+        return self._caught_up(target, here, elapsed)
+
+    def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
+        """The target, or the point on the way to it that is as far as the target moved and the drift may shrink."""
+        before, self._target = self._target, target
+        way = self._catch_up_speed * elapsed + (dist(target, before) if before is not None else 0.0)
+        drift = dist(here, target)
+        if drift <= way:
+            return target
+        share = way / drift
+        return (
+            here[0] + share * (target[0] - here[0]),
+            here[1] + share * (target[1] - here[1]),
+            here[2] + share * (target[2] - here[2]),
+        )
+
+    def observe(self, position: Vector, force: Vector) -> None:
+        tank = self._tank
+        tank.level -= self._port.book(position, force)
+        tank.hand_over(tank.level - self._level)

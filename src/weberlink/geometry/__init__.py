@@ -1,0 +1,1 @@
+"""Vectors, quaternions and rotations as plain tuples of floats."""

@@ -1,0 +1,96 @@
+"""Orientations as the codec carries them: a rotation vector, the unit axis times the angle [rad].
+
+Owns the way between it and a unit quaternion (w, x, y, z), and the arithmetic of turning at a limited rate. Three
+numbers in radians have a bound in radians: two rotations are apart by no more than the distance of their vectors (the
+exponential map of SO(3) does not stretch), so a deadband on the vectors is one on the rotations, on the safe side.
+
+A rotation has more than one vector: by an axis u, the angles a and a - 2 pi are one. `vector` takes the one that is
+nearest to the last, as long as its length is within `LONGEST`, so that a hand that trembles about half a turn does not
+jump from one to the other. Where the vector does jump, both are the same rotation within rounding.
+
+These functions are at the ends, outside of the closed loop of the codec: nothing that both hosts must hold alike
+depends on their last bit.
+"""
+
+from math import atan2, cos, inf, pi, sin, sqrt
+
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
+
+Quaternion = tuple[float, float, float, float]
+"""(w, x, y, z) of unit length; it and its negative are one rotation."""
+
+IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+LONGEST = 3.27
+"""Length of a rotation vector up to which it is kept beyond half a turn [rad]; 16 bits in steps of 1e-4 say it."""
+_SMALL = 1e-8
+"""Below this half angle its sine is the angle, to the last place [rad]."""
+
+
+def vector(orientation: Quaternion, near: Vector = ZERO) -> Vector:
+    """The rotation vector of a unit quaternion [rad].
+
+    Args:
+        orientation: of any sign; its length is not read but for the direction.
+        near: the vector before; of the two that say the rotation, the nearer one within `LONGEST` is taken.
+    """
+    w, x, y, z = orientation if orientation[0] >= 0.0 else negative(orientation)
+    length = norm((x, y, z))
+    if length < _SMALL * w:
+        return (2.0 * x / w, 2.0 * y / w, 2.0 * z / w)
+    angle = 2.0 * atan2(length, w)
+    shortest = scale((x, y, z), angle / length)
+    other = 2.0 * pi - angle
+    if other > LONGEST:
+        return shortest
+    longer = scale((x, y, z), -other / length)
+    return longer if distance(longer, near) < distance(shortest, near) else shortest
+
+
+def quaternion(rotation: Vector) -> Quaternion:
+    """The unit quaternion of a rotation vector [rad] of any length."""
+    angle = norm(rotation)
+    half = 0.5 * angle
+    factor = sin(half) / angle if half > _SMALL else 0.5
+    return (cos(half), rotation[0] * factor, rotation[1] * factor, rotation[2] * factor)
+
+
+def unit_quaternion(orientation: Quaternion) -> Quaternion | None:
+    """The same orientation at unit length; None if it is not finite, or too short to be one."""
+    w, x, y, z = orientation
+    square = w * w + x * x + y * y + z * z
+    if not 1e-12 < square < inf:
+        return None
+    factor = 1.0 / sqrt(square)
+    return (w * factor, x * factor, y * factor, z * factor)
+
+
+def angle_between(a: Quaternion, b: Quaternion) -> float:
+    """The angle of the rotation that leads from one orientation to the other, 0 to pi [rad]."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    w = aw * bw + ax * bx + ay * by + az * bz
+    x = aw * bx - ax * bw - ay * bz + az * by
+    y = aw * by - ay * bw - az * bx + ax * bz
+    z = aw * bz - az * bw - ax * by + ay * bx
+    return 2.0 * atan2(norm((x, y, z)), abs(w))
+
+
+def toward(start: Quaternion, goal: Quaternion, angle: float) -> Quaternion:
+    """The goal, or the orientation on the shortest way to it that is an angle [rad] from the start.
+
+    Spherical linear interpolation (Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985).
+    """
+    whole = angle_between(start, goal)
+    if whole <= angle:
+        return goal
+    (aw, ax, ay, az), (bw, bx, by, bz) = start, goal
+    sign = 1.0 if aw * bw + ax * bx + ay * by + az * bz >= 0.0 else -1.0
+    own, its = sin(0.5 * (whole - angle)) / sin(0.5 * whole), sign * sin(0.5 * angle) / sin(0.5 * whole)
+    mixed = (own * aw + its * bw, own * ax + its * bx, own * ay + its * by, own * az + its * bz)
+    return unit_quaternion(mixed) or goal
+
+
+def negative(orientation: Quaternion) -> Quaternion:
+    """The other quaternion of the same rotation."""
+    w, x, y, z = orientation
+    return (-w, -x, -y, -z)

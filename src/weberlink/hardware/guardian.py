@@ -1,0 +1,184 @@
+"""The parent's end of a guardian: a process that takes the force off a device when this process stops.
+
+For devices whose board keeps the last force when its host falls silent. What the guardian does is in
+`weberlink.hardware.guardian_process`.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from mmap import mmap
+from pathlib import Path
+from select import select
+from socket import socketpair
+from time import monotonic
+
+from weberlink.hardware import guardian_process
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.guardian_process import BEATS, LEASE, WORDS_SIZE, WRITES
+
+LEASE_S = 0.05
+"""How long a force may stand after the loop commanded it."""
+START_S = 5.0
+"""How long the guardian may take to start."""
+END_S = 0.5
+"""How long it may take to end."""
+SILENT_S = 0.25
+"""How long it may give no sign of life while there is force; it gives one every 20 ms."""
+DEAD_S = 0.04
+"""How long it must have given none before we ask whether it is dead."""
+DIED = "its guardian process died, and its board has no watchdog; start the session again"
+
+
+class Guardian:
+    """Takes the force off a device within `LEASE_S` and a few milliseconds of the last command of the loop.
+
+    The port that carries the messages has it: see `SerialPort`. The worker that runs the exchange tells it when each
+    command was given: see `Worker`. No force is written without a guardian that lives, nor one whose command is older
+    than the worker allows. So the first message after this process was stopped carries no force.
+
+    Args:
+        zero: message that takes the force off; must be understood as such whatever came before it, half a message
+            included.
+        rests: what other messages without force begin with.
+    """
+
+    def __init__(self, zero: bytes, rests: tuple[bytes, ...] = ()) -> None:
+        self.zero = zero
+        """May be changed before `watch`, as the next one."""
+        self.rests = rests
+        self._all_rests = (zero, *rests)
+        self._child: subprocess.Popen[bytes] | None = None
+        self._socket = -1
+        self._memory: mmap | None = None
+        self._words = memoryview(bytearray(WORDS_SIZE)).cast("q")
+        self._given_at = 0.0
+        self._stale = 0.0
+        self._writes = 0
+        self._beats = (0, 0.0)
+        self._looked_at = 0.0
+
+    @property
+    def pid(self) -> int | None:
+        """Of the process; None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    def watch(self, descriptor: int) -> None:
+        """Start the process.
+
+        Args:
+            descriptor: of the device, open for writing. The process has its own copy.
+
+        Raises:
+            HardwareFault: it does not start.
+        """
+        self.stop()
+        self._all_rests = (self.zero, *self.rests)
+        ours, theirs = socketpair()
+        memory = os.memfd_create("weberlink-guardian")
+        try:
+            os.ftruncate(memory, WORDS_SIZE)
+            self._memory = mmap(memory, WORDS_SIZE)
+            self._words = memoryview(self._memory).cast("q")
+            inherited = (theirs.fileno(), descriptor, memory)
+            self._child = subprocess.Popen(  # noqa: S603 - our own
+                # -I -S: neither the user's environment nor installed packages.
+                [sys.executable, "-I", "-S", guardian_process.__file__, *map(str, inherited), self.zero.hex()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                pass_fds=inherited,
+                start_new_session=True,  # Ctrl-C and signals to our process group do not reach it
+                cwd=Path("/"),
+            )
+        except OSError as error:
+            ours.close()
+            raise HardwareFault(f"its guardian process cannot be started: {error.strerror}") from None
+        finally:
+            theirs.close()
+            os.close(memory)
+        self._socket = ours.detach()
+        self._writes = 0
+        self._wait_for_start()
+
+    def given(self, at: float, stale: float) -> None:
+        """Say when the loop gave the command that comes next, and how old it may be when it is written [s]."""
+        self._given_at, self._stale = at, stale
+
+    def before(self, data: bytes) -> None:
+        """To be called immediately before a message is written.
+
+        Raises:
+            BadReply: it carries force, and its command is too old: this process was held up.
+            HardwareFault: it carries force, and the guardian is dead or silent.
+        """
+        if data.startswith(self._all_rests):
+            return
+        now = monotonic()
+        if (silent := self._silent(now)) > SILENT_S:
+            raise HardwareFault(
+                f"its guardian process {self.pid} has not run for {silent * 1e3:.0f} ms, and its board has no watchdog"
+            )
+        self._words[LEASE] = int((self._given_at + max(LEASE_S, 2.0 * self._stale)) * 1e9)
+        if (late := monotonic() - self._given_at) > self._stale:
+            raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
+
+    def after(self, data: bytes) -> None:
+        """To be called once a message is written as a whole.
+
+        Raises:
+            HardwareFault: the guardian is dead.
+        """
+        if data.startswith(self._all_rests):
+            self._words[LEASE] = 0
+            if self._child is not None:
+                self._silent(monotonic())
+
+    def has_written(self) -> bool:
+        """Whether it has written since this was last asked; the device may answer that too."""
+        known, self._writes = self._writes, self._words[WRITES]
+        return known != self._writes
+
+    def stop(self) -> None:
+        """End the process; if there is still force, it takes it off first. Any number of times."""
+        child, self._child = self._child, None
+        if child is None:
+            return
+        with suppress(OSError):
+            os.write(self._socket, b"x")
+        try:
+            child.wait(END_S)
+        except subprocess.TimeoutExpired:  # somebody has stopped it
+            child.send_signal(signal.SIGKILL)
+            child.wait()
+        os.close(self._socket)
+        self._words.release()
+        self._words = memoryview(bytearray(WORDS_SIZE)).cast("q")
+        assert self._memory is not None
+        self._memory.close()
+
+    def _wait_for_start(self) -> None:
+        until = monotonic() + START_S
+        while self._words[BEATS] == 0:
+            # Readable once the other end is closed, so when it has died.
+            dead, _, _ = select((self._socket,), (), (), 0.001)
+            if dead or monotonic() > until:
+                self.stop()
+                raise HardwareFault("its guardian process does not start")
+        self._beats = (self._words[BEATS], monotonic())
+
+    def _silent(self, now: float) -> float:
+        """How long it has given no sign of life, while this process ran [s]; raises HardwareFault where it is dead."""
+        beats, since = self._words[BEATS], self._beats[1]
+        if self._child is None:
+            raise HardwareFault(DIED)
+        # Where we were held up, it may have been as well.
+        if beats != self._beats[0] or now - self._looked_at > max(LEASE_S, self._stale):
+            self._beats = (beats, now)
+            since = now
+        elif now - since > DEAD_S and self._child.poll() is not None:  # costs more than the look at the word
+            raise HardwareFault(DIED)
+        self._looked_at = now
+        return now - since

@@ -1,0 +1,112 @@
+"""A HID device with reports that carry no number, through hidapi, with waits that have an end."""
+
+import os
+from importlib import import_module
+from time import monotonic
+from typing import Any
+
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import permission_advice
+from weberlink.hardware.guardian import Guardian
+
+
+def hidapi() -> Any:
+    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
+    try:
+        return import_module("hidraw")
+    except ImportError:
+        return import_module("hid")
+
+
+class HidPort:
+    """An open device.
+
+    Args:
+        path: as `hardware.found.hid_devices` gives it.
+
+    Raises:
+        HardwareFault: it is not there or not permitted.
+    """
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self._guardian: Guardian | None = None
+        self._device = hidapi().device()
+        try:
+            self._device.open_path(path.encode())
+        except OSError as error:
+            raise HardwareFault(f"{path}: {_reason(path) or error}") from None
+        self._device.set_nonblocking(1)  # a read without a time limit takes what is there
+
+    def guard(self, guardian: Guardian) -> None:
+        """Have a guardian take the force off when this process stops, from now on and until the port is closed.
+
+        Its messages begin with the number of the report, a zero byte.
+
+        Raises:
+            HardwareFault: this host reaches the device through libusb, or the guardian does not start.
+        """
+        try:
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_CLOEXEC)
+        except OSError as error:
+            raise HardwareFault(f"{self.path}: no guardian can write to it: {error.strerror}") from None
+        try:
+            guardian.watch(descriptor)
+        finally:
+            os.close(descriptor)
+        self._guardian = guardian
+
+    def write(self, report: bytes) -> None:
+        """Send one report.
+
+        Raises:
+            HardwareFault: it was unplugged; or of the guardian, see `Guardian.before`.
+        """
+        message, guardian = b"\x00" + report, self._guardian
+        if guardian is not None:
+            guardian.before(message)
+        try:
+            written = self._device.write(message)
+        except (OSError, ValueError):
+            written = -1
+        if written < 0:  # hidapi's only word for it
+            raise HardwareFault(f"{self.path}: unplugged")
+        if guardian is not None:
+            guardian.after(message)
+
+    def read(self, size: int, until: float) -> bytes:
+        """The newest report of at most `size` bytes; older ones that wait are dropped.
+
+        Nothing where none comes by `until` [s, monotonic].
+
+        Raises:
+            HardwareFault: it was unplugged.
+        """
+        try:
+            # 0 would mean to wait without end.
+            newest = self._device.read(size, max(1, round((until - monotonic()) * 1e3)))
+            while newest and (later := self._device.read(size)):
+                newest = later
+        except (OSError, ValueError):
+            raise HardwareFault(f"{self.path}: unplugged") from None
+        return bytes(newest)
+
+    def close(self) -> None:
+        if self._guardian is not None:
+            self._guardian.stop()
+        self._device.close()
+
+
+def _reason(path: str) -> str | None:
+    """What is in the way, where hidapi says "open failed" whatever it is; None where the path does not tell."""
+    if not path.startswith("/"):  # of libusb
+        return None
+    try:
+        with open(path, "r+b", buffering=0):  # noqa: PTH123 - a device, not a file to read
+            return None
+    except FileNotFoundError:
+        return "there is no such device; `weberlink devices` lists what there is"
+    except PermissionError:
+        return permission_advice(path)
+    except OSError as error:
+        return error.strerror

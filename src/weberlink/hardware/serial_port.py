@@ -1,0 +1,148 @@
+"""A serial port, opened for one process alone, with waits that have an end.
+
+pyserial opens and sets it up; reading goes by the descriptor, which costs one system call for whatever is there.
+"""
+
+import errno
+import os
+import termios
+from contextlib import suppress
+from select import select
+from time import monotonic, sleep
+
+import serial
+
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.found import permission_advice
+from weberlink.hardware.guardian import Guardian
+
+CHUNK = 4096
+WRITING_S = 0.05
+"""How long a port may take nothing."""
+LEAVING_S = 0.05
+"""How long what was written may take to leave, before the port is closed over it."""
+
+
+class SerialPort:
+    """An open port.
+
+    Args:
+        path: of the device, or of a link to it.
+        baud: rate [bit/s]; without meaning where the port is USB from end to end.
+        guardian: takes the force off when this process stops; None for a device that does so itself. It watches from
+            the opening of the port to its closing.
+
+    Raises:
+        HardwareFault: it is not there, in use, or not permitted; or the guardian does not start.
+    """
+
+    def __init__(self, path: str, baud: int = 115_200, guardian: Guardian | None = None) -> None:
+        self.path = path
+        self._guardian = guardian
+        try:
+            self._port = serial.Serial(path, baud, timeout=0, write_timeout=WRITING_S, exclusive=True)
+        except (OSError, ValueError, termios.error) as error:  # pyserial's own is an OSError
+            raise HardwareFault(f"{path}: {_reason(path, error)}") from None
+        with suppress(ValueError, OSError, NotImplementedError):  # a pty has no latency to lower
+            self._port.set_low_latency_mode(True)
+        self._descriptor = self._port.fileno()
+        if guardian is not None:
+            try:
+                guardian.watch(self._descriptor)
+            except HardwareFault:
+                self._port.close()
+                raise
+
+    def write(self, data: bytes) -> None:
+        """Hand over all of it.
+
+        Raises:
+            HardwareFault: it was unplugged, or takes nothing; or of the guardian, see `Guardian.before`.
+        """
+        guardian = self._guardian
+        if guardian is None:
+            self._write(data)
+        else:
+            guardian.before(data)
+            self._write(data)
+            guardian.after(data)
+
+    def _write(self, data: bytes) -> None:
+        sent, until = 0, monotonic() + WRITING_S
+        try:
+            while sent < len(data):
+                _, ready, _ = select((), (self._descriptor,), (), max(0.0, until - monotonic()))
+                taken = self._offer(data[sent:] if sent else data) if ready else 0
+                if taken:
+                    sent, until = sent + taken, monotonic() + WRITING_S
+                    if sent < len(data) and self._guardian is not None:
+                        # The guardian may write next: the rest of this message would be nonsense behind its own.
+                        raise HardwareFault(f"{self.path}: takes no more data")
+                elif monotonic() >= until:
+                    raise HardwareFault(f"{self.path}: takes no more data")
+        except (OSError, ValueError):
+            raise HardwareFault(f"{self.path}: unplugged") from None
+
+    def _offer(self, data: bytes) -> int:
+        try:
+            return os.write(self._descriptor, data)
+        except BlockingIOError:  # it was ready for less than a byte
+            return 0
+
+    def read(self, until: float) -> bytes:
+        """Whatever has come, as soon as something has; nothing where it does not by `until` [s, monotonic].
+
+        Raises:
+            HardwareFault: it was unplugged.
+        """
+        try:
+            ready, _, _ = select((self._descriptor,), (), (), max(0.0, until - monotonic()))
+            if not ready:
+                return b""
+            data = os.read(self._descriptor, CHUNK)
+        except (OSError, ValueError):
+            data = b""
+        if not data:  # readable and empty: nobody is at the other end
+            raise HardwareFault(f"{self.path}: unplugged")
+        return data
+
+    def drain(self) -> bytes:
+        """Everything that has come, without a wait."""
+        parts = []
+        while part := self.read(0.0):
+            parts.append(part)
+        return b"".join(parts)
+
+    def close(self) -> None:
+        """Any number of times. What was written last still leaves, where the device takes it."""
+        self._descriptor = -1  # the number may be another file's by now
+        if self._guardian is not None:
+            self._guardian.stop()  # it has the port open too
+        with suppress(OSError, termios.error):
+            self._let_leave()
+        with suppress(OSError):
+            self._port.close()
+
+    def _let_leave(self) -> None:
+        """The kernel would hold up the closing for half a minute for data that a device does not take."""
+        if not self._port.is_open:
+            return
+        until = monotonic() + LEAVING_S
+        while self._port.out_waiting:
+            if monotonic() >= until:
+                self._port.reset_output_buffer()
+                return
+            sleep(0.001)
+
+
+def _reason(path: str, error: Exception) -> str:
+    if not os.path.exists(path):  # noqa: PTH110 - a path in a message, not one to work with
+        return "there is no such port; `weberlink devices` lists what there is"
+    if not os.access(path, os.R_OK | os.W_OK):
+        return permission_advice(path)
+    number = error.errno if isinstance(error, OSError) else None
+    if number in (errno.EAGAIN, errno.EBUSY):  # the lock is taken, or the driver allows one alone
+        return "in use by another process; is a second copy running?"
+    if "Could not configure port" in str(error) or number == errno.ENOTTY:
+        return "this is no serial port"
+    return os.strerror(number) if number else str(error)

@@ -1,0 +1,312 @@
+"""The thread that owns a blocking device, so that a tick only ever swaps a command for the newest sample.
+
+Owns the pace of the exchange, what is commanded when the tick or the device fails, and coming back after a
+disconnection. Knows neither bytes nor units: a command and a sample are whatever the driver says.
+"""
+
+import atexit
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from math import inf
+from select import select
+from threading import Event, Thread, current_thread
+from time import monotonic
+from typing import Generic, Protocol, TypeVar, runtime_checkable
+
+from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.hardware.guardian import Guardian
+
+Command = TypeVar("Command")
+Sample = TypeVar("Sample")
+Command_contra = TypeVar("Command_contra", contravariant=True)
+Sample_co = TypeVar("Sample_co", covariant=True)
+
+RETRY_S = 0.05
+JOIN_S = 1.0
+"""How long `stop` waits for an exchange that does not come back, and the end of the program once more."""
+
+
+class Exchange(Protocol[Command_contra, Sample_co]):
+    """What the thread does over and over. Every method blocks, but none without end."""
+
+    def open(self) -> Sample_co:
+        """Connect, and give the first sample.
+
+        Called again after a disconnection, where it has to make sure that the device is still the one it was.
+
+        Raises:
+            HardwareFault: it cannot be used.
+        """
+        ...
+
+    def exchange(self, command: Command_contra) -> Sample_co:
+        """Command, and measure.
+
+        Raises:
+            BadReply: this once the answer was not good; the next may be.
+            HardwareFault: the device is gone or refuses.
+        """
+        ...
+
+    def close(self) -> None:
+        """Leave it safe, as far as it still listens; never raises, any number of times."""
+        ...
+
+
+@runtime_checkable
+class Guarded(Protocol):
+    """An exchange with a device whose board keeps the last force when its host falls silent."""
+
+    guardian: Guardian | None
+    """None where the device is to have no force."""
+
+
+class Worker(Generic[Command, Sample]):
+    """Runs an exchange in a thread.
+
+    After a bad reply the command is `rest` until a reply is good again; it is `rest` too while the last command is
+    older than `stale`, and in place of the first one after such a gap: the loop may have failed, or the whole process
+    been stopped. After such an interruption, and at the start, commands come up from zero where `scale` is given. After
+    `bad_replies` in a row, or when the device is gone, the fault stands, unless there is a good reply again within
+    `reconnect`.
+
+    Only the thread touches the exchange once it runs, so an exchange need not be safe for threads. One that hangs keeps
+    `stop` for a second and no longer; its `close` is called as soon as it comes back. The end of the program stops a
+    worker that is still running.
+
+    Args:
+        exchange: of the device.
+        rest: the command that is safe at any time.
+        period: of the exchange [s].
+        on_command: whether a command starts an exchange at once (`period` is then the longest pause); else the exchange
+            keeps its own time.
+        stale: age beyond which a command no longer counts [s].
+        bad_replies: how many in a row are a fault.
+        reconnect: how long to look for a device that is gone [s]; 0 for not at all.
+        scale: gives a share of a command, 0 to 1.
+        ramp: how long the share takes from 0 to 1 [s].
+        clock: monotonic [s].
+    """
+
+    def __init__(
+        self,
+        exchange: Exchange[Command, Sample],
+        *,
+        rest: Command,
+        period: float,
+        on_command: bool,
+        stale: float,
+        bad_replies: int,
+        reconnect: float = 0.0,
+        scale: Callable[[Command, float], Command] | None = None,
+        ramp: float = 0.05,
+        clock: Callable[[], float] = monotonic,
+    ) -> None:
+        self._exchange = exchange
+        self._guardian = exchange.guardian if isinstance(exchange, Guarded) else None
+        self._rest = rest
+        self._period = period
+        self._on_command = on_command
+        self._stale = stale
+        self._bad_replies = bad_replies
+        self._reconnect = reconnect
+        self._scale = scale
+        self._ramp = ramp
+        self._clock = clock
+        self._command: tuple[Command, float, int] = (rest, -inf, 0)
+        """The last one, when it was given, and how many gaps there were before it."""
+        self._gaps_met = 0
+        self._called_at = inf
+        self._newest: tuple[Sample, float] | None = None
+        self._wake = -1
+        self._stopping = Event()
+        self._thread: Thread | None = None
+        self._left: tuple[Thread, int] | None = None
+        self.fault: str | None = None
+        """Why there are no more samples; None while there are."""
+        self.trouble: str | None = None
+        """What was wrong with the last exchange; None if nothing."""
+        self.round_trip = 0.0
+        """Time that the last exchange took [s]."""
+        self.bad_count = 0
+        """Bad replies since the start."""
+        self.connected_at = 0.0
+        """When the device was last connected [s]."""
+        self._share = 0.0
+        self._began = 0.0
+
+    @property
+    def guarded(self) -> bool:
+        """Whether another process takes the force off when this one stops."""
+        return self._guardian is not None
+
+    @property
+    def newest(self) -> tuple[Sample, float]:
+        """The last good sample, and when it came [s]; to be asked for between `start` and `stop`."""
+        assert self._newest is not None
+        return self._newest
+
+    def start(self) -> None:
+        """Connect, and begin to exchange.
+
+        Raises:
+            HardwareFault: the device cannot be used, or still hangs since the last time; nothing is left running.
+        """
+        self.stop()
+        if self._hangs():
+            raise HardwareFault("it has not reacted since the last session; unplug it and plug it in again")
+        self.fault = self.trouble = None
+        self.bad_count = 0
+        self._command = (self._rest, -inf, self._gaps_met)
+        self._share = 0.0
+        self._called_at = inf
+        wake = -1
+        try:
+            self._newest = (self._exchange.open(), self._clock())
+            self.connected_at = self._newest[1]
+            self._stopping.clear()
+            wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+            thread = Thread(target=self._run, args=(wake,), name="weberlink-device", daemon=True)
+            thread.start()
+        except BaseException:
+            if wake >= 0:
+                os.close(wake)
+            self._exchange.close()
+            raise
+        self._thread, self._wake = thread, wake
+        atexit.register(self.stop)
+
+    def command(self, command: Command, now: float) -> None:
+        """Leave a command for the next exchange; returns at once. No effect when stopped."""
+        called_at, gaps = self._clock(), self._command[2]
+        self._command = (command, now, gaps + (called_at - self._called_at > self._stale))
+        self._called_at = called_at
+        if self._on_command and (wake := self._wake) >= 0:
+            os.eventfd_write(wake, 1)
+
+    def stop(self) -> None:
+        """End the exchange and leave the device safe; any number of times, also from within the exchange."""
+        thread, self._thread = self._thread, None
+        if thread is None:
+            self._hangs()
+            return
+        wake, self._wake = self._wake, -1
+        self._left = (thread, wake)
+        self._stopping.set()
+        os.eventfd_write(wake, 1)
+        atexit.unregister(self.stop)
+        if thread is not current_thread():
+            thread.join(JOIN_S)
+        if self._hangs():
+            atexit.register(thread.join, JOIN_S)
+
+    def _hangs(self) -> bool:
+        """Whether the last thread has not ended yet; what it needs is only let go of after it."""
+        if self._left is None:
+            return False
+        thread, wake = self._left
+        if thread.is_alive():
+            return True
+        self._left = None
+        os.close(wake)
+        return False
+
+    def _run(self, wake: int) -> None:
+        try:
+            due = self._clock()
+            while not self._stopping.is_set():
+                due = self._pause(wake, due)
+                if self._stopping.is_set():
+                    break
+                self._once()
+        except HardwareFault as fault:
+            self.fault = str(fault)
+        except BaseException as error:  # a mistake of ours in this thread must end the session all the same
+            self.fault = f"internal error: {error!r}"
+        finally:
+            self._close()
+
+    def _close(self) -> None:
+        try:
+            self._exchange.close()
+        except Exception as error:
+            self.fault = self.fault or f"internal error: {error!r}"
+
+    def _pause(self, wake: int, due: float) -> float:
+        """Wait for a command or for the time; returns when the one after this is due."""
+        if self._on_command:
+            select((wake,), (), (), self._period)
+            self._clear(wake)
+            return due
+        wait = due - self._clock()
+        if wait > 0.0:
+            self._stopping.wait(wait)
+        now, following = self._clock(), due + self._period
+        return following if now < following else now + self._period  # what was missed is not made up for
+
+    @staticmethod
+    def _clear(wake: int) -> None:
+        with suppress(BlockingIOError):
+            os.eventfd_read(wake)
+
+    def _once(self) -> None:
+        """One good exchange; on the way there, bad ones and a reconnection, all of them at rest."""
+        command, at, gaps = self._command
+        began = self._clock()
+        if began - at > self._stale or gaps != self._gaps_met:
+            command, self._share, self._gaps_met = self._rest, 0.0, gaps
+        else:
+            command = self._faded(command, began)
+        self._began = began
+        if self._guardian is not None:
+            self._guardian.given(at, self._stale)
+        bad, lost_at = 0, None
+        while not self._stopping.is_set():
+            fault: HardwareFault
+            try:
+                sample = self._exchange.exchange(command)
+            except BadReply as reply:
+                bad += 1
+                self.bad_count += 1
+                fault = reply
+            except HardwareFault as gone:
+                bad = self._bad_replies
+                fault = gone
+            else:
+                ended = self._clock()
+                self.round_trip = ended - began
+                self._newest = (sample, ended)
+                self.trouble = None
+                return
+            command, self._share = self._rest, 0.0
+            self.trouble = str(fault)
+            if bad >= self._bad_replies:
+                lost_at = began if lost_at is None else lost_at
+                self._return(fault, lost_at + self._reconnect)
+                bad = 0
+            began = self._clock()
+
+    def _faded(self, command: Command, now: float) -> Command:
+        """The share of a command that the ramp has come to; by little at a time, however long the last step was."""
+        if self._scale is None or self._share == 1.0:
+            return command
+        self._share = min(1.0, self._share + min(now - self._began, self._period) / self._ramp)
+        return self._scale(command, self._share)
+
+    def _return(self, fault: HardwareFault, until: float) -> None:
+        """Look for the device until the patience is over; raises the fault then."""
+        with suppress(Exception):  # the fault is what matters here
+            self._exchange.close()
+        while not self._stopping.is_set():
+            if self._clock() >= until:
+                raise fault
+            self._stopping.wait(RETRY_S)
+            try:
+                sample = self._exchange.open()
+            except HardwareFault as again:
+                fault = again
+            else:
+                self._newest = (sample, self._clock())
+                self.connected_at = self._newest[1]
+                return

@@ -1,0 +1,262 @@
+"""The main of one daemon: event loop, ticks, signals, orderly stop.
+
+Owns the order of things in a tick and the ways a run can end. Knows no codec, packet or device: a `Side` and a
+`Transport` are handed in, and the same side also runs in virtual time without this file.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from math import inf
+from signal import SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask
+from time import monotonic
+from typing import Any, Protocol
+
+import uvloop
+
+from weberlink.realtime.garbage import GarbageSchedule, freeze_garbage, thaw_garbage
+from weberlink.realtime.ticker import Ticker
+
+REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
+AfterTick = Callable[[int, float, float, float], None]
+
+
+class Side(Protocol):
+    """One end of the system, as the shell sees it. Times are of `time.monotonic` [s]."""
+
+    @property
+    def stopped(self) -> bool:
+        """The side has come to rest, whoever began the stop; the run ends after this tick."""
+
+    @property
+    def outcome(self) -> str | None:
+        """How the run ended in the words of the side, if it has any."""
+
+    def tick(self, index: int, deadline: float, now: float) -> None:
+        """Do the work of tick `index`. An index that was skipped is a deadline that was missed."""
+
+    def stop(self, now: float, reason: str) -> None:
+        """Begin an orderly stop: ramp forces to zero, say goodbye. Ticks go on until `stopped`."""
+
+    def fail(self, now: float, error: BaseException) -> None:
+        """Command zero force at once; no tick follows."""
+
+
+class Transport(Protocol):
+    """What carries datagrams and fires the timers that belong to them."""
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
+        """Claim sockets; may be a coroutine."""
+
+    def service(self, now: float) -> None:
+        """Before each tick: timers that are due, datagrams that have arrived."""
+
+    def flush(self, now: float) -> None:
+        """After each tick: hand over what is to be sent. Does not block."""
+
+    def close(self) -> None:
+        """Release what `open` claimed, also if that did not finish."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a run was: ticks done and missed, passes of the collector, how it ended.
+
+    Lateness and work of each tick are the business of `after_tick`.
+    """
+
+    ticks: int
+    missed: int
+    outcome: str | None
+    orderly: bool
+    garbage: GarbageSchedule | None = None
+
+
+def run(
+    side: Side,
+    *,
+    transport: Transport,
+    ticker_period: float,
+    stop_signals: tuple[Signals, ...] = (SIGINT, SIGTERM, SIGHUP),
+    duration_s: float | None = None,
+    start_at: float | None = None,
+    stop_limit_s: float = 1.0,
+    after_tick: AfterTick | None = None,
+    garbage: GarbageSchedule | None = None,
+) -> Run:
+    """Run a side in this process until it has stopped.
+
+    In a tick: `transport.service`, `side.tick`, `transport.flush`, `after_tick`, then garbage collection if there is
+    slack. A run ends when the side is `stopped`: by itself, or after `side.stop` at the first signal ("interrupted",
+    "terminated", "hung up") or at the end of the duration ("completed"). A second signal, or a stop that takes too
+    long, ends it at once through `side.fail`; but a hang-up is no impatience, however often it comes.
+
+    Args:
+        ticker_period: time between ticks [s].
+        stop_signals: begin a stop; must be () outside the main thread.
+        duration_s: from the first tick to the stop [s]; None for no end.
+        start_at: the first deadline [s, `time.monotonic`]; None for one period after opening.
+        stop_limit_s: hard bound on an orderly stop [s].
+        after_tick: receives index, deadline, now [s] and the time from now to the end of `flush` [us]; for telemetry.
+        garbage: schedule for the collector, which is then frozen during the run; None leaves the collector alone.
+
+    Returns:
+        The figures of the run; `orderly` is False if it ended through `side.fail`.
+
+    Raises:
+        BaseException: whatever the side, the transport or a callback of the loop raised. By then `side.fail` has been
+            called and the transport is closed.
+    """
+    shell = _Shell(side, transport, ticker_period, duration_s, start_at, stop_limit_s, after_tick, garbage)
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        return runner.run(shell.main(stop_signals))
+
+
+class _Shell:
+    def __init__(
+        self,
+        side: Side,
+        transport: Transport,
+        period_s: float,
+        duration_s: float | None,
+        start_at: float | None,
+        stop_limit_s: float,
+        after_tick: AfterTick | None,
+        garbage: GarbageSchedule | None,
+    ) -> None:
+        self._ticker = Ticker(period_s, self._tick, start_at=start_at, on_error=self._fault)
+        self._side = side
+        self._transport = transport
+        self._period = self._ticker.period_s
+        self._duration = inf if duration_s is None else round(duration_s / self._period)
+        self._stop_at_index: float | None = None
+        self._stop_limit = stop_limit_s
+        self._stop_by = inf
+        self._after_tick = after_tick
+        self._garbage = garbage
+        self._ticks = 0
+        self._reason: str | None = None
+        self._error: BaseException | None = None
+        self._failed = False
+        self._signalled = False
+        self._done = asyncio.Event()
+
+    async def main(self, stop_signals: tuple[Signals, ...]) -> Run:
+        loop = asyncio.get_running_loop()
+        loop.set_exception_handler(self._loop_fault)
+        for number in stop_signals:
+            loop.add_signal_handler(number, self._signal, number)
+        # A parent may have held them back while there was nobody to handle them.
+        pthread_sigmask(SIG_UNBLOCK, stop_signals)
+        try:
+            await self._open(loop)
+            await self._live()
+        except BaseException as error:
+            self._fault(error)
+        finally:
+            self._ticker.stop()
+            for number in stop_signals:
+                loop.remove_signal_handler(number)
+            self._transport.close()
+        if self._error is not None:
+            raise self._error
+        return Run(
+            ticks=self._ticks,
+            missed=self._ticker.missed,
+            outcome=self._side.outcome or self._reason,
+            orderly=not self._failed,
+            garbage=self._garbage,
+        )
+
+    async def _open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Open the transport, unless a stop comes first: looking up a host may take longer than a user's patience."""
+        opening = self._transport.open(loop)
+        if opening is None:
+            return
+        ready, ended = asyncio.ensure_future(opening), asyncio.ensure_future(self._done.wait())
+        try:
+            await asyncio.wait((ready, ended), return_when=asyncio.FIRST_COMPLETED)
+            if ready.done():
+                ready.result()
+        finally:
+            for waiting in (ready, ended):
+                waiting.cancel()
+            await asyncio.gather(ready, ended, return_exceptions=True)
+
+    async def _live(self) -> None:
+        if self._done.is_set():
+            return
+        if self._garbage is not None:
+            freeze_garbage()
+        try:
+            self._ticker.start()
+            await self._done.wait()
+        finally:
+            if self._garbage is not None:
+                thaw_garbage()
+
+    def _tick(self, index: int, deadline: float, now: float) -> None:
+        if self._stop_at_index is None:
+            self._stop_at_index = index + self._duration
+        if self._reason is None and index >= self._stop_at_index:
+            self._stop(now, "completed")
+        if now >= self._stop_by:
+            self._abandon(TimeoutError(f"the stop took longer than {self._stop_limit} s"))
+            return
+        self._transport.service(now)
+        self._side.tick(index, deadline, now)
+        self._transport.flush(now)
+        self._ticks += 1
+        if self._after_tick is not None:
+            self._after_tick(index, deadline, now, (monotonic() - now) * 1e6)
+        if self._side.stopped:
+            self._finish()
+        elif self._garbage is not None:
+            self._garbage.tick(deadline + self._period - monotonic())
+
+    def _stop(self, now: float, reason: str) -> None:
+        self._reason = reason
+        self._stop_by = now + self._stop_limit
+        self._side.stop(now, reason)
+
+    def _signal(self, number: Signals) -> None:
+        reason = REASONS.get(number, "terminated")
+        if self._signalled:
+            if number == SIGHUP:
+                return
+            self._abandon(InterruptedError(f"{reason} a second time"))
+            return
+        self._signalled = True
+        if self._reason is None:
+            self._stop(monotonic(), reason)
+        if not self._ticker.running:
+            self._finish()  # nothing has moved yet, and no tick would ever finish the stop
+
+    def _abandon(self, error: Exception) -> None:
+        self._fail(error)
+        self._finish()
+
+    def _fault(self, error: BaseException) -> None:
+        if self._error is None:
+            self._error = error
+        self._fail(error)
+        self._finish()
+
+    def _loop_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        self._fault(context.get("exception") or RuntimeError(context["message"]))
+
+    def _fail(self, error: BaseException) -> None:
+        if self._failed:
+            return
+        self._failed = True
+        now = monotonic()
+        # Best effort: what failed first is what must be reported.
+        with suppress(Exception):
+            self._side.fail(now, error)
+        with suppress(Exception):
+            self._transport.flush(now)
+
+    def _finish(self) -> None:
+        self._ticker.stop()
+        self._done.set()

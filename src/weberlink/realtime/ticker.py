@@ -1,0 +1,175 @@
+"""The tick: a callback at absolute deadlines of the monotonic clock, driven by a timerfd in the running event loop.
+
+Owns tick numbers, deadlines, the count of missed ones, and how much earlier than a deadline the kernel is asked to wake
+us. Knows nothing of what a tick does.
+"""
+
+import asyncio
+import os
+from collections.abc import Callable
+from math import isfinite
+from time import monotonic_ns
+from types import TracebackType
+from typing import Self
+
+from weberlink.realtime import timerfd
+
+NANOSECONDS = 1_000_000_000
+SHORTEST_PERIOD_S = 1e-5
+LARGEST_LEAD_S = 1e-4
+"""A machine that takes longer than this to wake up is late, rather than kept busy."""
+LARGEST_LEAD_SHARE = 0.2
+"""Of a period, likewise."""
+_FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
+"""Wake-ups until the lead is first set, and the time between two revisions [s]."""
+_WOKEN_BY = 0.5
+"""Share of wake-ups that come within the lead. Who comes sooner waits for the rest, which costs CPU time."""
+
+
+class Ticker:
+    """Calls `on_tick(index, deadline, now)` once per wake-up, for the newest deadline that has passed.
+
+    Deadline `index` is `start_at + index * period_s`, multiplied in integer nanoseconds, so that no error
+    accumulates. When several deadlines have passed since the last wake-up, the older ones are counted in `missed` and
+    never replayed: a burst of late ticks would command a device with moments that are over. Deadlines that had passed
+    before the first wake-up belong to nobody: opening a device may take as long as a person needs to home it.
+
+    A processor takes some 20 to 100 us from a timer to the first line of Python. So the timer is set ahead of the
+    deadlines by the median of what wake-ups lately took, and the rest of the way is waited for with open eyes:
+    `lead_s`, revised once a second, never longer than `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE` of a period.
+
+    Args:
+        period_s: time between deadlines [s], rounded to 1 ns.
+        on_tick: receives the index, its deadline and the present [s, clock of `time.monotonic`].
+        start_at: deadline of index 0 [s, same clock]; one period after `start()` if not given.
+        on_error: receives what `on_tick` raised, after the ticker has stopped. Without it the event loop receives it.
+        leads: False to be woken at the deadlines themselves.
+    """
+
+    __slots__ = (
+        "_fd",
+        "_index",
+        "_latencies",
+        "_lead_ns",
+        "_leads",
+        "_loop",
+        "_on_error",
+        "_on_tick",
+        "_period_ns",
+        "_revised_after",
+        "_start_ns",
+        "_stopped",
+        "missed",
+    )
+
+    def __init__(
+        self,
+        period_s: float,
+        on_tick: Callable[[int, float, float], None],
+        *,
+        start_at: float | None = None,
+        on_error: Callable[[BaseException], None] | None = None,
+        leads: bool = True,
+    ) -> None:
+        if not (isfinite(period_s) and period_s >= SHORTEST_PERIOD_S):
+            raise ValueError(f"period_s must be finite and at least {SHORTEST_PERIOD_S} s, got {period_s}")
+        if start_at is not None and not (isfinite(start_at) and start_at > 0.0):
+            raise ValueError(f"start_at must be a positive moment of time.monotonic, got {start_at}")
+        self._period_ns = round(period_s * NANOSECONDS)
+        self._start_ns = 0 if start_at is None else round(start_at * NANOSECONDS)
+        self._on_tick = on_tick
+        self._on_error = on_error
+        self._leads = leads
+        self._lead_ns = 0
+        self._latencies: list[int] = []
+        self._revised_after = _FIRST_REVISION
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._fd = -1
+        self._index = -1
+        self._stopped = False
+        self.missed = 0
+
+    @property
+    def period_s(self) -> float:
+        """The period as it is kept, after rounding to nanoseconds [s]."""
+        return self._period_ns / NANOSECONDS
+
+    @property
+    def lead_s(self) -> float:
+        """How much earlier than its deadline a tick is woken for now [s]."""
+        return self._lead_ns / NANOSECONDS
+
+    @property
+    def running(self) -> bool:
+        return self._loop is not None
+
+    def start(self) -> None:
+        """Arm the timer in the running event loop; does nothing if it runs already.
+
+        Raises:
+            RuntimeError: outside an event loop, or after `stop`: a ticker numbers one run.
+        """
+        if self._loop is not None:
+            return
+        if self._stopped:
+            raise RuntimeError("a stopped ticker does not start again; make a new one")
+        loop = asyncio.get_running_loop()
+        self._fd = timerfd.create()
+        if self._start_ns == 0:
+            self._start_ns = monotonic_ns() + self._period_ns
+        timerfd.arm(self._fd, self._start_ns, self._period_ns)
+        loop.add_reader(self._fd, self._wake)
+        self._loop = loop
+
+    def stop(self) -> None:
+        """Disarm and release the timer; may be called inside a tick, and again."""
+        self._stopped = True
+        if self._loop is None:
+            return
+        self._loop.remove_reader(self._fd)
+        os.close(self._fd)
+        self._loop = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.stop()
+
+    def _wake(self) -> None:
+        passed = timerfd.expirations(self._fd)
+        if passed == 0:
+            return
+        if self._index >= 0:
+            self.missed += passed - 1
+        self._index += passed
+        deadline = self._start_ns + self._index * self._period_ns
+        now = monotonic_ns()
+        latency = now - deadline + self._lead_ns
+        while now < deadline:
+            now = monotonic_ns()
+        try:
+            self._on_tick(self._index, deadline / NANOSECONDS, now / NANOSECONDS)
+        except BaseException as error:
+            self.stop()
+            if self._on_error is None:
+                raise
+            self._on_error(error)
+        if self._leads and self._loop is not None:
+            self._learn(latency)
+
+    def _learn(self, latency: int) -> None:
+        """Take how long a wake-up took [ns]; now and then, set the timer ahead by the median of them."""
+        latencies = self._latencies
+        latencies.append(latency)
+        if len(latencies) < self._revised_after:
+            return
+        latencies.sort()
+        usual = latencies[int(len(latencies) * _WOKEN_BY)]
+        latencies.clear()
+        self._revised_after = max(_FIRST_REVISION, round(_REVISED_EVERY_S / self.period_s))
+        largest = min(LARGEST_LEAD_S * NANOSECONDS, LARGEST_LEAD_SHARE * self._period_ns)
+        self._lead_ns = int(min(usual, largest))
+        following = self._start_ns + (self._index + 1) * self._period_ns
+        timerfd.arm(self._fd, following - self._lead_ns, self._period_ns)

@@ -1,0 +1,1 @@
+"""Studies: each folder has a command, its figures and its document."""

@@ -1,0 +1,151 @@
+"""What the ratings of an experiment say: means with confidence, tests, packets at equal quality.
+
+Owns what is computed and how it is called in a document. Needs scipy (extra: statistics) for its tests alone.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from weberlink.studies.curves import Curves, Point, curves
+from weberlink.studies.experiment.answers import Answers
+from weberlink.studies.experiment.savings import Crossing, Saving, savings
+
+if TYPE_CHECKING:
+    from weberlink.studies.experiment.statistics import Friedman, SignedRank
+
+SEED = 0
+"""Of the bootstrap."""
+MARK = "SIMULATED RATINGS"
+EXPLANATION = "a program rated, by a rule from the felt error; no person felt anything"
+BASES = ("zoh", "linear")
+"""What the paper compares packets with."""
+TESTED_AGAINST = "zoh"
+
+
+@dataclass(frozen=True)
+class Tests:
+    """What the ratings say beyond chance.
+
+    Args:
+        predictors: whether they differ, over each subject's means over Weber factors.
+        webers: whether Weber factors differ, over each subject's means over predictors.
+        against: each other predictor against `TESTED_AGAINST`.
+    """
+
+    predictors: "Friedman"
+    webers: "Friedman"
+    against: Sequence["SignedRank"]
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "friedman_predictors": self.predictors.as_json(),
+            "friedman_webers": self.webers.as_json(),
+            f"signed_rank_against_{TESTED_AGAINST}": [test.as_json() for test in self.against],
+        }
+
+
+@dataclass(frozen=True)
+class Savings:
+    """Packets at a level.
+
+    Args:
+        level: of the scale.
+        crossings: by predictor.
+        against: by what is compared with, then by predictor.
+    """
+
+    level: float
+    crossings: Mapping[str, Crossing]
+    against: Mapping[str, Mapping[str, Saving]]
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "level": self.level,
+            "predictors": [
+                {"predictor": name, "reach": crossing.reach.value, "packets_per_s": crossing.packets_per_s}
+                | {f"fewer_than_{base}": by_name[name].as_json() for base, by_name in self.against.items()}
+                for name, crossing in self.crossings.items()
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """An analysed study."""
+
+    answers: Answers
+    curves: Curves
+    tests: Tests
+    savings: Savings
+
+    @property
+    def mark(self) -> str | None:
+        """What nobody may overlook; None where people rated."""
+        return MARK if self.answers.simulated else None
+
+    @property
+    def who(self) -> str:
+        """How many of whom."""
+        count = len(self.answers.subjects)
+        return f"{count} {'simulated ' if self.answers.simulated else ''}{'subject' if count == 1 else 'subjects'}"
+
+    @property
+    def document(self) -> dict[str, Any]:
+        answers = self.answers
+        return {
+            "simulated": answers.simulated,
+            "mark": f"{MARK}: {EXPLANATION}" if answers.simulated else None,
+            "subjects": answers.subjects,
+            "incomplete": [{"subject": subject, "rated": rated} for subject, rated in answers.incomplete.items()],
+            "duration_s": answers.plan.duration_s,
+            "wording": dict(answers.plan.wording),
+            "configuration_digest": answers.plan.digest,
+            "rows": [_row(point) for points in self.curves.values() for point in points],
+            "tests": self.tests.as_json(),
+            "savings": self.savings.as_json(),
+            "seed": SEED,
+        }
+
+
+def analyse(answers: Answers, level: float) -> Analysis:
+    """Everything that is asked of the ratings.
+
+    Args:
+        answers: of all complete subjects.
+        level: rating at which packets are compared.
+    """
+    found = curves(answers.observations, seed=SEED)
+    return Analysis(answers, found, _tests(answers), _all_savings(answers, level))
+
+
+def _tests(answers: Answers) -> Tests:
+    from weberlink.studies.experiment.statistics import against, friedman  # noqa: PLC0415 - needs scipy
+
+    ratings = answers.ratings()
+    over_webers = ratings.mean(axis=2)
+    by_predictor = dict(zip(answers.predictors, over_webers.T, strict=True))
+    base = by_predictor.pop(TESTED_AGAINST)
+    return Tests(friedman(over_webers), friedman(ratings.mean(axis=1)), against(base, by_predictor))
+
+
+def _all_savings(answers: Answers, level: float) -> Savings:
+    rates, ratings = answers.packet_rates(), answers.ratings()
+    names = answers.predictors
+    crossings: dict[str, Crossing] = {}
+    by_base: dict[str, dict[str, Saving]] = {}
+    for base in BASES:
+        found, saved = savings(rates, ratings, level, names.index(base), seed=SEED)
+        crossings = dict(zip(names, found, strict=True))
+        by_base[base] = dict(zip(names, saved, strict=True))
+    return Savings(level, crossings, by_base)
+
+
+def _row(point: Point) -> dict[str, Any]:
+    return {
+        "predictor": point.predictor,
+        "weber": point.weber,
+        "subjects": point.units,
+        "rating": point.quality._asdict(),
+        "packets_per_s": point.packets_per_s._asdict(),
+    }

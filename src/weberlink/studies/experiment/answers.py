@@ -1,0 +1,210 @@
+"""The answers of all subjects of a study, from the ledgers of a folder. Refuses to mix what cannot be compared."""
+
+import csv
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.studies.curves import Observation
+from weberlink.studies.experiment.ledger import LedgerError, Progress, path_of, read, subjects
+from weberlink.studies.experiment.plan import PREDICTORS, Condition, Plan
+
+Whose = Literal["people", "simulated"]
+COLUMNS = ("subject", "simulated", "trial", "attempt", "predictor", "weber", "rating")
+FIGURES = ("packets_per_s", "reduction", "error_rms", "violation_fraction")
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One rated trial."""
+
+    subject: int
+    trial: int
+    attempt: int
+    condition: Condition
+    rating: int
+    figures: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Those of all subjects who have rated every trial.
+
+    Args:
+        plan: of one of them; what the others have in common with it is checked.
+        answers: in the order of subjects and trials.
+        incomplete: subjects that are left out, with the number of trials that they have rated: what is missing is
+            missing at the end of an order, so means over subjects would not compare the same people.
+    """
+
+    plan: Plan
+    answers: Sequence[Answer]
+    incomplete: Mapping[int, int]
+
+    @property
+    def simulated(self) -> bool:
+        return self.plan.simulated
+
+    @property
+    def subjects(self) -> list[int]:
+        return sorted({answer.subject for answer in self.answers})
+
+    @property
+    def observations(self) -> list[Observation]:
+        """One for each rating, predictors in the order of names given."""
+        ranked = sorted(self.answers, key=lambda answer: self.predictors.index(answer.condition.predictor))
+        return [
+            Observation(
+                f"{'simulated' if self.simulated else 'subject'} {answer.subject}",
+                answer.condition.predictor,
+                answer.condition.weber,
+                float(answer.figures["packets_per_s"]),
+                float(answer.rating),
+            )
+            for answer in ranked
+        ]
+
+    @property
+    def predictors(self) -> list[str]:
+        """In the order of the paper, not in that of trials."""
+        names = {condition.predictor for condition in self.plan.trials}
+        return [name for name in PREDICTORS if name in names] + sorted(names - {*PREDICTORS})
+
+    @property
+    def webers(self) -> list[float]:
+        return sorted({condition.weber for condition in self.plan.trials})
+
+    def ratings(self) -> NDArray[np.float64]:
+        """Shape (subjects, predictors, Weber factors)."""
+        return self._table(lambda answer: float(answer.rating))
+
+    def packet_rates(self) -> NDArray[np.float64]:
+        """Shape (subjects, predictors, Weber factors) [1/s]."""
+        return self._table(lambda answer: float(answer.figures["packets_per_s"]))
+
+    def write_csv(self, path: Path) -> None:
+        """One row for each rating, for programs of statistics; in the order in which they were given.
+
+        Raises:
+            OSError: if the file cannot be written.
+        """
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow([*COLUMNS, *FIGURES])
+            for answer in self.answers:
+                writer.writerow(
+                    [
+                        answer.subject,
+                        str(self.simulated).lower(),
+                        answer.trial,
+                        answer.attempt,
+                        answer.condition.predictor,
+                        answer.condition.weber,
+                        answer.rating,
+                        *(answer.figures.get(name) for name in FIGURES),
+                    ]
+                )
+
+    def _table(self, value: Callable[[Answer], float]) -> NDArray[np.float64]:
+        table = np.full((len(self.subjects), len(self.predictors), len(self.webers)), np.nan)
+        for answer in self.answers:
+            place = (
+                self.subjects.index(answer.subject),
+                self.predictors.index(answer.condition.predictor),
+                self.webers.index(answer.condition.weber),
+            )
+            table[place] = value(answer)
+        return table
+
+
+def gather(folder: Path, whose: Whose | None) -> Answers:
+    """The answers in a folder.
+
+    Args:
+        folder: with ledgers; one that an experiment is just writing may be among them.
+        whose: of people or of simulated subjects; None where the folder has one kind only.
+
+    Raises:
+        LedgerError: if there is nothing to analyse, a ledger is damaged, or they cannot be compared.
+    """
+    found = {kind: subjects(folder, simulated=kind == "simulated") for kind in ("people", "simulated")}
+    if whose is None:
+        if all(found.values()):
+            raise LedgerError(
+                f"{folder}: has ledgers of people and of a program, which are never analysed together; "
+                "say which: --only people or --only simulated"
+            )
+        whose = "simulated" if found["simulated"] else "people"
+    ledgers = {subject: _read(folder, subject, whose) for subject in found[whose]}
+    begun = {subject: progress for subject, progress in ledgers.items() if progress is not None}
+    complete = {subject: progress for subject, progress in begun.items() if progress.complete}
+    if not complete:
+        raise LedgerError(f"{folder}: no {_kind(whose)} has rated all trials; {len(ledgers)} incomplete")
+    first, *others = complete
+    for other in others:
+        _check_alike(folder, whose, complete[first].plan, complete[other].plan)
+    return Answers(
+        plan=complete[first].plan,
+        answers=[answer for subject, progress in complete.items() for answer in _answers(subject, progress)],
+        incomplete={
+            subject: len(progress.rated) if progress is not None else 0
+            for subject, progress in ledgers.items()
+            if subject not in complete
+        },
+    )
+
+
+def _read(folder: Path, subject: int, whose: Whose) -> Progress | None:
+    path = path_of(folder, subject, simulated=whose == "simulated")
+    progress = read(path)
+    if progress is None:
+        return None
+    plan = progress.plan
+    if plan.simulated != (whose == "simulated") or plan.subject != subject:
+        is_of = f"{'simulated ' if plan.simulated else ''}subject {plan.subject}"
+        raise LedgerError(f"{path}:1: is the ledger of {is_of}; expected what its name says")
+    for number, event in progress.rated.items():
+        rate = (event.get("figures") or {}).get("packets_per_s")
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 <= rate < inf:
+            raise LedgerError(f"{path}: trial {number}: expected figures with packets_per_s, not {rate!r}")
+    return progress
+
+
+def _check_alike(folder: Path, whose: Whose, one: Plan, other: Plan) -> None:
+    """Whether two subjects took part in the same study.
+
+    Raises:
+        LedgerError: they did not.
+    """
+    paths = [path_of(folder, plan.subject, simulated=whose == "simulated") for plan in (one, other)]
+    for differs, what in (
+        (one.digest != other.digest, "another configuration"),
+        (one.duration_s != other.duration_s, "trials of another length"),
+        (dict(one.wording) != dict(other.wording), "another wording of the scale"),
+        (set(one.trials) != set(other.trials), "other trials"),
+    ):
+        if differs:
+            raise LedgerError(f"{paths[1]}: had {what} than {paths[0]}; put each study into a folder of its own")
+
+
+def _answers(subject: int, progress: Progress) -> list[Answer]:
+    return [
+        Answer(
+            subject,
+            number,
+            int(event.get("attempt", 1)),
+            progress.plan.trials[number - 1],
+            int(event["rating"]),
+            event.get("figures") or {},
+        )
+        for number, event in sorted(progress.rated.items())
+    ]
+
+
+def _kind(whose: Whose) -> str:
+    return "simulated subject" if whose == "simulated" else "person"

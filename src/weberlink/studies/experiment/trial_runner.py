@@ -1,0 +1,209 @@
+"""What a subject feels: a configuration under the conditions of a study, live or in virtual time.
+
+Owns how a condition becomes overrides, how a session becomes the figures that are stored, and what makes two
+configurations the same study. Knows no subject and no ledger.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from weberlink.studies.experiment.conduct import Elapsed, Felt, Trial
+from weberlink.studies.experiment.plan import PREDICTORS, Condition, Plan
+from weberlink.studies.experiment.scale import REFERENCES
+from weberlink.studies.experiment.simulated import FELT, THRESHOLD
+from weberlink.system.composition.link import channels
+from weberlink.system.composition.trial import try_out
+from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
+from weberlink.system.launcher import Session
+from weberlink.system.scoring.felt import FeltError
+from weberlink.system.scoring.session import SessionScore
+from weberlink.system.simulate import build_simulation
+
+STOPPED = ("interrupted", "terminated", "hung up")
+"""Outcomes of a session that somebody asked to stop."""
+INTERRUPTING = ("silence", "device", "refused")
+"""Faults in which the force fades: what was felt then is not the coding."""
+FIGURES = ("samples", "packets_per_s", "reduction", "error_rms", "error_max", "violation_fraction")
+"""Of the force channel, stored with each rating."""
+WHERE = ("listen", "slave", "key_file")
+"""Keys of the link that say where the sides meet, which is not felt."""
+PER_TRIAL = ("predictor", "weber")
+"""Keys of `codec.force` that each trial sets."""
+
+Ports = Callable[[], Sequence[str]]
+"""Overrides that give the sides a free port, where the file leaves it open."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """The file that is felt, and how a condition changes it.
+
+    Args:
+        file: the configuration.
+        overrides: of the command line.
+    """
+
+    file: Path
+    overrides: tuple[str, ...]
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What is felt, as resolved: without where the sides meet, and without what each trial sets."""
+        return _document(load(self.file, self.overrides))
+
+    @property
+    def digest(self) -> str:
+        return _digest(self.document)
+
+    def try_out(self) -> None:
+        """Complain of the file before anybody waits.
+
+        Raises:
+            ConfigurationError: if it cannot be run with every predictor and reference.
+        """
+        conditions = [Condition(predictor, 0.1) for predictor in PREDICTORS]
+        for condition in [*conditions, *(reference.condition for reference in REFERENCES)]:
+            try_out(load(self.file, self.with_condition(condition)))
+
+    def with_condition(self, condition: Condition, *further: str) -> list[str]:
+        """Overrides that make a condition of the file."""
+        coding = [f"codec.force.predictor={condition.predictor}", f"codec.force.weber={condition.weber:g}"]
+        if condition.weber == 0.0:
+            coding.append("codec.force.floor_n=0")  # every sample is sent
+        return [*self.overrides, *coding, *further]
+
+    def check(self, plan: Plan) -> None:
+        """The file may have been edited while the experiment goes on.
+
+        Raises:
+            ConfigurationError: it was.
+        """
+        document = self.document
+        if _digest(document) != plan.digest:
+            fields = ", ".join(differences(plan.configuration, document)) or "its files"
+            raise ConfigurationError(f"{self.file}: was changed during the experiment ({fields}); restore it and go on")
+
+
+@dataclass(frozen=True)
+class Live:
+    """Lets a person feel a signal: both sides as processes on this host, in real time."""
+
+    signals: Signals
+    plan: Plan
+    ports: Ports
+
+    def feel(self, trial: Trial, recording: Path | None, elapsed: Elapsed) -> Felt:
+        """Run the session.
+
+        Raises:
+            ConfigurationError: if the file was changed.
+        """
+        self.signals.check(self.plan)
+        overrides = self.signals.with_condition(trial.condition, *self.ports())
+        configuration = load(self.signals.file, overrides)
+
+        def watch(_: dict[str, Any], summary: dict[str, Any]) -> None:
+            elapsed(summary["duration_s"])
+
+        with Session(configuration, overrides, SIDES, self.plan.duration_s, watch, recording) as session:
+            summary = session.run()
+        return _felt(summary)
+
+
+@dataclass(frozen=True)
+class Virtual:
+    """Lets a program feel a signal, in virtual time.
+
+    Where hand and link have a seed, it is another one in each trial.
+    """
+
+    signals: Signals
+    plan: Plan
+
+    def feel(self, trial: Trial, recording: Path | None, elapsed: Elapsed) -> Felt:  # noqa: ARG002
+        """Run the simulation.
+
+        Raises:
+            ConfigurationError: if the file was changed.
+        """
+        self.signals.check(self.plan)
+        overrides = self.signals.with_condition(trial.condition, *self._seeds(trial))
+        configuration = load(self.signals.file, overrides)
+        system = configuration.system
+        simulation = build_simulation(configuration)
+        score, felt = SessionScore(system.rate_hz, channels(system)[1].bank), FeltError(THRESHOLD)
+        simulation.run(self.plan.duration_s, [score, felt])
+        master, slave = simulation.master, simulation.slave
+        failures = [side.failure for side in (master, slave) if side.failure is not None]
+        summary = score.summary() | {
+            "faults": {"master": master.faults, "slave": slave.faults},
+            "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
+        }
+        return _felt(summary, {FELT: felt.rms_jnd})
+
+    def _seeds(self, trial: Trial) -> list[str]:
+        text = f"{self.plan.seed}/{self.plan.subject}/{trial.number}"
+        seed = int.from_bytes(sha256(text.encode()).digest()[:4], "big")
+        configuration = load(self.signals.file, self.signals.overrides)
+        assert configuration.device is not None
+        seeds = [f"master.device.seed={seed}"] if "seed" in type(configuration.device.options).model_fields else []
+        return seeds + ([f"link.emulate.seed={seed}"] if configuration.system.link.emulate is not None else [])
+
+
+def _felt(summary: dict[str, Any], further: dict[str, Any] | None = None) -> Felt:
+    """What is stored of a session, and whether it can be rated."""
+    force, outcome = summary["force"], summary["outcome"]
+    figures = {"outcome": outcome, "duration_s": summary["duration_s"], "faults": summary["faults"]}
+    figures |= {name: force[name] for name in FIGURES} | (further or {})
+    if "recording" in summary:
+        figures["recording_outcome"] = summary["recording"].get("outcome")
+    return Felt(figures, _problem(figures), outcome in STOPPED)
+
+
+def _problem(figures: dict[str, Any]) -> str | None:
+    if figures["outcome"] != "completed":
+        return str(figures["outcome"])
+    if not figures["samples"] or figures["error_rms"] is None:
+        return "the two sides never came together"
+    met = [f"{side} {fault}" for side, faults in figures["faults"].items() for fault in faults if fault in INTERRUPTING]
+    return f"the force was interrupted ({', '.join(met)})" if met else None
+
+
+def _document(configuration: Configuration) -> dict[str, Any]:
+    system = configuration.system.model_dump()
+    for key in WHERE:
+        del system["link"][key]
+    for key in PER_TRIAL:
+        del system["codec"]["force"][key]
+    for side, name, part in (("master", "device", configuration.device), ("slave", "robot", configuration.robot)):
+        assert part is not None
+        system[side][name] = {"driver": system[side][name]["driver"]} | part.options.model_dump()
+    document: dict[str, Any] = json.loads(json.dumps(system, default=_content))
+    return document
+
+
+def _content(value: object) -> str:
+    """A file by what is in it, wherever it lies."""
+    if not isinstance(value, Path):
+        return str(value)
+    return f"{value.name} {sha256(value.read_bytes()).hexdigest()}" if value.is_file() else value.name
+
+
+def _digest(document: dict[str, Any]) -> str:
+    return sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def differences(a: Any, b: Any, where: tuple[str, ...] = ()) -> Iterable[str]:
+    """Paths of the fields in which two documents differ."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in sorted({*a, *b}):
+            yield from differences(a.get(key), b.get(key), (*where, key))
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        for index, (left, right) in enumerate(zip(a, b, strict=True)):
+            yield from differences(left, right, (*where, str(index)))
+    elif a != b:
+        yield ".".join(where)

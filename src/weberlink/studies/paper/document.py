@@ -1,0 +1,160 @@
+"""The table "the paper and us" as Markdown. Owns the wording; every number comes from a measurement."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from weberlink.studies.curves import Observation
+from weberlink.studies.paper.claims import CLAIMS, WEBER
+from weberlink.studies.paper.savings import Saving, saving
+
+PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One set of signals that every predictor was run on.
+
+    Args:
+        key: short name, for files.
+        title: a heading.
+        text: how the numbers were made.
+        observations: packet rate and RMS error [JND] of each unit, predictor and Weber factor; may be empty.
+    """
+
+    key: str
+    title: str
+    text: str
+    observations: Sequence[Observation]
+
+    @property
+    def savings(self) -> list[Saving]:
+        return [saving(claim, self.observations) for claim in CLAIMS]
+
+    @property
+    def units(self) -> list[str]:
+        return list(dict.fromkeys(one.unit for one in self.observations))
+
+
+HEAD = """# The paper and us
+
+What X. Xu, J. Kammerl, R. Chaudhari and E. Steinbach report in "Hybrid signal-based and geometry-based prediction for
+haptic data reduction" (HAVE 2011), beside what is measured with this code. Made by `make figures`, not edited by hand.
+
+The paper's numbers are of a simulated scene that people touched with a real device, and its quality is their rating.
+Here nobody was asked: the quality is the RMS error of the force in JNDs, one JND being 10 % of the force or 0.02 N,
+and "equal quality" means the error that the reference of the claim has at k = 0.10. Ratings of people come from
+`weberlink experiment` alone. The floor of the deadband is 0.02 N throughout.
+
+A saving is the geometric mean over signals, with the 95 % interval of a bootstrap over them. *Within the confidence*:
+the claimed number lies below the upper end of that interval. *Saves less*: the interval lies above 0 and below the
+claim. The last column names the signals on which a claim fails outright: the predictor saves nothing there.
+"""
+
+
+MOMENTS = {
+    "force": "Force over time with the sends marked (the paper's Figs. 2 and 3)",
+    "plane": "The fitted plane in the scene (Fig. 6)",
+    "sphere": "The fitted sphere in the scene (Fig. 6)",
+}
+"""Figures of single moments, by name, and what they show."""
+
+
+def document(conditions: Sequence[Condition], caption: str, moments: Sequence[str] | None) -> str:
+    """The whole page.
+
+    Args:
+        conditions: those without observations are named as not measured.
+        caption: the environment in which the numbers were made.
+        moments: which of `MOMENTS` are drawn; None if no figures lie beside the page.
+    """
+    return "\n".join(_lines(conditions, caption, moments)) + "\n"
+
+
+def _lines(conditions: Sequence[Condition], caption: str, moments: Sequence[str] | None) -> Iterator[str]:
+    yield HEAD
+    yield from _summary(conditions)
+    for condition in conditions:
+        yield f"\n## {condition.title}\n"
+        yield condition.text
+        if not condition.observations:
+            yield "\nNot measured in this run: no signals were given."
+            continue
+        yield from _claims(condition)
+        yield from _rates(condition)
+        if moments is not None:
+            yield from _figures(condition)
+    if moments:
+        yield f"\n## Moments\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
+        yield from (f"![{MOMENTS[name]}]({name}.png)\n" for name in moments)
+    yield f"\n---\n{caption}"
+
+
+def _summary(conditions: Sequence[Condition]) -> Iterator[str]:
+    yield "| claim | paper | " + " | ".join(condition.title for condition in conditions) + " |"
+    yield "|---|---|" + "---|" * len(conditions)
+    columns = [condition.savings for condition in conditions]
+    for claim, *found in zip(CLAIMS, *columns, strict=True):
+        cells = [_measured(one) for one in found]
+        yield f"| {claim.predictor} against {claim.reference}, {claim.conditions} | {_fewer(claim.fewer)} | " + (
+            " | ".join(cells) + " |"
+        )
+
+
+def _measured(found: Saving) -> str:
+    if found.fewer is None:
+        return "-"
+    return f"{_fewer(found.fewer.mean)} ({found.verdict})"
+
+
+def _claims(condition: Condition) -> Iterator[str]:
+    yield "\n| claim | paper | here (95 %) | signals | verdict | does not hold on |"
+    yield "|---|---|---|---|---|---|"
+    for found in condition.savings:
+        claim, fewer = found.claim, found.fewer
+        here = "-" if fewer is None else f"{_fewer(fewer.mean)} ({_bare(fewer.low)} to {_bare(fewer.high)})"
+        yield (
+            f"| {claim.predictor} against {claim.reference}, {claim.conditions} | {_fewer(claim.fewer)} | {here} | "
+            f"{found.units} | {found.verdict} | {_exceptions(found)} |"
+        )
+
+
+def _exceptions(found: Saving) -> str:
+    """Where the claim's direction is wrong, and where nothing could be compared."""
+    parts = [f"{unit} ({_signed(found.ratios[unit] - 1.0)})" for unit in found.failing]
+    parts += [f"{unit} (quality not reached)" for unit in found.unreached]
+    return ", ".join(parts) or "-"
+
+
+def _rates(condition: Condition) -> Iterator[str]:
+    yield f"\nPackets per second at k = {WEBER:.2f}, and the RMS error in JND:\n"
+    yield "| signal | " + " | ".join(PREDICTORS) + " |"
+    yield "|---|" + "---|" * len(PREDICTORS)
+    at = {(one.unit, one.predictor): one for one in condition.observations if one.weber == WEBER}
+    for unit in condition.units:
+        cells = [
+            f"{one.packets_per_s:.1f} ({one.quality:.2f})" if (one := at.get((unit, name))) is not None else "-"
+            for name in PREDICTORS
+        ]
+        yield f"| {unit} | " + " | ".join(cells) + " |"
+
+
+def _figures(condition: Condition) -> Iterator[str]:
+    yield ""
+    for name, words in (
+        ("packet_rate", "Packet rate over Weber factor (the paper's Fig. 7)"),
+        ("quality", "Error over Weber factor (Fig. 8)"),
+        ("quality_over_rate", "Error over packet rate (Fig. 9)"),
+    ):
+        yield f"![{words}]({condition.key}/{name}.png)\n"
+
+
+def _fewer(share: float) -> str:
+    return f"{_bare(share)} fewer" if share >= 0.0 else f"{_bare(-share)} more"
+
+
+def _bare(share: float) -> str:
+    return f"{round(100 * share)} %"  # an integer has no negative zero
+
+
+def _signed(share: float) -> str:
+    return f"{100 * share:+.0f} %"

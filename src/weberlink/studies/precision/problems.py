@@ -1,0 +1,194 @@
+"""The problem set: soft to stiff, light to heavy, touch, graze, rub, curve and corner. Fixed, so that figures compare.
+
+Where a problem is to be smooth, the body starts on the surface and stays in contact; where it is about events, they lie
+between ticks, as in life.
+"""
+
+from math import exp, pi, sqrt
+
+from weberlink.slave.integrators.contract import Body
+from weberlink.studies.precision.problem import Ball, Friction, HalfSpace, Problem, Quantity, Surface
+
+UP = (0.0, 0.0, 1.0)
+BOTH: frozenset[Quantity] = frozenset({"position", "force"})
+ROBOT = Body(mass=0.2, stiffness=50_000.0, damping=200.0)
+"""The simulated robot's defaults: critically damped."""
+
+
+def floor(stiffness: float, damping: float = 0.0, height: float = 0.0, friction: Friction | None = None) -> Surface:
+    return Surface(HalfSpace((0.0, 0.0, height), UP), stiffness, damping, friction)
+
+
+def grazing() -> Problem:
+    """The floor is where an underdamped body turns: z = goal - (start - goal) exp(-pi zeta / sqrt(1 - zeta^2))."""
+    body = Body(mass=0.5, stiffness=2000.0, damping=10.0)
+    start, goal = 0.010, 0.005
+    zeta = body.damping / (2.0 * sqrt(body.stiffness * body.mass))
+    lowest = goal - (start - goal) * exp(-pi * zeta / sqrt(1.0 - zeta * zeta))
+    return Problem(
+        "grazing",
+        "clearance touches zero tangentially, 1e5 N/m",
+        body,
+        (floor(1e5, height=lowest),),
+        ((0.0, (0.0, 0.0, goal)),),
+        (0.0, 0.0, start),
+        duration=0.1,
+    )
+
+
+PROBLEMS: tuple[Problem, ...] = (
+    Problem(
+        "soft_wall",
+        "500 N/m, contact from the start",
+        ROBOT,
+        (floor(500.0),),
+        ((0.0, (0.0, 0.0, -0.01)),),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, -0.1),
+        duration=0.064,
+        smooth=BOTH,
+    ),
+    Problem(
+        "wall_1e5",
+        "1e5 N/m, contact from the start",
+        ROBOT,
+        (floor(1e5),),
+        ((0.0, (0.0, 0.0, -0.002)),),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, -0.05),
+        duration=0.064,
+        smooth=BOTH,
+    ),
+    Problem(
+        "wall_1e7",
+        "1e7 N/m, touched at 0.3 m/s, bounces",
+        ROBOT,
+        (floor(1e7),),
+        ((0.0, (0.0, 0.0, -0.001)),),
+        (0.0, 0.0, 0.0013),
+        (0.0, 0.0, -0.3),
+        duration=0.064,
+    ),
+    Problem(
+        "light_1g",
+        "1 g on 2000 N/m, contact from the start",
+        Body(mass=0.001, stiffness=500.0, damping=1.4),
+        (floor(2000.0),),
+        ((0.0, (0.0, 0.0, -0.005)),),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, -0.5),
+        duration=0.064,
+        smooth=BOTH,
+    ),
+    Problem(
+        "heavy_10kg",
+        "10 kg falls onto 1e5 N/m and rebounds",
+        Body(mass=10.0, stiffness=50_000.0, damping=100.0),
+        (floor(1e5),),
+        ((0.0, (0.0, 0.0, -0.001)),),
+        (0.0, 0.0, 0.0053),
+        duration=0.128,
+    ),
+    Problem(
+        "overdamped",
+        "1e5 N/m with 2e4 N s/m: time constants 10 us and 0.1 s",
+        ROBOT,
+        (floor(1e5, 2e4),),
+        ((0.0, (0.0, 0.0, -0.004)),),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, -0.05),
+        duration=0.064,
+    ),
+    Problem(
+        "impact_2m_s",
+        "2 m/s into 2e4 N/m with 30 N s/m: the force jumps",
+        Body(mass=0.2, stiffness=2000.0, damping=10.0),
+        (floor(2e4, 30.0),),
+        ((0.0, (0.0, 0.0, -0.001)), (0.032, (0.0, 0.0, 0.006))),
+        (0.0, 0.0, 0.0047),
+        (0.0, 0.0, -2.0),
+        duration=0.064,
+    ),
+    grazing(),
+    Problem(
+        "stick_slip",
+        "friction 0.8 / 0.3, dragged by a soft drive in steps",
+        Body(mass=0.05, stiffness=2000.0, damping=4.0),
+        (floor(5000.0, friction=Friction(static=0.8, dynamic=0.3)),),
+        (
+            (0.0, (0.0, 0.0, -0.002)),
+            (0.024, (0.001, 0.0, -0.002)),
+            (0.036, (0.0022, 0.0, -0.002)),
+            (0.068, (0.0038, 0.0, -0.002)),
+            (0.096, (0.001, 0.0, -0.002)),
+        ),
+        (0.0, 0.0, 0.0004),
+        duration=0.128,
+        linear=False,
+    ),
+    Problem(
+        "rough_1e6",
+        "friction 0.8 / 0.3 on 1e6 N/m",
+        Body(mass=0.2, stiffness=5000.0, damping=50.0),
+        (floor(1e6, friction=Friction(static=0.8, dynamic=0.3)),),
+        ((0.0, (0.0, 0.0, -0.002)), (0.024, (0.003, 0.0, -0.002)), (0.052, (0.0, 0.0, -0.002))),
+        (0.0, 0.0, 0.0004),
+        duration=0.08,
+        linear=False,
+    ),
+    Problem(
+        "sphere",
+        "slides over a ball of 20 mm, 2e4 N/m",
+        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        (Surface(Ball((0.0, 0.0, -0.02), 0.02), 2e4),),
+        ((0.0, (0.006, 0.003, -0.004)),),
+        (0.0, 0.0, 0.0),
+        (0.05, 0.0, -0.2),
+        duration=0.064,
+        smooth=BOTH,
+        linear=False,
+    ),
+    Problem(
+        "hollow",
+        "slides in a hollow of 30 mm, 2e4 N/m",
+        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        (Surface(Ball((0.0, 0.0, 0.03), 0.03, hollow=True), 2e4),),
+        ((0.0, (0.006, 0.003, -0.004)),),
+        (0.0, 0.0, 0.0),
+        (0.05, 0.0, -0.2),
+        duration=0.064,
+        smooth=BOTH,
+        linear=False,
+    ),
+    Problem(
+        "hollow_1e6",
+        "bounces along a hollow of 30 mm, 1e6 N/m",
+        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        (Surface(Ball((0.0, 0.0, 0.03), 0.03, hollow=True), 1e6),),
+        ((0.0, (0.006, 0.003, -0.004)),),
+        (0.0, 0.0, 0.0),
+        (0.05, 0.0, -0.2),
+        duration=0.064,
+        linear=False,
+    ),
+    Problem(
+        "corner",
+        "floor and wall at right angles, both from the start",
+        ROBOT,
+        (floor(2e4), Surface(HalfSpace((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)), 5e4, 20.0)),
+        ((0.0, (-0.003, 0.001, -0.004)),),
+        (0.0, 0.0, 0.0),
+        (-0.1, 0.0, -0.1),
+        duration=0.064,
+        smooth=BOTH,
+    ),
+    Problem(
+        "oblique",
+        "floor, then a wall at 120 degrees to it",
+        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        (floor(2e4), Surface(HalfSpace((0.003, 0.0, 0.0), (-sqrt(0.75), 0.0, 0.5)), 3e4)),
+        ((0.0, (0.01, 0.001, -0.004)),),
+        (0.0, 0.0, 0.0011),
+        duration=0.064,
+    ),
+)

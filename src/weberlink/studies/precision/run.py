@@ -1,0 +1,139 @@
+"""One integrator on one problem with one step: how wrong it is and how long it takes."""
+
+import gc
+from dataclasses import dataclass
+from math import inf, isfinite
+from statistics import median_low
+from time import process_time
+from typing import Any
+
+from weberlink.geometry.vector import Vector, distance, is_finite
+from weberlink.slave.integrators.contract import Motion, Scheme
+from weberlink.studies.precision.problem import TICK, Problem
+from weberlink.studies.precision.reference import Reference
+
+DIVERGED = 1.0
+"""A position error beyond the whole extent of the motion has nothing to do with it any more."""
+
+ENOUGH = 0.1
+"""CPU time [s] of all repeats after which there are no more of them: length averages what disturbs a short run."""
+
+
+@dataclass(frozen=True, order=True)
+class Step:
+    """A step of `ticks` ticks, or of a tick divided into `substeps`; one of the two is 1."""
+
+    ticks: int = 1
+    substeps: int = 1
+
+    @property
+    def length(self) -> float:
+        return TICK * self.ticks / self.substeps
+
+    @property
+    def fits_tick(self) -> bool:
+        """Whether a loop at the tick rate can take it."""
+        return self.ticks == 1
+
+
+@dataclass(frozen=True)
+class Row:
+    """The figures of one combination. Errors are the largest over the ticks; infinite where nothing finite came out."""
+
+    problem: str
+    integrator: str
+    step: Step
+    position_error: float
+    """Relative to the extent of the motion."""
+    force_error: float
+    """Relative to the largest contact force."""
+    position_error_m: float
+    force_error_n: float
+    run_time: float
+    """CPU time per simulated second [s], median of the repeats (the lower one of two)."""
+    run_time_spread: float
+    """(largest - smallest) / median of the repeats."""
+    repeats: int
+
+    @property
+    def diverged(self) -> bool:
+        return not self.position_error <= DIVERGED
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "problem": self.problem,
+            "integrator": self.integrator,
+            "step_us": 1e6 * self.step.length,
+            "substeps_per_tick": self.step.substeps if self.step.fits_tick else 1.0 / self.step.ticks,
+            "position_error": finite_or_none(self.position_error),
+            "force_error": finite_or_none(self.force_error),
+            "position_error_m": finite_or_none(self.position_error_m),
+            "force_error_n": finite_or_none(self.force_error_n),
+            "run_time_ms_per_s": 1e3 * self.run_time,
+            "run_time_spread": self.run_time_spread,
+            "repeats": self.repeats,
+            "diverged": self.diverged,
+        }
+
+
+def finite_or_none(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+def measured(problem: Problem, name: str, scheme: Scheme, step: Step, known: Reference, repeats: int) -> Row:
+    """Runs it up to `repeats` times from fresh, and holds it against the reference."""
+    times: list[float] = []
+    motions: list[Motion] = []
+    while len(times) < repeats and sum(times) * problem.duration < ENOUGH:
+        motions, seconds = simulated(problem, scheme, step, known.start_force)
+        times.append(seconds / problem.duration)
+    stride = step.ticks
+    positions = [motion.position for motion in motions]
+    forces = [motion.force for motion in motions]
+    position_error_m = largest_error(positions, known.trajectory.positions[stride - 1 :: stride])
+    force_error_n = largest_error(forces, known.trajectory.forces[stride - 1 :: stride])
+    middle = median_low(times)
+    return Row(
+        problem=problem.name,
+        integrator=name,
+        step=step,
+        position_error=position_error_m / known.position_scale,
+        force_error=force_error_n / known.force_scale,
+        position_error_m=position_error_m,
+        force_error_n=force_error_n,
+        run_time=middle,
+        run_time_spread=(max(times) - min(times)) / middle if middle > 0.0 else 0.0,
+        repeats=len(times),
+    )
+
+
+def simulated(problem: Problem, scheme: Scheme, step: Step, start_force: Vector) -> tuple[list[Motion], float]:
+    """The motion after each tick (or step, if that is longer), and the CPU time [s] of integrating it."""
+    integrator = scheme.build(problem.body, problem.scene())
+    motion = Motion(problem.position, problem.velocity, start_force)
+    blocks = round(problem.duration / TICK) // step.ticks
+    goals = [problem.goal(block * step.ticks * TICK) for block in range(blocks)]
+    length, substeps, advance = step.length, range(step.substeps), integrator.advance
+    motions: list[Motion] = []
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        began = process_time()
+        for goal in goals:
+            for _ in substeps:
+                motion = advance(motion, goal, length)
+            motions.append(motion)
+        return motions, process_time() - began
+    finally:
+        if collecting:
+            gc.enable()
+
+
+def largest_error(values: list[Vector], expected: list[Vector]) -> float:
+    """The largest distance; infinite if any value is not finite."""
+    worst = 0.0
+    for value, right in zip(values, expected, strict=True):
+        if not is_finite(value):
+            return inf
+        worst = max(worst, distance(value, right))
+    return worst

@@ -1,0 +1,228 @@
+"""The `stability` command: stiff and extreme cases, as sampled walls and as whole systems, into a map.
+
+Owns how a cell of the map becomes a configuration and a run. What a cell is, and what is said of it, is in
+`weberlink.studies.stability`.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any, get_args
+
+from rich.table import Table
+
+from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
+from weberlink.studies.parallel import spread
+from weberlink.studies.stability.cells import HEIGHT, Cell, Timing, cells, timing
+from weberlink.studies.stability.survey import WallRow, survey, walls
+from weberlink.studies.stability.verdict import CellObserver, Verdict
+from weberlink.studies.stability.wall import Wall
+from weberlink.system.composition.link import channels
+from weberlink.system.configuration import Configuration, load
+from weberlink.system.configuration.model import ControlSettings
+from weberlink.system.environment import environment, footer
+from weberlink.system.extras import need
+from weberlink.system.scoring.session import SessionScore
+from weberlink.system.simulate import build_simulation
+
+SEED = 0
+
+Task = Wall | Cell
+Result = WallRow | Verdict
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Stability:
+    """A finished map, and how it is shown."""
+
+    rows: list[WallRow]
+    verdicts: list[tuple[Cell, Verdict]]
+    document: dict[str, Any]
+    table: Table
+    caption: str
+
+    def draw(self, folder: Path) -> None:
+        """Write the figures.
+
+        Raises:
+            OSError: if the folder or a file in it cannot be made.
+        """
+        from weberlink.studies.stability.figures import stability_map, stability_wall  # noqa: PLC0415 - heavy, seldom wanted
+
+        folder.mkdir(parents=True, exist_ok=True)
+        stability_wall(self.rows, folder / "stability_wall.png", self.caption)
+        stability_map(self.verdicts, folder / "stability_map.png", self.caption)
+
+
+def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> Stability:
+    """Draw the map. The same seed gives the same map, whatever the number of workers.
+
+    Args:
+        full: all of it, in some minutes, instead of a coarse map in less than one.
+        plots: whether figures will be wanted.
+        workers: processes; None for as many as there are processors, 1 for none but this one.
+        progress: told how many of how many pieces of work are done.
+
+    Raises:
+        ConfigurationError: if figures are wanted and cannot be drawn; nothing was computed then.
+    """
+    if plots:
+        need("matplotlib", "plots", "--plots")
+    began = perf_counter()
+    rows, verdicts = compute(walls(full=full), cells(arrangements(), SEED, full=full), workers, progress)
+    return assemble(rows, verdicts, full=full, run_time=perf_counter() - began)
+
+
+def assemble(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], *, full: bool, run_time: float) -> Stability:
+    """The map of what was computed, in a run time [s]."""
+    facts = environment()
+    caption = footer(facts, SEED)
+    document = {
+        "full": full,
+        "walls": [row.as_json() for row in rows],
+        "cells": [cell.as_json() | cell.limits() | verdict.as_json() for cell, verdict in verdicts],
+        "seed": SEED,
+        "run_time_s": run_time,
+        "environment": facts,
+    }
+    return Stability(rows, verdicts, document, _table(rows, verdicts, run_time, caption), caption)
+
+
+def arrangements() -> list[tuple[str, str]]:
+    """Pairs of control scheme and force predictor: every scheme that there is, with the default predictor.
+
+    Without control zero-order hold is looked at too, since it is what everything is compared with.
+    """
+    schemes = get_args(ControlSettings.model_fields["scheme"].annotation)
+    return [("none", "zoh"), *((scheme, "hybrid") for scheme in schemes)]
+
+
+def compute(
+    surveyed: Sequence[Wall], mapped: Sequence[Cell], workers: int | None, progress: Progress
+) -> tuple[list[WallRow], list[tuple[Cell, Verdict]]]:
+    """Do all of it, in any number of processes, and put it in order."""
+    tasks: list[Task] = [*surveyed, *mapped]
+    results: dict[int, Result] = {}
+    for index, result in spread(_work, tasks, workers, _length):
+        results[index] = result
+        progress(len(results), len(tasks))
+    ordered = [results[index] for index in range(len(tasks))]
+    rows = [result for result in ordered if isinstance(result, WallRow)]
+    verdicts = [result for result in ordered if isinstance(result, Verdict)]
+    return rows, list(zip(mapped, verdicts, strict=True))
+
+
+def judge(cell: Cell) -> Verdict:
+    """Run a cell in virtual time; whatever goes wrong in it is its verdict."""
+    try:
+        return _simulate(cell, timing(cell))
+    except Exception as error:  # a cell that cannot be run must not take the map with it
+        return Verdict("failed", failure=f"{type(error).__name__}: {error}")
+
+
+def configuration(cell: Cell, when: Timing) -> Configuration:
+    """The shipped default with what the cell says; only the plane is left of its scene.
+
+    Raises:
+        ConfigurationError: if there can be no such system.
+    """
+    one_way_ms = 500.0 * cell.round_trip_s
+    home = [0.0, 0.0, HEIGHT]
+    hand = {"mass_kg": cell.mass_kg, "damping_n_s_m": cell.damping_n_s_m, "stiffness_n_m": cell.hand_stiffness_n_m}
+    values: dict[str, Any] = {
+        "rate_hz": cell.rate_hz,
+        "link.emulate": {
+            "delay_ms": one_way_ms,
+            "jitter_ms": 1e3 * cell.jitter_s,
+            "loss": cell.loss,
+            "seed": cell.seed,
+        },
+        "link.silence_ms": 200.0 + 2.0 * (one_way_ms + 1e3 * cell.jitter_s) / ROUND_TRIP_SHARE,
+        "codec.force.predictor": cell.predictor,
+        "codec.force.weber": cell.weber,
+        "codec.force.floor_n": cell.floor_n,
+        "codec.position.predictor": cell.position_predictor,
+        "codec.position.weber": cell.weber,
+        "codec.position.bound_m": cell.bound_m,
+        "control.scheme": cell.scheme,
+        # No tremor: what oscillates while the hand means to keep still is then the loop, and nothing else.
+        "master.device": {"driver": "operator", "hand": hand, "tremor_m": 0.0, "home_m": home, "repeat": False}
+        | {"script": list(when.steps)},
+        "master.limits.device_ms": max(20.0, 3e3 / cell.rate_hz),
+        "slave.limits.robot_ms": max(20.0, 3e3 / cell.rate_hz),
+        "slave.robot.home_m": home,
+        "slave.scene": [{"shape": "plane", "stiffness_n_m": cell.stiffness_n_m}],
+    }
+    overrides = [f"{path}={json.dumps(value)}" for path, value in values.items()]
+    return load(Path(str(files("weberlink.configs") / "loopback.yaml")), overrides)
+
+
+def _simulate(cell: Cell, when: Timing) -> Verdict:
+    composed = configuration(cell, when)
+    simulation = build_simulation(composed)
+    observer = CellObserver()
+    score = SessionScore(cell.rate_hz, channels(composed.system)[1].bank)
+    simulation.run(when.end + 1.0, [observer, score])
+    failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
+    return observer.verdict(cell, when, score.summary()["energy"], "; ".join(failures) or None)
+
+
+def _work(task: Task) -> Result:
+    return survey(task) if isinstance(task, Wall) else judge(task)
+
+
+def _length(task: Task) -> float:
+    """Of a run, in ticks, as a measure of its cost."""
+    return timing(task).end * task.rate_hz if isinstance(task, Cell) else 5e3
+
+
+def _table(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], run_time: float, caption: str) -> Table:
+    text = f"{_about(rows)}\n{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s\n{caption}"
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=text, caption_justify="left")
+    for name in ("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer"):
+        table.add_column(name, justify="left" if name in ("slice", "control") else "right", no_wrap=True)
+    groups: dict[tuple[str, str], list[Verdict]] = {}
+    for cell, verdict in verdicts:
+        groups.setdefault((cell.slice, f"{cell.scheme} {cell.predictor}"), []).append(verdict)
+    for (name, control), group in groups.items():
+        calm = [verdict for verdict in group if verdict.bounded]
+        table.add_row(
+            name,
+            control,
+            f"{len(calm)}/{len(group)}",
+            _largest([verdict.energy_generated_j for verdict in group], ".2g"),
+            _largest([verdict.energy_generated_j for verdict in calm], ".2g"),
+            _largest([verdict.peak_force_n for verdict in group], ".1f"),
+            _median([verdict.felt_share for verdict in calm], ".0f"),
+            _median([verdict.force_reduction for verdict in calm], ".1f"),
+        )
+    return table
+
+
+def _about(rows: list[WallRow]) -> str:
+    """The survey of walls in two sentences."""
+    if not rows:
+        return "no walls surveyed"
+    worst = max(abs(row.deviation) for row in rows)
+    low, high = min(row.stable_to_n_m for row in rows), max(row.stable_to_n_m for row in rows)
+    active = sum(row.passive_but_active for row in rows)
+    passive = sum(stiffness <= row.passive_to_n_m for row in rows for stiffness, _ in row.activities)
+    return (
+        f"walls: limit measured within {100 * worst:.1g} % of the eigenvalues', {low:.2g} to {high:.2g} N/m\n"
+        f"active on the passive side of Colgate's bound: {active} of {passive}"
+    )
+
+
+def _largest(values: list[float | None], form: str) -> str:
+    known = [value for value in values if value is not None]
+    return f"{max(known):{form}}" if known else "-"
+
+
+def _median(values: list[float | None], form: str) -> str:
+    known = [value for value in values if value is not None]
+    return f"{100 * median(known):{form}} %" if known else "-"

@@ -1,0 +1,246 @@
+"""Figures of a stability map. Needs matplotlib (extra: plots), which nothing else imports."""
+
+from collections.abc import Callable, Sequence
+from math import ceil, log
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+
+from weberlink.studies.stability.cells import Cell
+from weberlink.studies.stability.survey import WallRow
+from weberlink.studies.stability.verdict import Verdict
+
+Judged = tuple[Cell, Verdict]
+Quantity = Callable[[Cell], float]
+
+COLUMNS = 4
+LEAST_J, MOST_J = 1e-4, 10.0
+"""Ends of the colour scale; less is white."""
+
+AXES: dict[str, tuple[str, Quantity, str, Quantity]] = {
+    "stiffness x delay": (
+        "round trip [ms]",
+        lambda cell: 1e3 * cell.round_trip_s,
+        "stiffness [N/m]",
+        lambda cell: cell.stiffness_n_m,
+    ),
+    "mass x damping": (
+        "mass [kg]",
+        lambda cell: cell.mass_kg,
+        "damping [N s/m]",
+        lambda cell: cell.damping_n_s_m,
+    ),
+    "rate x stiffness": (
+        "tick rate [Hz]",
+        lambda cell: cell.rate_hz,
+        "stiffness [N/m]",
+        lambda cell: cell.stiffness_n_m,
+    ),
+    "loss x delay": (
+        "round trip [ms]",
+        lambda cell: 1e3 * cell.round_trip_s,
+        "loss [%]",
+        lambda cell: 100.0 * cell.loss,
+    ),
+    "hand, delayed": (
+        "mass [kg]",
+        lambda cell: cell.mass_kg,
+        "stiffness [N/m]",
+        lambda cell: cell.stiffness_n_m,
+    ),
+    "k x delay": (
+        "round trip [ms]",
+        lambda cell: 1e3 * cell.round_trip_s,
+        "Weber factor k",
+        lambda cell: cell.weber,
+    ),
+}
+"""Of each slice: what is across, what is up."""
+
+
+def stability_wall(rows: Sequence[WallRow], path: Path, caption: str) -> None:
+    """Left: measured limits over those of the eigenvalues, Colgate's bound beside. Right: who gives energy away.
+
+    Args:
+        rows: of a survey.
+        path: of the picture; its suffix names the format.
+        caption: the environment in which the rows were made, printed below.
+    """
+    figure = Figure(figsize=(11.0, 5.0), layout="constrained")
+    limits, energies = figure.subplots(1, 2)
+    _draw_limits(limits, rows)
+    _draw_activity(energies, rows)
+    figure.supxlabel(caption, fontsize=5.5, color="0.4")
+    figure.savefig(path, dpi=150)
+
+
+def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
+    """A heat map for each slice and control: energy that the operator got out, unbounded cells hatched.
+
+    Args:
+        verdicts: of all cells.
+        path: of the picture; its suffix names the format.
+        caption: the environment in which the cells were run, printed below.
+    """
+    panels: dict[tuple[str, ...], list[Judged]] = {}
+    for cell, verdict in verdicts:
+        coding = "uncoded" if cell.position_predictor == "zoh" else cell.predictor
+        title = ", ".join(filter(None, (f"{cell.scheme} {coding}", _circumstance(cell))))
+        panels.setdefault((cell.slice, title), []).append((cell, verdict))
+    lines = ceil(len(panels) / COLUMNS)
+    figure = Figure(figsize=(3.4 * COLUMNS, 3.0 * lines + 0.6), layout="constrained")
+    grid = figure.subplots(lines, COLUMNS, squeeze=False)
+    norm = LogNorm(LEAST_J, MOST_J)
+    mappable = ScalarMappable(norm, colormaps["YlOrRd"].with_extremes(under="white"))
+    places = list(grid.flat)
+    for axes, ((name, title), judged) in zip(places, panels.items(), strict=False):
+        _draw_panel(axes, name, judged, mappable)
+        axes.set_title(title, fontsize=9)
+    for axes in places[len(panels) :]:
+        axes.set_axis_off()
+    bar = figure.colorbar(mappable, ax=places, extend="both", shrink=0.8, pad=0.01)
+    bar.set_label("energy that the operator got out [J]")
+    _explain(figure)
+    figure.supxlabel(caption, fontsize=6.5, color="0.4")
+    figure.savefig(path, dpi=130)
+
+
+def _circumstance(cell: Cell) -> str:
+    """What the cells of a panel have in common, where a slice has more than two parameters."""
+    if cell.slice == "loss x delay":
+        return f"jitter {1e3 * cell.jitter_s:g} ms"
+    if cell.slice == "hand, delayed":
+        return f"{1e3 * cell.round_trip_s:g} ms, {cell.damping_n_s_m:g} N s/m, {cell.rate_hz:g} Hz"
+    return ""
+
+
+def _draw_limits(axes: Axes, rows: Sequence[WallRow]) -> None:
+    axes.axhspan(0.95, 1.05, color="0.88", label="5 %", linewidth=0.0)
+    axes.axhline(1.0, color="0.5", linewidth=0.8)
+    axes.plot(
+        [row.stable_to_n_m for row in rows],
+        [row.passive_to_n_m / row.stable_to_n_m for row in rows],
+        linestyle="none", marker="_", markersize=9, color="C3", label="Colgate's bound: passive for any hand",
+    )  # fmt: skip
+    for number, kind in enumerate(sorted({_kind(row) for row in rows})):
+        mine = [row for row in rows if _kind(row) == kind]
+        axes.plot(
+            [row.stable_to_n_m for row in mine],
+            [row.measured_n_m / row.stable_to_n_m for row in mine],
+            linestyle="none", marker="o+x^s"[number % 5], markersize=6, fillstyle="none",
+            color=f"C{(0, 1, 2, 4, 5)[number % 5]}", label=f"measured, {kind}",
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_ylim(0.0, 1.2)
+    axes.set_xlabel("stable up to, by eigenvalues [N/m]")
+    axes.set_ylabel("relative to the eigenvalues' limit")
+    worst = max(abs(row.deviation) for row in rows)
+    axes.set_title(f"Stability limit of {len(rows)} sampled walls: off by {100 * worst:.2f} % at most", fontsize=10)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, loc="lower left")
+
+
+def _kind(row: WallRow) -> str:
+    wall = row.wall
+    extras = [f"delay {wall.delay_ticks} T"]
+    if wall.hand_stiffness_n_m > 1.0:
+        extras.append(f"hand {wall.hand_stiffness_n_m:g} N/m")
+    if wall.wall_damping_n_s_m:
+        extras.append("damped wall")
+    return ", ".join(extras)
+
+
+def _draw_activity(axes: Axes, rows: Sequence[WallRow]) -> None:
+    ends = [min(row.passive_to_n_m for row in rows), max(row.passive_to_n_m for row in rows)]
+    axes.plot(ends, ends, color="C3", linewidth=1.0, label="Colgate's bound")
+    for active, colour in ((False, "C0"), (True, "C1")):
+        points = [
+            (row.passive_to_n_m, stiffness)
+            for row in rows
+            for stiffness, energy in row.activities
+            if (energy > 0.0) == active
+        ]
+        label = f"{'gives energy away' if active else 'passive'}: {len(points)} cells"
+        axes.plot([x for x, _ in points], [y for _, y in points], ".", color=colour, alpha=0.6, label=label)
+    axes.plot(
+        [row.passive_to_n_m for row in rows],
+        [row.measured_n_m for row in rows],
+        linestyle="none", marker="x", markersize=6, color="0.1", label="unstable from here on, measured",
+    )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("(b - B) / (T/2 + delay) [N/m]")
+    axes.set_ylabel("stiffness [N/m]")
+    wrong = sum(row.passive_but_active for row in rows)
+    axes.set_title(f"Closed motions over the wall: {wrong} active cells on the passive side", fontsize=10)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, loc="upper left")
+
+
+def _draw_panel(axes: Axes, name: str, judged: Sequence[Judged], mappable: ScalarMappable) -> None:
+    x_label, x_of, y_label, y_of = AXES[name]
+    across = sorted({x_of(cell) for cell, _ in judged})
+    up = sorted({y_of(cell) for cell, _ in judged})
+    for cell, verdict in judged:
+        _draw_cell(axes, across.index(x_of(cell)), up.index(y_of(cell)), verdict, mappable)
+    if name in ("stiffness x delay", "rate x stiffness", "mass x damping"):
+        _draw_limit(axes, judged, across, up, x_of)
+    axes.set_xlim(-0.5, len(across) - 0.5)
+    axes.set_ylim(-0.5, len(up) - 0.5)
+    axes.set_xticks(range(len(across)), [_number(value) for value in across], fontsize=7)
+    axes.set_yticks(range(len(up)), [_number(value) for value in up], fontsize=7)
+    axes.set_xlabel(x_label, fontsize=8)
+    axes.set_ylabel(y_label, fontsize=8)
+
+
+def _draw_cell(axes: Axes, x: int, y: int, verdict: Verdict, mappable: ScalarMappable) -> None:
+    corner = (x - 0.5, y - 0.5)
+    energy = verdict.energy_generated_j
+    colour = "0.85" if energy is None else mappable.to_rgba(np.asarray(energy or 0.1 * LEAST_J))
+    axes.add_patch(Rectangle(corner, 1.0, 1.0, facecolor=colour, edgecolor="0.8", linewidth=0.5))
+    if verdict.state == "failed":
+        axes.text(x, y, "x", ha="center", va="center", color="C0")
+    elif not verdict.bounded:
+        axes.add_patch(Rectangle(corner, 1.0, 1.0, fill=False, hatch="////", edgecolor="0.25", linewidth=0.0))
+    elif verdict.felt_share is not None:
+        axes.text(x, y, f"{round(100.0 * verdict.felt_share)}", ha="center", va="center", color="0.2", fontsize=6.5)
+
+
+def _draw_limit(
+    axes: Axes, judged: Sequence[Judged], across: Sequence[float], up: Sequence[float], x_of: Quantity
+) -> None:
+    """Where the loop would become unstable if nothing were coded, between the rows of a logarithmic axis."""
+    for place, value in enumerate(across):
+        cell = next(cell for cell, _ in judged if x_of(cell) == value)
+        limit = cell.least_damping() if cell.slice == "mass x damping" else cell.limits()["stable_to_n_m"]
+        rows = np.log([up[0] / 10.0, *up, up[-1] * 10.0])  # one more at either end
+        height = float(np.interp(log(limit), rows, range(-1, len(up) + 1)))
+        if -0.5 <= height <= len(up) - 0.5:
+            axes.plot([place - 0.5, place + 0.5], [height, height], color="C0", linewidth=2.0)
+
+
+def _explain(figure: Figure) -> None:
+    figure.legend(
+        handles=[
+            Patch(facecolor="w", edgecolor="0.25", hatch="////", label="not bounded: oscillating or growing"),
+            Line2D(
+                [], [], color="0.2", linestyle="none", marker="$99$", markersize=11, label="% of the force that is felt"
+            ),
+            Line2D([], [], color="C0", linewidth=2.0, label="limit of stability, were nothing coded or controlled"),
+            Line2D([], [], color="C0", linestyle="none", marker="x", label="failed"),
+        ],
+        loc="outside upper center",
+        ncols=4,
+        fontsize=8,
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:g}" if value < 1e4 else f"{value:.0e}".replace("e+0", "e")

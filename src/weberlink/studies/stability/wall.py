@@ -1,0 +1,189 @@
+"""The sampled virtual wall on paper: when it is stable against a hand, and when it is passive against any.
+
+Owns the linear model of the pressed contact and its limits. Knows no part that runs; `boundary` and `activity` measure
+the same loop with the real ones.
+
+In tick n a force f_n = -(K x + B (x - x_before) / T) is computed of the sampled position, `delay_ticks` ticks later it
+is applied, and it is held for a tick T. On the other side are device and hand, m a = -k x - b v + f, which `Hand`
+solves exactly. Without delay this is the wall of the textbooks; with one tick it is what both daemons make of it over a
+link without delay, because the force that answers a position is felt one tick later.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import log, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.master.devices.hand import transition
+
+PRECISION = 1e-9
+"""Relative, of a limit that is searched for."""
+
+STEPS_PER_DECADE = 1000
+"""Of the frequencies at which the loop gain is looked at."""
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Everything about the loop but the stiffness of the wall.
+
+    Args:
+        mass_kg: m, of device and hand, > 0.
+        damping_n_s_m: b, of device and hand, > 0.
+        hand_stiffness_n_m: k, > 0; a hand that hardly holds on comes close to a free device.
+        tick_period: T [s].
+        delay_ticks: from the sampling of a position to the force that answers it, whole ticks.
+        wall_damping_n_s_m: B.
+    """
+
+    mass_kg: float
+    damping_n_s_m: float
+    hand_stiffness_n_m: float
+    tick_period: float
+    delay_ticks: int = 0
+    wall_damping_n_s_m: float = 0.0
+
+    @property
+    def step(self) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
+        """One tick of the hand: its transition, row by row, and what one newton held adds to position and velocity."""
+        a, b, c, d = transition(self.mass_kg, self.damping_n_s_m, self.hand_stiffness_n_m, self.tick_period)
+        return (a, b, c, d), ((1.0 - a) / self.hand_stiffness_n_m, -c / self.hand_stiffness_n_m)
+
+
+def loop_matrix(wall: Wall, stiffness: float) -> NDArray[np.float64]:
+    """One tick of the closed loop, while the contact lasts.
+
+    The state is position, velocity, position at the tick before, and the forces that are on their way, newest first.
+    """
+    (a, b, c, d), (to_position, to_velocity) = wall.step
+    size = 3 + wall.delay_ticks
+    law = np.zeros(size)
+    rate = wall.wall_damping_n_s_m / wall.tick_period
+    law[0], law[2] = -(stiffness + rate), rate
+    if wall.delay_ticks == 0:
+        applied = law
+    else:
+        applied = np.zeros(size)
+        applied[-1] = 1.0
+    loop = np.zeros((size, size))
+    loop[0, :2], loop[1, :2] = (a, b), (c, d)
+    loop[0] += to_position * applied
+    loop[1] += to_velocity * applied
+    loop[2, 0] = 1.0
+    if wall.delay_ticks:
+        loop[3] = law
+        for place in range(4, size):
+            loop[place, place - 1] = 1.0
+    return loop
+
+
+def spectral_radius(wall: Wall, stiffness: float) -> float:
+    """Of the closed loop: below 1 a disturbance of the pressed contact dies out."""
+    return float(np.abs(np.linalg.eigvals(loop_matrix(wall, stiffness))).max())
+
+
+def stability_limit(wall: Wall) -> float:
+    """The stiffness [N/m] at which the spectral radius passes 1, from below.
+
+    Raises:
+        ValueError: if no wall is stable, however soft.
+    """
+    start = passivity_limit(wall) or wall.damping_n_s_m / wall.tick_period
+
+    def grows(stiffness: float) -> bool:
+        return spectral_radius(wall, stiffness) > 1.0
+
+    low, high = bracket(grows, start)
+    return bisect(grows, low, high, PRECISION)
+
+
+def gain_limit(wall: Wall) -> float:
+    """The same limit from the frequency response, which also does for delays of thousands of ticks [N/m].
+
+    Without a wall the hand is stable, so the first stiffness that puts a pole on the unit circle, at exp(j w), is the
+    smallest that solves 1 + K L(exp(j w)) = 0 where L is real and negative: K = -1 / L. Only for walls without damping.
+
+    Raises:
+        ValueError: for a wall with damping.
+    """
+    if wall.wall_damping_n_s_m:
+        raise ValueError("the gain at which a damped wall becomes unstable is not that of its stiffness alone")
+    candidates = [-1.0 / gain for gain in _negative_gains(wall)]
+    return min(candidates)
+
+
+def passivity_limit(wall: Wall) -> float:
+    """The stiffness [N/m] up to which wall and device together give nobody more energy than they got; may be 0.
+
+    b > K (T/2 + t) + |B| with the delay t. For t = 0 it is the bound of Colgate and Schenkel, "Passivity of a class of
+    sampled-data systems: application to haptic interfaces", ACC 1994. Their criterion for any law H,
+
+        b > T/2 / (1 - cos wT) Re((1 - exp(-j wT)) H(exp(j wT)))   at all w,
+
+    gives the rest: a delay of d ticks turns K T/2 into K T/2 sin((2 d + 1) wT/2) / sin(wT/2), at most 2 d + 1 times as
+    much, at w = 0, and the damping into -B cos((d + 1) wT). Both worst cases together may be more than there is at
+    any one frequency, so with delay and damping the bound is on the safe side.
+    """
+    left = wall.damping_n_s_m - abs(wall.wall_damping_n_s_m)
+    return max(0.0, left / (wall.tick_period * (0.5 + wall.delay_ticks)))
+
+
+def bracket(exceeds: Callable[[float], bool], start: float) -> tuple[float, float]:
+    """Two values a factor of two apart, the lower of which does not exceed what is looked for, and the upper does.
+
+    Raises:
+        ValueError: if there are none within a factor of 1e9 from `start`.
+    """
+    factor = 0.5 if exceeds(start) else 2.0
+    value = start
+    while 1e-9 < value / start < 1e9:
+        after = value * factor
+        if exceeds(after) != (factor < 1.0):
+            return (after, value) if factor < 1.0 else (value, after)
+        value = after
+    raise ValueError("no limit within a factor of 1e9")
+
+
+def bisect(exceeds: Callable[[float], bool], low: float, high: float, precision: float) -> float:
+    """Where `exceeds` turns true between two positive values, by halving their ratio down to 1 + precision."""
+    while high > low * (1.0 + precision):
+        middle = sqrt(low * high)
+        if exceeds(middle):
+            high = middle
+        else:
+            low = middle
+    return sqrt(low * high)
+
+
+def _negative_gains(wall: Wall) -> list[float]:
+    """L(exp(j w)) wherever it is real and negative, for w in (0, pi]."""
+    lowest = min(1e-6, 1e-3 * sqrt(wall.hand_stiffness_n_m / wall.mass_kg) * wall.tick_period)
+    lowest = min(lowest, 1e-3 * wall.hand_stiffness_n_m / wall.damping_n_s_m * wall.tick_period)
+    even = np.arange(1, 8 * (wall.delay_ticks + 1)) * (pi / (8 * (wall.delay_ticks + 1)))
+    count = int(STEPS_PER_DECADE * log(pi / lowest, 10.0)) + 1
+    angles = np.union1d(np.geomspace(lowest, pi, count)[:-1], even)
+    imaginary = _loop_gain(wall, angles).imag
+    crossings = np.flatnonzero(imaginary[1:] * imaginary[:-1] < 0.0)
+    gains = [_gain_at_crossing(wall, float(angles[place]), float(angles[place + 1])) for place in crossings]
+    gains.append(float(_loop_gain(wall, np.asarray([pi])).real[0]))
+    return [gain for gain in gains if gain < 0.0]
+
+
+def _gain_at_crossing(wall: Wall, low: float, high: float) -> float:
+    rising = bool(_loop_gain(wall, np.asarray([high])).imag[0] > 0.0)
+
+    def passed(angle: float) -> bool:
+        return bool(_loop_gain(wall, np.asarray([angle])).imag[0] > 0.0) == rising
+
+    crossing = bisect(passed, low, high, PRECISION)
+    return float(_loop_gain(wall, np.asarray([crossing])).real[0])
+
+
+def _loop_gain(wall: Wall, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """From a held force to the sampled position, after the delay, at exp(j w)."""
+    (a, b, c, d), (to_position, to_velocity) = wall.step
+    z = np.exp(1j * angles)
+    determinant = (z - a) * (z - d) - b * c
+    return np.asarray(((z - d) * to_position + b * to_velocity) / determinant * z**-wall.delay_ticks)

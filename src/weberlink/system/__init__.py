@@ -1,0 +1,1 @@
+"""Whole systems: configuration, composition, daemons, virtual time and scoring."""

@@ -1,0 +1,228 @@
+"""The `check` command: what a file composes, what that costs here, and what is unwise about it.
+
+Everything is said of the parts themselves, built as the daemons build them; nothing is opened or sent.
+"""
+
+from collections.abc import Iterator
+from math import cos, pi, sin
+from statistics import median
+from time import perf_counter
+from typing import Protocol, runtime_checkable
+
+from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.control.table import SCHEMES
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.master.devices.contract import Device
+from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
+from weberlink.protocol.wire import UpdateLayout
+from weberlink.slave.robots.contract import Robot, RobotSpec
+from weberlink.slave.scenes.scene import Scene
+from weberlink.system.composition.deadband import deadband_in_words
+from weberlink.system.composition.link import build_security, channels, streams
+from weberlink.system.composition.master import build_device
+from weberlink.system.composition.slave import build_robot, build_scene
+from weberlink.system.composition.trial import lacks
+from weberlink.system.configuration import Configuration, System
+from weberlink.system.configuration.model import PERCEPTUAL_WEBER_LIMIT, EmulationSettings, MappingSettings
+
+UDP_IP_BYTES = 28
+SAMPLES = 2000
+"""Ticks of the cost measurement."""
+
+
+@runtime_checkable
+class Described(Protocol):
+    """A part that has something to say of what it picked."""
+
+    def description(self) -> str:
+        """In a few words."""
+        ...
+
+
+def describe(configuration: Configuration) -> Iterator[str]:
+    """The lines to print.
+
+    Raises:
+        ConfigurationError: if a part cannot be made as the file asks.
+    """
+    system = configuration.system
+    device = None if configuration.device is None else build_device(configuration)
+    robot = None if configuration.robot is None else build_robot(configuration)
+    forward, backward = channels(system)
+    scene = build_scene(configuration)
+    security = build_security(configuration)
+    yield f"{configuration.path}: valid"
+    yield from _sides(system, device, robot)
+    yield from _link(system)
+    yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
+        f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
+        + ("" if (shape := deadband_in_words(system)) == "isotropic" else f"; {shape}")
+    )
+    yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
+    bound_mm = 1e3 * system.codec.position.bound_m
+    yield f"position  {_coding(system.codec.position.predictor, forward)}; bound {bound_mm:g} mm"
+    yield f"          update of {_sizes(forward, security.tag_size, system)} bytes of UDP payload"
+    yield from _rotation(system, security.tag_size)
+    yield f"cost      codec {_codec_us(backward):.1f} us per tick (force channel, encode and decode)"
+    if system.codec.rotation is not None:
+        torque_us = _codec_us(streams(system)[1][1])
+        yield f"          codec {torque_us:.1f} us per tick more (torque channel)"
+    if scene is not None:
+        yield f"          scene {_scene_us(scene):.1f} us per tick at its surface"
+    uncoded = _uncoded_kbit(system, security.tag_size)
+    yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
+    stiffness = None if device is None else device.spec.stiffness_n_m
+    for warning in (*_warnings(system, stiffness), *lacks(system, device, robot)):
+        yield f"warning   {warning}"
+
+
+def _sides(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
+    yield f"rate      {system.rate_hz:g} Hz, axes {system.axes}"
+    if device is not None:
+        yield (
+            f"master    device {system.master.device.driver}{_detail(device)}, "
+            f"force at most {system.master.limits.force_n:g} N"
+            + ("" if system.codec.rotation is None else f", torque at most {system.master.limits.torque_nm:g} N m")
+        )
+        if system.master.mapping is not None:
+            yield f"          mapped: {_mapping(system.master.mapping)}"
+    if robot is not None:
+        silence = system.slave.limits.on_silence
+        yield f"slave     robot {system.slave.robot.driver}{_detail(robot)}; on silence {silence}"
+        yield from _measured(robot.spec)
+    for thing in system.slave.scene:
+        extras = [name for name in ("friction", "damping_n_s_m", "motion") if getattr(thing, name) is not None]
+        with_extras = f" with {', '.join(extras)}" if extras else ""
+        yield f"scene     {thing.shape}, {thing.stiffness_n_m:g} N/m{with_extras}"
+
+
+def _detail(part: Device | Robot) -> str:
+    return f", {part.description()}" if isinstance(part, Described) else ""
+
+
+def _mapping(mapping: MappingSettings) -> str:
+    parts = [f"{name} {value}" for name, value in mapping.model_dump(exclude_defaults=True, exclude={"walls"}).items()]
+    if mapping.walls is not None:
+        parts.append(f"walls of {mapping.walls.stiffness_n_m:g} N/m")
+    return ", ".join(parts) or "one to one"
+
+
+def _measured(spec: RobotSpec) -> Iterator[str]:
+    """How good the readings of a robot are, where they are not ideal."""
+    absolute, relative = spec.force_error
+    if spec.lag_s > 0.0:
+        yield f"          readings lag by {1e3 * spec.lag_s:.1f} ms, at {spec.rate_hz:g} Hz"
+    if absolute > 0.0 or relative > 0.0:
+        yield f"          force known to +-({absolute:.2g} N + {100 * relative:.0f} %)"
+
+
+def _link(system: System) -> Iterator[str]:
+    link = system.link
+    yield f"link      {link.slave}, security {link.security}, silence limit {link.silence_ms:g} ms"
+    if link.emulate is not None:
+        changed = link.emulate.model_dump(exclude_defaults=True)
+        yield f"          emulated: {', '.join(f'{name} {value}' for name, value in changed.items()) or 'no faults'}"
+    yield f"control   {system.control.scheme}: {SCHEMES[system.control.scheme].does}"
+
+
+def _coding(predictor: str, channel: Channel) -> str:
+    return predictor if len(channel.bank) == 1 else f"{predictor} of {', '.join(channel.bank)}"
+
+
+def _sizes(channel: Channel, tag: int, system: System) -> str:
+    layout = _layout(channel, system)
+    with_previous, without = (layout.size(with_previous=each) + tag for each in (True, False))
+    return str(without) if channel.bank == ("zoh",) else f"{without} or, with history, {with_previous}"
+
+
+def _layout(channel: Channel, system: System) -> UpdateLayout:
+    return UpdateLayout(
+        channel.level_count,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit,
+        further_acks=0 if system.codec.rotation is None else 1,
+    )
+
+
+def _rotation(system: System, tag: int) -> Iterator[str]:
+    """The channels of the rotation, and what it does not do."""
+    coded = system.codec.rotation
+    if coded is None:
+        return
+    (_, orientation), (_, torque) = streams(system)
+    yield (
+        f"rotation  torque {_coding(coded.torque.predictor, torque)}; k = {coded.torque.weber:g}, "
+        f"floor {coded.torque.floor_nm:g} N m, reference {coded.torque.reference}"
+    )
+    yield f"          update of {_sizes(torque, tag, system)} bytes of UDP payload"
+    bound = f"bound {coded.orientation.bound_rad:g} rad"
+    yield f"          orientation {_coding(coded.orientation.predictor, orientation)}; {bound}"
+    yield f"          update of {_sizes(orientation, tag, system)} bytes of UDP payload"
+
+
+def _uncoded_kbit(system: System, tag: int) -> float:
+    sizes = [UpdateLayout(each.level_count).size(with_previous=False) for way in streams(system) for each in way]
+    octets = sum(size + tag + UDP_IP_BYTES for size in sizes)
+    return octets * 8 * system.rate_hz / 1e3
+
+
+def _codec_us(channel: Channel) -> float:
+    """Median time of a tick on a stroke over a soft wall, which sends now and then as real contact does."""
+    encoder, decoder = Encoder(channel), Decoder(channel)
+    times = []
+    for tick in range(SAMPLES):
+        position, force = _stroke(tick)
+        began = perf_counter()
+        update = encoder.encode(tick, force, position)
+        if update is not None:
+            decoder.apply(update)
+        decoder.value(tick, position)
+        times.append(perf_counter() - began)
+    return median(times) * 1e6
+
+
+def _scene_us(scene: Scene) -> float:
+    times = []
+    for tick in range(SAMPLES):
+        position, _ = _stroke(tick)
+        began = perf_counter()
+        scene.force(position, 1e-3)
+        times.append(perf_counter() - began)
+    scene.reset()
+    return median(times) * 1e6
+
+
+def _stroke(tick: int) -> tuple[Vector, Vector]:
+    """Position on a circle of 3 cm that dips 4 mm below z = 0, and the reaction of a wall of 500 N/m there."""
+    angle = 2.0 * pi * tick * 1e-3
+    position = (0.03 * cos(angle), 0.03 * sin(angle), -0.002 + 0.002 * sin(3.0 * angle))
+    return position, ((0.0, 0.0, -500.0 * position[2]) if position[2] < 0.0 else ZERO)
+
+
+def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
+    weber = system.codec.force.weber
+    if weber > PERCEPTUAL_WEBER_LIMIT:
+        yield f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}"
+    emulate = system.link.emulate or EmulationSettings()
+    round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
+    if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
+        yield (
+            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms, so "
+            f"the sides would lose each other; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
+        )
+    if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
+        yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"
+    if system.codec.force.floor_n == 0.0:
+        yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
+    if round_trip_ms > 0.0 and system.control.scheme == "none":
+        yield (
+            f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; "
+            "use tdpa, mmt or auto"
+        )
+    if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no model to feel"
+
+
+def _knows_geometry(system: System) -> bool:
+    force = system.codec.force
+    return any(PREDICTORS[name].geometric for name in (force.bank if force.predictor in BANKS else (force.predictor,)))

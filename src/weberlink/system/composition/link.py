@@ -1,0 +1,236 @@
+"""What both sides build alike from a configuration: channels, agreement, security, endpoint, emulated faults."""
+
+from collections.abc import Callable
+from functools import wraps
+from secrets import token_bytes
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+
+from weberlink.codec import Channel, force_channel, position_channel
+from weberlink.codec.predictors import Trust
+from weberlink.codec.smoothing import Smoothing
+from weberlink.control.contract import Settings as ControlSettings
+from weberlink.control.table import SCHEMES
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import Address
+from weberlink.protocol.roles import Role
+from weberlink.protocol.security import Security
+from weberlink.realtime.process import forbid_core_dumps
+from weberlink.system.composition.deadband import force_deadband
+from weberlink.system.configuration import Configuration, ConfigurationError, System
+
+Entropy = Callable[[int], bytes]
+Stopwatch = Callable[[], float]
+
+
+class Identity(NamedTuple):
+    """What a process says of itself to the other end.
+
+    Args:
+        name: where the file sets none; "" for that of the role.
+        take_over: whether a master replaces another one that the slave serves.
+        stamp: wall clock [ns] at `now` [s]; None to count `now`.
+    """
+
+    name: str = ""
+    take_over: bool = False
+    stamp: Callable[[float], int] | None = None
+
+
+ANONYMOUS = Identity()
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
+    """Errors of a builder with the file in front."""
+
+    @wraps(build)
+    def build_located(configuration: Configuration, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return build(configuration, *args, **kwargs)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{configuration.path}: {error}") from None
+
+    return build_located
+
+
+def channels(system: System) -> tuple[Channel, Channel]:
+    """The forward (position) and the backward (force) channel, as both sides build them."""
+    force, position = system.codec.force, system.codec.position
+    forward = position_channel(
+        predictor=position.predictor,
+        bank=position.bank,
+        weber=position.weber,
+        bound=position.bound_m,
+        axes=system.axes,
+        position_step=position.step_m,
+    )
+    backward = force_channel(
+        predictor=force.predictor,
+        bank=force.bank,
+        axes=system.axes,
+        force_step=force.step_n,
+        position_step=position.step_m,
+        trust=Trust(force.trust.stiffness_n_m, force.trust.radius_m),
+        deadband=force_deadband(system, force.weber),
+        smoothing=_smoothing(system),
+    )
+    return forward, backward
+
+
+def _smoothing(system: System) -> Smoothing | None:
+    """Of the force, in ticks."""
+    length = system.codec.force.smooth_ms
+    return Smoothing(max(1, round(length * 1e-3 * system.rate_hz))) if length > 0.0 else None
+
+
+def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
+    """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
+
+    An orientation is coded as a position and a torque as a force, in radians and newton metres.
+    """
+    forward, backward = channels(system)
+    if system.codec.rotation is None:
+        return (forward,), (backward,)
+    torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
+    turning = position_channel(
+        predictor=orientation.predictor,
+        bank=orientation.bank,
+        weber=orientation.weber,
+        bound=orientation.bound_rad,
+        position_step=orientation.step_rad,
+    )
+    twisting = force_channel(
+        predictor=torque.predictor,
+        bank=torque.bank,
+        weber=torque.weber,
+        floor=torque.floor_nm,
+        reference=torque.reference,
+        force_step=torque.step_nm,
+        position_step=orientation.step_rad,
+    )
+    return (forward, turning), (backward, twisting)
+
+
+def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
+    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation."""
+    _, (force, *rotation) = streams(system)
+    return force.bank, rotation[0].bank if rotation else None
+
+
+def agreement(system: System) -> dict[str, object]:
+    """What both ends must hold alike, by the path of the field."""
+    return {
+        "rate_hz": system.rate_hz,
+        "axes": system.axes,
+        "link.silence_ms": system.link.silence_ms,
+        **_flat(system.control.model_dump(mode="json"), "control."),
+        **_flat(system.codec.model_dump(mode="json", exclude=_unused(system)), "codec."),
+    }
+
+
+@located
+def build_security(configuration: Configuration) -> Security:
+    """The security suite that the file asks for; only that one is imported. With a key, no core is dumped any more.
+
+    Raises:
+        ConfigurationError: if the key file cannot be used.
+    """
+    link = configuration.system.link
+    if link.security == "none":
+        from weberlink.protocol.checksum import Checksum  # noqa: PLC0415
+
+        return Checksum()
+    from weberlink.protocol.keys import KEY_BYTES, KeyFileError, load  # noqa: PLC0415
+    from weberlink.protocol.psk import PresharedKey  # noqa: PLC0415
+
+    forbid_core_dumps()
+    if link.key_file is None:  # security: session before the run, or in virtual time
+        return PresharedKey(token_bytes(KEY_BYTES))
+    try:
+        return PresharedKey(load(link.key_file))
+    except KeyFileError as error:
+        raise ConfigurationError(f"link.key_file: {error}") from None
+
+
+def build_endpoint(
+    system: System,
+    role: Role,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    outgoing: tuple[Channel, ...],
+    incoming: tuple[Channel, ...],
+    peer: Address | None,
+    identity: Identity = ANONYMOUS,
+) -> Endpoint:
+    names = system.link.names
+    own, other = (names.master, names.slave) if role is Role.INITIATOR else (names.slave, names.master)
+    return Endpoint(
+        role=role,
+        agreement=agreement(system),
+        outgoing_values=[channel.level_count for channel in outgoing],
+        incoming_values=[channel.level_count for channel in incoming],
+        security=security,
+        entropy=entropy,
+        epoch=epoch,
+        tick_period=system.tick_period,
+        silence=system.link.silence_ms * 1e-3,
+        peer=peer,
+        carries_credit=SCHEMES[system.control.scheme].carries_credit,
+        name=own or identity.name,
+        expects=other or "",
+        take_over=identity.take_over,
+        stamp=identity.stamp,
+    )
+
+
+def control_settings(system: System, force_range: float) -> ControlSettings:
+    """What both sides of the control scheme are built from.
+
+    Args:
+        system: both sides.
+        force_range: largest force that the wire and the robot can say [N].
+    """
+    return ControlSettings(
+        tick_period=system.tick_period,
+        force_range=force_range,
+        level=system.control.level_j,
+        damping=system.control.damping_n_s_m,
+        catch_up_speed=system.slave.limits.approach_speed_m_s,
+    )
+
+
+def construct(where: str, driver: Any, *arguments: Any) -> Any:
+    """A driver from its options; what it cannot accept is an error of its place in the file."""
+    try:
+        return driver(*arguments)
+    except ValueError as error:
+        raise ConfigurationError(f"{where}: {error}") from None
+
+
+def check_axes(where: str, axes: str, system: System) -> None:
+    """See that a device or robot moves on every axis that is sent.
+
+    Raises:
+        ConfigurationError: naming those that it lacks.
+    """
+    missing = [axis for axis in system.axes if axis not in axes]
+    if missing:
+        raise ConfigurationError(f"axes: {where} has no axis {', '.join(missing)}; it has {axes}")
+
+
+def _unused(system: System) -> set[str]:
+    """Parts of the codec that the file leaves out, of which nothing is said to the peer."""
+    return {"rotation"} if system.codec.rotation is None else set()
+
+
+def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
+    leaves: dict[str, object] = {}
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            leaves |= _flat(value, f"{prefix}{key}.")
+        else:
+            leaves[f"{prefix}{key}"] = value
+    return leaves

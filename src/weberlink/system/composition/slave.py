@@ -1,0 +1,172 @@
+"""The teleoperator's side, from endpoint to robot and scene."""
+
+from typing import TYPE_CHECKING
+
+from weberlink.codec import Decoder, Encoder
+from weberlink.codec.quantizer import INT16_MAX
+from weberlink.control.table import build_slave_control
+from weberlink.protocol.roles import Role
+from weberlink.protocol.security import Security
+from weberlink.protocol.session import HORIZON_SHARE
+from weberlink.slave.loop import SlaveLoop
+from weberlink.slave.robots.contract import Robot
+from weberlink.slave.safety import CommandGuard, Workspace
+from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.scenes.settings import build
+from weberlink.system.composition.link import (
+    ANONYMOUS,
+    Entropy,
+    Identity,
+    Stopwatch,
+    build_endpoint,
+    check_axes,
+    construct,
+    control_settings,
+    located,
+    streams,
+)
+from weberlink.system.composition.live import build_slave_tuning
+from weberlink.system.configuration import Configuration, ConfigurationError, System
+
+if TYPE_CHECKING:
+    from weberlink.slave.rotation import ToolRotation
+
+
+def build_slave(
+    configuration: Configuration,
+    *,
+    security: Security,
+    entropy: Entropy,
+    epoch: float,
+    stopwatch: Stopwatch,
+    identity: Identity = ANONYMOUS,
+) -> SlaveLoop:
+    """The teleoperator's side, not yet open.
+
+    Raises:
+        ConfigurationError: if the robot or the scene cannot be made as the file asks.
+    """
+    system, robot = configuration.system, build_robot(configuration)
+    forward, backward = streams(system)
+    limits = system.slave.limits
+    encoder = Encoder(backward[0])
+    control = build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n))
+    return SlaveLoop(
+        robot=robot,
+        encoder=encoder,
+        decoder=Decoder(forward[0]),
+        control=control,
+        tuning=build_slave_tuning(system, control, encoder),
+        endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity),
+        guard=CommandGuard(
+            workspace=workspace_of(configuration, robot),
+            speed=limits.speed_m_s,
+            approach_speed=limits.approach_speed_m_s,
+            ramp=limits.ramp_ms * 1e-3,
+            retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
+            trip_retract=limits.retract_m,
+        ),
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
+        robot_limit=limits.robot_ms * 1e-3,
+        trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
+        stopwatch=stopwatch,
+        by_button=system.master.engage is not None,
+        rotation=None if system.codec.rotation is None else _build_rotation(system, robot),
+    )
+
+
+def _build_rotation(system: System, robot: Robot) -> "ToolRotation":
+    from weberlink.slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
+    from weberlink.slave.rotation import ToolRotation  # noqa: PLC0415
+
+    (_, orientation), (_, torque) = streams(system)
+    assert isinstance(robot, OrientedRobot), "build_robot sees to it"
+    limits = system.slave.limits
+    return ToolRotation(
+        robot=robot,
+        encoder=Encoder(torque),
+        decoder=Decoder(orientation),
+        speed=limits.turn_rad_s,
+        approach_speed=limits.approach_turn_rad_s,
+        ramp=limits.ramp_ms * 1e-3,
+    )
+
+
+@located
+def build_robot(configuration: Configuration) -> Robot:
+    """The robot with the scene that it touches, not yet open.
+
+    Raises:
+        ConfigurationError: if either cannot be made of its options, or the wire cannot say its forces.
+    """
+    system, part = configuration.system, configuration.robot
+    assert part is not None
+    robot: Robot = construct("slave.robot", part.driver, part.options, _scene(system), system.tick_period)
+    check_axes("slave.robot", robot.spec.axes, system)
+    force = streams(system)[1][0].value_quantizer.limit
+    if robot.spec.force_n > force:
+        raise ConfigurationError(
+            f"codec.force.step_n: spans {force:g} N but slave.robot reports up to {robot.spec.force_n:g} N; "
+            f"use a step of at least {robot.spec.force_n / INT16_MAX:.2g}"
+        )
+    if system.codec.rotation is not None:
+        _check_rotation(system, robot)
+    return robot
+
+
+def _check_rotation(system: System, robot: Robot) -> None:
+    from weberlink.slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
+
+    torque = robot.spec.torque_n_m
+    if not (isinstance(robot, OrientedRobot) and torque > 0.0):
+        raise ConfigurationError(
+            f"codec.rotation: slave.robot driver {system.slave.robot.driver}, as it is set here, takes no orientation; "
+            "use one that does, or leave codec.rotation out"
+        )
+    limit = streams(system)[1][1].value_quantizer.limit
+    if torque > limit:
+        raise ConfigurationError(
+            f"codec.rotation.torque.step_nm: spans {limit:g} N m but slave.robot reports up to {torque:g} N m; "
+            f"use a step of at least {torque / INT16_MAX:.2g}"
+        )
+
+
+@located
+def build_scene(configuration: Configuration) -> Scene | None:
+    """What there is to touch; None where the file names nothing.
+
+    Raises:
+        ConfigurationError: if an object of the scene cannot be made.
+    """
+    return _scene(configuration.system)
+
+
+def _scene(system: System) -> Scene | None:
+    if not system.slave.scene:
+        return None
+    try:
+        return build(system.slave.scene)
+    except ValueError as error:
+        raise ConfigurationError(f"slave.scene: {error}") from None
+
+
+@located
+def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
+    """Where the robot may be commanded to: its own workspace within that of the file."""
+    return _intersection(_corners(configuration.system.slave.limits.workspace_m), robot.spec.workspace_m)
+
+
+def _corners(intervals: tuple[tuple[float, float], ...]) -> Workspace:
+    (x0, x1), (y0, y1), (z0, z1) = intervals
+    return (x0, y0, z0), (x1, y1, z1)
+
+
+def _intersection(a: Workspace, b: Workspace) -> Workspace:
+    low, high = (
+        tuple(choose(pair) for pair in zip(mine, theirs, strict=True))
+        for choose, mine, theirs in ((max, a[0], b[0]), (min, a[1], b[1]))
+    )
+    if not all(lowest < highest for lowest, highest in zip(low, high, strict=True)):
+        raise ConfigurationError("slave.limits.workspace_m: leaves nothing of the robot's own workspace")
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])

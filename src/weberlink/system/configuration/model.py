@@ -1,0 +1,514 @@
+"""What a configuration file may say: every key, its unit, its range and its default.
+
+Owns the schema only; reading files and building parts are elsewhere. The options of a device or robot driver belong
+to the driver, and are validated against it once its name is known.
+"""
+
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
+from weberlink.protocol.endpoint import MOST_TICKS
+from weberlink.protocol.handshake import check_name
+from weberlink.protocol.session import LONGEST_SILENCE
+from weberlink.slave.scenes.settings import SceneSettings
+from weberlink.system.configuration.deadband import (
+    ConeSettings,
+    DeadbandSettings,
+    IsotropicSettings,
+    LevelCrossingSettings,
+)
+
+PredictorName = Literal["zoh", "linear", "plane", "sphere", "trend", "affine", "surface"]
+PositionPredictorName = Literal["zoh", "linear", "trend"]
+POSITION_BANK = ("zoh", "linear", "trend")
+TorquePredictorName = Literal["zoh", "linear", "trend", "affine"]
+TORQUE_BANK = ("zoh", "linear", "trend", "affine")
+Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
+Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+Interval = tuple[float, float]
+Name = Annotated[str, AfterValidator(check_name)]
+
+Probability = Annotated[float, Field(ge=0, le=1)]
+Start = Annotated[float, Field(ge=0)]
+Duration = Annotated[float, Field(gt=0)]
+Blackout = tuple[Start, Duration]
+Flap = tuple[Start, Duration, Duration]
+
+PERCEPTUAL_WEBER_LIMIT = 0.27
+"""Above this Weber factor published task performance falls (Chaudhari 2011); `check` warns."""
+
+
+class Settings(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class PredictedSettings(Settings):
+    """What every channel says of its predictors."""
+
+    ADAPTIVE_BANK: ClassVar[tuple[str, ...]]
+    """What `adaptive` chooses among where the file does not say."""
+
+    predictor: str
+    bank: tuple[str, ...]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _usual_bank(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("predictor") == ADAPTIVE and "bank" not in data:
+            return {**data, "bank": cls.ADAPTIVE_BANK}
+        return data
+
+    @field_validator("bank")
+    @classmethod
+    def _distinct(cls, bank: tuple[str, ...]) -> tuple[str, ...]:
+        if len(set(bank)) != len(bank):
+            raise ValueError("names each predictor once")
+        return bank
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        parametric = [name for name in self.bank if name in PARAMETRIC]
+        if self.predictor == HYBRID and parametric:
+            raise ValueError(f"bank: {', '.join(parametric)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
+        return self
+
+
+class DirectionFaults(Settings):
+    """Faults of one direction of the link."""
+
+    delay_ms: float = Field(default=0.0, ge=0, le=10_000)
+    """Constant one-way delay."""
+    jitter_ms: float = Field(default=0.0, ge=0, le=10_000)
+    """Largest additional delay, uniform."""
+    loss: Probability = 0.0
+    """Share of datagrams lost."""
+    burst: float = Field(default=1.0, ge=1, le=1000)
+    """Mean length of a run of losses; 1 for independent losses, more for a Gilbert-Elliott channel."""
+    reorder: Probability = 0.0
+    """Share of datagrams held back behind the next one."""
+    duplicate: Probability = 0.0
+    """Share of datagrams delivered twice."""
+    corrupt: Probability = 0.0
+    """Share of datagrams with bits flipped."""
+    rate_kbit_s: float | None = Field(default=None, gt=0)
+    """Capacity of the link; none for no limit."""
+    blackouts_s: tuple[Blackout | Flap, ...] = ()
+    """Times in which nothing arrives: pairs of start and duration, or triples of start, duration and period for a link
+    that flaps: [2, 0.1, 0.2] drops everything for the first 100 ms of every 200 ms, from 2 s on."""
+
+
+class EmulationSettings(DirectionFaults):
+    """Faults put on each side's outgoing datagrams, seeded; the same in both directions unless one is set apart."""
+
+    to_slave: DirectionFaults | None = None
+    """What differs on the way from the master to the slave; the keys given here replace those above."""
+    to_master: DirectionFaults | None = None
+    """What differs on the way from the slave to the master."""
+    seed: int = Field(default=0, ge=0)
+    """Same seed, same faults."""
+
+    @property
+    def directions(self) -> tuple[DirectionFaults, DirectionFaults]:
+        """Faults of the way to the slave, and of the way to the master."""
+        to_slave, to_master = (
+            self if own is None else self.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
+            for own in (self.to_slave, self.to_master)
+        )
+        return to_slave, to_master
+
+
+class NameSettings(Settings):
+    """What the two sides call themselves, and so whom each of them is to meet."""
+
+    master: Name | None = None
+    """The slave serves the master of this name alone. Without it, a master calls itself user@host."""
+    slave: Name | None = None
+    """The master takes the slave of this name alone, and else the first that answers, until it ends. Without it, a
+    slave calls itself host:port."""
+
+
+class LinkSettings(Settings):
+    """Where the two sides meet, and how they trust each other."""
+
+    listen: str = "0.0.0.0:47000"
+    """Address that the slave binds."""
+    slave: str = "127.0.0.1:47000"
+    """Address at which the master finds the slave."""
+    security: Literal["psk", "session", "none"] = "psk"
+    """`psk`: a pre-shared key encrypts every datagram. `session`: the same, with a key that `weberlink loopback` makes
+    for each run. `none`: a checksum only, and no hardware drivers. The last two on loopback addresses only."""
+    names: NameSettings = NameSettings()
+    key_file: Path | None = None
+    """The key, as written by `weberlink keygen`; needed with `psk`."""
+    silence_ms: float = Field(default=100.0, ge=10, le=1e3 * LONGEST_SILENCE)
+    """Longest time since a datagram left that the other side is known to have heard; beyond it the force is zero, the
+    robot holds, and no command is executed. At least 2.5 round trips are advised."""
+    emulate: EmulationSettings | None = None
+    """Faults to put on the link; leave out for a real one."""
+
+    @field_validator("listen", "slave")
+    @classmethod
+    def _address(cls, text: str) -> str:
+        split_address(text)
+        return text
+
+    @model_validator(mode="after")
+    def _trust(self) -> "LinkSettings":
+        if self.security == "psk":
+            if self.key_file is None:
+                raise ValueError("security psk needs key_file; make one with: weberlink keygen KEYFILE")
+        elif not (_is_loopback(self.listen) and _is_loopback(self.slave)):
+            raise ValueError(f"security {self.security} is for loopback addresses only; between hosts use psk")
+        return self
+
+
+class TrustSettings(Settings):
+    """The range in which a fitted contact is believed; outside it a geometry predictor holds the newest sample."""
+
+    stiffness_n_m: Range = (10.0, 3000.0)
+    """The master renders a fitted contact on its own: nothing stiffer than its device displays stably."""
+    radius_m: Range = (0.001, 10.0)
+
+    @model_validator(mode="after")
+    def _rising(self) -> "TrustSettings":
+        for name in ("stiffness_n_m", "radius_m"):
+            low, high = getattr(self, name)
+            if not low < high:
+                raise ValueError(f"{name} must rise, not [{low}, {high}]")
+        return self
+
+
+class ForceCodecSettings(PredictedSettings):
+    """The backward channel."""
+
+    ADAPTIVE_BANK = ADAPTIVE_BANK
+
+    predictor: PredictorName | Literal["hybrid", "adaptive"] = "hybrid"
+    """What both ends predict with."""
+    bank: tuple[PredictorName, ...] = Field(default=("zoh", "linear", "plane", "sphere"), min_length=1, max_length=7)
+    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. By
+    default these four, or plane, surface, affine, trend, zoh."""
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor k: the relative error that stays unsent."""
+    floor_n: float = Field(default=0.02, ge=0)
+    """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
+    reference: Literal["actual", "displayed", "sent"] = "actual"
+    """Which force k scales."""
+    deadband: DeadbandSettings = IsotropicSettings()
+    """The shape of what stays unsent: isotropic, cone, level_crossing or velocity_adaptive."""
+    step_n: float = Field(default=0.001, gt=0, le=1)
+    """Wire step [N]; 16 bits span +-32767 steps."""
+    trust: TrustSettings = TrustSettings()
+    smooth_ms: float = Field(default=0.0, ge=0, le=100)
+    """Length of the ramp in which an update changes the force [ms], within the deadband; 0 for at once."""
+
+    @model_validator(mode="after")
+    def _smoothed(self) -> "ForceCodecSettings":
+        if self.smooth_ms > 0.0 and isinstance(self.deadband, ConeSettings | LevelCrossingSettings):
+            raise ValueError(f"smooth_ms needs a deadband that is a ball, not {self.deadband.shape}")
+        return self
+
+    @model_validator(mode="after")
+    def _shaped(self) -> "ForceCodecSettings":
+        shape = self.deadband.shape
+        if isinstance(self.deadband, ConeSettings | LevelCrossingSettings) and self.reference != "actual":
+            raise ValueError(f"deadband {shape} needs reference: actual, since it is drawn around the measured force")
+        if isinstance(self.deadband, LevelCrossingSettings) and self.floor_n == 0.0:
+            raise ValueError(f"deadband {shape} needs floor_n above 0: it is the lowest level")
+        return self
+
+
+class PositionCodecSettings(PredictedSettings):
+    """The forward channel."""
+
+    ADAPTIVE_BANK = POSITION_BANK
+
+    predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
+    bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all three) chooses among."""
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor of velocity."""
+    bound_m: float = Field(default=0.0002, ge=0)
+    """Position error at rest that stays unsent [m]."""
+    step_m: float = Field(default=0.00001, gt=0, le=0.01)
+    """Wire step [m], of both channels; 16 bits span +-32767 steps."""
+
+
+class TorqueCodecSettings(PredictedSettings):
+    """The backward channel of the rotation."""
+
+    ADAPTIVE_BANK = TORQUE_BANK
+
+    predictor: TorquePredictorName | Literal["hybrid", "adaptive"] = "hybrid"
+    """What both ends predict with."""
+    bank: tuple[TorquePredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=4)
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all four, which is its default) chooses among."""
+    weber: float = Field(default=0.13, ge=0, le=1)
+    """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
+    floor_nm: float = Field(default=0.005, ge=0)
+    """Absolute threshold [N m] below which Weber's law fails."""
+    reference: Literal["actual", "displayed", "sent"] = "actual"
+    """Which torque the Weber factor scales."""
+    step_nm: float = Field(default=0.0001, gt=0, le=1)
+    """Wire step [N m]; 16 bits span +-32767 steps."""
+
+
+class OrientationCodecSettings(PredictedSettings):
+    """The forward channel of the rotation."""
+
+    ADAPTIVE_BANK = POSITION_BANK
+
+    predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
+    """What both ends predict with."""
+    bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
+    weber: float = Field(default=0.10, ge=0, le=1)
+    """Weber factor of angular velocity."""
+    bound_rad: float = Field(default=0.01, ge=0)
+    """Error of orientation at rest that stays unsent [rad]."""
+    step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
+    """Wire step [rad], of both channels; 16 bits span +-32767 steps, which must be more than half a turn."""
+
+
+class RotationCodecSettings(Settings):
+    """Six degrees of freedom: orientation beside position, torque beside force, each with updates of its own."""
+
+    torque: TorqueCodecSettings = TorqueCodecSettings()
+    orientation: OrientationCodecSettings = OrientationCodecSettings()
+
+
+class CodecSettings(Settings):
+    """Perceptual coding; both sides must agree on all of it."""
+
+    force: ForceCodecSettings = ForceCodecSettings()
+    position: PositionCodecSettings = PositionCodecSettings()
+    rotation: RotationCodecSettings | None = None
+    """Torque and orientation, `{}` for their defaults; leave out for three degrees of freedom."""
+
+
+class ControlSettings(Settings):
+    """What keeps a delayed loop stable."""
+
+    scheme: Literal["none", "tdpa", "mmt", "auto"] = "none"
+    """`tdpa`: time-domain passivity. `mmt`: the operator feels a local model. `auto`: by the measured delay."""
+    level_j: float = Field(default=0.05, gt=0, le=10)
+    """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""
+    damping_n_s_m: float = Field(default=5.0, gt=0, le=100)
+    """Strongest drag that fills an empty tank [N s/m]."""
+    live_changes: bool = True
+    """Whether Weber factor, predictor (of a hybrid's bank) and scheme (under `auto`) may be changed in a session."""
+
+
+class RealtimeSettings(Settings):
+    """What to ask of the operating system; what it refuses is said in the report."""
+
+    priority: int = Field(default=50, ge=0, le=98)
+    """SCHED_FIFO priority; 0 for the normal scheduler."""
+    lock_memory: bool = True
+    """Keep all pages in memory."""
+    wakeful: bool = True
+    """Keep processors out of deep idle states while the daemon runs: they wake up sooner, and cost more power."""
+    cpus: tuple[int, int] | None = None
+    """Processors to pin the master and the slave to."""
+
+
+class DriverSettings(BaseModel):
+    """A driver by name, with the options that are its own."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    driver: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        return dict(self.model_extra or {})
+
+
+class MasterLimits(Settings):
+    """What protects the operator."""
+
+    force_n: float = Field(default=10.0, gt=0)
+    """Largest force [N], on top of the device's own limit."""
+    torque_nm: float = Field(default=0.5, gt=0)
+    """Largest torque [N m], on top of the device's own limit; with `weberlink.geometry.rotation`."""
+    slew_n_s: float | None = Field(default=None, gt=0)
+    """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
+    slew_nm_s: float | None = Field(default=None, gt=0)
+    """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
+    ramp_ms: float = Field(default=50.0, gt=0, le=5000)
+    """Time in which force and torque fade in and out."""
+    device_ms: float = Field(default=20.0, gt=0, le=5000)
+    """Longest time without a usable sample of the device."""
+
+
+class ClutchSettings(Settings):
+    """While a button is held, the hand moves and the robot stays."""
+
+    button: int = Field(default=0, ge=0, le=31)
+    """Which one, from 0."""
+
+
+class EngageSettings(Settings):
+    """Dead-man button: only while it is held, the robot follows and force is displayed."""
+
+    button: int = Field(default=0, ge=0, le=31)
+    """Which one, from 0."""
+
+
+class WallSettings(Settings):
+    """What keeps the hand within the robot's workspace."""
+
+    stiffness_n_m: float = Field(default=500.0, gt=0)
+    """Felt by the hand."""
+    box_m: tuple[Interval, Interval, Interval] | None = None
+    """Lowest and highest position of the robot on x, y, z; slave.limits.workspace_m if not given."""
+
+    @field_validator("box_m")
+    @classmethod
+    def _rising(cls, box: tuple[Interval, Interval, Interval] | None) -> tuple[Interval, Interval, Interval] | None:
+        return box if box is None else _rising_intervals(box)
+
+
+class MappingSettings(Settings):
+    """From the device's frame to the robot's; all that is sent, recorded and reported is in the robot's."""
+
+    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Turns about the robot's fixed x, y and z axes, in this order."""
+    scale: float = Field(default=1.0, gt=0, le=1000)
+    """Metres of the robot for a metre of the hand."""
+    force_scale: float = Field(default=1.0, gt=0, le=1000)
+    """Newtons on the hand for a newton on the robot."""
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the device's origin is in the robot's frame."""
+    clutch: ClutchSettings | None = None
+    """Indexing by a button; leave out for none. Needs walls."""
+    walls: WallSettings | None = None
+    """Virtual walls; `{}` for those of slave.limits.workspace_m, leave out for none."""
+
+    @model_validator(mode="after")
+    def _bounded(self) -> "MappingSettings":
+        if self.clutch is not None and self.walls is None:
+            raise ValueError("clutch needs walls, since indexing may lead anywhere; add walls: {}")
+        return self
+
+
+class MasterSettings(Settings):
+    """The operator's side."""
+
+    device: DriverSettings = DriverSettings(driver="operator")
+    mapping: MappingSettings | None = None
+    """Leave out where the two frames are one."""
+    engage: EngageSettings | None = None
+    """Leave out where the robot is to follow without a button held."""
+    limits: MasterLimits = MasterLimits()
+    accept_no_watchdog: str | None = None
+    """Driver whose force stays on when this host stops, and may do so; its name, or leave out."""
+
+
+class SlaveLimits(Settings):
+    """What protects the robot and what it touches."""
+
+    workspace_m: tuple[Interval, Interval, Interval] = ((-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3))
+    """Lowest and highest commanded position on x, y, z."""
+    speed_m_s: float = Field(default=2.0, gt=0)
+    """Largest speed while following."""
+    approach_speed_m_s: float = Field(default=0.25, gt=0)
+    """Speed at which the robot approaches the operator's position after an engagement."""
+    turn_rad_s: float = Field(default=10.0, gt=0)
+    """Largest angular speed while following; with `weberlink.geometry.rotation`."""
+    approach_turn_rad_s: float = Field(default=1.5, gt=0)
+    """Angular speed at which the tool turns to the operator's orientation after an engagement."""
+    on_silence: Literal["hold", "retract"] = "hold"
+    """What the robot does when the master is not heard: stay, or back off along the contact force."""
+    retract_m: float = Field(default=0.01, gt=0)
+    """How far it backs off."""
+    trip_n: float | None = Field(default=None, gt=0)
+    """Contact force above which the robot stops following and backs off by retract_m; by default the largest that the
+    robot stands or measures."""
+    ramp_ms: float = Field(default=50.0, gt=0, le=5000)
+    """Time in which its force fades in once it has reached the operator's position."""
+    robot_ms: float = Field(default=20.0, gt=0, le=5000)
+    """Longest time without a usable sample of the robot."""
+
+    @field_validator("workspace_m")
+    @classmethod
+    def _rising(cls, workspace: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
+        return _rising_intervals(workspace)
+
+
+class SlaveSettings(Settings):
+    """The teleoperator's side."""
+
+    robot: DriverSettings = DriverSettings(driver="point")
+    scene: SceneSettings = ()
+    """What there is to touch; nothing for free space or a real robot."""
+    limits: SlaveLimits = SlaveLimits()
+
+
+class System(Settings):
+    """A WeberLink system: one file, read by both daemons, each of which builds its own side."""
+
+    rate_hz: float = Field(default=1000.0, ge=10, le=10_000)
+    """Tick rate of both sides."""
+    axes: Axes = "xyz"
+    """Axes that are sent."""
+    link: LinkSettings
+    codec: CodecSettings = CodecSettings()
+    control: ControlSettings = ControlSettings()
+    realtime: RealtimeSettings = RealtimeSettings()
+    master: MasterSettings = MasterSettings()
+    slave: SlaveSettings = SlaveSettings()
+
+    @property
+    def tick_period(self) -> float:
+        """[s]."""
+        return 1.0 / self.rate_hz
+
+    @model_validator(mode="after")
+    def _silence_fits(self) -> "System":
+        longest = 1e3 * MOST_TICKS / self.rate_hz
+        if self.link.silence_ms > longest:
+            raise ValueError(f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _rotation_fits(self) -> "System":
+        if self.codec.rotation is not None and self.control.scheme != "none":
+            raise ValueError(
+                f"codec.rotation: control.scheme {self.control.scheme} keeps no account of the work of a torque; "
+                "use control.scheme none, or leave codec.rotation out"
+            )
+        return self
+
+
+def split_address(text: str) -> tuple[str, int]:
+    """Host and port of "host:port" or "[v6]:port".
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    host, colon, port = text.rpartition(":")
+    if not (colon and host.strip("[]") and port.isdigit() and int(port) < 65_536):
+        raise ValueError(f"must be host:port, not {text!r}")
+    return host.strip("[]"), int(port)
+
+
+def _rising_intervals(box: tuple[Interval, Interval, Interval]) -> tuple[Interval, Interval, Interval]:
+    for axis, (low, high) in zip("xyz", box, strict=True):
+        if not low < high:
+            raise ValueError(f"{axis} must rise, not [{low}, {high}]")
+    return box
+
+
+def _is_loopback(address: str) -> bool:
+    host, _ = split_address(address)
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

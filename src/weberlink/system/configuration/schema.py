@@ -1,0 +1,57 @@
+"""The JSON Schema of configuration files, for editors: completion, ranges and explanations while one types.
+
+`python -m weberlink.system.configuration.schema OUT` writes it; a test holds the shipped one against the code.
+"""
+
+import ast
+import inspect
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from weberlink.master import devices
+from weberlink.slave import robots
+from weberlink.system.configuration import model
+from weberlink.system.configuration.model import System
+
+
+def schema() -> dict[str, Any]:
+    """The schema of a whole file, with the options of every built-in driver."""
+    document = System.model_json_schema()
+    definitions = document["$defs"]
+    _explain(definitions | {System.__name__: document})
+    del definitions["DriverSettings"]
+    for owner, field, table in (("MasterSettings", "device", devices), ("SlaveSettings", "robot", robots)):
+        choices = [_driver(name, table.load(name).Options, definitions) for name in table.BUILT_IN]
+        # A driver of another package may take any options.
+        other = {"properties": {"driver": {"not": {"enum": list(table.BUILT_IN)}, "type": "string"}}}
+        definitions[owner]["properties"][field] = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
+    return document | {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "WeberLink configuration"}
+
+
+def _explain(definitions: dict[str, Any]) -> None:
+    """Describe every field by the text below it. Pydantic could, but a daemon would wait for that at every start."""
+    classes = (node for node in ast.parse(inspect.getsource(model)).body if isinstance(node, ast.ClassDef))
+    for each in classes:
+        heirs = [heir for heir in definitions if issubclass(getattr(model, heir, object), getattr(model, each.name))]
+        for field, text in pairwise(each.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str() as explanation)):
+                    for properties in (definitions[heir]["properties"] for heir in heirs):
+                        if name in properties:
+                            described = properties[name] | {"description": inspect.cleandoc(explanation)}
+                            properties[name] = dict(sorted(described.items()))
+
+
+def _driver(name: str, options: Any, definitions: dict[str, Any]) -> dict[str, Any]:
+    """One driver's options with its name; moves the definitions they use to the document's."""
+    made: dict[str, Any] = options.model_json_schema()
+    definitions.update(made.pop("$defs", {}))
+    made["properties"] = {"driver": {"const": name}} | made["properties"]
+    return made
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(json.dumps(schema(), indent=1) + "\n", encoding="utf-8")

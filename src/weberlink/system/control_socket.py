@@ -1,0 +1,185 @@
+"""Asking a running daemon for other settings: the socket beside its ring, and whoever asks there.
+
+The daemon answers between ticks. Only its own user can ask: the socket is a file with mode 0600 in a directory of that
+user. What may be changed, and what that takes, is known elsewhere; this is the door.
+"""
+
+import asyncio
+import json
+import os
+import socket
+import stat
+from collections.abc import Awaitable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic
+from typing import Any, Protocol
+
+from weberlink.control.tuning import Tuning
+from weberlink.realtime.shell import Transport
+from weberlink.system.bounded_json import parse
+from weberlink.telemetry.runtime_directory import ForeignFileError, check
+
+LONGEST_QUESTION = 1024
+LONGEST_ANSWER = 4096
+"""Both in bytes."""
+LOOK_S = 0.01
+"""Between two looks for the peer's answer."""
+QUESTIONS_A_LOOK = 8
+
+
+class LiveChangeError(RuntimeError):
+    """Nobody answered, or not in a way that can be understood; one line."""
+
+
+class Askable(Protocol):
+    """A side as this door sees it."""
+
+    tuning: Tuning
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
+
+
+def path_beside(ring: str | Path) -> Path:
+    return Path(ring).with_suffix(".ask")
+
+
+def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) -> dict[str, Any]:
+    """Ask the daemon that writes a ring for a change of settings; blocks until it is agreed.
+
+    Args:
+        ring: its path.
+        change: any of `weber` (0 to 1), `predictor`, `scheme`; empty to ask what is in force only.
+        patience_s: how long to wait [s].
+
+    Returns:
+        `accepted`, and `tick` of that daemon from which on it holds, or `why` not; always `settings` and `generation`,
+        and `pending` settings that are agreed and not yet in force.
+
+    Raises:
+        LiveChangeError: no daemon of this user or of root is there, or it does not answer in time.
+    """
+    path = path_beside(ring)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as door:
+        door.bind("")  # an address of the kernel's choice, so that we can be answered
+        door.settimeout(patience_s)
+        try:
+            check(path, path.lstat(), stat.S_IFSOCK)
+            door.connect(str(path))  # from here on the kernel takes answers of this daemon alone
+            door.send(json.dumps(dict(change)).encode())
+            answer = parse(door.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
+        except TimeoutError:
+            raise LiveChangeError(f"the daemon did not answer in {patience_s:g} s") from None
+        except ForeignFileError as error:
+            raise LiveChangeError(str(error)) from None
+        except OSError as error:
+            raise LiveChangeError(f"{path}: no daemon answers there: {error.strerror}") from None
+        except ValueError as error:
+            raise LiveChangeError(f"the daemon's answer cannot be read: {error}") from None
+    if not isinstance(answer, dict):
+        raise LiveChangeError("the daemon's answer is no object")
+    return answer
+
+
+class Door:
+    """The daemon's end: takes questions between ticks, and hands them to its side."""
+
+    def __init__(self, ring: str | Path, side: Askable) -> None:
+        self._path = path_beside(ring)
+        self._side = side
+        self._socket: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._waiting: str | bytes | None = None
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Listen.
+
+        Raises:
+            OSError: there is no room for the socket's file.
+        """
+        self._path.unlink(missing_ok=True)  # of a daemon that was killed
+        door = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        before = os.umask(0o177)
+        try:
+            door.setblocking(False)
+            door.bind(str(self._path))
+        except BaseException:
+            door.close()
+            raise
+        finally:
+            os.umask(before)
+        self._socket, self._loop = door, loop
+        loop.add_reader(door.fileno(), self._on_question)
+
+    def close(self) -> None:
+        """Stop listening; may be repeated."""
+        if self._socket is None:
+            return
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.remove_reader(self._socket.fileno())
+        self._socket.close()
+        self._socket = None
+        self._path.unlink(missing_ok=True)
+
+    def _on_question(self) -> None:
+        for _ in range(QUESTIONS_A_LOOK):
+            if self._socket is None:
+                return
+            try:
+                data, sender = self._socket.recvfrom(LONGEST_QUESTION + 1)
+            except OSError:
+                return
+            try:
+                change = parse(data, LONGEST_QUESTION)
+            except ValueError:
+                change = None
+            self._take(change if isinstance(change, dict) else None, sender)
+
+    def _take(self, change: dict[str, object] | None, sender: str | bytes) -> None:
+        if change is None:
+            self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
+        elif not change:
+            self._answer(sender, {})
+        elif (why_not := self._side.propose(change, monotonic())) is not None:
+            self._answer(sender, {"accepted": False, "why": why_not})
+        else:
+            self._waiting = sender
+            self._look()
+
+    def _look(self) -> None:
+        verdict = self._side.tuning.verdict
+        if verdict is None:
+            if self._loop is not None and self._socket is not None:
+                self._loop.call_later(LOOK_S, self._look)
+            return
+        if self._waiting is not None:
+            accepted = verdict.why_not is None
+            told: dict[str, object] = {"tick": verdict.tick} if accepted else {"why": verdict.why_not}
+            self._answer(self._waiting, {"accepted": accepted} | told)
+            self._waiting = None
+
+    def _answer(self, sender: str | bytes, content: dict[str, object]) -> None:
+        tuning = self._side.tuning
+        pending = None if tuning.pending is None else tuning.pending._asdict()
+        in_force = {"settings": tuning.settings._asdict(), "generation": tuning.generation, "pending": pending}
+        if self._socket is not None:
+            with suppress(OSError):  # who asked is gone, or does not read
+                self._socket.sendto(json.dumps(content | in_force).encode(), sender)
+
+
+class WithDoor:
+    """A transport, and a door that is open while it is."""
+
+    def __init__(self, transport: Transport, door: Door) -> None:
+        self._transport = transport
+        self._door = door
+        self.service = transport.service  # bound here, so that a tick pays nothing for the door
+        self.flush = transport.flush
+
+    def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
+        self._door.open(loop)
+        return self._transport.open(loop)
+
+    def close(self) -> None:
+        self._door.close()
+        self._transport.close()

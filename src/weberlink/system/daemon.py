@@ -1,0 +1,295 @@
+"""One daemon: one side of a configuration, in real time, in a process of its own.
+
+Owns the composition of a side with clock, socket, telemetry and the rights it asks of the kernel. Started by the
+launcher with an `Order` as JSON; answers with a summary as JSON on standard output. It prints nothing else there.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass
+from getpass import getuser
+from pathlib import Path
+from random import Random
+from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, pthread_sigmask, signal
+from socket import gethostname
+from time import monotonic, perf_counter, time_ns
+from types import FrameType
+from typing import Any, Protocol
+
+from weberlink.control.tuning import Tuning
+from weberlink.protocol.aio.udp import UdpShell
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.handshake import LONGEST_NAME
+from weberlink.realtime.garbage import GarbageSchedule
+from weberlink.realtime.process import Grants, die_with_parent, prepare
+from weberlink.realtime.shell import REASONS, Run, Transport, run
+from weberlink.realtime.shell import Side as Ticking
+from weberlink.system import description
+from weberlink.system.composition.link import Identity, build_security
+from weberlink.system.composition.live import permitted
+from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
+from weberlink.system.configuration.model import split_address
+from weberlink.system.control_socket import Door, WithDoor
+from weberlink.telemetry.record import Record
+from weberlink.telemetry.ring import RingWriter
+
+COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
+"""Exit statuses of every command."""
+
+STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
+HEAD_START = 0.2
+"""From the beginning of a side's composition to its first tick [s]."""
+RING_SECONDS = 10.0
+GARBAGE_EVERY_S = 1.0
+
+
+class Side(Ticking, Protocol):
+    """What a daemon asks of a loop beyond its ticks; both sides are one."""
+
+    endpoint: Endpoint
+    tuning: Tuning
+    failure: str | None
+
+    @property
+    def faults(self) -> dict[str, int]: ...
+
+    def open(self, now: float) -> None: ...
+
+    def close(self) -> None: ...
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
+
+    def record(self, *, lateness_us: float, work_us: float, missed: int) -> Record: ...
+
+
+class StartError(Exception):
+    """The device or the robot could not be opened."""
+
+
+class Stopped(Exception):  # noqa: N818 - an end like any other
+    """A signal came while the device or the robot was being opened; says which, as an outcome does."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What the launcher tells a daemon to run.
+
+    Args:
+        side: "master" or "slave".
+        file: the configuration.
+        overrides: as of `--set`.
+        ring: where to write telemetry.
+        parent: process that the daemon stops with.
+        duration_s: length of the run; None to run until it is stopped.
+        take_over: whether a master replaces another one that the slave serves.
+    """
+
+    side: str
+    file: str
+    overrides: tuple[str, ...]
+    ring: str
+    parent: int
+    duration_s: float | None = None
+    take_over: bool = False
+
+    def to_json(self) -> str:
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "Order":
+        values = json.loads(text)
+        return cls(**{**values, "overrides": tuple(values["overrides"])})
+
+
+def main(text: str) -> int:
+    """Run an order; returns the exit status. Errors are one line on standard error."""
+    order = Order.from_json(text)
+    die_with_parent(SIGHUP, order.parent)
+    try:
+        configuration = load(Path(order.file), order.overrides, sides=[order.side])
+        summary = serve(order, configuration)
+    except ConfigurationError as error:
+        return _complain(order, error, MISCONFIGURED)
+    except (StartError, OSError) as error:  # among them a port in use, a ring in use
+        return _complain(order, error, FAILED)
+    _tell(summary)
+    return FAILED if summary["failed"] else COMPLETED
+
+
+def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
+    """Run one side to its end.
+
+    Returns:
+        Outcome, faults and what else the telemetry does not say.
+
+    Raises:
+        ConfigurationError, StartError, OSError: before the first tick.
+    """
+    system = configuration.system
+    realtime = system.realtime
+    cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
+    epoch = monotonic() + HEAD_START
+    side = _build(order, configuration, epoch)
+    # Not before: what a side imports may be large, and importing it with real-time rights holds up the other side.
+    grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
+    transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
+    if permitted(system):
+        transport = WithDoor(transport, Door(order.ring, side))
+    capacity = int(RING_SECONDS * system.rate_hz)
+    described = description.publish(order.ring, description.describe(configuration, order.side))
+    try:
+        with RingWriter.create(order.ring, side=order.side, rate_hz=system.rate_hz, capacity=capacity) as ring:
+            run_ = _drive(side, transport, configuration, order, epoch, ring)
+    except Stopped as stopped:
+        return failure(str(stopped)) | {"failed": False, "realtime": grants.as_dict()}
+    finally:
+        described.unlink(missing_ok=True)
+    return _summary(run_, side, grants)
+
+
+def _build(order: Order, configuration: Configuration, epoch: float) -> Side:
+    security = build_security(configuration)
+    link = configuration.system.link
+    identity = Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns())
+    # Each side imports its own parts only.
+    if order.side == MASTER:
+        from weberlink.system.composition.master import build_master  # noqa: PLC0415
+
+        peer = split_address(link.slave)
+        return build_master(
+            configuration,
+            security=security,
+            entropy=os.urandom,
+            epoch=epoch,
+            stopwatch=perf_counter,
+            peer=peer,
+            identity=identity,
+        )
+    from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
+
+    return build_slave(
+        configuration,
+        security=security,
+        entropy=os.urandom,
+        epoch=epoch,
+        stopwatch=perf_counter,
+        identity=identity,
+    )
+
+
+def _default_name(side: str, listen: str) -> str:
+    """What a side calls itself where the file does not say."""
+    host = gethostname()
+    if side == SLAVE:
+        name = f"{host}:{split_address(listen)[1]}"
+    else:
+        try:
+            name = f"{getuser()}@{host}"
+        except (KeyError, OSError):  # a user id without a name, as in containers
+            name = f"{os.getuid()}@{host}"
+    return "".join(letter for letter in name if letter.isprintable())[-LONGEST_NAME:]
+
+
+def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoch: float) -> UdpShell:
+    link = configuration.system.link
+    emulated = None
+    if link.emulate is not None:
+        from weberlink.system.composition.emulation import build_link  # noqa: PLC0415
+
+        # Each side distorts what it sends, by its own chance.
+        uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
+        to_slave, to_master = link.emulate.directions
+        emulated = build_link(to_slave if name == MASTER else to_master, uniform, epoch)
+    if name == MASTER:
+        return UdpShell(endpoint, now=monotonic, link=emulated)
+    return UdpShell(endpoint, now=monotonic, listen=split_address(link.listen), link=emulated)
+
+
+def _drive(
+    side: Side, transport: Transport, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
+) -> Run:
+    missed = 0
+    last_index: int | None = None
+
+    def write(index: int, deadline: float, now: float, work_us: float) -> None:
+        nonlocal missed, last_index
+        missed += 0 if last_index is None else index - last_index - 1
+        last_index = index
+        ring.write(side.record(lateness_us=(now - deadline) * 1e6, work_us=work_us, missed=missed))
+
+    system = configuration.system
+    try:
+        with _interruptible():
+            side.open(monotonic())
+    except RuntimeError as fault:  # the device's or the robot's, by the contract of both
+        raise StartError(str(fault)) from fault
+    except Stopped:
+        side.close()
+        raise
+    try:
+        return run(
+            side,
+            transport=transport,
+            ticker_period=system.tick_period,
+            duration_s=order.duration_s,
+            start_at=epoch,
+            after_tick=write,
+            garbage=GarbageSchedule(max(1, int(GARBAGE_EVERY_S * system.rate_hz))),
+        )
+    finally:
+        side.close()
+
+
+@contextmanager
+def _interruptible() -> Iterator[None]:
+    """A request to stop ends what takes long before the loop runs: a device may wait for a person to home it."""
+
+    def stop(number: int, _frame: FrameType | None) -> None:
+        raise Stopped(REASONS.get(Signals(number), "terminated"))
+
+    before = {number: signal(number, stop) for number in STOP_SIGNALS}
+    held_back = pthread_sigmask(SIG_UNBLOCK, STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        pthread_sigmask(SIG_SETMASK, held_back)  # from here on they wait for the loop
+        for number, handler in before.items():
+            signal(number, handler)
+
+
+def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
+    return {
+        "outcome": side.outcome or run_.outcome,
+        "failed": side.failure is not None or not run_.orderly,
+        "faults": side.faults,
+        "drops": {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()},
+        "realtime": grants.as_dict(),
+        "garbage": None if run_.garbage is None else run_.garbage.summary(),
+    }
+
+
+def failure(outcome: str) -> dict[str, Any]:
+    """The summary of a daemon that never came to its first tick, or could not tell how it ended."""
+    return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
+
+
+def _complain(order: Order, error: Exception, status: int) -> int:
+    # An OSError's own text begins with its number.
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    sys.stderr.write(f"weberlink {order.side}: {text}\n")
+    _tell(failure(text))
+    return status
+
+
+def _tell(summary: dict[str, Any]) -> None:
+    """Answer the launcher, if it is still there."""
+    with suppress(BrokenPipeError):
+        sys.stdout.write(json.dumps(summary))
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

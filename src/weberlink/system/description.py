@@ -1,0 +1,67 @@
+"""What a running daemon says of itself to whoever watches: a small file beside its ring.
+
+Telemetry says what happens in a tick; this says what it is about: the configuration, and the names behind its numbers.
+Written before the ring appears and removed after it, so that whoever finds a ring finds its description.
+"""
+
+import json
+import os
+from pathlib import Path
+from tempfile import mkstemp
+from typing import Any
+
+from weberlink.control.table import SCHEMES
+from weberlink.system.bounded_json import parse
+from weberlink.system.composition.link import banks, channels
+from weberlink.system.composition.live import permitted
+from weberlink.system.configuration import Configuration
+from weberlink.telemetry.runtime_directory import open_file
+
+LONGEST = 1_000_000
+"""Of a description [bytes]; the shipped configurations take up to 10 kB."""
+
+
+def path_beside(ring: str | Path) -> Path:
+    return Path(ring).with_suffix(".json")
+
+
+def describe(configuration: Configuration, side: str) -> dict[str, Any]:
+    """The description of one side's daemon, which is this process. Says where the key is to nobody."""
+    system = configuration.system
+    force, torque = banks(system)
+    return {
+        "side": side,
+        "file": str(configuration.path),
+        "pid": os.getpid(),
+        "rate_hz": system.rate_hz,
+        "system": system.model_dump(mode="json", exclude={"link": {"key_file"}}),
+        "bank": list(force),
+        "position_bank": list(channels(system)[0].bank),
+        **({} if torque is None else {"torque_bank": list(torque)}),
+        "schemes": list(SCHEMES),
+        "changes": sorted(permitted(system)),
+    }
+
+
+def publish(ring: str | Path, description: dict[str, Any]) -> Path:
+    """Write a description beside a ring, whole or not at all, readable by this user only."""
+    path = path_beside(ring)
+    fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(fd, "w", encoding="utf-8") as file:
+            json.dump(description, file)
+        Path(draft).replace(path)
+    except BaseException:
+        Path(draft).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def read(ring: str | Path) -> dict[str, Any] | None:
+    """The description beside a ring; None if there is none, or none that can be read and trusted."""
+    try:
+        with os.fdopen(open_file(path_beside(ring), LONGEST), "rb") as file:
+            found = parse(file.read(LONGEST + 1), LONGEST)
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None

@@ -1,0 +1,293 @@
+"""Starts daemons, watches their telemetry and reports: the parent process of every live run.
+
+Owns the child processes and the terminal. The daemons do not wait for it; if it dies they stop in order.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from signal import (
+    SIG_BLOCK,
+    SIG_DFL,
+    SIG_IGN,
+    SIG_SETMASK,
+    SIGHUP,
+    SIGINT,
+    SIGTERM,
+    Signals,
+    getsignal,
+    pthread_sigmask,
+    signal,
+)
+from time import sleep, time
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from weberlink.protocol.keys import generate
+from weberlink.system import control_socket, description
+from weberlink.system.composition.deadband import measure_of
+from weberlink.system.composition.link import banks
+from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
+from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
+from weberlink.system.journal import Journal
+from weberlink.system.recorder import Recorder
+from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.ring import default_path, process_started
+from weberlink.telemetry.runtime_directory import directories, directory
+
+STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
+LOOK_S = 0.1
+"""Between two looks at the telemetry."""
+LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")
+LEFT_FOR_S = 3600.0
+"""Until what nobody writes any more is removed [s]: its last records may be of use to somebody."""
+STOP_LIMIT_S = 15.0
+"""From a request to stop to a kill: a robot may be on its way to its place of rest."""
+
+
+class Daemon:
+    """One child process and its ring."""
+
+    def __init__(self, order: Order) -> None:
+        self.side = order.side
+        self._order = order
+        self._reader: RingReader | None = None
+        # A group of its own: Ctrl-C reaches the launcher only, which stops the sides in their order.
+        # It inherits blocked signals, which wait until its event loop can handle them: one that comes while it still
+        # imports is an orderly end too.
+        held_back = pthread_sigmask(SIG_BLOCK, STOP_SIGNALS)
+        try:
+            self._process = subprocess.Popen(  # noqa: S603
+                [sys.executable, "-m", "weberlink.system.daemon", order.to_json()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                start_new_session=True,
+            )
+        finally:
+            pthread_sigmask(SIG_SETMASK, held_back)
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has made its ring, and so has read what it reads at its start."""
+        return self._reader is not None
+
+    @property
+    def wall_offset_s(self) -> float:
+        """From the clock of the records to the wall clock [s]; 0 while there are none."""
+        reader = self._reader
+        return 0.0 if reader is None else reader.started_wall_s - reader.started_monotonic_s
+
+    def records(self) -> Records:
+        """What it has written since the last look."""
+        if self._reader is None:
+            try:
+                self._reader = RingReader(self._order.ring)
+            except FileNotFoundError:
+                return np.empty(0, DTYPE)
+        return self._reader.read()
+
+    def stop(self, number: Signals) -> None:
+        if self.running:
+            self._process.send_signal(number)
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the end, for a limited time; returns its summary."""
+        try:
+            output, _ = self._process.communicate(timeout=STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            output, _ = self._process.communicate()
+        status = self._process.returncode
+        try:
+            summary: dict[str, Any] = json.loads(output)
+        except ValueError:
+            ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
+            summary = failure(f"{self.side} {ended}")
+        return summary | {"status": status}
+
+    def release(self) -> None:
+        """Let go of the ring; removes the files that a killed daemon left."""
+        if self._reader is not None:
+            self._reader.close()
+        for left in (
+            Path(self._order.ring),
+            description.path_beside(self._order.ring),
+            control_socket.path_beside(self._order.ring),
+        ):
+            left.unlink(missing_ok=True)
+
+
+@dataclass
+class Session:
+    """A live run of one side or of both, as a context manager that leaves no process behind.
+
+    Args:
+        configuration: what to run.
+        overrides: as given on the command line; the daemons read the file themselves.
+        sides: which daemons to start.
+        duration_s: length of the run; None until it is stopped.
+        watch: called about ten times a second with the newest records and the figures so far.
+        record: where to record the session, as MCAP; None to record nothing.
+        journal: told what happens; None for no log.
+        take_over: whether the master replaces another one that the slave serves.
+    """
+
+    configuration: Configuration
+    overrides: Sequence[str]
+    sides: Sequence[str] = SIDES
+    duration_s: float | None = None
+    watch: Callable[[dict[str, Any], dict[str, Any]], None] | None = None
+    record: Path | None = None
+    journal: Journal | None = None
+    take_over: bool = False
+    daemons: dict[str, Daemon] = field(default_factory=dict)
+    _signals: list[Signals] = field(default_factory=list)
+    _stack: ExitStack = field(default_factory=ExitStack)
+    _recorder: Recorder | None = None
+    _key: Path | None = None
+
+    def __enter__(self) -> Self:
+        sweep()
+        system = self.configuration.system
+        if system.link.security == "session":
+            self._make_key()
+        self.score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
+        for number in STOP_SIGNALS:
+            if getsignal(number) is SIG_IGN:  # by nohup, say
+                continue
+            self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
+        if self.record is not None:  # before the daemons: it is to see the rings that they make
+            rings = {side: _ring(side) for side in self.sides}
+            for ring in rings.values():  # of an earlier process that had our number
+                Path(ring).unlink(missing_ok=True)
+            self._recorder = Recorder(self.configuration, rings, self.record)
+        for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
+            daemon = Daemon(self._order(side))
+            self.daemons[side] = daemon
+            self._stack.callback(daemon.release)
+        return self
+
+    def _make_key(self) -> None:
+        """Write a key, in memory, for both daemons to read at their start; it is removed when they have."""
+        self._key = path = directory() / f"weberlink-{os.getpid()}.key"
+        path.unlink(missing_ok=True)  # of an earlier process that had our number
+        generate(path)
+        self._stack.callback(path.unlink, missing_ok=True)
+        self.overrides = [*self.overrides, f"link.key_file={json.dumps(str(path))}"]
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        for daemon in self.daemons.values():
+            if daemon.running:
+                daemon.stop(SIGTERM)
+                daemon.finish()
+        self._stack.close()
+        if self._recorder is not None:
+            self._recorder.finish()
+
+    def run(self) -> dict[str, Any]:
+        """Watch until every side has ended; returns the figures of the session."""
+        passed_on = 0
+        while all(daemon.running for daemon in self.daemons.values()):
+            for number in self._signals[passed_on:]:
+                self._first.stop(number)
+            passed_on = len(self._signals)
+            self._look()
+            sleep(LOOK_S)
+        summaries = {side: self._end(daemon) for side, daemon in self._in_order()}
+        self._look()
+        recording = {} if self._recorder is None else {"recording": self._recorder.finish()}
+        report = self._report(summaries) | recording
+        if self.journal is not None:
+            self.journal.end(report)
+        return report
+
+    @property
+    def _first(self) -> Daemon:
+        """The side that ends a run: the operator's where there is one."""
+        return self.daemons.get(MASTER) or self.daemons[SLAVE]
+
+    def _in_order(self) -> list[tuple[str, Daemon]]:
+        return sorted(self.daemons.items())
+
+    def _order(self, side: str) -> Order:
+        return Order(
+            side=side,
+            file=str(self.configuration.path),
+            overrides=tuple(self.overrides),
+            ring=_ring(side),
+            parent=os.getpid(),
+            # Of two sides the slave ends when the master has left.
+            duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
+            take_over=self.take_over,
+        )
+
+    def _end(self, daemon: Daemon) -> dict[str, Any]:
+        daemon.stop(SIGTERM)
+        return daemon.finish()
+
+    def _look(self) -> None:
+        empty = np.empty(0, DTYPE)
+        records = {side: daemon.records() for side, daemon in self.daemons.items()}
+        if self._key is not None and all(daemon.begun for daemon in self.daemons.values()):
+            self._key.unlink(missing_ok=True)
+            self._key = None
+        self.score.add(records.get(MASTER, empty), records.get(SLAVE, empty))
+        if self.journal is not None:
+            for side, daemon in self._in_order():
+                self.journal.look(side, records[side], daemon.wall_offset_s)
+        if self.watch is not None:
+            recording = {} if self._recorder is None else {"recording": {"running": self._recorder.running}}
+            self.watch(self.score.state, self.score.summary() | recording)
+
+    def _report(self, summaries: dict[str, dict[str, Any]]) -> dict[str, Any]:
+        failures = [summary["outcome"] for summary in summaries.values() if summary["failed"]]
+        asked = summaries[self._first.side]["outcome"]
+        return self.score.summary() | {
+            "faults": {side: summary["faults"] for side, summary in summaries.items()},
+            "drops": {side: summary["drops"] for side, summary in summaries.items()},
+            "realtime": {side: summary["realtime"] for side, summary in summaries.items()},
+            "outcome": f"failed: {'; '.join(failures)}" if failures else asked,
+            "status": _exit_status([summary["status"] for summary in summaries.values()]) if failures else COMPLETED,
+        }
+
+    def _signal(self, number: int, _frame: FrameType | None) -> None:
+        self._signals.append(Signals(number))
+
+
+def sweep(folders: Sequence[Path] | None = None) -> None:
+    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while.
+
+    Args:
+        folders: where to look; None for the runtime directories of this user.
+    """
+    for path in (path for folder in (directories() if folders is None else folders) for path in folder.iterdir()):
+        found = LEFT_BEHIND.fullmatch(path.name)
+        with suppress(OSError):  # gone by now
+            if found and time() - path.lstat().st_mtime > LEFT_FOR_S and process_started(int(found[1])) is None:
+                path.unlink()
+
+
+def _ring(side: str) -> str:
+    return str(default_path(f"{os.getpid()}-{side}"))
+
+
+def _exit_status(of_daemons: list[int]) -> int:
+    """The status of a run that failed: that of a wrong file if a daemon found one."""
+    return MISCONFIGURED if MISCONFIGURED in of_daemons else FAILED

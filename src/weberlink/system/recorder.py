@@ -1,0 +1,121 @@
+"""The recorder of a live session: a child process that reads the daemons' rings and writes an MCAP file.
+
+Owns the process, and what a recording says of the system beside its records. Daemons and launcher never wait for it
+while they work; if it dies, or its disk is full, the recording ends there and the session goes on.
+"""
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from weberlink.control.table import SCHEMES
+from weberlink.protocol.states import State
+from weberlink.system.composition.link import banks
+from weberlink.system.configuration import Configuration, ConfigurationError
+from weberlink.system.environment import environment
+from weberlink.system.extras import need
+from weberlink.telemetry.fault import Fault
+
+FINISH_LIMIT_S = 3.0
+"""For what is left in the rings and the index of the file, once the daemons have ended; then it is told to finish."""
+
+
+def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, str]:
+    """What a reader needs beside the records: the whole configuration, and the names behind the numbers.
+
+    Args:
+        configuration: as it runs, overrides and defaults included.
+        virtual: whether the clock of the session is that of a simulation.
+    """
+    system = configuration.system
+    force, torque = banks(system)
+    return {
+        "configuration": yaml.safe_dump(system.model_dump(mode="json"), sort_keys=False),
+        "bank": " ".join(force),
+        **({} if torque is None else {"torque_bank": " ".join(torque)}),
+        "states": " ".join(f"{state.value}={state.name.lower()}" for state in State),
+        "faults": " ".join(f"{fault.value}={fault.name.lower()}" for fault in Fault),
+        "controls": " ".join(SCHEMES),
+        "clock": "virtual" if virtual else "real",
+        "environment": json.dumps(environment()),
+    }
+
+
+def check_target(path: Path) -> None:
+    """Complain of a place for a recording before anything is started.
+
+    Raises:
+        ConfigurationError: it is taken, its folder is not there, or the library for it is missing.
+    """
+    need("mcap", "recording", "--record")
+    try:
+        is_taken = path.exists()
+    except OSError as error:  # a name that no file can have
+        raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
+    if is_taken:
+        raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
+    if not path.parent.is_dir():
+        raise ConfigurationError(f"--record: {path.parent} is no folder; make it first")
+
+
+class Recorder:
+    """The child process.
+
+    Args:
+        configuration: of the session.
+        rings: path of each side's ring; they need not be there yet.
+        out: the file to write.
+    """
+
+    def __init__(self, configuration: Configuration, rings: Mapping[str, str], out: Path) -> None:
+        from weberlink.telemetry.recording.recorder import Order  # noqa: PLC0415 - reads and writes with an optional library
+
+        self._out = out
+        order = Order(rings=dict(rings), out=str(out), facts=facts(configuration))
+        # A session of its own: Ctrl-C is for the launcher; the recorder ends when the rings do.
+        self._process = subprocess.Popen(  # noqa: S603
+            [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+        )
+        self._summary: dict[str, Any] | None = None
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """False before its time if it was killed or could not write any more."""
+        return self._process.poll() is None
+
+    def finish(self) -> dict[str, Any]:
+        """Wait until the file is complete, for a limited time; returns what was written. May be repeated."""
+        if self._summary is None:
+            self._summary = self._finish()
+        return self._summary
+
+    def _finish(self) -> dict[str, Any]:
+        try:
+            output, _ = self._process.communicate(timeout=FINISH_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.terminate()
+            try:
+                output, _ = self._process.communicate(timeout=FINISH_LIMIT_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                output, _ = self._process.communicate()
+        try:
+            summary: dict[str, Any] = json.loads(output)
+        except ValueError:
+            status = self._process.returncode
+            ended = f"killed by signal {-status}" if status < 0 else f"ended with status {status}"
+            size = self._out.stat().st_size if self._out.exists() else 0
+            summary = {"path": str(self._out), "bytes": size, "outcome": f"recorder {ended}"}
+        return summary

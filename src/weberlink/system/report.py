@@ -1,0 +1,220 @@
+"""What a person reads at the end of a run, and the status line before it: the numbers of the JSON in 80 columns."""
+
+from collections.abc import Iterator
+from math import pi
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from weberlink.protocol.states import State
+from weberlink.system.environment import footer
+from weberlink.telemetry.record import RELEASED
+
+WIDTH = 80
+CHANNELS = (
+    ("force", "N", 1.0, 3),
+    ("torque", "mN m", 1e3, 1),
+    ("position", "mm", 1e3, 3),
+    ("orientation", "deg", 180.0 / pi, 2),
+)
+"""Name, unit for a person, how many of it make the SI unit, and digits; a session may have no rotation."""
+
+
+def session_report(summary: dict[str, Any], title: str, console: Console) -> None:
+    """Print the report of `loopback` or `simulate`: the error beside the run time that it cost."""
+    outcome = summary["outcome"]
+    colour = "green" if outcome in ("completed", "interrupted", "terminated") else "red"
+    console.print(Text.assemble((title, "bold"), f"  {summary['duration_s']:.1f} s  ", (outcome, colour)))
+    if not any(ticks["count"] for ticks in summary["ticks"].values()):
+        return  # it never ran, and why has been said
+    console.print(_channels(summary))
+    console.print(_ticks(summary))
+    for line in _lines(summary):
+        console.print(line, soft_wrap=False)
+    if "environment" in summary:
+        console.print(Text(footer(summary["environment"], summary.get("seed")), style="dim"))
+
+
+def status_line(records: dict[str, Any], summary: dict[str, Any]) -> str:
+    """One line of a running session, at most 80 characters."""
+    states = [_state(record) for record in records.values() if record is not None]
+    state = states[0] if states and all(name == states[0] for name in states) else "/".join(states) or "starting"
+    force = summary["force"]
+    parts = [f"{summary['duration_s']:6.1f} s", state]
+    if not summary.get("recording", {"running": True})["running"]:
+        parts.append("NOT RECORDING")
+    if force["packets_per_s"] is not None and force["reduction"] is not None:
+        parts += [f"force {force['packets_per_s']:.0f}/s", f"-{100 * force['reduction']:.1f} %"]
+    if force["error_rms"] is not None:
+        parts += [f"felt {force['error_rms']:.3f} N", f"outside {100 * force['violation_fraction']:.1f} %"]
+    if summary["link"]["rtt_us"]["p50"] is not None:
+        parts.append(f"rtt {summary['link']['rtt_us']['p50'] / 1000:.2f} ms")
+    return "  ".join(parts)[: WIDTH - 1]  # a full line would wrap, and leave its trace on the terminal
+
+
+def _state(record: Any) -> str:
+    """What a side does, in a word or two."""
+    state = State(int(record["state"]))
+    if state is State.ENGAGED and int(record["ramping"]) == RELEASED:
+        return "button released"
+    return state.name.lower()
+
+
+def _channels(summary: dict[str, Any]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("channel", no_wrap=True)
+    for name in ("packets/s", "fewer", "all fewer", "B/s", "error RMS", "max", "outside"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for name, unit, factor, digits in CHANNELS:
+        if name not in summary:
+            continue
+        channel = summary[name]
+        if not channel["samples"]:
+            table.add_row(name, "-", "-", "-", "-", "-", "-", "-")
+            continue
+        table.add_row(
+            name,
+            f"{channel['packets_per_s']:.1f}",
+            _percent(channel["reduction"]),
+            _percent(channel.get("reduction_all")),
+            "-" if channel.get("bytes_per_s") is None else f"{channel['bytes_per_s']:.0f}",
+            _number(channel["error_rms"], factor, unit, digits),
+            _number(channel["error_max"], factor, unit, digits),
+            _percent(channel["violation_fraction"]),
+        )
+    return table
+
+
+def _ticks(summary: dict[str, Any]) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("side", no_wrap=True)
+    for name in ("ticks", "missed", "late p50/p99 us", "work p50/p99 us", "codec p50/p99 us"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for side, ticks in summary["ticks"].items():
+        if not ticks["count"]:
+            continue
+        total = ticks["count"] + ticks["missed"]
+        table.add_row(
+            side,
+            str(ticks["count"]),
+            _percent(ticks["missed"] / total if total else None, 2),
+            *(_pair(ticks[name]) for name in ("lateness_us", "work_us", "codec_us")),
+        )
+    return table
+
+
+def _lines(summary: dict[str, Any]) -> Iterator[str]:
+    force, link, energy = summary["force"], summary["link"], summary["energy"]
+    yield from _felt(force)
+    if force["coding"]["error_rms"] is not None:
+        yield (
+            f"coding error {_number(force['coding']['error_rms'], 1.0, 'N')} RMS, "
+            f"{_number(force['coding']['error_max'], 1.0, 'N')} max"
+        )
+    if len(force["selected"]) > 1:
+        yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items())
+    if link["rtt_us"]["p50"] is not None:
+        yield (
+            f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
+            f"one way {link['one_way_us']['p50'] / 1e3:.2f} ms"
+        )
+    yield (
+        f"datagrams: {link['sent']} sent, {link['received']} received, {link['lost']} lost, "
+        f"{link['dropped']} dropped, {link['repeats']} repeats"
+    )
+    if any(summary["drops"].values()):
+        yield f"dropped: {_by_side(summary['drops'])}"
+    if energy["generated_j"] is not None:
+        yield (
+            f"energy at the hand: {_millijoules(energy['generated_j'])} generated, "
+            f"{_millijoules(energy['dissipated_j'])} dissipated"
+            + (f"; link made {_millijoules(made)}" if (made := energy["link_generated_j"]) is not None else "")
+        )
+    yield from _control(summary["control"])
+    yield from _limited(summary["limited"])
+    yield f"faults: {_by_side(summary['faults']) or 'none'}"
+    for side, grants in summary.get("realtime", {}).items():
+        if grants is not None:
+            yield f"{side}: {_rights(grants)}"
+    if "recording" in summary:
+        yield _recording(summary["recording"])
+    if "run_time_s" in summary:
+        yield f"run time {summary['run_time_s']:.2f} s, {summary['duration_s'] / summary['run_time_s']:.1f} x real time"
+
+
+def _felt(force: dict[str, Any]) -> Iterator[str]:
+    if force["error_rms"] is not None:
+        yield (
+            f"felt outside the deadband {_percent(force['violation_fraction'])}, "
+            f"of which sends x latency make {_percent(force['violation_floor'])}"
+        )
+        yield (
+            f"outside: {force['violation_s']:.2f} s in all, {force['violation_longest_s'] * 1e3:.0f} ms at most; "
+            f"{_jnd(force['violation_p99_jnd'])} JND p99, {_jnd(force['violation_max_jnd'])} max"
+        )
+    else:
+        yield "felt error: needs the records of both sides: loopback, simulate, or info on two recordings"
+
+
+def _recording(facts: dict[str, Any]) -> str:
+    """What was written, whether all of it, and what that cost."""
+    line = f"recording: {facts['path']}, {facts['bytes'] / 1e6:.1f} MB"
+    if "records" in facts:
+        lost = sum(facts["lost"].values())
+        line += f", {sum(facts['records'].values())} records, {lost} lost"
+        if facts.get("elapsed_s"):
+            line += f", {_percent(facts['cpu_s'] / facts['elapsed_s'])} of a core"
+    return line if facts["outcome"] == "complete" else f"{line}; {facts['outcome']}"
+
+
+def _control(control: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """What was at work, where anything was."""
+    for side, facts in control.items():
+        ticks = facts["ticks"]
+        if set(ticks) - {"none"}:
+            shares = ", ".join(f"{name} {_percent(count / sum(ticks.values()), 0)}" for name, count in ticks.items())
+            tank = f"tank {1e3 * facts['tank_min_j']:.1f} to {1e3 * facts['tank_max_j']:.1f} mJ"
+            yield f"{side} control: {shares}; {tank}"
+
+
+def _limited(ticks: dict[str, int]) -> Iterator[str]:
+    """How often a limit held back force or motion, where one did."""
+    if any(ticks.values()):
+        yield (
+            f"ticks at a limit: force {ticks['force_ticks']}, slew {ticks['slew_ticks']}, robot {ticks['motion_ticks']}"
+        )
+
+
+def _by_side(counts: dict[str, dict[str, int]]) -> str:
+    return ", ".join(f"{side} {name} {count}" for side, named in counts.items() for name, count in named.items())
+
+
+def _rights(grants: dict[str, dict[str, Any]]) -> str:
+    """What the kernel granted of what was asked for, and what it did not."""
+    asked = {name: grant for name, grant in grants.items() if grant["detail"] != "not asked for"}
+    return ", ".join(
+        grant["detail"] if grant["granted"] else f"{name.replace('_', ' ')} {grant['detail']}"
+        for name, grant in asked.items()
+    )
+
+
+def _percent(share: float | None, digits: int = 1) -> str:
+    return "-" if share is None else f"{100 * share:.{digits}f} %"
+
+
+def _number(value: float | None, factor: float, unit: str, digits: int = 3) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f} {unit}"
+
+
+def _jnd(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _millijoules(energy: float) -> str:
+    return f"{energy * 1e3:.2f} mJ"
+
+
+def _pair(summary: dict[str, float | None]) -> str:
+    return "-" if summary["p50"] is None else f"{summary['p50']:.0f}/{summary['p99']:.0f}"

@@ -1,0 +1,255 @@
+"""A recorded session put together again: the records of both sides on one clock, from one file or from two.
+
+Owns the join and the figures that follow from it. Two hosts have two clocks and each records its own; what relates them
+is in the records of the slave, which say at every tick what the master's clock showed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.control.table import SCHEMES
+from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import FIELDS
+from weberlink.telemetry.recording.reader import Recording, RecordingError
+
+MASTER, SLAVE = "master", "slave"
+SIDES = (MASTER, SLAVE)
+LEAST_OVERLAP_S = 0.1
+"""Two files that share less of time are not two sides of one session."""
+MARGIN_S = 1.0
+"""How much of the slave's time before and after the master's belongs to their session."""
+ANOTHER_CLOCK_S = 0.1
+"""A jump of the peer's clock by more than this is another peer, or the same one started anew."""
+COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
+"""Fields of a record that only ever grow."""
+TORQUE_BANK = "torque_bank"
+"""The fact that says the torque channel's predictors; not there in a session of three degrees of freedom."""
+VECTORS = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
+LATEST_S = 1e10
+"""No clock is beyond this [s], and no session as long: some centuries."""
+PIECE_S = 1.0
+"""How much of a session is looked at in one go [s]; the join keeps ten seconds."""
+
+
+@dataclass(frozen=True)
+class RecordedSession:
+    """Both sides of a session; a side that was not recorded is empty.
+
+    Args:
+        master: records of the operator's side, `at` on its own clock.
+        slave: records of the teleoperator's side, `at` on the clock of the master where there is one.
+        rate_hz: of the ticks.
+        bank: names of the force channel's predictors.
+        torque_bank: of the torque channel's; None for a session of three degrees of freedom.
+        began_s: wall clock at `at` = 0 [s since 1970].
+    """
+
+    master: Records
+    slave: Records
+    rate_hz: float
+    bank: tuple[str, ...]
+    began_s: float
+    torque_bank: tuple[str, ...] | None = None
+
+    @property
+    def sides(self) -> dict[str, Records]:
+        """The sides that were recorded."""
+        return {side: records for side in SIDES if len(records := getattr(self, side))}
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of the session, as those of a live one, and the faults by side."""
+        score = SessionScore(self.rate_hz, self.bank, self.torque_bank)
+        first = min(records["at"][0] for records in self.sides.values())
+        last = max(records["at"][-1] for records in self.sides.values())
+        begin: float | None = float(first)
+        while begin is not None and begin <= last:
+            until = begin + PIECE_S
+            score.add(*(_between(getattr(self, side), begin, until) for side in SIDES))
+            begin = self._next(until)
+        return score.summary() | {
+            "faults": {side: _faults(records) for side, records in self.sides.items()},
+            "drops": {side: _drops(records) for side, records in self.sides.items()},
+        }
+
+    def _next(self, at: float) -> float | None:
+        """The time of the first record from a time on: a clock that jumped leaves a long gap; None after the last."""
+        places = [(records, int(np.searchsorted(records["at"], at))) for records in self.sides.values()]
+        return min((float(records["at"][place]) for records, place in places if place < len(records)), default=None)
+
+
+def put_together(recordings: Sequence[Recording]) -> RecordedSession:
+    """Join one or two recordings.
+
+    Raises:
+        RecordingError: the files hold the same side twice, another codec or rate, no records, or no time in common.
+    """
+    found: dict[str, tuple[Recording, Records]] = {}
+    for recording in recordings:
+        _check_fields(recording)
+        for side, records in recording.records.items():
+            if not len(records):
+                continue
+            if side in found:
+                raise RecordingError(f"{recording.path}: holds the {side}'s side, and so does {found[side][0].path}")
+            found[side] = (recording, records)
+    if not found:
+        raise RecordingError(f"{recordings[0].path}: holds no records; expected at least one tick")
+    names = {_predictors(recording) for recording, _ in found.values()}
+    rates = {recording.origins[side].rate_hz for side, (recording, _) in found.items()}
+    if len(names) > 1 or len(rates) > 1:
+        raise RecordingError(
+            f"{', '.join(str(recording.path) for recording in recordings)}: not of one session: predictors "
+            f"{' and '.join(sorted(names))}, rates {' and '.join(f'{rate:g}' for rate in sorted(rates))} Hz"
+        )
+    rate = rates.pop()
+    (reference, _), side = found.get(MASTER) or found[SLAVE], MASTER if MASTER in found else SLAVE
+    origin = reference.origins[side]
+    if len(found) == 2 and found[MASTER][0] is not found[SLAVE][0]:
+        slave = _on_the_masters_clock(found[SLAVE], found[MASTER], rate)
+        _check_overlap(found[MASTER][1], slave, found)
+        found[SLAVE] = (found[SLAVE][0], _beside(found[MASTER][1], slave))
+    empty = np.empty(0, DTYPE)
+    return RecordedSession(
+        master=found[MASTER][1] if MASTER in found else empty,
+        slave=found[SLAVE][1] if SLAVE in found else empty,
+        rate_hz=rate,
+        bank=tuple(reference.facts.get("bank", "").split()),
+        torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
+        began_s=origin.wall_s - origin.monotonic_s,
+    )
+
+
+def _predictors(recording: Recording) -> str:
+    """Of its channels, for a person."""
+    force, torque = (recording.facts.get(name, "") for name in ("bank", TORQUE_BANK))
+    return f"{force} (torque: {torque})" if torque else force
+
+
+def _check_fields(recording: Recording) -> None:
+    """Complain of what no recorder writes, so that everything after can rely on it."""
+    for side, records in recording.records.items():
+        lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
+        if lacks:
+            raise RecordingError(
+                f"{recording.path}: the {side}'s records lack {', '.join(lacks)}; made by another release, use that one"
+            )
+        if len(records):
+            _check_numbers(recording, side, records)
+
+
+def _check_numbers(recording: Recording, side: str, records: Records) -> None:
+    bank = recording.facts.get("bank", "").split()
+    torque_bank = recording.facts.get(TORQUE_BANK, "zoh").split()
+    origin = recording.origins[side]
+    at = records["at"]
+    vectors = all(np.isfinite(records[name]).all() for name in VECTORS)
+    wrong = {
+        "rate": not 0.0 < origin.rate_hz < np.inf,
+        "clock": not (abs(origin.wall_s) < LATEST_S and abs(origin.monotonic_s) < LATEST_S),
+        "time": not (np.isfinite(at).all() and (np.diff(at) >= 0.0).all() and at[-1] - at[0] < LATEST_S),
+        "number of a predictor": bool(
+            (records["selected"] >= len(bank)).any() or (records["rotation_selected"] >= len(torque_bank)).any()
+        ),
+        "number of a control scheme": bool((records["control"] >= len(SCHEMES)).any()),
+        "number of a fault": bool((records["fault"] > max(Fault)).any()),
+        "position or force": not vectors,
+    }
+    for what, is_wrong in wrong.items():
+        if is_wrong:
+            raise RecordingError(f"{recording.path}: the {side}'s records have no plausible {what}; not one of ours")
+
+
+def _on_the_masters_clock(slave: tuple[Recording, Records], master: tuple[Recording, Records], rate: float) -> Records:
+    """The slave's records of the session with this master, with `at` in the master's time.
+
+    `peer_at` counts from the tick 0 of the master that was heard, which its own records date. A slave may have served
+    several, one after the other: each has a tick 0 of its own, and so an offset of its own between the two clocks. The
+    one that is meant is that at the time of the master's recording, by the wall clocks.
+    """
+    recording, records = slave
+    heard = np.flatnonzero(np.isfinite(records["peer_at"]))
+    if not len(heard):
+        raise RecordingError(f"{recording.path}: the slave never heard the master, so their clocks cannot be related")
+    known = records["peer_at"][heard] - records["at"][heard]
+    cuts = np.flatnonzero(np.abs(np.diff(known)) > ANOTHER_CLOCK_S) + 1
+    sessions = np.split(heard, cuts)
+    chosen = sessions[0] if len(sessions) == 1 else _session_of(sessions, slave, master)
+    # What came before the first session, or between two of them, is nobody's; the tail goes with the one it follows.
+    first = 0 if chosen[0] == heard[0] else chosen[0]
+    after = heard[heard > chosen[-1]]
+    own = records[first : int(after[0]) if len(after) else len(records)]
+    tick_0 = float(np.median(master[1]["at"] - master[1]["tick"] / rate))
+    is_known = np.isfinite(own["peer_at"])
+    # Where the slave did not know it, its own clock runs on from the nearest tick where it did.
+    offset = np.interp(own["at"], own["at"][is_known], own["peer_at"][is_known] - own["at"][is_known])
+    moved = _counted_from(own, records[first - 1] if first else None)
+    # The estimate of a clock may step back by microseconds; time may not.
+    moved["at"] = np.maximum.accumulate(own["at"] + offset + tick_0)
+    return moved
+
+
+def _session_of(
+    sessions: Sequence[NDArray[np.intp]], slave: tuple[Recording, Records], master: tuple[Recording, Records]
+) -> NDArray[np.intp]:
+    """The session, as indices of the slave's records, that shares most of the wall clock's time with the master's."""
+    recording, records = slave
+    ours = recording.origins[SLAVE].log_times_ns(records["at"]) * 1e-9
+    theirs = master[0].origins[MASTER].log_times_ns(master[1]["at"]) * 1e-9
+    shared = [min(ours[each[-1]], theirs[-1]) - max(ours[each[0]], theirs[0]) for each in sessions]
+    best = int(np.argmax(shared))
+    if shared[best] < LEAST_OVERLAP_S:
+        raise RecordingError(
+            f"{recording.path}: holds {len(sessions)} sessions, none of them at the time of {master[0].path} by the "
+            "clocks of the two hosts; set these, or give the recording of one session"
+        )
+    return sessions[best]
+
+
+def _counted_from(records: Records, before: Any) -> Records:
+    """A copy whose counters begin with the first record, where others came before it."""
+    counted = records.copy()
+    if before is not None:
+        for name in COUNTERS:
+            counted[name] -= before[name]
+    return counted
+
+
+def _beside(master: Records, slave: Records) -> Records:
+    """Without the time that the slave spent alone, which may be days."""
+    return _between(slave, master["at"][0] - MARGIN_S, master["at"][-1] + MARGIN_S)
+
+
+def _check_overlap(master: Records, slave: Records, found: dict[str, tuple[Recording, Records]]) -> None:
+    common = min(master["at"][-1], slave["at"][-1]) - max(master["at"][0], slave["at"][0])
+    if common < LEAST_OVERLAP_S:
+        paths = " and ".join(str(recording.path) for recording, _ in found.values())
+        raise RecordingError(f"{paths}: have no time in common, so they are not two sides of one session")
+
+
+def _between(records: Records, first: float, last: float) -> Records:
+    begin, end = np.searchsorted(records["at"], (first, last))
+    return records[begin:end]
+
+
+def _faults(records: Records) -> dict[str, int]:
+    """How often each fault began."""
+    fault = records["fault"]
+    began = fault[np.flatnonzero(np.diff(fault, prepend=0))]
+    return {Fault(number).name.lower(): int((began == number).sum()) for number in np.unique(began[began > 0])}
+
+
+def _drops(records: Records) -> dict[str, int]:
+    dropped = int(records["datagrams_dropped"][-1])
+    return {"any": dropped} if dropped else {}
+
+
+def time_axis(session: RecordedSession) -> dict[str, NDArray[np.float64]]:
+    """Seconds since the first record of the session, for each side that was recorded."""
+    first = min(float(records["at"][0]) for records in session.sides.values())
+    return {side: records["at"] - first for side, records in session.sides.items()}

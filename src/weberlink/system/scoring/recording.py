@@ -1,0 +1,46 @@
+"""A simulated session as a trace: what the robot was commanded and what it felt, tick by tick.
+
+The same CSV that `weberlink.master.trace` reads, so a simulated signal goes wherever a recorded one does.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from weberlink.master.trace import COLUMNS, Trace, as_trace
+from weberlink.protocol.states import State
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import DTYPE
+
+
+class TraceRecorder:
+    """Collects the teleoperator's side of a session while it is engaged."""
+
+    def __init__(self) -> None:
+        self._pieces: list[Records] = []
+
+    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - the same call as a score's
+        """Take the next records of both sides."""
+        self._pieces.append(slave[slave["state"] == State.ENGAGED.value])
+
+    @property
+    def trace(self) -> Trace:
+        """What was collected, exact; at least one engaged tick."""
+        records = np.concatenate(self._pieces)
+        return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
+
+    def save(self, path: Path) -> int:
+        """Write the trace, to the micrometre and the millinewton; returns the number of rows.
+
+        Raises:
+            OSError: if the file cannot be written.
+        """
+        records = np.concatenate([np.empty(0, DTYPE), *self._pieces])
+        time = records["at"] - (records["at"][0] if len(records) else 0.0)
+        lines = [",".join(COLUMNS)]
+        for at, position, force in zip(time, records["output"], records["raw"], strict=True):
+            # + 0.0 turns a rounded -0.0 into 0.0.
+            numbers = [*(round(value, 6) + 0.0 for value in position), *(round(value, 3) + 0.0 for value in force)]
+            lines.append(",".join([f"{at:.3f}", *(f"{value:g}" for value in numbers)]))
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return len(records)

@@ -1,0 +1,163 @@
+"""A configuration in virtual time: composed as the daemons are, driven by a simulation instead of a clock."""
+
+from pathlib import Path
+from random import Random
+from time import perf_counter
+from typing import Any
+
+from weberlink.system.composition.deadband import measure_of
+from weberlink.system.composition.emulation import build_link
+from weberlink.system.composition.link import banks, build_security
+from weberlink.system.composition.master import build_master
+from weberlink.system.composition.slave import build_slave
+from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
+from weberlink.system.configuration.model import EmulationSettings
+from weberlink.system.recorder import check_target, facts
+from weberlink.system.scoring.recording import TraceRecorder
+from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.simulation import SLAVE_ADDRESS, Observer, Simulation
+
+DEFAULT_DURATION = 60.0
+"""Of a device that never ends by itself [s]."""
+
+
+def build_simulation(configuration: Configuration) -> Simulation:
+    """Both sides and their link, not yet begun. Chance comes from the seed of `link.emulate` alone.
+
+    Raises:
+        ConfigurationError: if a part cannot be made as the file asks.
+    """
+    _refuse_hardware(configuration)
+    system = configuration.system
+    emulation = system.link.emulate or EmulationSettings()
+    to_slave, to_master = emulation.directions
+    chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
+    security = build_security(configuration)
+    return Simulation(
+        master=build_master(
+            configuration,
+            security=security,
+            entropy=chance["master"].randbytes,
+            epoch=0.0,
+            stopwatch=_no_time,
+            peer=SLAVE_ADDRESS,
+        ),
+        slave=build_slave(
+            configuration,
+            security=security,
+            entropy=chance["slave"].randbytes,
+            epoch=0.0,
+            stopwatch=_no_time,
+        ),
+        links=(
+            build_link(to_slave, chance["forward"].random, 0.0),
+            build_link(to_master, chance["backward"].random, 0.0),
+        ),
+        tick_period=system.tick_period,
+    )
+
+
+def _refuse_hardware(configuration: Configuration) -> None:
+    """What is plugged in has a time of its own."""
+    system = configuration.system
+    for where, part, name in (
+        ("master.device", configuration.device, system.master.device.driver),
+        ("slave.robot", configuration.robot, system.slave.robot.driver),
+    ):
+        if part is not None and hasattr(part.driver, "plugged"):
+            raise ConfigurationError(
+                f"{configuration.path}: {where}.driver: {name} is hardware, and virtual time is not its; "
+                f"run it live, against `weberlink emulate {name}` if need be"
+            )
+
+
+def simulate(
+    configuration: Configuration, duration: float | None, record: Path | None = None
+) -> tuple[dict[str, Any], TraceRecorder]:
+    """Run to the end of the duration [s] or of the device's motion.
+
+    Args:
+        configuration: both sides.
+        duration: [s]; None for `DEFAULT_DURATION`.
+        record: where to record the session, as MCAP; None to record nothing.
+
+    Returns:
+        The figures of the session, and what the robot was commanded and felt.
+
+    Raises:
+        ConfigurationError: if a part cannot be made as the file asks.
+    """
+    system = configuration.system
+    if record is not None:
+        check_target(record)
+    simulation = build_simulation(configuration)
+    score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
+    recorder = TraceRecorder()
+    recording = None if record is None else Recording(configuration, record)
+    observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
+    began = perf_counter()
+    simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
+    run_time = perf_counter() - began
+    master, slave = simulation.master, simulation.slave
+    failures = [side.failure for side in (master, slave) if side.failure is not None]
+    summary = score.summary() | {
+        "faults": {"master": master.faults, "slave": slave.faults},
+        "drops": {
+            name: {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()}
+            for name, side in (("master", master), ("slave", slave))
+        },
+        "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
+        "status": 1 if failures else 0,
+        "run_time_s": run_time,
+        "seed": (system.link.emulate or EmulationSettings()).seed,
+    }
+    return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
+
+
+class Recording:
+    """What a live session's recorder would write, its clock beginning at 0. A full disk costs the recording alone.
+
+    Raises:
+        ConfigurationError: from the constructor, if the file cannot be made.
+    """
+
+    def __init__(self, configuration: Configuration, path: Path) -> None:
+        from weberlink.telemetry.recording.writer import Origin, RecordingWriter  # noqa: PLC0415 - an optional library
+
+        self._outcome = "complete"
+        try:
+            self._writer = RecordingWriter.create(path, facts(configuration, virtual=True))
+            for side in SIDES:
+                self._writer.add_side(Origin(side, configuration.system.rate_hz, 0.0, 0.0))
+        except OSError as error:
+            raise ConfigurationError(f"--record: {path}: {error.strerror or error}") from None
+
+    def add(self, master: Records, slave: Records) -> None:
+        """Take the next records of both sides."""
+        if self._outcome == "complete":
+            try:
+                self._writer.write(MASTER, master)
+                self._writer.write(SLAVE, slave)
+                self._writer.flush()
+            except OSError as error:
+                self._outcome = error.strerror or str(error)
+
+    def finish(self) -> dict[str, Any]:
+        """End the file; returns what is in it, as a live session's report says it."""
+        try:
+            self._writer.close()
+        except OSError as error:
+            self._outcome = error.strerror or str(error)
+        writer = self._writer
+        return {
+            "path": str(writer.path),
+            "bytes": writer.size,
+            "records": writer.records,
+            "lost": writer.lost,
+            "outcome": self._outcome,
+        }
+
+
+def _no_time() -> float:
+    """The stopwatch of virtual time: equal runs must be equal bit for bit."""
+    return 0.0

@@ -1,0 +1,129 @@
+"""The whole system in virtual time: both loops and the faulty link between them, same seed, same run, bit for bit.
+
+Owns the order of events and nothing else; the loops and the link are the ones that the daemons use.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Protocol
+
+import numpy as np
+
+from weberlink.master.loop import MasterLoop
+from weberlink.protocol.emulation import EmulatedLink
+from weberlink.slave.loop import SlaveLoop
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
+
+MASTER_ADDRESS = ("master", 1)
+SLAVE_ADDRESS = ("slave", 2)
+CHUNK = 1000
+"""Ticks between two looks of the score at the records."""
+
+Link = EmulatedLink[tuple[str, int]]
+
+
+class Observer(Protocol):
+    """Whoever looks at a run: a score, a recorder."""
+
+    def add(self, master: Records, slave: Records) -> None:
+        """Take the next records of both sides."""
+        ...
+
+
+class Simulation:
+    """Two sides and a link, stepped tick by tick.
+
+    A datagram arrives at its own time, between ticks if need be. In a tick the master goes first, so over a link
+    without delay a position is acted on in the tick that it was sent, and the force that answers is felt one tick
+    later.
+
+    Args:
+        master: the operator's side; its endpoint's epoch is `epoch`.
+        slave: the teleoperator's side, likewise.
+        links: the faults from master to slave, and those from slave to master.
+        tick_period: [s].
+        epoch: time of tick 0 [s].
+    """
+
+    def __init__(
+        self,
+        *,
+        master: MasterLoop,
+        slave: SlaveLoop,
+        links: tuple[Link, Link],
+        tick_period: float,
+        epoch: float = 0.0,
+    ) -> None:
+        self.master = master
+        self.slave = slave
+        self._forward, self._backward = links
+        self._tick_period = tick_period
+        self._epoch = epoch
+        self._index = 0
+        self._opened = False
+
+    def run(self, duration: float | None, observers: Sequence[Observer]) -> None:
+        """Run to the end of the duration [s], or of the device's motion where that comes first.
+
+        Args:
+            duration: None to run until the device ends.
+            observers: fed with the records of both sides, piece by piece.
+        """
+        ticks = self._ticks(duration)
+        while chunk := list(islice(ticks, CHUNK)):
+            masters, slaves = zip(*chunk, strict=True)
+            records = as_array(masters), as_array(slaves)
+            for observer in observers:
+                observer.add(*records)
+
+    def _ticks(self, duration: float | None) -> Iterator[tuple[Record, Record]]:
+        last = None if duration is None else self._index + round(duration / self._tick_period)
+        while True:
+            if self._index == last:
+                self.master.stop(self._epoch + self._index * self._tick_period, "completed")
+            yield self.step()
+            if self.master.stopped:
+                return
+
+    def step(self) -> tuple[Record, Record]:
+        """One tick of both sides; returns what they would write to telemetry."""
+        now = self._epoch + self._index * self._tick_period
+        if not self._opened:
+            self._opened = True
+            self.slave.open(now)
+            self.master.open(now)
+        self._carry(now)
+        self.master.endpoint.handle_timer(now)
+        self.master.tick(self._index, now, now)
+        self._post(now)
+        self._carry(now)
+        self.slave.endpoint.handle_timer(now)
+        self.slave.tick(self._index, now, now)
+        self._post(now)
+        self._index += 1
+        return self.master.record(), self.slave.record()
+
+    def _post(self, now: float) -> None:
+        for data, address in self.master.endpoint.datagrams_to_send():
+            self._forward.send(data, address, now)
+        for data, address in self.slave.endpoint.datagrams_to_send():
+            self._backward.send(data, address, now)
+
+    def _carry(self, now: float) -> None:
+        """Deliver all that arrives by now, each datagram at its own time."""
+        while True:
+            due = [at for link in (self._forward, self._backward) if (at := link.next_due()) is not None and at <= now]
+            if not due:
+                return
+            at = min(due)
+            for data, _ in self._forward.receive(at):
+                self.slave.endpoint.receive_datagram(data, MASTER_ADDRESS, at)
+            for data, _ in self._backward.receive(at):
+                self.master.endpoint.receive_datagram(data, SLAVE_ADDRESS, at)
+            self._post(at)
+
+
+def as_array(records: Sequence[Record]) -> Records:
+    """Records as the structured array that a telemetry reader would return."""
+    return np.frombuffer(b"".join(RECORD.pack(*record) for record in records), dtype=np.dtype(DESCRIPTION))

@@ -1,0 +1,128 @@
+"""The read side of a ring: every complete record since the last look, as a numpy array.
+
+Owns a read-only mapping and its place in it. Knows nothing of what a record means; it cannot disturb the writer.
+"""
+
+import os
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.telemetry.record import DESCRIPTION, RECORD
+from weberlink.telemetry.ring import CLOSED_AT, COUNTER_AT, LARGEST_FILE, RECORDS_AT, is_alive, read_header
+from weberlink.telemetry.runtime_directory import open_file
+
+DTYPE = np.dtype(DESCRIPTION)
+
+
+class RingReader:
+    """Follows one ring file from the oldest record it still holds; outlives the writer.
+
+    Args:
+        path: of the file. A writer that starts again makes a new file: open a new reader when `alive` turns false.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ForeignFileError: it is no regular file of this user or of root, or it is too large.
+        RingFormatError: it is not a ring that this release can read.
+    """
+
+    __slots__ = ("_capacity", "_closed", "_counter", "_data", "_header", "_map", "_next", "overrun", "path")
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        fd = open_file(self.path, LARGEST_FILE)
+        try:
+            self._header = read_header(self.path, fd)
+            self._capacity = self._header.capacity
+            self._map = mmap(fd, RECORDS_AT + self._capacity * RECORD.size, access=ACCESS_READ)
+        finally:
+            os.close(fd)
+        whole = memoryview(self._map)
+        self._counter = whole[COUNTER_AT : COUNTER_AT + 8].cast("Q")
+        self._data = whole[RECORDS_AT:]
+        whole.release()
+        self._closed = False
+        self._next = self._oldest()
+        self.overrun = 0
+
+    @property
+    def side(self) -> str:
+        return self._header.side.rstrip(b"\x00").decode(errors="replace")
+
+    @property
+    def pid(self) -> int:
+        return self._header.pid
+
+    @property
+    def rate_hz(self) -> float:
+        return self._header.rate_hz
+
+    @property
+    def capacity(self) -> int:
+        return self._capacity
+
+    @property
+    def started_wall_s(self) -> float:
+        """When the writer began, on the wall clock [s since 1970]; `started_monotonic_s` is the same moment."""
+        return self._header.started_wall_s
+
+    @property
+    def started_monotonic_s(self) -> float:
+        """When the writer began, on the clock of the records [s]."""
+        return self._header.started_monotonic_s
+
+    @property
+    def written(self) -> int:
+        """Records published so far."""
+        return self._counter[0]
+
+    @property
+    def alive(self) -> bool:
+        """Whether more can come: the writer has not closed the ring and its process runs. Costs a file of /proc."""
+        return self._map[CLOSED_AT] == 0 and is_alive(self._header)
+
+    def read(self) -> NDArray[np.void]:
+        """All complete records since the last call, oldest first, as an array of `DTYPE` of its own.
+
+        Records that the writer has overwritten before they could be copied whole are left out and counted in `overrun`.
+        """
+        end = self._counter[0]
+        first = max(self._next, self._oldest())
+        records = np.frombuffer(self._copy(first, end - first), DTYPE)
+        intact = min(max(first, self._oldest()), end)
+        self.overrun += intact - self._next
+        self._next = end
+        return records[intact - first :]
+
+    def close(self) -> None:
+        """Release the mapping; arrays that were read stay valid. May be repeated."""
+        if self._closed:
+            return
+        self._closed = True
+        self._counter.release()
+        self._data.release()
+        self._map.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _oldest(self) -> int:
+        """The oldest record that the writer cannot be touching."""
+        return max(0, self._counter[0] - self._capacity + 1)
+
+    def _copy(self, first: int, count: int) -> bytearray:
+        start = first % self._capacity
+        until_end = min(count, self._capacity - start)
+        records = bytearray(self._data[start * RECORD.size : (start + until_end) * RECORD.size])
+        records += self._data[: (count - until_end) * RECORD.size]
+        return records

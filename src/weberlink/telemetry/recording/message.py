@@ -1,0 +1,99 @@
+"""The ROS 2 message of a record: its definition as text, and the layout that such a text describes.
+
+Owns what a recording says of its own records. Knows no file. The definition follows from the table of fields. As that
+puts wide types first, a packed record is a CDR body as it stands: it lacks only the encapsulation header.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.telemetry.record import AXES, FIELDS, Field
+
+SCHEMA_NAME = "weberlink_msgs/msg/Tick"
+SCHEMA_ENCODING = "ros2msg"
+MESSAGE_ENCODING = "cdr"
+
+FACTS, END = "weberlink", "end"
+"""Names of the records of metadata at the start and at the end of a recording."""
+COMPLETE = "complete"
+"""The outcome of a recording that nothing has cut short."""
+
+ENCAPSULATION = b"\x00\x01\x00\x00"
+"""What every message begins with: plain CDR, little endian, no options (DDSI-RTPS 2.x, section 10)."""
+
+Rows = NDArray[np.void]
+
+_VECTOR = "geometry_msgs/Vector3"
+_TYPES = {"<f8": "float64", "<f4": "float32", "<u8": "uint64", "u1": "uint8"}
+_LAYOUTS: dict[str, tuple[str, int]] = {
+    **{name: (kind, 1) for kind, name in _TYPES.items()},
+    **dict.fromkeys((_VECTOR, "geometry_msgs/msg/Vector3"), ("<f8", len(AXES))),
+    f"float32[{len(AXES)}]": ("<f4", len(AXES)),
+}
+_SEPARATOR = "=" * 80
+
+
+def _line(field: Field) -> str:
+    kind = _TYPES[field.kind]
+    if field.axes > 1:
+        kind = _VECTOR if field.kind == "<f8" else f"{kind}[{field.axes}]"
+    unit = f"[{field.unit}] " if field.unit else ""
+    return f"{kind} {field.name}  # {unit}{field.meaning}"
+
+
+SCHEMA_TEXT = "\n".join(
+    [
+        "# One tick of one side of a WeberLink session.",
+        *map(_line, FIELDS),
+        _SEPARATOR,
+        f"MSG: {_VECTOR}",
+        *(f"float64 {axis}" for axis in AXES),
+        "",
+    ]
+)
+
+
+def dtype_of(schema_text: str) -> np.dtype[np.void]:
+    """The layout of the body of a message, each value on its own boundary as CDR has it.
+
+    Args:
+        schema_text: a message definition of numbers and vectors, of any release.
+
+    Raises:
+        ValueError: it has a field of another type, one name twice, or none at all.
+    """
+    names: list[str] = []
+    formats: list[tuple[str, tuple[int, ...]]] = []
+    offsets: list[int] = []
+    end = 0
+    for kind, name in _fields(schema_text):
+        if kind not in _LAYOUTS:
+            raise ValueError(f"field {name} is of type {kind}, expected one of {', '.join(_LAYOUTS)}")
+        if name in names:
+            raise ValueError(f"field {name} is defined twice")
+        code, axes = _LAYOUTS[kind]
+        size = np.dtype(code).itemsize
+        offset = -(-end // size) * size
+        names.append(name)
+        formats.append((code, () if axes == 1 else (axes,)))
+        offsets.append(offset)
+        end = offset + axes * size
+    if not names:
+        raise ValueError("no field is defined")
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": end})
+
+
+def _fields(schema_text: str) -> list[tuple[str, str]]:
+    """Type and name of each field of the first definition; a constant is none."""
+    fields = []
+    for line in schema_text.splitlines():
+        if line.startswith("==="):
+            break
+        definition = line.partition("#")[0].strip()
+        if not definition or "=" in definition:
+            continue
+        kind, _, rest = definition.partition(" ")
+        if not rest:
+            raise ValueError(f"{definition!r} is no field")
+        fields.append((kind, rest.split()[0]))
+    return fields

@@ -1,0 +1,229 @@
+"""The ring file and its writer: records in shared memory, and one counter that publishes them.
+
+Owns the layout of the file and the write side of it. Knows nothing of what a record means, nor of any reader.
+
+Record number n lies in slot n modulo capacity. The counter of complete records is stored after the record, as one
+aligned 8-byte word. A reader that copies records and then looks at the counter again knows which of them were
+overwritten meanwhile: with c records complete, record c may be in the making, so that c - capacity and all older ones
+are gone. This needs stores to become visible in order, which x86-64 promises; on ARM64 nothing here enforces it.
+"""
+
+import os
+import zlib
+from collections.abc import Sequence
+from contextlib import suppress
+from mmap import MAP_POPULATE, MAP_SHARED, mmap
+from pathlib import Path
+from struct import Struct
+from tempfile import mkstemp
+from time import monotonic, time
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from weberlink.telemetry.record import FIELDS, RECORD
+from weberlink.telemetry.runtime_directory import directory, open_file
+
+MAGIC = b"WEBRING\x00"
+VERSION = 1
+# Changes with every change of the table, so that a reader of another release says so instead of reading nonsense.
+SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes) for field in FIELDS]).encode())
+
+HEADER = Struct("<8sIIIIQQddd32s")
+COUNTER_AT = 128
+CLOSED_AT = 136
+RECORDS_AT = 192
+SIDE_BYTES = 32
+LARGEST_FILE = 128 * 2**20
+"""Of a ring that is made or opened [bytes]; ten seconds at 10 kHz take 35 MB."""
+
+
+class Header(NamedTuple):
+    """What a ring file says about itself; `side` is UTF-8 filled up with zero bytes.
+
+    Everything up to `pid_started` keeps its place in later versions: a stale file of any release can be replaced.
+    """
+
+    magic: bytes
+    version: int
+    schema: int
+    record_size: int
+    pid: int
+    pid_started: int
+    capacity: int
+    rate_hz: float
+    started_wall_s: float
+    started_monotonic_s: float
+    side: bytes
+
+
+class RingFormatError(ValueError):
+    """The file is not a telemetry ring that this release can read."""
+
+
+class RingInUseError(FileExistsError):
+    """The file belongs to a writer that is alive."""
+
+
+def default_path(name: str) -> Path:
+    """Where a ring of this name belongs: the runtime directory of this user, which is made if there is none.
+
+    Raises:
+        ValueError: the name is empty or would lead to another directory.
+        RuntimeDirectoryError: there is no such directory, and none can be made.
+    """
+    if not name or "/" in name or "\x00" in name:
+        raise ValueError(f"name must be a file name without a slash, got {name!r}")
+    return directory() / f"weberlink-{name}.ring"
+
+
+def read_header(path: Path, fd: int) -> Header:
+    """The checked header of an open file.
+
+    Raises:
+        RingFormatError: it is no ring, or one of another release, or it is shorter than it says.
+    """
+    header = _parse_header(path, fd)
+    if header.version != VERSION:
+        raise RingFormatError(f"{path}: layout version {header.version}, this program reads version {VERSION}")
+    if (header.schema, header.record_size) != (SCHEMA, RECORD.size):
+        raise RingFormatError(f"{path}: its records have other fields than those of this program; use the same release")
+    size, expected = os.fstat(fd).st_size, RECORDS_AT + header.capacity * header.record_size
+    if header.capacity < 2 or size < expected:
+        raise RingFormatError(f"{path}: {size} bytes are too few for {header.capacity} records ({expected} bytes)")
+    return header
+
+
+def _parse_header(path: Path, fd: int) -> Header:
+    data = os.pread(fd, RECORDS_AT, 0)
+    if len(data) < RECORDS_AT or not data.startswith(MAGIC):
+        raise RingFormatError(f"{path}: not a telemetry ring")
+    return Header(*HEADER.unpack_from(data))
+
+
+def is_alive(header: Header) -> bool:
+    """Whether the very process that wrote this header still runs; a reused process id does not count."""
+    return process_started(header.pid) == header.pid_started
+
+
+def process_started(pid: int) -> int | None:
+    """When a process started, in clock ticks since boot; None if there is none, or only its exit status is left."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    # The second column is the program's name in parentheses and may hold anything; state is the third, start the 22nd.
+    columns = status.rpartition(")")[2].split()
+    return None if columns[0] in ("Z", "X") else int(columns[19])
+
+
+class RingWriter:
+    """Publishes records in a ring file; made by `create`, and owned by one thread."""
+
+    __slots__ = ("_closed", "_count", "_counter", "_end", "_map", "_pack", "_slot", "path")
+
+    def __init__(self, path: Path, mapping: mmap, capacity: int) -> None:
+        self.path = path
+        self._map = mapping
+        # A native 64-bit item is stored as one word; packing with an explicit byte order would store eight bytes.
+        self._counter = memoryview(mapping)[COUNTER_AT : COUNTER_AT + 8].cast("Q")
+        self._pack = RECORD.pack_into
+        self._end = RECORDS_AT + capacity * RECORD.size
+        self._slot = RECORDS_AT
+        self._count = 0
+        self._closed = False
+
+    @classmethod
+    def create(cls, path: str | Path, *, side: str, rate_hz: float, capacity: int) -> Self:
+        """Make the file, all of its memory at once, in place of one left by a writer that is dead.
+
+        Args:
+            path: as of `default_path`.
+            side: name of who writes, up to 32 bytes.
+            rate_hz: records per second that are intended [Hz].
+            capacity: slots; a reader can lag behind by one record less.
+
+        Raises:
+            ValueError: an argument is out of range.
+            RingInUseError: a living process writes this file.
+            RingFormatError: the path holds something else, which is left alone.
+            ForeignFileError: the path holds what is no file, or belongs to another user; it is left alone.
+            OSError: there is no room for the file.
+        """
+        path, name = Path(path), side.encode()
+        if not 0 < len(name) <= SIDE_BYTES:
+            raise ValueError(f"side must be 1 to {SIDE_BYTES} bytes, got {side!r}")
+        if not rate_hz > 0.0:
+            raise ValueError(f"rate_hz must be positive, got {rate_hz}")
+        most = (LARGEST_FILE - RECORDS_AT) // RECORD.size
+        if not 2 <= capacity <= most:
+            raise ValueError(f"capacity must be 2 to {most} records, got {capacity}")
+        _refuse_to_replace(path)
+        pid = os.getpid()
+        started = process_started(pid) or 0
+        began = (time(), monotonic())
+        header = Header(MAGIC, VERSION, SCHEMA, RECORD.size, pid, started, capacity, rate_hz, *began, name)
+        return cls(path, _place(path, header), capacity)
+
+    def write(self, record: Sequence[float]) -> None:
+        """Publish one record, a `Record` or a tuple of its values; never blocks and does not depend on readers.
+
+        Raises:
+            struct.error, OverflowError: a value does not fit its type; nothing is published.
+        """
+        slot = self._slot
+        self._pack(self._map, slot, *record)
+        self._count = count = self._count + 1
+        self._counter[0] = count
+        slot += RECORD.size
+        self._slot = slot if slot < self._end else RECORDS_AT
+
+    def close(self, *, unlink: bool = True) -> None:
+        """Mark the end, release the memory and remove the file; readers keep what they have mapped. May be repeated."""
+        if self._closed:
+            return
+        self._closed = True
+        self._map[CLOSED_AT] = 1
+        self._counter.release()
+        self._map.close()
+        if unlink:
+            with suppress(FileNotFoundError):
+                self.path.unlink()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def _refuse_to_replace(path: Path) -> None:
+    """Raise unless the path is free or holds the ring, of whatever release, of a dead or finished writer."""
+    try:
+        fd = open_file(path, LARGEST_FILE)
+    except FileNotFoundError:
+        return
+    try:
+        header = _parse_header(path, fd)
+        closed = os.pread(fd, 1, CLOSED_AT) != b"\x00"
+    finally:
+        os.close(fd)
+    if not closed and is_alive(header):
+        raise RingInUseError(f"{path}: process {header.pid} is writing it")
+
+
+def _place(path: Path, header: Header) -> mmap:
+    """Map a new file, private to this user, that appears under its path only when it is complete."""
+    fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
+    try:
+        size = RECORDS_AT + header.capacity * header.record_size
+        # Claimed now: memory that turns out to be missing at a later store kills the process in the middle of a tick.
+        os.posix_fallocate(fd, 0, size)
+        mapping = mmap(fd, size, flags=MAP_SHARED | MAP_POPULATE)
+        mapping[: HEADER.size] = HEADER.pack(*header)
+        Path(draft).replace(path)
+    except BaseException:
+        Path(draft).unlink()
+        raise
+    finally:
+        os.close(fd)
+    return mapping

@@ -1,0 +1,472 @@
+"""Both ends of the link over loopback in this process, on rings made by hand: who is let in, what arrives and tears."""
+
+import asyncio
+import os
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+import pytest
+
+from tests.apps.monitor.feeds import BANK, RATE, description, records
+from tests.strangers import Stranger, hold_connections, needs_root
+from tests.system.processes import PATIENCE
+from weberlink.apps.monitor.remote import following as following_module
+from weberlink.apps.monitor.remote.following import Following
+from weberlink.apps.monitor.remote.handshake import Call, answer, suite
+from weberlink.apps.monitor.remote.messages import Begin, Message, Piece, pack_begin, pack_records
+from weberlink.apps.monitor.remote.sharing import MOST_CALLERS, MOST_UNPROVEN, Sharing
+from weberlink.apps.monitor.remote.wire import close, read_frame, write_frame
+from weberlink.apps.monitor.session import Session
+from weberlink.apps.monitor.watch import Watch
+from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.telemetry.ring import RingWriter
+
+KEY = bytes(range(32))
+Tamper = Callable[[int, bytes], bytes]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nobody has to wait for the next call."""
+    monkeypatch.setattr(following_module, "RETRY_S", 0.02)
+    monkeypatch.setattr(following_module, "LONGEST_RETRY_S", 0.04)
+    monkeypatch.setattr(following_module, "ARRANGE_S", 0.05)
+
+
+def run(test: Awaitable[None]) -> None:
+    async def limited() -> None:
+        async with asyncio.timeout(PATIENCE):
+            await test
+
+    asyncio.run(limited())
+
+
+async def until(condition: Callable[[], object]) -> None:
+    while not condition():
+        await asyncio.sleep(0.01)
+
+
+class Host:
+    """A host with rings, as a folder of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.said: list[str] = []
+        self.rings: list[RingWriter] = []
+        folder.mkdir()
+
+    def ring(self, session: int, side: str, capacity: int = 10_000) -> RingWriter:
+        path = self.folder / f"weberlink-{session}-{side}.ring"
+        self.rings.append(RingWriter.create(path, side=side, rate_hz=RATE, capacity=capacity))
+        return self.rings[-1]
+
+    @asynccontextmanager
+    async def sharing(self, key: bytes = KEY, port: int = 0) -> AsyncIterator[int]:
+        sharing = Sharing(suite(key), self.folder, None, self.said.append)
+        _, port = await sharing.open("127.0.0.1", port)
+        try:
+            yield port
+        finally:
+            await sharing.close()
+
+    @asynccontextmanager
+    async def looking(self, port: int, key: bytes = KEY) -> AsyncIterator[Watch]:
+        watch = Watch(self.folder, None, lambda _: None)
+        following = Following(suite(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
+        tasks = [asyncio.ensure_future(task) for task in (watch.run(), following.run())]
+        try:
+            yield watch
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    def close(self) -> None:
+        for ring in self.rings:
+            ring.close()
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Iterator[Host]:
+    host = Host(tmp_path / "robot")
+    yield host
+    host.close()
+
+
+@pytest.fixture
+def operator(tmp_path: Path) -> Iterator[Host]:
+    host = Host(tmp_path / "operator")
+    yield host
+    host.close()
+
+
+def write(ring: RingWriter, made: Records) -> None:
+    for record in made:
+        values: list[float] = []
+        for value in record.item():
+            values += value.tolist() if isinstance(value, np.ndarray) else [value]
+        ring.write(values)
+
+
+def ticks(session: Session | None, side: str) -> int:
+    return 0 if session is None else session.score.summary()["ticks"][side]["count"]
+
+
+def test_every_record_arrives_and_the_figures_are_those_of_the_rings(robot: Host, operator: Host) -> None:
+    made = {"master": records(3000, seed=1), "slave": records(3000, phase=3e-4, seed=2)}
+
+    async def test() -> None:
+        rings = {side: robot.ring(7, side) for side in made}
+        async with robot.sharing() as port, operator.looking(port) as watch:
+            for part in range(10):
+                for side, ring in rings.items():
+                    write(ring, made[side][300 * part : 300 * part + 300])
+                await asyncio.sleep(0.02)
+            await until(lambda: all(ticks(watch.newest, side) == 3000 for side in made))
+            session = watch.newest
+            assert session is not None and session.remote and session.name == "remote"
+            assert session.seen_from_start and not session.ended
+            told = session.hello()
+            assert told["readonly"] and told["remote"] and told["present"] == ["master", "slave"]
+            robot.close()
+            await until(lambda: session.ended)
+            score = SessionScore(RATE, BANK)
+            score.add(made["master"], made["slave"])
+            force, expected = session.figures()["figures"]["force"], score.summary()["force"]
+            for name in ("error_rms", "error_max", "violation_fraction"):
+                assert force[name] == pytest.approx(expected[name], rel=1e-9)
+            rings = {side: robot.ring(8, side) for side in made}
+            await until(lambda: watch.newest is not session)
+            assert watch.newest is not None and watch.newest.name == "remote-2"
+
+    run(test())
+    assert "127.0.0.1 looks on" in robot.said
+
+
+def test_another_key_is_told_nothing_and_says_so_in_one_line(robot: Host, operator: Host) -> None:
+    async def test() -> None:
+        robot.ring(7, "slave")
+        async with robot.sharing() as port, operator.looking(port, bytes(32)) as watch:
+            await until(lambda: operator.said)
+            await asyncio.sleep(0.3)  # some more calls
+            assert watch.newest is None
+
+    run(test())
+    (said,) = operator.said
+    assert "--key-file" in said and "\n" not in said
+    assert robot.said == []
+
+
+def test_nothing_is_said_to_who_proves_nothing(robot: Host) -> None:
+    hello = Call(suite(KEY), lambda size: bytes(range(size))).hello()
+    changed = hello[:-1] + bytes((hello[-1] ^ 1,))
+
+    async def answered(sent: bytes) -> bytes:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(sent)
+        heard = await reader.read()
+        writer.close()
+        return heard
+
+    async def test() -> None:
+        nonlocal port
+        async with robot.sharing() as port:
+            framed = len(changed).to_bytes(2, "little") + changed
+            for sent in (framed, b"\xff\xff", b"\x00\x00", b"GET / HTTP/1.1\r\n\r\n"):
+                assert await answered(sent) == b""
+            # Played back: an answer as long as a greeting, and not one record.
+            robot.ring(7, "slave")
+            replay = await answered(len(hello).to_bytes(2, "little") + hello + b"\x04\x00" + bytes(4))
+            assert 0 < len(replay) < len(hello)
+
+    port = 0
+    run(test())
+    assert robot.said == []
+
+
+async def looker(port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    """A caller who has proved the key."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    call = Call(suite(KEY), os.urandom)
+    await write_frame(writer, call.hello(), PATIENCE)
+    channel = call.answered(await read_frame(reader, 5000, PATIENCE))
+    await write_frame(writer, channel.seal(Message.READY, b""), PATIENCE)
+    return reader, writer
+
+
+def test_there_is_room_for_so_many_callers(robot: Host) -> None:
+    async def test() -> None:
+        async with robot.sharing() as port:
+            lookers = [await looker(port) for _ in range(MOST_CALLERS)]
+            await until(lambda: len(robot.said) == MOST_CALLERS)
+            reader, writer = await looker(port)
+            assert await reader.read() == b""
+            for _, one in [*lookers, (reader, writer)]:
+                one.close()
+
+    run(test())
+
+
+@pytest.mark.parametrize("count", [16, MOST_UNPROVEN + 1])
+def test_callers_who_say_nothing_lock_nobody_out(count: int, robot: Host) -> None:
+    async def test() -> None:
+        async with robot.sharing() as port:
+            idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(count)]
+            _, writer = await looker(port)
+            await until(lambda: robot.said == ["127.0.0.1 looks on"])
+            for _, one in [*idle, (None, writer)]:
+                one.close()
+
+    run(test())
+
+
+@needs_root
+def test_idle_callers_of_another_user_lock_nobody_out(robot: Host) -> None:
+    async def test() -> None:
+        async with robot.sharing() as port:
+            with await asyncio.to_thread(Stranger, hold_connections, "127.0.0.1", port, 100):
+                _, writer = await looker(port)
+                await until(lambda: robot.said == ["127.0.0.1 looks on"])
+                writer.close()
+
+    run(test())
+
+
+def test_a_caller_has_so_long_to_prove_the_key(robot: Host) -> None:
+    hello = Call(suite(KEY), os.urandom).hello()
+
+    async def test() -> None:
+        sharing = Sharing(suite(KEY), robot.folder, None, robot.said.append, handshake_s=0.2)
+        _, port = await sharing.open("127.0.0.1", 0)
+        for said in (b"", len(hello).to_bytes(2, "little") + hello):  # nothing; a greeting that may be a recorded one
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(said)
+            began = monotonic()
+            await reader.read()
+            assert 0.1 < monotonic() - began < 2.0
+            writer.close()
+        await sharing.close()
+
+    run(test())
+    assert robot.said == []
+
+
+@asynccontextmanager
+async def proxy(port: int, tamper: Tamper) -> AsyncIterator[int]:
+    """Something in between that may change what the sharing end sends, told which piece of the stream it is."""
+    tasks: list[asyncio.Task[None]] = []
+
+    async def pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, change: Tamper) -> None:
+        count = 0
+        try:
+            while data := await reader.read(65_536):
+                count += 1
+                writer.write(change(count, data))
+                await writer.drain()
+        except OSError:
+            pass
+        finally:
+            writer.close()
+
+    async def called(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        there = await asyncio.open_connection("127.0.0.1", port)
+        tasks.append(asyncio.ensure_future(pump(reader, there[1], lambda _, data: data)))
+        tasks.append(asyncio.ensure_future(pump(there[0], writer, tamper)))
+
+    server = await asyncio.start_server(called, "127.0.0.1", 0)
+    try:
+        yield server.sockets[0].getsockname()[1]
+    finally:
+        server.close()
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+def test_a_stream_that_was_tampered_with_is_given_up_and_no_record_of_it_counts(robot: Host, operator: Host) -> None:
+    is_bad = True
+
+    def flip(_: int, data: bytes) -> bytes:
+        """One bit of every larger piece: of records."""
+        if not is_bad or len(data) < 2000:
+            return data
+        return data[:1500] + bytes((data[1500] ^ 4,)) + data[1501:]
+
+    async def test() -> None:
+        nonlocal is_bad
+        ring = robot.ring(7, "slave")
+        made = records(2000, seed=1)
+        async with robot.sharing() as port, proxy(port, flip) as between, operator.looking(between) as watch:
+            await until(lambda: watch.newest)
+            write(ring, made)
+            await until(lambda: any("changed on its way" in said for said in operator.said))
+            is_bad = False
+            await until(lambda: ticks(watch.newest, "slave") == 2000)
+            assert watch.newest is not None and watch.newest.seen_from_start
+            assert watch.newest.name == "remote"
+
+    run(test())
+
+
+def test_it_calls_again_and_the_session_goes_on(robot: Host, operator: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(following_module, "BEGIN_S", 0.1)
+
+    async def test() -> None:
+        ring = robot.ring(7, "slave")
+        made = records(1500, seed=1)
+        async with AsyncExitStack() as stack:
+            first = AsyncExitStack()
+            port = await first.enter_async_context(robot.sharing())
+            watch = await stack.enter_async_context(operator.looking(port))
+            write(ring, made[:500])
+            await until(lambda: ticks(watch.newest, "slave") == 500)
+            session = watch.newest
+            assert session is not None
+            await first.aclose()
+            write(ring, made[500:1000])
+            await until(lambda: any("cannot be reached" in said for said in operator.said))
+            async with robot.sharing(port=port):
+                write(ring, made[1000:])
+                await until(lambda: ticks(watch.newest, "slave") == 1500)
+                assert watch.newest is session and session.seen_from_start and not session.ended
+            ring.close()
+            async with robot.sharing(port=port):  # it ended while nobody could say so
+                await until(lambda: session.ended)
+
+    run(test())
+
+
+APART = 4321.0
+"""What the clock of the robot's host shows beyond the operator's [s]."""
+
+
+def of_this_moment(made: Records) -> Records:
+    """Records that begin when their ring does."""
+    moved = made.copy()
+    moved["at"] += monotonic() - 10.0
+    return moved
+
+
+def of_the_robot(made: Records, tick_0: float) -> Records:
+    """The slave's records as its own clock dates them; it hears the master after a while."""
+    shifted = made.copy()
+    shifted["at"] += APART
+    shifted["peer_at"] = made["at"] - tick_0
+    shifted["peer_at"][:200] = np.nan
+    return shifted
+
+
+def test_two_hosts_sides_are_one_session_on_one_clock(robot: Host, operator: Host) -> None:
+    """The figures are those of the same records on one host."""
+    ours, theirs = operator.ring(5, "master"), robot.ring(7, "slave")
+    master = of_this_moment(records(3000, phase=3e-4, seed=1))
+    tick_0 = float(master["at"][0])
+    slave = master.copy()
+    for name in ("raw", "output", "decoded", "position"):
+        slave[name] = records(3000, seed=2)[name]
+    slave["at"] -= 3e-4
+    after = records(1000, first=3000)
+    after["at"] += tick_0 - 10.0
+
+    async def test() -> None:
+        async with robot.sharing() as port, operator.looking(port) as watch:
+            for part in range(6):
+                write(ours, master[500 * part : 500 * part + 500])
+                write(theirs, of_the_robot(slave, tick_0)[500 * part : 500 * part + 500])
+                await asyncio.sleep(0.1)
+            await until(lambda: watch.newest is not None and len(watch.newest.feeds) == 2)
+            session = watch.newest
+            assert session is not None and session.remote and session.hello()["readonly"]
+            await until(lambda: ticks(session, "slave") == 3000 and ticks(session, "master") == 3000)
+            score = SessionScore(RATE, BANK)
+            score.add(master, slave)
+            force, expected = session.figures()["figures"]["force"], score.summary()["force"]
+            for name in ("error_rms", "error_max", "violation_fraction"):
+                assert force[name] == pytest.approx(expected[name], rel=1e-9)
+            ours.close()
+            write(theirs, of_the_robot(after, tick_0)[200:])
+            await until(lambda: session.ended)
+
+    run(test())
+    assert any("are one session" in said for said in operator.said)
+
+
+def test_another_master_of_this_host_is_not_taken_for_its_counterpart(robot: Host, operator: Host) -> None:
+    """It began at another time than the one that the slave hears."""
+    stranger = records(1000, first=60_000)
+    slave = records(1000)
+
+    async def test() -> None:
+        write(operator.ring(5, "master"), stranger)
+        write(robot.ring(7, "slave"), of_the_robot(slave, 10.0))
+        async with robot.sharing() as port, operator.looking(port) as watch:
+            await until(lambda: ticks(watch.newest, "slave") == 1000)
+            await asyncio.sleep(0.3)  # some looks for a counterpart
+            assert watch.newest is not None and list(watch.newest.feeds) == ["slave"]
+
+    run(test())
+
+
+BEGIN = Begin("7", "slave", RATE, 10.0, description("slave"))
+RECORDS = Piece("slave", 10, 0, records(10))
+
+
+@pytest.mark.parametrize(
+    ("sent", "complaint"),
+    [
+        ([(Message.RECORDS, pack_records(RECORDS))], "did not introduce"),
+        ([(Message.BEGIN, b"nonsense")], "cannot be unpacked"),
+        ([(Message.BEGIN, pack_begin(BEGIN._replace(description={"system": 5})))], "description"),
+        ([(Message.BEGIN, pack_begin(BEGIN._replace(description={"bank": [[], {}]})))], "description"),
+        ([(99, b"")], "unknown kind"),
+        (
+            [
+                (Message.BEGIN, pack_begin(BEGIN)),
+                (Message.BEGIN, pack_begin(BEGIN._replace(session="8", side="master"))),
+                (Message.RECORDS, pack_records(RECORDS)),
+            ],
+            "did not introduce",
+        ),
+    ],
+)
+def test_a_host_that_proves_the_key_and_talks_nonsense_is_given_up(
+    sent: list[tuple[int, bytes]], complaint: str, operator: Host
+) -> None:
+    async def called(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with suppress(OSError):
+            reply = answer(await read_frame(reader, 5000, PATIENCE), suite(KEY), os.urandom)
+            assert reply is not None and reply[1] is not None
+            await write_frame(writer, reply[0], PATIENCE)
+            for kind, payload in sent:
+                await write_frame(writer, reply[1].seal(kind, payload), PATIENCE)
+            await reader.read()
+        await close(writer)
+
+    async def test() -> None:
+        server = await asyncio.start_server(called, "127.0.0.1", 0)
+        async with operator.looking(server.sockets[0].getsockname()[1]):
+            await until(lambda: any(complaint in said for said in operator.said))
+        server.close()
+
+    run(test())
+
+
+@pytest.mark.parametrize(("kind", "payload"), [(Message.ALIVE, b"more"), (Message.BEGIN, b""), (77, b"change")])
+def test_who_looks_can_ask_for_nothing(kind: int, payload: bytes, robot: Host) -> None:
+    async def test() -> None:
+        async with robot.sharing() as port:
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            call = Call(suite(KEY), os.urandom)
+            await write_frame(writer, call.hello(), PATIENCE)
+            channel = call.answered(await read_frame(reader, 5000, PATIENCE))
+            await write_frame(writer, channel.seal(Message.READY, b""), PATIENCE)
+            await until(lambda: "127.0.0.1 looks on" in robot.said)
+            await write_frame(writer, channel.seal(Message.ALIVE, b""), PATIENCE)
+            await write_frame(writer, channel.seal(kind, payload), PATIENCE)
+            await until(lambda: "127.0.0.1 has left" in robot.said)
+            await close(writer)
+
+    run(test())

@@ -1,0 +1,50 @@
+"""Arguments of `weberlink monitor` that cannot be: one line each, before anything is served."""
+
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from weberlink.cli.arguments import OneLineErrors
+from weberlink.cli.monitor import COMMANDS
+from weberlink.protocol.keys import generate
+
+app = typer.Typer(cls=OneLineErrors)
+for command in COMMANDS:
+    app.command()(command)
+
+
+@app.callback()
+def program() -> None:
+    """More than one command, as the program has."""
+
+
+def complaint(*arguments: object) -> str:
+    result = CliRunner().invoke(app, ["monitor", *map(str, arguments)])
+    assert result.exit_code == 2, result.output
+    assert result.stderr.count("\n") == 1
+    return result.stderr
+
+
+@pytest.mark.parametrize("address", ["0.0.0.0", "::", "192.0.2.1"])
+def test_an_address_beyond_this_host_needs_a_word(address: str) -> None:
+    assert "--public" in complaint("--listen", address)
+
+
+@pytest.mark.parametrize("option", ["--share", "--from"])
+def test_the_link_needs_a_key_and_an_address(option: str, tmp_path: Path) -> None:
+    assert "weberlink keygen" in complaint(option, "127.0.0.1:1")
+    assert f"{option}: must be host:port" in complaint(option, "127.0.0.1")
+    assert "does not exist" in complaint(option, "127.0.0.1:1", "--key-file", tmp_path / "missing")
+    generate(tmp_path / "key")
+    (tmp_path / "key").chmod(0o644)
+    assert "chmod 600" in complaint(option, "127.0.0.1:1", "--key-file", tmp_path / "key")
+
+
+def test_a_key_without_a_link_is_a_mistake(tmp_path: Path) -> None:
+    assert "--share and --from" in complaint("--key-file", tmp_path / "key")
+
+
+def test_a_port_is_a_port() -> None:
+    complaint("--port", 70_000)

@@ -1,0 +1,73 @@
+"""The greeting, for every configuration that is shipped."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.apps.monitor.feeds import description
+from tests.system.systems import CONFIGS
+from weberlink.apps.monitor.hello import hello
+from weberlink.apps.monitor.scene import MOST_HEIGHTS, drawn
+
+
+def test_a_greeting_says_what_a_page_draws_and_offers() -> None:
+    told = hello("7", {"master": description("master"), "slave": None}, remote=False)
+    assert told["scene"][0]["shape"] == "plane" and told["scene"][0]["normal"] == [0.0, 0.0, 1.0]
+    assert told["scene"][1] == {
+        "shape": "sphere",
+        "center_m": [0.0, 0.0, -0.045],
+        "radius_m": 0.05,
+        "inside": False,
+        "stiffness_n_m": 500.0,
+        "carve": [],
+    }
+    assert told["workspace_m"] == [[-0.3] * 3, [0.3] * 3]
+    assert told["predictors"] == ["zoh", "linear", "plane", "sphere", "hybrid"]
+    assert told["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+    assert (told["silence_ms"], told["rate_hz"], told["readonly"]) == (100.0, 1000.0, False)
+    assert told["states"]["4"] == "engaged" and told["faults"]["1"] == "silence"
+    assert set(told["sides"]) == {"master", "slave"} and told["present"] == ["master", "slave"]
+
+
+def test_another_hosts_session_and_one_that_says_nothing_are_for_looking_only() -> None:
+    for told in (
+        hello("remote", {"slave": description("slave")}, remote=True),
+        hello("7", {"slave": None}, remote=False),
+    ):
+        assert told["readonly"] and told["changes"] == []
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_scene_can_be_drawn(path: Path) -> None:
+    if "key_file" in path.read_text():
+        pytest.skip("needs a key")
+    told = hello("7", {"slave": description("slave", path.name)}, remote=False)
+    json.dumps(told, allow_nan=False)
+    for shape in told["scene"]:
+        assert shape["shape"] in ("plane", "sphere", "box", "height_field")
+        assert shape.get("heights_m", ()) is not None
+
+
+def test_a_large_height_field_is_thinned_in_place() -> None:
+    heights = [[float(100 * row + column) for column in range(400)] for row in range(201)]
+    scene = [{"shape": "height_field", "center_m": [1.0, 2.0, 0.0], "heights_m": heights, "spacing_m": 0.01}]
+    (shape,) = drawn(scene, files=True)
+    rows, columns = len(shape["heights_m"]), len(shape["heights_m"][0])
+    assert max(rows, columns) <= MOST_HEIGHTS
+    step = round(shape["spacing_m"] / 0.01)
+    for row, column in ((0, 0), (rows - 1, columns - 1)):
+        assert shape["heights_m"][row][column] == heights[row * step][column * step]
+        x = shape["center_m"][0] + (column - (columns - 1) / 2) * shape["spacing_m"]
+        assert x == pytest.approx(1.0 + (column * step - 399 / 2) * 0.01)
+        y = shape["center_m"][1] + (row - (rows - 1) / 2) * shape["spacing_m"]
+        assert y == pytest.approx(2.0 + (row * step - 200 / 2) * 0.01)
+
+
+def test_a_file_of_another_host_is_not_opened(tmp_path: Path) -> None:
+    (tmp_path / "field.csv").write_text("0,1\n2,3\n")
+    scene = [{"shape": "height_field", "csv": str(tmp_path / "field.csv"), "spacing_m": 0.01}]
+    assert drawn(scene, files=False)[0]["heights_m"] is None
+    assert drawn(scene, files=True)[0]["heights_m"] == [[0.0, 1.0], [2.0, 3.0]]
+    (tmp_path / "field.csv").unlink()
+    assert drawn(scene, files=True)[0]["heights_m"] is None

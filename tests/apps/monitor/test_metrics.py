@@ -1,0 +1,84 @@
+"""The text that Prometheus reads, parsed by its own parser."""
+
+from math import isnan
+
+import pytest
+from prometheus_client.parser import text_string_to_metric_families
+
+from tests.apps.monitor.feeds import HandFeed, description, records
+from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
+from weberlink.apps.monitor.session import Session
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import RELEASED
+
+
+def test_every_figure_has_its_name_its_unit_and_its_labels() -> None:
+    master, slave = HandFeed("master"), HandFeed("slave")
+    session = Session("7", slave)
+    session.admit(master)
+    made = records(1000, seed=1)
+    made["lateness_us"] = 120.0
+    made["rtt_us"] = 900.0
+    for number, (column, _) in enumerate(COUNTERS.values()):
+        made[column] = 1000 + number
+    made["fault"][500:510] = Fault.SILENCE
+    made["ramping"][-1] = RELEASED
+    slave.put(made)
+    session.look()
+    text, kind = exposition(lambda: [session])()
+    assert kind.startswith("text/plain")
+    families = {family.name: family for family in text_string_to_metric_families(text.decode())}
+    ours = {name: family for name, family in families.items() if not name.startswith("weberlink_monitor")}
+    assert all(name.startswith("weberlink_") for name in ours)
+    assert "weberlink_monitor_process_cpu_seconds" in families
+    values = {
+        (sample.name, *sorted(sample.labels.items())): sample.value
+        for family in families.values()
+        for sample in family.samples
+    }
+    side = (("session", "7"), ("side", "slave"))
+    assert values["weberlink_ticks_total", *side] == 1000
+    for number, name in enumerate(COUNTERS):
+        assert families[f"weberlink_{name}"].type == "counter"
+        assert values[f"weberlink_{name}_total", *side] == 1000 + number
+    assert values["weberlink_round_trip_seconds", *side] == pytest.approx(900e-6)
+    assert isnan(values["weberlink_one_way_delay_seconds", *side])
+    assert values["weberlink_state", *side, ("state", "engaged")] == 1
+    assert values["weberlink_state", *side, ("state", "silent")] == 0
+    assert values["weberlink_button_released", *side] == 1
+    assert values["weberlink_faults_total", ("fault", "silence"), *side] == 1
+    assert values["weberlink_fault", ("fault", "silence"), *side] == 0
+    assert families["weberlink_tick_lateness_seconds"].type == "summary"
+    assert values["weberlink_tick_lateness_seconds", ("quantile", "0.99"), *side] == pytest.approx(120e-6, rel=0.005)
+    assert values["weberlink_tick_lateness_seconds_count", *side] == 1000
+    assert values["weberlink_session_live", ("session", "7")] == 1
+    assert values["weberlink_session_seen_from_start", ("session", "7")] == 1
+    assert values["weberlink_session_duration_seconds", ("session", "7")] == pytest.approx(1.0)
+    reduction = session.score.summary()["force"]["reduction"]
+    assert values["weberlink_reduction_ratio", ("channel", "force"), ("session", "7")] == pytest.approx(reduction)
+    for family in ours.values():
+        assert family.documentation
+    assert not any(labels[-1] == ("side", "master") for _, *labels in values if labels and "ticks_total" not in _)
+
+
+@pytest.mark.parametrize(
+    ("file", "channels"),
+    [("loopback.yaml", {"force", "position"}), ("rotation.yaml", {"force", "position", "torque", "orientation"})],
+)
+def test_every_channel_that_a_session_has_is_there(file: str, channels: set[str]) -> None:
+    feed = HandFeed("slave")
+    feed.description = description("slave", file)
+    session = Session("7", feed)
+    feed.put(records(1000, seed=1))
+    session.look()
+    text, _ = exposition(lambda: [session])()
+    families = {family.name: family for family in text_string_to_metric_families(text.decode())}
+    for name in CHANNEL_FIGURES:
+        assert {sample.labels["channel"] for sample in families[f"weberlink_{name}"].samples} == channels
+
+
+def test_without_a_session_there_is_only_the_monitor_itself() -> None:
+    text, _ = exposition(list)()
+    families = list(text_string_to_metric_families(text.decode()))
+    samples = [sample.name for family in families for sample in family.samples]
+    assert samples and all(name.startswith("weberlink_monitor_") for name in samples)

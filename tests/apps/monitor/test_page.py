@@ -1,0 +1,422 @@
+"""The page in a real browser, told its messages by a script: what it shows, what it asks, and what it never does."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.apps.monitor import synthetic_session as session
+from tests.apps.monitor.browser import Browser, believed, browser
+from tests.apps.monitor.scripted_server import Message, ScriptedServer
+
+UNKNOWN = "\N{EN DASH}"
+PANELS = ["force", "felt", "position", "packets", "delay", "ticks", "energy", "timeline"]
+PANELS_OF_SIX = ["force", "torque", "position", "orientation", "felt", "packets", "delay", "ticks", "timeline"]
+SETTINGS = {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+REPORT: Message = {
+    "duration_s": 6.0,
+    "ticks": {
+        "master": {"count": 6012, "missed": 3, "lateness_us": {"p50": 57.2, "p99": 178.4}, "work_us": {"p50": 43.1}},
+        "slave": {"count": 6001, "missed": 0, "lateness_us": {"p50": 54.9, "p99": None}, "work_us": {"p50": 37.0}},
+    },
+    "force": {
+        "samples": 6001,
+        "packets": 24,
+        "packets_per_s": 4.0123456,
+        "reduction": 0.9960006666,
+        "reduction_all": 0.977,
+        "error_rms": 0.0811,
+        "violation_fraction": 0.0142,
+        "violation_p99_jnd": 1.11,
+    },
+    "position": {"packets_per_s": 38.5, "reduction": 0.9615, "error_rms": 0.000122, "violation_fraction": None},
+    "link": {"rtt_us": {"p50": 320.5, "p99": 690.0}, "lost": 0},
+    "limited": {"force_ticks": 21, "slew_ticks": 7, "motion_ticks": 0},
+}
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as one:
+        one.size(1400, 900)
+        yield one
+
+
+@pytest.fixture
+def server(page: Browser) -> Iterator[ScriptedServer]:
+    with ScriptedServer() as one:
+        yield one
+        page.driver.get("about:blank")
+
+
+def visit(page: Browser, server: ScriptedServer, *messages: Message) -> None:
+    """Open the page, which is told these when it connects, and wait until it has drawn them."""
+    server.greeting = list(messages)
+    page.open(server.address)
+    page.wait(lambda: server.pages > 0, "the page to connect")
+    if messages:
+        page.wait(lambda: page.picked("session") == messages[0]["session"], "the greeting to be shown")
+
+
+def told(begin: float = 0.0, end: float = 6.0) -> list[Message]:
+    """Rows of both sides and the felt error."""
+    sides = [session.samples(side, begin, end) for side in ("master", "slave")]
+    return [*sides, session.felt(begin, end)]
+
+
+def clean(page: Browser, server: ScriptedServer) -> None:
+    """Nothing was complained of, and nobody else was spoken to."""
+    assert page.console() == []
+    assert page.hosts() == {f"127.0.0.1:{server.port}"}
+
+
+def test_session_is_shown_at_a_glance_and_in_every_panel(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(), *told(), session.figures(REPORT))
+    page.wait(lambda: page.data("state") == "engaged", "the state")
+    page.wait(lambda: page.number("force-packets-now") == 12.0, "the figures")
+    assert page.text("state") == "engaged"
+    assert page.text("force-packets-now") == "12"
+    assert page.text("force-reduction-now") == "98.8 %"
+    assert page.number("rate") == 1000.0
+    assert page.text("felt-jnd-now") == "0.40"
+    assert page.text("faults") == "none"
+    last = session.samples("master", 0.0, 6.0)["columns"]["rtt_us"][-1]
+    assert page.number("rtt-now") == last
+    assert page.text("rtt-now") == f"{last / 1000:.2f}"
+    for panel in PANELS:
+        assert page.pixels(f"#panel-{panel} canvas") > 5, panel
+        assert page.run("return document.querySelector(arguments[0]).innerText", f"#panel-{panel} .help") == "?"
+    notes = "return [...document.querySelectorAll('.empty')].filter(e => e.offsetParent).map(e => e.innerText)"
+    assert not any(page.run(notes))
+    clean(page, server)
+
+
+def seen(page: Browser) -> set[str]:
+    """Panels of charts that take room."""
+    names = "return [...document.querySelectorAll('#charts .panel')].filter(e => e.clientHeight).map(e => e.id)"
+    return {name.removeprefix("panel-") for name in page.run(names)}
+
+
+def test_a_session_of_six_degrees_has_torque_orientation_and_a_tool_and_no_other_has(
+    page: Browser, server: ScriptedServer
+) -> None:
+    six = REPORT | {
+        "torque": {"packets_per_s": 8.8, "reduction": 0.991, "error_rms": 0.0023, "violation_fraction": 0.004},
+        "orientation": {"packets_per_s": 14.6, "reduction": 0.985, "error_rms": 0.0028, "violation_fraction": None},
+    }
+    rows = [session.rotation(side, 0.0, 6.0) for side in ("master", "slave")]
+    visit(page, server, session.hello_of_six(), *rows, session.felt(0.0, 6.0), session.figures(six))
+    page.wait(lambda: page.number("force-packets-now") == 12.0, "the figures")
+    assert seen(page) == set(PANELS_OF_SIX)
+    for panel in ("torque", "orientation"):
+        page.wait(lambda panel=panel: page.pixels(f"#panel-{panel} canvas") > 5, panel)
+    legends = "return document.querySelector(arguments[0]).textContent"
+    page.wait(lambda: "50" in page.run(legends, "#panel-torque .legend"), "the torque")
+    page.wait(lambda: "17.2 °" in page.run(legends, "#panel-orientation .legend"), "the angle")
+    table = page.text("panel-figures")
+    assert "2.30 mN" in table and "0.160°" in table and "8.8" in table
+    page.wait(lambda: page.data("scene", "turned") != "", "the tool")
+    assert float(page.data("scene", "turned")) == pytest.approx(0.3)
+    server.say(session.hello(session="1235"), *told(), session.figures(REPORT))
+    page.wait(lambda: page.data("scene", "turned") == "", "the next session")
+    assert seen(page) == set(PANELS)
+    assert "torque" not in page.text("panel-figures")
+    clean(page, server)
+
+
+def test_deadband_is_a_green_band_and_packets_are_marks(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(), *told())
+
+    def shares(chart: str) -> tuple[float, float]:
+        """Shares of a chart that are green and pink."""
+        red, green, blue = np.moveaxis(page.picture_of(f"chart-{chart}"), 2, 0)
+        return float(np.mean(green - np.maximum(red, blue) > 0.03)), float(np.mean(np.minimum(red, blue) - green > 0.3))
+
+    page.wait(lambda: shares("force")[0] > 0.005 and shares("force")[1] > 0.005, "band and marks of the force")
+    page.wait(lambda: shares("position")[1] > 0.002, "marks of the position")
+    page.wait(lambda: shares("felt")[0] > 0.2, "the zone below 1 JND")
+    assert shares("felt")[1] < 0.001
+
+
+def test_figures_stand_on_the_page_exactly_as_in_the_report(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(), *told(), session.figures(REPORT))
+    page.wait(lambda: page.data("force-packets") == "24", "the figures")
+    shown = page.run(
+        "return [...document.querySelectorAll('[data-figure]')]"
+        ".map(e => [e.dataset.figure, e.dataset.value, e.innerText])"
+    )
+    assert len(shown) > 25
+    for path, exact, text in shown:
+        expected: Any = REPORT
+        for key in path.split("."):
+            expected = expected.get(key) if isinstance(expected, dict) else None
+        if expected is None:
+            assert (exact, text) == ("", UNKNOWN), path
+        else:
+            assert float(exact) == expected, path
+            assert text != UNKNOWN, path
+    assert page.text("missed-master") == "3"
+    assert page.text("felt-violation") == "1.4 %"
+    assert page.text("rtt") == "0.32 ms"
+    clean(page, server)
+
+
+def test_surface_that_the_predictor_believes_in_is_drawn_and_named(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(scene=session.EVERY_SHAPE), *told())
+    page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
+    page.wait(lambda: page.data("model") == "sphere", "the model")
+    assert "radius 50.0 mm" in page.text("model")
+    assert "500 N/m" in page.text("model")
+    assert float(page.data("scene", "force")) > 0.5
+    before = believed(page)
+    assert before > 0.01
+    server.say(*(session.samples(side, 6.0, 6.1, model=2) for side in ("master", "slave")))
+    page.wait(lambda: page.data("model") == "plane", "the other model")
+    server.say(*(session.samples(side, 6.1, 6.2, model=0) for side in ("master", "slave")))
+    page.wait(lambda: page.data("model") == "hold", "no model")
+    page.wait(lambda: believed(page) < 0.3 * before, "the surface to be gone")
+    clean(page, server)
+
+
+def test_change_is_asked_of_the_server_and_its_answer_shown(page: Browser, server: ScriptedServer) -> None:
+    def answer(asked: Message) -> Message:
+        if asked.get("predictor") == "zoh":
+            return {"type": "answer", "accepted": False, "why": "the bank has no zoh"}
+        changed = SETTINGS | {name: setting for name, setting in asked.items() if name != "type"}
+        if asked.get("weber") == 0.15:
+            before = SETTINGS | {"weber": 0.05}
+            return {
+                "type": "answer",
+                "accepted": True,
+                "settings": before,
+                "pending": changed,
+                "generation": 1,
+                "tick": 2,
+            }
+        return {
+            "type": "answer",
+            "accepted": True,
+            "settings": changed,
+            "pending": None,
+            "generation": 1,
+            "tick": 12345,
+        }
+
+    server.answer = answer
+    visit(page, server, session.hello(), *told())
+    page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the slider")
+    assert page.text("weber-value") == "10 % = 1 JND"
+    before = page.run("return document.querySelector('#panel-felt canvas').toDataURL()")
+    page.choose("weber", "0.05")
+    page.wait(lambda: page.data("answer") == "accepted", "the answer")
+    assert server.asked == [{"type": "change", "weber": 0.05}]
+    assert page.text("answer") == "from tick 12345 on, both ends"
+    assert page.text("weber-value") == "5 % = 1 JND"
+    page.wait(lambda: page.run("return document.querySelector('#panel-felt canvas').toDataURL()") != before, "the mark")
+    page.choose("weber", "0.15")  # agreed, but in force from a later tick on
+    page.wait(lambda: page.text("weber-value") == "15 % = 1 JND", "what was agreed")
+    server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.05}, generation=1))
+    page.wait(lambda: page.data("force-packets") == "24", "figures from before it")
+    assert page.text("weber-value") == "15 % = 1 JND"
+    server.say(session.figures(REPORT, settings=SETTINGS | {"weber": 0.16}, generation=2))
+    page.wait(lambda: page.text("weber-value") == "16 % = 1 JND", "what is in force")
+    page.choose("predictor", "zoh")
+    page.wait(lambda: page.data("answer") == "refused", "the refusal")
+    assert page.text("answer") == "not changed: the bank has no zoh"
+    assert page.picked("predictor") == "hybrid"
+    assert server.asked[2:] == [{"type": "change", "predictor": "zoh"}]
+    clean(page, server)
+
+
+@pytest.mark.parametrize(
+    ("other", "reason"),
+    [
+        ({"readonly": True, "remote": True, "changes": []}, "another host"),
+        (
+            {"readonly": True, "changes": [], "sides": {"master": session.description("master", []), "slave": None}},
+            "live_changes",
+        ),
+        ({"readonly": True}, "may look only"),
+    ],
+)
+def test_what_may_not_be_changed_is_grey_and_says_why(
+    page: Browser, server: ScriptedServer, other: Message, reason: str
+) -> None:
+    visit(page, server, session.hello(**other), *told())
+    for name in ("weber", "predictor", "scheme"):
+        assert page.run("return document.getElementById(arguments[0]).disabled", name)
+        assert reason in page.run("return document.getElementById(arguments[0]).title", f"control-{name}")
+    assert reason in page.text("answer")
+
+
+def test_one_side_alone_shows_what_there_is(page: Browser, server: ScriptedServer) -> None:
+    alone = session.hello(present=["slave"], sides={"master": None, "slave": session.description("slave")})
+    visit(page, server, alone, session.samples("slave", 0.0, 3.0))
+    page.wait(lambda: page.text("state-detail") == "slave only", "the side")
+    assert page.number("felt-jnd-now") != page.number("felt-jnd-now")
+    assert "both sides" in page.text("chart-felt")
+    assert page.number("rtt-now") > 0.0
+    clean(page, server)
+
+
+def test_unknown_values_and_faults_leave_the_page_standing(page: Browser, server: ScriptedServer) -> None:
+    unknown = [None] * 3
+    nothing: Message = {
+        "type": "samples",
+        "side": "master",
+        "t": [0.004, 0.008, 0.012],
+        "columns": {
+            "position": [unknown] * 3,
+            "rtt_us": unknown,
+            "state": [4, 4, 5],
+            "fault": [0, 0, 1],
+            "model": [0, 0, 0],
+        },
+    }
+    empty: Message = {"type": "samples", "side": "slave", "t": [], "columns": {}}
+    visit(page, server, session.hello(scene=[], workspace_m=None), nothing, empty, session.felt(0.0, 0.01, None))
+    page.wait(lambda: page.data("state") == "silent", "the state")
+    server.say(session.figures({}, faults={"master": {"silence": 2}, "slave": {}}), {"type": "news of a later version"})
+    page.wait(lambda: page.data("faults") == "2", "the faults")
+    assert page.text("faults") == "silence"
+    assert page.data("tile-faults", "level") == "bad"
+    assert page.text("rtt-now") == UNKNOWN
+    clean(page, server)
+
+
+def test_a_released_button_and_a_trip_are_told(page: Browser, server: ScriptedServer) -> None:
+    rows = told()
+    for message in rows[:2]:
+        message["columns"]["ramping"] = [2] * len(message["t"])
+    rows[1]["columns"]["fault"] = [8] * len(rows[1]["t"])
+    met = {"master": {}, "slave": {"tripped": 1}}
+    visit(page, server, session.hello(), *rows, session.figures(REPORT, faults=met))
+    page.wait(lambda: page.data("state") == "released", "the state")
+    assert page.text("state-detail") == "hold the button to engage"
+    assert page.text("faults") == "tripped"
+    assert page.number("slew-limited") == REPORT["limited"]["slew_ticks"]
+    clean(page, server)
+
+
+def test_end_of_the_session_keeps_its_figures_and_the_next_one_begins_anew(
+    page: Browser, server: ScriptedServer
+) -> None:
+    visit(page, server, session.hello(), *told())
+    server.say(session.figures(REPORT, ended=True))
+    page.wait(lambda: page.data("state") == "ended", "the end")
+    assert page.text("state-detail") == "these are the final figures"
+    assert page.number("force-packets-now") == REPORT["force"]["packets_per_s"]
+    assert (page.text("felt-jnd-now"), page.text("felt-of")) == ("1.11", "JND, p99")
+    assert page.text("duration") == "6.0 s"
+    assert page.run("return document.getElementById('weber').disabled")
+    server.say(session.hello(session="5678"), session.samples("master", 0.0, 0.5), session.samples("slave", 0.0, 0.5))
+    page.wait(lambda: page.data("state") == "engaged", "the next session")
+    page.wait(lambda: 0.0 < page.number("duration") < 1.0, "its time")
+    assert page.data("force-packets") == ""
+    clean(page, server)
+
+
+def test_page_says_that_the_monitor_is_gone_and_finds_it_again(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(), *told())
+    page.wait(lambda: page.data("state") == "engaged", "the state")
+    server.stop()
+    page.wait(lambda: page.data("state") == "lost", "the loss")
+    assert page.text("state") == "no monitor"
+    assert page.run("return document.getElementById('weber').disabled")
+    server.start()
+    page.wait(lambda: page.data("state") == "engaged", "the return")
+    assert page.hosts() == {f"127.0.0.1:{server.port}"}
+
+
+def test_no_session_yet_is_said(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server)
+    page.wait(lambda: page.text("state-detail") == "waiting for a session to begin", "the state")
+    assert page.picked("session") == "none"
+    clean(page, server)
+
+
+def test_other_sessions_can_be_picked(page: Browser, server: ScriptedServer) -> None:
+    server.sessions = [{"session": "5678", "live": True}, {"session": "1234", "live": True}]
+    visit(page, server, session.hello(session="5678"), *told(0.0, 0.5))
+    page.wait(lambda: page.run("return document.getElementById('session').length") == 2, "both sessions")
+    assert server.followed[-1] is None
+    page.choose("session", "1234")
+    page.wait(lambda: server.followed[-1] == "1234", "the choice")
+    clean(page, server)
+
+
+def test_drawing_pauses_and_resumes_and_windows_change(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(), *told())
+    page.wait(lambda: page.number("duration") > 5.9, "the rows")
+
+    def chart() -> str:
+        return str(page.run("return document.querySelector('#panel-force canvas').toDataURL()"))
+
+    page.click("#pause")
+    page.wait(lambda: page.text("pause") == "Resume", "the pause")
+    drawn = int(page.run("return document.body.dataset.drawn"))
+    page.wait(lambda: int(page.run("return document.body.dataset.drawn")) >= drawn, "a drawing")
+    still = chart()
+    server.say(*told(6.0, 8.0))
+    page.wait(lambda: page.number("duration") > 7.9, "newer rows")
+    assert chart() == still
+    page.click("#pause")
+    page.wait(lambda: chart() != still, "the drawing to go on")
+    five = chart()
+    page.click('[data-window="20"]')
+    page.wait(lambda: chart() != five, "the other window")
+    assert page.run("return document.querySelector('[data-window=\"20\"]').getAttribute('aria-pressed')") == "true"
+    clean(page, server)
+
+
+@pytest.mark.parametrize("greeting", [session.hello(), session.hello_of_six()], ids=["three", "six"])
+@pytest.mark.parametrize("width", [1000, 1400, 2200])
+def test_nothing_is_cut_off_or_moves_when_figures_come(
+    page: Browser, server: ScriptedServer, width: int, greeting: Message
+) -> None:
+    boxes = (
+        "return [...document.querySelectorAll('.tile, .panel')].filter(e => e.offsetParent).map(e => {"
+        "const b = e.getBoundingClientRect(); return [b.left, b.top, b.width, b.height].map(Math.round)})"
+    )
+    page.size(width, 900)
+    try:
+        visit(page, server, greeting)
+        before = page.run(boxes)
+        server.say(*told(), session.figures(REPORT, faults={"master": {"silence": 1}, "slave": {"update": 2}}))
+        page.wait(lambda: page.data("faults") == "3", "the figures")
+        assert page.run(boxes) == before
+        assert page.run("return document.documentElement.scrollWidth") <= width
+        assert min(box[3] for box in before) > 60
+    finally:
+        page.size(1400, 900)
+
+
+def test_keyboard_reaches_everything_and_turns_the_scene(page: Browser, server: ScriptedServer) -> None:
+    visit(page, server, session.hello(), *told())
+    page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the controls")
+    reach = page.run(
+        "return [...document.querySelectorAll('button, input, select, #scene')]"
+        ".filter(e => !e.disabled && e.tabIndex < 0).map(e => e.outerHTML)"
+    )
+    assert reach == []
+    unnamed = page.run(
+        "return [...document.querySelectorAll('button.help')].filter(e => "
+        "!document.getElementById(e.getAttribute('aria-describedby')).textContent.includes('.')).length"
+    )
+    assert unnamed == 0
+    page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
+    drawn = int(page.run("return document.body.dataset.drawn"))
+    page.driver.find_element("id", "scene").send_keys("\ue012")  # the left arrow
+    page.wait(lambda: int(page.run("return document.body.dataset.drawn")) > drawn, "the turned view")
+
+
+def test_without_webgl_the_page_says_so_and_the_rest_works(tmp_path: Path) -> None:
+    with browser(tmp_path, webgl=False) as page, ScriptedServer() as server:
+        visit(page, server, session.hello(), *told())
+        page.wait(lambda: page.data("state") == "engaged", "the state")
+        page.wait(lambda: page.data("scene") == "missing", "the 3-D view")
+        assert "WebGL" in page.text("scene")
+        assert page.pixels("#panel-force canvas") > 5
+        clean(page, server)

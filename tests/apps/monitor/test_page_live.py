@@ -1,0 +1,127 @@
+"""The page on a real session, through the real monitor: the numbers of the report, and a change that takes effect."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.apps.monitor.browser import Browser, believed, browser
+from tests.apps.monitor.monitors import Monitor
+from tests.system.processes import ROOT, Program, document
+from tests.system.systems import CONFIGS
+from weberlink.telemetry.reader import RingReader
+from weberlink.telemetry.ring import default_path
+
+pytestmark = pytest.mark.realtime
+
+PICTURE = os.environ.get("WEBERLINK_MONITOR_PICTURE")
+"""Where a picture of the page on the demonstration is put, such as docs/figures/monitor.png; unset for nowhere."""
+LARGEST_PICTURE = 400_000
+IN_CONTACT_N = 2.0
+PAUSE_IN_CONTACT = """
+const [least, models] = arguments;
+const watch = setInterval(() => {
+  const {force} = document.getElementById('scene').dataset;
+  if (!(force >= least) || !models.includes(document.getElementById('model').dataset.value)) return;
+  clearInterval(watch);
+  document.getElementById('pause').click();
+}, 20);
+"""
+"""Stops the drawing as soon as the operator feels so much [N] of what is believed to be one of these."""
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as one:
+        one.size(1400, 900)
+        one.scheme("dark")
+        yield one
+
+
+def value(report: dict[str, Any], path: str) -> float:
+    """A figure of the report; NaN where it says that it is not known."""
+    inner: Any = report
+    for key in path.split("."):
+        inner = inner[key]
+    return nan if inner is None else float(inner)
+
+
+def test_numbers_on_the_page_are_those_of_the_report(page: Browser, tmp_path: Path) -> None:
+    out = tmp_path / "report.json"
+    with Monitor(tmp_path) as monitor:
+        page.open(f"{monitor.url}/")  # a monitor that is there before the session sees all of it
+        # Of six degrees of freedom, which has every figure that there is.
+        with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "3", "--json", out) as program:
+            name = str(program.pid)
+            page.wait(lambda: name in page.text("session").split(), "the session")
+            page.choose("session", name)
+            # A page that the machine holds up may see no more of three seconds than their end.
+            page.wait(lambda: page.data("state") in ("engaged", "ended"), "the rows")
+            assert program.finish()[0] == 0
+        page.wait(lambda: page.data("state") == "ended", "the end")
+        assert page.data("seen-from-start") == "true"
+        shown = dict(
+            page.run(
+                "return [...document.querySelectorAll('[data-figure]')].map(e => [e.dataset.figure, e.dataset.value])"
+            )
+        )
+        assert page.number("force-packets-now") == float(shown["force.packets_per_s"])
+        assert page.console() == []
+        assert len(page.hosts()) == 1
+    report = document(out.read_text(encoding="utf-8"))
+    assert len(shown) > 25
+    assert float(shown["force.packets"]) > 0
+    for path, exact in shown.items():
+        assert float(exact or "nan") == pytest.approx(value(report, path), rel=1e-9, nan_ok=True), path
+
+
+def test_weber_factor_set_on_the_page_holds_on_both_ends(page: Browser, tmp_path: Path) -> None:
+    with Program("loopback") as program, Monitor(tmp_path, "--session", program.pid) as monitor:
+        page.open(f"{monitor.url}/")
+        page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the slider")
+        assert page.number("weber-value") == 0.1
+        page.choose("weber", "0.2")
+        page.wait(lambda: page.data("answer") in ("accepted", "refused"), "the answer")
+        assert page.data("answer") == "accepted", page.text("answer")
+        tick = int(page.data("answer", "tick"))
+        assert f"from tick {tick} on" in page.text("answer")
+        page.wait(lambda: page.text("weber-value") == "20 % = 1 JND", "what was agreed to be shown")
+
+        def pressed() -> Any:
+            """Of the last ticks, those in contact after the change."""
+            with RingReader(default_path(f"{program.pid}-slave")) as ring:
+                records = ring.read()
+            force = np.linalg.norm(records["raw"], axis=1)
+            return records[(force > 1.0) & (records["settings"] == 1) & (records["ramping"] == 0)]
+
+        page.wait(lambda: len(pressed()) > 100, "a touch under the new setting")
+        after = pressed()
+        share = after["bound"] / np.linalg.norm(after["raw"], axis=1)
+        assert np.allclose(share, 0.2, rtol=1e-4)
+        page.open(f"{monitor.url}/")  # a page that comes later knows as well
+        page.wait(lambda: page.number("weber-value") == 0.2, "the setting")
+        assert page.console() == []
+
+
+def test_picture_of_the_demonstration(page: Browser, tmp_path: Path) -> None:
+    """The hand on the dome, the surface that the predictor believes in beneath it, and the few packets that it took."""
+    path = tmp_path / "monitor.png"
+    with Program("loopback") as program, Monitor(tmp_path, "--session", program.pid) as monitor:
+        page.open(f"{monitor.url}/")
+        page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
+        # From 10 s on the hand comes by the top of the dome, which makes the better picture.
+        page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 5.0), "a full window")
+        page.run(PAUSE_IN_CONTACT, IN_CONTACT_N, ["sphere"] if PICTURE else ["plane", "sphere"])
+        page.wait(lambda: page.text("pause") == "Resume", "the hand on a surface")
+        page.picture(path)
+        assert believed(page) > 0.01
+        assert page.number("felt-jnd-now") >= 0.0
+        assert page.console() == []
+    assert path.stat().st_size < LARGEST_PICTURE
+    if PICTURE:
+        shutil.copyfile(path, ROOT / PICTURE)

@@ -1,0 +1,185 @@
+"""The one reader: which sessions there are, and which of them a page sees."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.apps.monitor.feeds import HandFeed, records
+from weberlink.apps.monitor.session import Session
+from weberlink.apps.monitor.viewer import Viewer
+from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, Watch
+from weberlink.telemetry.ring import RingWriter
+
+
+def ring(folder: Path, session: int, side: str) -> RingWriter:
+    path = folder / f"weberlink-{session}-{side}.ring"
+    return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=64)
+
+
+def write(writer: RingWriter, first: int, count: int = 20) -> None:
+    for record in records(count, first=first):
+        writer.write(
+            [value for field in record.item() for value in (field.tolist() if hasattr(field, "tolist") else (field,))]
+        )
+
+
+def told(viewer: Viewer) -> list[dict[str, Any]]:
+    messages = []
+    while (text := viewer.take()) is not None:
+        messages.append(json.loads(text))
+    return messages
+
+
+def test_sessions_come_and_go_and_a_page_follows_to_the_next(tmp_path: Path) -> None:
+    said: list[str] = []
+
+    async def run() -> None:
+        watch = Watch(tmp_path, None, said.append)
+        viewer = Viewer(None, may_change=True)
+        watch.join(viewer)
+        watch.look(0.0)
+        assert told(viewer) == [] and watch.newest is None
+        first = ring(tmp_path, 7, "slave")
+        write(first, 0)
+        watch.look(1.0)
+        assert [message["type"] for message in told(viewer)] == ["hello", "samples", "figures"]
+        other = ring(tmp_path, 7, "master")
+        write(other, 0)
+        write(first, 20)
+        watch.look(2.0)
+        messages = told(viewer)
+        assert messages[0]["type"] == "hello" and messages[0]["present"] == ["master", "slave"]
+        assert {message["side"] for message in messages if message["type"] == "samples"} == {"master", "slave"}
+        second = ring(tmp_path, 8, "master")
+        first.close()
+        other.close()
+        watch.look(3.0)
+        messages = told(viewer)
+        assert [message["session"] for message in messages if "session" in message] == ["7", "8", "8"]
+        assert messages[0]["ended"] and messages[0]["figures"]["ticks"]["slave"]["count"] == 40
+        assert [of["session"] for of in watch.overview()] == ["8", "7"]
+        second.close()
+        watch.look(4.0)
+        assert told(viewer)[-1]["ended"]
+        for session in watch.sessions.values():
+            session.close()
+
+    asyncio.run(run())
+    assert said[-1] == "session 8: over"
+
+
+def test_a_page_that_asked_for_one_session_stays_with_it(tmp_path: Path) -> None:
+    async def run() -> None:
+        watch = Watch(tmp_path, None, lambda _: None)
+        feeds = {name: HandFeed("slave") for name in ("1", "2")}
+        for name, feed in feeds.items():
+            watch.put(Session(name, feed))
+        pinned, free = Viewer("1", may_change=True), Viewer(None, may_change=True)
+        for viewer in (pinned, free):
+            watch.join(viewer)
+        for feed in feeds.values():
+            feed.put(records(40))
+        watch.look(0.0)
+        assert {message.get("session", "1") for message in told(pinned)} == {"1"}
+        assert {message.get("session", "2") for message in told(free)} == {"2"}
+        watch.leave(pinned)
+        feeds["2"].over = True
+        watch.look(1.0)
+        messages = told(free)
+        assert messages[0]["ended"] and messages[1]["session"] == "1"  # which still runs
+
+    asyncio.run(run())
+
+
+def test_a_page_that_asked_for_a_session_that_is_not_there_sees_the_newest_until_it_is() -> None:
+    async def run() -> None:
+        watch = Watch(Path("/nonexistent"), None, lambda _: None)
+        viewer = Viewer("9", may_change=True)
+        watch.join(viewer)
+        watch.put(Session("1", HandFeed("slave")))
+        watch.look(0.0)
+        assert told(viewer)[0]["session"] == "1"
+        watch.put(Session("9", HandFeed("slave")))
+        watch.put(Session("10", HandFeed("slave")))
+        watch.look(1.0)
+        assert told(viewer)[0]["session"] == "9"
+        watch.look(2.0)
+        assert {message["session"] for message in told(viewer)} == {"9"}
+
+    asyncio.run(run())
+
+
+def test_only_the_session_that_was_asked_for_is_opened(tmp_path: Path) -> None:
+    with ring(tmp_path, 7, "slave"), ring(tmp_path, 8, "slave"):
+        watch = Watch(tmp_path, "8", lambda _: None)
+        watch.look(0.0)
+        assert list(watch.sessions) == ["8"]
+        watch.sessions["8"].close()
+
+
+def test_what_is_no_ring_of_ours_is_said_once_and_passed_over(tmp_path: Path) -> None:
+    said: list[str] = []
+    (tmp_path / "weberlink-9-slave.ring").write_bytes(b"x" * 500)
+    watch = Watch(tmp_path, None, said.append)
+    watch.look(0.0)
+    watch.look(FIND_S * 2)
+    assert watch.sessions == {}
+    assert len(said) == 1 and "not a telemetry ring" in said[0]
+
+
+def test_rings_that_dead_daemons_left_are_no_sessions(tmp_path: Path) -> None:
+    writer = ring(tmp_path, 7, "slave")
+    writer.close(unlink=False)
+    watch = Watch(tmp_path, None, lambda _: None)
+    watch.look(0.0)
+    assert watch.sessions == {}
+
+
+def test_sessions_that_are_over_are_forgotten_in_time() -> None:
+    watch = Watch(Path("/nonexistent"), None, lambda _: None)
+    feeds = []
+    for number in range(ENDED_KEPT + 3):
+        feed = HandFeed("slave")
+        feed.over = True
+        feeds.append(feed)
+        watch.put(Session(str(number), feed))
+    watch.look(0.0)
+    assert list(watch.sessions) == [str(number) for number in range(3, ENDED_KEPT + 3)]
+    assert [feed.is_closed for feed in feeds] == [True] * 3 + [False] * ENDED_KEPT
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [
+        (None, "expected"),
+        ([], "expected"),
+        ({"type": "stop"}, "expected"),
+        ({"type": "change"}, "nothing to change"),
+        ({"type": "change", "floor_n": 1}, "'floor_n' cannot be changed"),
+        ({"type": "change", "weber": 2}, "0 to 1"),
+        ({"type": "change", "weber": float("nan")}, "0 to 1"),
+        ({"type": "change", "weber": True}, "0 to 1"),
+        ({"type": "change", "predictor": 3}, "predictor must be a name"),
+        ({"type": "change", "weber": 0.1}, "no session"),
+    ],
+)
+def test_what_cannot_be_changed_is_answered_with_the_reason(request_: object, why: str) -> None:
+    watch = Watch(Path("/nonexistent"), None, lambda _: None)
+    answer = asyncio.run(watch.change(Viewer(None, may_change=True), request_))
+    assert answer["type"] == "answer" and answer["accepted"] is False
+    assert why in answer["why"]
+
+
+def test_a_page_that_may_only_look_changes_nothing() -> None:
+    async def run() -> dict[str, Any]:
+        watch = Watch(Path("/nonexistent"), None, lambda _: None)
+        watch.put(Session("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
+        viewer = Viewer(None, may_change=False)
+        watch.join(viewer)
+        assert told(viewer)[0]["readonly"] is True
+        return await watch.change(viewer, {"type": "change", "weber": 0.1})
+
+    assert "look only" in asyncio.run(run())["why"]

@@ -1,0 +1,272 @@
+"""The HTTP side, in this process: what is served to whom, and a page that does not read."""
+
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+from aiohttp import web
+
+from tests.apps.monitor.feeds import HandFeed, records
+from tests.strangers import NOBODY, SOMEBODY, Stranger, hold_connections, needs_root
+from tests.system.processes import PATIENCE
+from weberlink.apps.monitor import guard
+from weberlink.apps.monitor.metrics import exposition
+from weberlink.apps.monitor.session import Session
+from weberlink.apps.monitor.viewer import ROWS_WAITING
+from weberlink.apps.monitor.watch import Watch
+from weberlink.apps.monitor.web import LONGEST_MESSAGE, MOST_OF_CLIENT, MOST_PAGES, Site
+
+Visit = Callable[[aiohttp.ClientSession, str, Watch], Awaitable[None]]
+
+
+@asynccontextmanager
+async def served() -> AsyncIterator[tuple[str, Watch]]:
+    watch = Watch(Path("/nonexistent"), None, lambda _: None)
+    site = Site(watch, guard.names("127.0.0.1"), exposition(watch.sessions.values))
+    runner = web.AppRunner(site.application(), access_log=None, shutdown_timeout=0.1)
+    await runner.setup()
+    # What is accepted inherits the buffer: a small one, so that what a page does not read waits where it is looked at.
+    listening = socket.create_server(("127.0.0.1", 0))
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)
+    await web.SockSite(runner, listening).start()
+    try:
+        yield f"127.0.0.1:{runner.addresses[0][1]}", watch
+    finally:
+        await runner.cleanup()
+
+
+def visit(visitor: Visit) -> None:
+    async def run() -> None:
+        async with asyncio.timeout(PATIENCE), served() as (where, watch), aiohttp.ClientSession() as client:
+            await visitor(client, where, watch)
+
+    asyncio.run(run())
+
+
+async def status(client: aiohttp.ClientSession, url: str, **headers: str) -> int:
+    async with client.get(url, headers={name.capitalize(): value for name, value in headers.items()}) as response:
+        for name, value in guard.HEADERS.items():
+            assert response.headers[name] == value
+        return response.status
+
+
+def test_the_page_and_its_files_are_served_and_nothing_else_of_this_host() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, _watch: Watch) -> None:
+        url = f"http://{where}"
+        async with client.get(url) as response:
+            assert response.status == 200 and response.content_type == "text/html"
+        assert await status(client, f"{url}/assets/index.html") == 200
+        for path in ("assets", "assets/", "assets/vendor", "assets/index", "index.html", "assets/.hidden.js"):
+            assert await status(client, f"{url}/{path}") == 404, path
+        async with client.post(url) as response:
+            assert response.status == 405
+
+    visit(visitor)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/assets/../web.py",
+        "/assets/%2e%2e/web.py",
+        "/assets/..%2fweb.py",
+        "/assets/js/../../feed.py",
+        "/assets//etc/hostname.txt",
+        "/assets/%2fetc%2fhostname.txt",
+        "/assets/..%5cweb.py",
+        "/assets/index.html%00.js",
+        "/../../etc/passwd",
+        "//etc/passwd",
+    ],
+)
+def test_no_path_leads_out_of_the_page(path: str) -> None:
+    """By hand: a client tidies such a path up before it asks."""
+
+    async def visitor(_client: aiohttp.ClientSession, where: str, _watch: Watch) -> None:
+        host, port = where.split(":")
+        reader, writer = await asyncio.open_connection(host, int(port))
+        writer.write(f"GET {path} HTTP/1.1\r\nHost: {where}\r\nConnection: close\r\n\r\n".encode())
+        answer = await reader.read()
+        writer.close()
+        await writer.wait_closed()
+        assert answer.split()[1] in (b"404", b"400")
+
+    visit(visitor)
+
+
+def test_foreign_names_and_foreign_pages_are_refused_everywhere() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, _watch: Watch) -> None:
+        for path in ("", "ws", "metrics", "api/sessions"):
+            url = f"http://{where}/{path}"
+            assert await status(client, url, host="evil.example") == 403
+            assert await status(client, url, origin="http://evil.example") == 403
+        for headers in ({"Origin": "http://127.0.0.1:1"}, {"Origin": "null"}, {"Host": "evil.example"}):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await client.ws_connect(f"http://{where}/ws", headers=headers)
+            assert refused.value.status == 403
+        socket = await client.ws_connect(f"http://{where}/ws", headers={"Origin": f"http://{where}"})
+        await socket.close()
+
+    visit(visitor)
+
+
+async def heard(page: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
+    return json.loads((await page.receive()).data)
+
+
+def test_a_page_is_greeted_shown_and_answered() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: Watch) -> None:
+        feed = HandFeed("slave")
+        feed.description = None
+        watch.put(Session("7", feed))
+        async with client.get(f"http://{where}/api/sessions") as response:
+            (listed,) = (await response.json())["sessions"]
+        assert (listed["session"], listed["sides"], listed["live"]) == ("7", ["slave"], True)
+        async with client.ws_connect(f"http://{where}/ws?session=7") as page:
+            hello = await heard(page)
+            assert (hello["type"], hello["session"], hello["rate_hz"]) == ("hello", "7", 1000.0)
+            assert (await heard(page))["type"] == "figures"
+            feed.put(records(10))
+            watch.look(0.0)
+            samples = await heard(page)
+            assert samples["t"] == [0.0, 0.004, 0.008]
+            for sent in ("{", '"x"', "[" * 2000, '{"type":"change","weber":7}'):
+                await page.send_str(sent)
+                while (answer := await heard(page))["type"] != "answer":
+                    pass
+                assert answer["accepted"] is False
+            await page.send_str("x" * (LONGEST_MESSAGE + 1))
+            while not page.closed:
+                await page.receive()
+            assert page.close_code == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+
+    visit(visitor)
+
+
+def test_a_page_that_does_not_read_does_not_hold_up_the_end() -> None:
+    async def run() -> None:
+        async with asyncio.timeout(PATIENCE):
+            async with served() as (where, watch):
+                feed = HandFeed("slave")
+                watch.put(Session("7", feed))
+                _, writer = await asyncio.open_connection("127.0.0.1", int(where.split(":")[1]), limit=1024)
+                writer.write(upgrade(where))
+                while not watch.viewers:
+                    await asyncio.sleep(0.01)
+                for look in range(100):
+                    made = records(100, first=100 * look)
+                    made["sent"] = 1
+                    feed.put(made)
+                    watch.look(0.1 * look)
+                    await asyncio.sleep(0)
+            writer.transport.abort()  # not before: the page is still there when the server ends
+            assert watch.viewers == []
+
+    asyncio.run(run())
+
+
+def test_there_is_room_for_so_many_pages() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: Watch) -> None:
+        pages = [await client.ws_connect(f"http://{where}/ws") for _ in range(MOST_PAGES)]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await client.ws_connect(f"http://{where}/ws")
+        assert refused.value.status == 503
+        for page in pages:
+            await page.close()
+        while watch.viewers:
+            await asyncio.sleep(0.01)
+        async with client.ws_connect(f"http://{where}/ws"):
+            pass
+
+    visit(visitor)
+
+
+@needs_root
+def test_pages_of_another_user_take_no_place_of_the_owner() -> None:
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: Watch) -> None:
+        host, port = where.split(":")
+        attack = (hold_connections, host, int(port), 16, upgrade(where), len(b"HTTP/1.1 101"))
+        for user, greeted in ((NOBODY, MOST_OF_CLIENT), (SOMEBODY, MOST_OF_CLIENT)):
+            with await asyncio.to_thread(Stranger, *attack, user=user) as stranger:
+                assert stranger.got.count("HTTP/1.1 101") == greeted
+                assert stranger.got.count("HTTP/1.1 503") == 16 - greeted
+                assert not any(viewer.may_change for viewer in watch.viewers)
+                pages = [await client.ws_connect(f"http://{where}/ws") for _ in range(MOST_PAGES)]
+                assert sum(viewer.may_change for viewer in watch.viewers) == MOST_PAGES
+                for page in pages:
+                    await page.close()
+            while watch.viewers:
+                await asyncio.sleep(0.01)
+
+    visit(visitor)
+
+
+def test_a_page_that_does_not_read_loses_rows_but_no_figures_and_holds_up_nobody() -> None:
+    looks = 160
+
+    async def visitor(client: aiohttp.ClientSession, where: str, watch: Watch) -> None:
+        feed = HandFeed("slave")
+        feed.description = None
+        watch.put(Session("7", feed))
+        slow = socket.socket()
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)  # with less, the kernel waits long between windows
+        slow.setblocking(False)
+        await asyncio.get_running_loop().sock_connect(slow, ("127.0.0.1", int(where.split(":")[1])))
+        reader, writer = await asyncio.open_connection(sock=slow, limit=4096)
+        writer.write(upgrade(where))
+        await reader.readuntil(b"\r\n\r\n")
+        async with client.ws_connect(f"http://{where}/ws") as quick:
+            while len(watch.viewers) < 2:
+                await asyncio.sleep(0.01)
+            seen = 0
+            for look in range(looks):
+                made = records(100, first=100 * look)
+                made["sent"] = 1
+                feed.put(made)
+                watch.look(0.1 * look)
+                await asyncio.sleep(0)
+                if look % 20 == 19:
+                    while seen < 100 * (look + 1):
+                        seen += len((await heard(quick)).get("t", ()))
+            feed.over = True
+            watch.look(0.1 * looks)
+            assert seen == 100 * looks
+        viewer = watch.viewers[0]
+        assert viewer.lost_rows > 0 and len(viewer) <= ROWS_WAITING + 4
+        last, rows = {}, 0
+        async for message in frames(reader):
+            rows += len(message.get("t", ()))
+            last = message
+            if message.get("ended"):
+                break
+        assert 0 < rows == 100 * (looks - viewer.lost_rows) < 100 * looks
+        assert last["figures"]["ticks"]["slave"]["count"] == 100 * looks
+        writer.close()
+        await writer.wait_closed()
+
+    visit(visitor)
+
+
+def upgrade(where: str) -> bytes:
+    """What opens a WebSocket by hand (RFC 6455, 1.3)."""
+    return (
+        f"GET /ws HTTP/1.1\r\nHost: {where}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    ).encode()
+
+
+async def frames(reader: asyncio.StreamReader) -> AsyncIterator[dict[str, Any]]:
+    """Text frames of a server, unmasked and whole (RFC 6455, 5.2)."""
+    while True:
+        first, length = await reader.readexactly(2)
+        if length >= 126:
+            length = int.from_bytes(await reader.readexactly(2 if length == 126 else 8), "big")
+        data = await reader.readexactly(length)
+        if first & 0x0F == 1:
+            yield json.loads(data)

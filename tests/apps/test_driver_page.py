@@ -1,0 +1,207 @@
+"""The page on drivers of one's own: its very code is installed as a package of somebody else, and run."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import pytest
+
+from tests.master.devices import test_contract as contract
+from tests.master.devices.benches import TICK, Bench, real_time
+from tests.system.packages import install
+from tests.system.processes import document
+from tests.system.systems import CONFIGS
+from weberlink.apps.devices import survey
+from weberlink.hardware.emulator import WireFaults
+from weberlink.hardware.pty_device import PtyDevice
+from weberlink.master import devices
+
+PAGE = (CONFIGS.parent / "docs" / "drivers.md").read_text(encoding="utf-8")
+SWING_M = 0.02
+YIELDS_M_N = 0.0003
+
+
+def block(language: str, containing: str = "") -> str:
+    """The one block of the page in a language that contains something."""
+    (found,) = (text for text in re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.M | re.S) if containing in text)
+    return str(found)
+
+
+class Paddle:
+    """An emulated paddle in a hand that swings to and fro and yields a little.
+
+    Its motor stops by itself when it has not heard a line for 50 ms.
+    """
+
+    def __init__(self) -> None:
+        self.faults = WireFaults()
+        self._commanded_n = 0.0
+        self._answers: list[bytes] = []
+        self._heard_at = -inf
+        self._text = b""
+        self._origin: float | None = None
+
+    def force_n(self, now: float) -> float:
+        """That its motor makes [N]."""
+        return self._commanded_n if now - self._heard_at <= 0.05 else 0.0
+
+    def receive(self, data: bytes, now: float) -> None:
+        *lines, self._text = (self._text + data).split(b"\n")
+        for line in lines:
+            self._commanded_n, self._heard_at = 1e-3 * int(line), now
+            self._answers.append(b"%d\n" % round(1e6 * self._position(now)))
+
+    def advance(self, now: float) -> None:
+        pass
+
+    def replies(self, now: float) -> list[bytes]:
+        answers, self._answers = self._answers, []
+        return answers
+
+    def next_timer(self) -> float | None:
+        return None
+
+    def _position(self, now: float) -> float:
+        self._origin = self._origin or now
+        phase = (now - self._origin) % 2.0
+        return SWING_M * (1.0 - 2.0 * abs(phase - 1.0)) + YIELDS_M_N * self.force_n(now)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The package of the page as pip would leave it."""
+    project = tomllib.loads(block("toml"))
+    groups = project["project"]["entry-points"]
+    entry_points = "\n".join(
+        f"[{group}]\n" + "\n".join(f"{name} = {value}" for name, value in entries.items())
+        for group, entries in groups.items()
+    )
+    return install(tmp_path, project["project"]["name"], {"paddle": block("python")}, entry_points)
+
+
+@pytest.fixture
+def driver(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.syspath_prepend(str(folder))
+    yield devices.load("paddle")
+    sys.modules.pop("paddle", None)
+
+
+@pytest.fixture
+def wire(tmp_path: Path) -> Iterator[PtyDevice]:
+    with PtyDevice(Paddle(), tmp_path / "port") as wire:
+        yield wire
+
+
+@pytest.fixture
+def bench(driver: Any, wire: PtyDevice) -> Iterator[Bench]:
+    device = driver(driver.Options(port=str(wire.path)), TICK)
+    emulator: Any = wire.emulator
+    faults: dict[str, Callable[[], None]] = {
+        "unplug": wire.unplug,
+        "silent": lambda: setattr(emulator.faults, "silent", True),
+        "late": lambda: setattr(emulator.faults, "late_s", 0.2),
+        "garbled": lambda: setattr(emulator.faults, "garble", 1_000_000),
+    }
+    yield Bench(device, real_time(), lambda: abs(emulator.force_n(monotonic())), faults)
+    device.close()
+
+
+# --- the driver
+
+
+def test_its_spec_is_there_before_opening(bench: Bench) -> None:
+    contract.test_the_spec_is_there_before_opening("paddle", bench)
+
+
+def test_it_is_read_while_it_is_open_and_closes_any_number_of_times(bench: Bench) -> None:
+    contract.test_only_an_open_device_is_read_and_closing_is_idempotent("paddle", bench)
+
+
+def test_its_readings_move_on_and_do_not_jump(bench: Bench) -> None:
+    contract.test_readings_move_on_in_time_and_do_not_jump(bench)
+
+
+def test_it_refuses_what_is_no_number(bench: Bench) -> None:
+    contract.test_a_force_that_is_no_number_is_our_own_error(bench)
+
+
+def test_its_motor_does_what_is_commanded_within_the_limit_and_nothing_after(bench: Bench) -> None:
+    contract.test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(bench)
+
+
+def test_it_does_not_push_for_a_loop_that_fell_silent(bench: Bench) -> None:
+    contract.test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench)
+
+
+@pytest.mark.parametrize("fault", ["unplug", "silent", "late", "garbled"])
+def test_a_fault_ends_it_with_a_reason_and_without_force(fault: str, bench: Bench) -> None:
+    contract.test_a_fault_ends_it_with_a_reason_and_without_force("paddle", fault, bench)
+
+
+def test_it_is_listed_with_its_package(driver: Any) -> None:
+    (row,) = (row for row in survey().rows if row.driver == "paddle")
+    assert (row.side, row.package, row.kind) == ("master", "paddle-for-weberlink", "hardware")
+    assert row.state in ("ready", "nothing plugged in", "no permission")  # whatever hangs on this machine
+
+
+# --- the programs
+
+
+@dataclass(frozen=True)
+class Ended:
+    status: int
+    output: str
+    errors: str
+
+
+def weberlink(folder: Path, *arguments: object) -> Ended:
+    """The program as a process, with the package of the page on its path."""
+    path = os.pathsep.join(filter(None, [str(folder), os.environ.get("PYTHONPATH")]))
+    done = subprocess.run(
+        [sys.executable, "-m", "weberlink", *map(str, arguments)],
+        cwd=CONFIGS.parent, env={**os.environ, "PYTHONPATH": path},
+        text=True, capture_output=True, timeout=60, check=False,
+    )  # fmt: skip
+    return Ended(done.returncode, done.stdout, done.stderr)
+
+
+@pytest.fixture
+def file(folder: Path, wire: PtyDevice) -> Path:
+    path = folder / "paddle.yaml"
+    path.write_text(block("yaml").replace("/dev/ttyACM0", str(wire.path)), encoding="utf-8")
+    return path
+
+
+def test_its_file_is_checked(folder: Path, file: Path) -> None:
+    ended = weberlink(folder, "check", file)
+    assert (ended.status, ended.errors) == (0, "")
+    assert "device paddle" in ended.output
+    ended = weberlink(folder, "check", file, "--set", "master.device.prot=x")
+    assert ended.status == 2
+    assert ended.errors == f"weberlink: {file}: master.device.prot: unknown key; did you mean port?\n"
+
+
+@pytest.mark.realtime
+def test_its_file_runs_a_session_in_which_the_wall_is_felt(folder: Path, file: Path, wire: PtyDevice) -> None:
+    felt: list[float] = []
+    emulator: Any = wire.emulator
+    receive = emulator.receive
+
+    def listen(data: bytes, now: float) -> None:
+        receive(data, now)
+        felt.append(emulator.force_n(now))
+
+    emulator.receive = listen
+    patient = ("--set", "master.limits.device_ms=2000", "--set", "link.silence_ms=2000")  # the machine may stall
+    ended = weberlink(folder, "loopback", file, "--duration", "3", "--json", "-", *patient)
+    assert (document(ended.output)["outcome"], ended.status, ended.errors) == ("completed", 0, "")
+    assert max(felt) > 1.0, "at most 2 cm deep in a wall of 300 N/m"
+    assert felt[-1] == 0.0

@@ -1,0 +1,90 @@
+"""Findings of a run that nobody made: numbers that a test knows."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.arrangement import RATES_HZ, Arrangement
+from benchmarks.codec_rate import CodecRate
+from benchmarks.echo import Trips
+from benchmarks.latency import Latency
+from benchmarks.lateness import Lateness, Limit
+from benchmarks.live_run import Side
+from benchmarks.meter import Overhead
+from benchmarks.resources import Resources
+from benchmarks.rights import Rights
+from benchmarks.start_up import StartUp
+from benchmarks.study import Findings
+from benchmarks.tick_cost import PARTS, TickCost
+from benchmarks.update_cost import UpdateCost
+from weberlink.telemetry.reader import DTYPE
+
+ARRANGEMENT = Arrangement(Path("loopback.yaml"), Path("key"), (), lambda _: [])
+RIGHTS = Rights(priority=50, lock_memory=True, wakeful=True, cpus=(2, 3))
+HOST: Mapping[str, Any] = {
+    "kernel": "6.1.0",
+    "preemption": "PREEMPT_RT",
+    "command_line": ["isolcpus=2,3"],
+    "governors": ["performance"],
+    "idle_driver": "intel_idle",
+    "isolated_cpus": "2-3",
+    "nohz_full_cpus": None,
+    "clock_source": "tsc",
+    "virtual_machine": False,
+    "realtime_share": 0.95,
+    "load_average": [0.01, 0.02, 0.03],
+}
+
+
+def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> Side:
+    """A daemon over 10 s, every tick equally late, all its missed deadlines at once in the middle."""
+    records = np.zeros(int(10.0 * rate_hz) - missed, DTYPE)
+    records["lateness_us"], records["work_us"], records["codec_us"] = late_us, 50.0, 5.0
+    records["ticks_missed"][len(records) // 2 :] = missed
+    used = [(0.0, Resources(1.0, 40_000, 12)), (10.0, Resources(1.0 + cpu_s, 40_004, 12))]
+    return Side(records, rate_hz, used, {"realtime": None, "faults": {}})
+
+
+def lateness(rate_hz: float, *, late_us: float = 30.0, missed: int = 0, cpu_s: float = 1.0) -> Lateness:
+    """The slave twice as late as the master; the limit is 20 us throughout."""
+    sides = {
+        "master": side(rate_hz, late_us=late_us / 2.0, missed=0, cpu_s=cpu_s / 2.0),
+        "slave": side(rate_hz, late_us=late_us, missed=missed, cpu_s=cpu_s),
+    }
+    return Lateness(rate_hz, sides, Limit("cyclictest 2.40", np.full(1000, 20.0)))
+
+
+def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool = True) -> Latency:
+    """Plain sockets take 50 us each way."""
+    coded = Trips(np.full(10, position_us), np.full(10, force_us), np.full(10, position_us + force_us))
+    plain = Trips(np.full(10, 50.0), np.full(10, 50.0), np.full(10, 100.0))
+    return Latency(coded, plain, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
+
+
+def codec(compiled: float | None = 6e6) -> CodecRate:
+    note = None if compiled is not None else 'numba: not installed; install it with: pip install "weberlink[compiled]"'
+    return CodecRate(2e5, np.full(10, 5.0), compiled, note)
+
+
+def findings(
+    *, rates: Mapping[float, Lateness] | None = None, way: Latency | None = None, rate: CodecRate | None = None
+) -> Findings:
+    parts = {side: {part: 1.0 + place for place, part in enumerate(PARTS)} for side in ("master", "slave")}
+    return Findings(
+        rates={hz: lateness(hz) for hz in RATES_HZ} if rates is None else rates,
+        way=latency() if way is None else way,
+        update=UpdateCost(
+            {
+                "send": {"warm": np.full(9, 12.0), "cold": np.full(9, 57.0)},
+                "receive": {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)},
+            }
+        ),
+        cost=TickCost(parts, {"master": 36.0, "slave": 36.0}, 1000, Overhead(200.0, 300.0)),
+        codec=codec() if rate is None else rate,
+        start=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
+        granted=RIGHTS,
+        about=HOST,
+        run_time_s=120.0,
+    )

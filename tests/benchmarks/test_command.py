@@ -1,0 +1,77 @@
+"""The command as its user runs it."""
+
+import socket
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks import cyclictest, sockperf
+from benchmarks.percentiles import NAMES
+from benchmarks.tick_cost import PARTS
+from tests.system.processes import Program, document
+from weberlink.cli import app
+from weberlink.system.configuration import SIDES
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--baseline", "nothing.json"), "--baseline: nothing.json: cannot be read: No such file"),
+        (("--duration", "0.5"), "--duration"),
+        (("--set", "rate_hz=500"), "--set rate_hz: is not for bench"),
+        (("--set", "nonsense=1"), "nonsense"),
+    ],
+)
+def test_what_is_wrong_is_one_line_before_anything_is_measured(arguments: tuple[str, ...], complaint: str) -> None:
+    ended = CliRunner().invoke(app, ["bench", *arguments])
+    assert ended.exit_code == 2
+    assert complaint in ended.stderr
+    assert ended.stderr.count("\n") == 1
+    assert ended.stdout == ""
+
+
+@pytest.mark.realtime
+def test_a_measurement_that_cannot_be_made_is_one_line_and_status_1() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        options = [f'--set=link.{end}="{address}"' for end in ("listen", "slave")]
+        with Program("bench", "--quick", *options) as program:
+            status, said, complaints = program.finish()
+    assert (status, said) == (1, "")
+    assert f"weberlink: the slave ended before the session began: UDP {address} is in use" in complaints
+    assert "Traceback" not in complaints
+
+
+@pytest.mark.realtime
+def test_a_glance_at_everything(tmp_path: Path) -> None:
+    out = tmp_path / "bench.json"
+    with Program("bench", "--quick", "--json", out, "--plots", tmp_path / "figures") as program:
+        status, said, complaints = program.finish()
+    assert (status, complaints) == (0, "")
+    found = document(out.read_text(encoding="utf-8"))
+    assert found["quick"] is True
+    assert [rate["rate_hz"] for rate in found["lateness"]] == [1000.0, 2000.0, 4000.0]
+    for rate in found["lateness"]:
+        assert rate["limit"]["name"] == (cyclictest.version() or "timerfd in Python")
+        assert rate["limit"]["cycles"] > 0
+        assert 0.0 <= rate["limit"]["missed_share"] < 1.0
+        for side in SIDES:
+            daemon = rate["daemons"][side]
+            assert daemon["ticks"] + daemon["missed"] > 0.5 * rate["rate_hz"] * found["duration_s"]
+            assert daemon["lateness_us"]["p50"] <= daemon["lateness_us"]["p99_9"] <= daemon["lateness_us"]["max"]
+            assert daemon["cpu_share"] > 0.0
+    for way in ("position", "force", "round_trip"):
+        assert all(found["latency"]["weberlink_us"][way][name] > 0.0 for name in NAMES)
+    assert (found["latency"]["sockperf"] is None) is (sockperf.version() is None)
+    for step in ("send", "receive"):
+        assert all(found["update_cost_us"][step][caches]["p50"] > 0.0 for caches in ("warm", "cold"))
+    assert list(found["tick_cost"]["parts_us"]["master"]) == list(PARTS)
+    assert found["cpu"]["slave"]["cpu_us_per_tick"] > 0.0
+    assert found["memory"]["master"]["first_kib"] > 1000
+    assert found["start_up"]["loopback"]["median_s"] > found["start_up"]["interpreter"]["median_s"]
+    assert len(found["targets"]) == 6
+    assert "a glance, not a measurement" in said
+    assert max(map(len, said.splitlines())) <= 80
+    assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png", "cpu.png"}

@@ -1,0 +1,73 @@
+"""cyclictest's command line, and what it printed on a real machine."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.arrangement import BenchError
+from benchmarks.cyclictest import arguments, measure, parse, version
+from benchmarks.percentiles import summary
+from benchmarks.rights import Rights
+
+CAPTURED = (Path(__file__).parent / "captured" / "cyclictest.txt").read_text(encoding="utf-8")
+"""Of version 2.40: two threads, 400 cycles each, bins up to 60 us, three latencies beyond them."""
+BARE = Rights(priority=0, lock_memory=False, wakeful=False, cpus=None)
+
+
+def test_every_cycle_of_every_thread_is_counted() -> None:
+    seen = parse(CAPTURED)
+    assert seen.threads == 2
+    assert len(seen.latencies_us) == 800
+    assert seen.latencies_us[0] == 16.0
+    assert list(seen.latencies_us[-3:]) == [84.0, 84.0, 7297.0]  # what has no bin counts as the latest of its thread
+    assert np.count_nonzero(seen.latencies_us < 60.0) == 399 + 398
+
+
+def test_counts_stand_for_so_many_latencies() -> None:
+    text = "# Histogram\n000003 000001\t000002\n000007 000000\t000001\n# Total: 000000001 000000003\n"
+    text += "# Max Latencies: 00003 00050\n# Histogram Overflows: 00000 00002\n"
+    assert parse(text).latencies_us.tolist() == [3.0, 3.0, 3.0, 7.0, 50.0, 50.0]
+    assert summary(parse(text).latencies_us)["max"] == 50.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "cyclictest: unable to set scheduler",
+        "# Histogram\n000001 000001\t000002\n",
+        "000001 000001\n# Total: 000000001 000000001\n",
+    ],
+)
+def test_what_is_no_histogram_is_one_line(text: str) -> None:
+    with pytest.raises(BenchError, match="no histogram"):
+        parse(text)
+
+
+def test_it_runs_as_the_daemons_do() -> None:
+    whole = Rights(priority=50, lock_memory=True, wakeful=True, cpus=(3, 2))
+    line = " ".join(arguments(4000.0, 5.0, whole, threads=2))
+    for part in ("-t 2", "-i 250", "-l 20000", "--policy=fifo", "-p 50", "-m", "-a 2,3"):
+        assert f" {part}" in line
+    assert "--default-system" not in line
+
+
+def test_it_takes_no_right_that_they_do_not_have() -> None:
+    line = arguments(1000.0, 1.0, BARE, threads=2)
+    assert "--policy=other" in line
+    assert "--default-system" in line
+    assert not {"-p", "-m", "-a"} & set(line)
+
+
+@pytest.mark.skipif(version() is None, reason="cyclictest is not installed")
+def test_the_installed_one_is_understood() -> None:
+    assert str(version()).startswith("cyclictest ")
+    seen = measure(arguments(1000.0, 0.1, BARE, threads=2), 0.1)
+    assert seen.threads == 2
+    assert 100 <= len(seen.latencies_us) <= 200  # the first thread to be done ends the other
+
+
+def test_a_program_that_fails_is_one_line() -> None:
+    with pytest.raises(BenchError, match="false"):
+        measure(["false"], 0.1)

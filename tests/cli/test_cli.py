@@ -1,0 +1,385 @@
+"""What the commands print, write and return, for good arguments and for bad ones."""
+
+import json
+import re
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner, Result
+
+from tests.system.systems import CONFIGS
+from weberlink.cli import app
+
+FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
+OPERATOR = CONFIGS / "traces" / "operator.csv"
+HEADER = "t,px,py,pz,fx,fy,fz"
+COMMANDS = sorted(get_command(app).commands)  # type: ignore[attr-defined]
+
+
+LIVE = ("master", "slave", "loopback")
+AT_ONCE = ("--duration", 0)
+"""So that a live command that takes what it should refuse ends all the same."""
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def complaint(result: Result, status: int = 2) -> str:
+    """The one line on standard error of a command that printed nothing else."""
+    assert result.exit_code == status, result.output
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("cli") / "weberlink.key"
+    assert run("keygen", path).exit_code == 0
+    return path
+
+
+def with_key(key: Path) -> tuple[str, ...]:
+    """For files that need a key; the others do not look at it."""
+    return "--set", f"link.key_file={key}"
+
+
+# --- help
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS])
+def test_every_command_explains_itself(command: str) -> None:
+    result = run(*filter(None, [command]), "--help")
+    assert result.exit_code == 0
+    assert result.stdout.startswith("Usage: ")
+    assert result.stderr == ""
+
+
+def test_the_documented_commands_are_there() -> None:
+    assert {"loopback", "master", "slave", "check", "keygen", "evaluate", "simulate"} <= set(COMMANDS)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["bogus"],
+        ["loopback", "--durations", "3"],
+        ["loopback", "--duration", "three"],
+        ["loopback", "--duration", "-1"],
+        ["loopback", "--duration", "nan"],
+        ["simulate", CONFIGS / "loopback.yaml", "--duration", "inf"],
+        ["simulate"],
+        ["evaluate", OPERATOR, "--floor", "inf"],
+        ["evaluate", OPERATOR, "--floor", "-1"],
+        ["evaluate", OPERATOR, "--workers", "0"],
+    ],
+    ids=lambda arguments: " ".join(str(argument).rpartition("/")[2] for argument in arguments),
+)
+def test_wrong_arguments_are_one_line(arguments: list[object]) -> None:
+    complaint(run(*arguments))
+
+
+# --- check
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_check_says_what_a_shipped_file_composes(name: str, key: Path) -> None:
+    result = run("check", CONFIGS / name, *with_key(key))
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert f"{name}: valid" in result.stdout.splitlines()[0]
+    channels = 4 if "\nrotation " in result.stdout else 2
+    assert len(re.findall(r"update of \d+.* bytes of UDP payload", result.stdout)) == channels
+
+
+def update_sizes(key: Path, *arguments: str) -> list[list[int]]:
+    """Of the force and of the position channel: without history, and with it."""
+    output = run("check", CONFIGS / "loopback.yaml", *with_key(key), *arguments).stdout
+    return [[int(size) for size in re.findall(r"\d+", line)] for line in re.findall(r"update of (.*) bytes", output)]
+
+
+def test_fewer_axes_fewer_predictors_and_no_crypto_are_shorter_updates(key: Path) -> None:
+    three = update_sizes(key)
+    one = update_sizes(key, "--set", "axes=z")
+    assert all(a < b for sizes in zip(one, three, strict=True) for a, b in zip(*sizes, strict=True))
+    assert len(update_sizes(key, "--set", "codec.force.predictor=zoh")[0]) == 1
+    secured = update_sizes(key, "--set", "link.security=psk")
+    assert all(a < b for sizes in zip(three, secured, strict=True) for a, b in zip(*sizes, strict=True))
+    assert secured[0][1] <= 48
+    assert three[0][0] <= 32
+
+
+def test_a_typo_is_one_line_with_file_path_and_nearest_key(tmp_path: Path) -> None:
+    file = tmp_path / "system.yaml"
+    file.write_text(
+        "link: {security: none, listen: '127.0.0.1:0', slave: '127.0.0.1:0'}\ncodec: {force: {webber: 0.2}}"
+    )
+    line = complaint(run("check", file))
+    assert line == f"weberlink: {file}: codec.force.webber: unknown key; did you mean weber?"
+
+
+@pytest.mark.parametrize("command", ["check", "simulate", *LIVE])
+def test_every_command_that_takes_a_file_complains_alike(command: str, tmp_path: Path) -> None:
+    at_once = AT_ONCE if command in LIVE else ()
+    file = CONFIGS / "loopback.yaml"
+    line = complaint(run(command, file, *at_once, "--set", "slave.limits.spead_m_s=1"))
+    assert line == f"weberlink: {file}: slave.limits.spead_m_s: unknown key; did you mean speed_m_s?"
+    assert "no such file" in complaint(run(command, tmp_path / "none.yaml", *at_once))
+
+
+@pytest.mark.parametrize("command", ["check", "simulate", *LIVE])
+def test_a_missing_key_is_one_line_with_file_and_field(command: str, tmp_path: Path) -> None:
+    missing = tmp_path / "none.key"
+    at_once = AT_ONCE if command in LIVE else ()
+    line = complaint(run(command, CONFIGS / "lan.yaml", *at_once, "--set", f"link.key_file={missing}"))
+    assert line.startswith(f"weberlink: {CONFIGS / 'lan.yaml'}: link.key_file: {missing} does not exist")
+
+
+# --- keygen
+
+
+def test_keygen_writes_a_private_file_and_never_over_another(tmp_path: Path) -> None:
+    path = tmp_path / "a.key"
+    assert run("keygen", path).exit_code == 0
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    content = path.read_bytes()
+    assert "exists already" in complaint(run("keygen", path))
+    assert path.read_bytes() == content
+    assert run("keygen", tmp_path / "b.key").exit_code == 0
+    assert (tmp_path / "b.key").read_bytes() != content
+    assert "cannot be written" in complaint(run("keygen", tmp_path / "none" / "c.key"))
+
+
+# --- simulate
+
+
+def test_simulate_refuses_what_has_a_time_of_its_own() -> None:
+    line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml"))
+    assert "master.device.driver: polhem_serial is hardware" in line
+    assert "weberlink emulate polhem_serial" in line
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if name != "phantom-arm.yaml"])
+def test_simulate_completes_every_shipped_file(name: str, key: Path) -> None:
+    result = run("simulate", CONFIGS / name, "--duration", 2, "--json", "-", *with_key(key))
+    assert (result.exit_code, result.stderr) == (0, "")
+    summary = json.loads(result.stdout)
+    assert summary["outcome"] == "completed"
+    assert summary["faults"] == {"master": {}, "slave": {}}
+    assert summary["ticks"]["slave"]["count"] >= 2000
+    assert summary["position"]["packets"] > 0
+
+
+def test_two_simulations_differ_in_run_time_only() -> None:
+    faults = [argument for name in ("loss=0.1", "jitter_ms=3") for argument in ("--set", f"link.emulate.{name}")]
+    documents = []
+    for _ in range(2):
+        document = json.loads(run("simulate", CONFIGS / "fig6.yaml", "--duration", 2, "--json", "-", *faults).stdout)
+        assert document.pop("run_time_s") > 0.0
+        documents.append(json.dumps(document))
+    assert documents[0] == documents[1]
+
+
+def test_a_simulated_trace_can_be_evaluated(tmp_path: Path) -> None:
+    trace = tmp_path / "trace.csv"
+    result = run("simulate", CONFIGS / "scene-plane.yaml", "--duration", 2, "--trace", trace)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert max(map(len, result.stdout.splitlines())) <= 80
+    assert rows_of(run("evaluate", trace, "--predictor", "zoh", "--json", "-"))[0]["packets"] > 0
+
+
+def test_a_simulation_without_a_tick_is_no_failure(tmp_path: Path) -> None:
+    result = run("simulate", CONFIGS / "loopback.yaml", "--duration", 0, "--trace", tmp_path / "trace.csv")
+    assert result.exit_code == 0
+    assert (tmp_path / "trace.csv").read_text().splitlines()[:1] == [HEADER]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "part"),
+    [
+        ("codec.force.step_n", 0.0001, "slave.robot reports up to"),
+        ("codec.position.step_m", 1e-7, "master.device reaches"),
+    ],
+)
+def test_a_wire_that_cannot_say_what_a_part_measures_is_refused(key: str, value: float, part: str) -> None:
+    line = complaint(run("check", CONFIGS / "fig6.yaml", "--set", f"{key}={value}"))
+    assert key in line
+    assert part in line
+    assert "use a step of at least" in line
+
+
+# --- one side alone
+
+
+@pytest.mark.parametrize(("side", "field"), [("master", "link.slave"), ("slave", "link.listen")])
+def test_one_side_alone_needs_a_port_that_the_other_knows(side: str, field: str) -> None:
+    assert f"{field}: port 0 is for loopback" in complaint(run(side, CONFIGS / "loopback.yaml", *AT_ONCE))
+
+
+# --- evaluate
+
+
+def rows_of(result: Result) -> list[dict[str, Any]]:
+    assert (result.exit_code, result.stderr) == (0, "")
+    rows = json.loads(result.stdout)["rows"]
+    assert isinstance(rows, list)
+    return rows
+
+
+def test_evaluate_prints_a_table_in_80_columns() -> None:
+    result = run("evaluate", OPERATOR, "--weber", "0.1,0.2")
+    assert (result.exit_code, result.stderr) == (0, "")
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 80
+    named = [line.split()[:3] for line in lines if line.startswith("operator ")]
+    assert named == [["operator", p, k] for p in ("zoh", "linear", "plane", "sphere", "hybrid") for k in ("0.1", "0.2")]
+
+
+def test_evaluate_gives_the_documented_figures() -> None:
+    rows = rows_of(run("evaluate", OPERATOR, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2", "--json", "-"))
+    keys = {
+        "trace": str,
+        "predictor": str,
+        "weber": float,
+        "samples": int,
+        "packets": int,
+        "packets_per_s": float,
+        "reduction": float,
+        "error_rms_n": float,
+        "error_max_n": float,
+        "jnd_max": float,
+        "tick_us": float,
+        "bytes_per_s": float,
+        "violation_fraction": float,
+        "violation_longest_s": float,
+        "error_rms_jnd": float,
+        "error_max_jnd": float,
+        "noticeable_fraction": float,
+        "noticeable_longest_s": float,
+        "clairvoyant_packets": int,
+    }
+    for row in rows:
+        assert {name: type(row[name]) for name in keys} == keys
+        assert row["reduction"] == pytest.approx(1.0 - row["packets"] / row["samples"])
+        assert ("selected" in row) == (row["predictor"] == "hybrid")
+    packets = {(row["predictor"], row["weber"]): row["packets"] for row in rows}
+    assert packets["zoh", 0.2] < packets["zoh", 0.05]
+    assert packets["hybrid", 0.05] < packets["zoh", 0.05]
+
+
+def test_evaluate_writes_json_and_plots_beside_the_table(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    out, plots = tmp_path / "out.json", tmp_path / "new" / "plots"
+    result = run("evaluate", OPERATOR, "--predictor", "zoh", "--json", out, "--plots", plots)
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.startswith("trace")
+    assert len(json.loads(out.read_text())["rows"]) == 1
+    assert (plots / "packet_rate.png").read_bytes().startswith(b"\x89PNG")
+    assert (plots / "rows.csv").read_text().startswith("trace,predictor,weber,")
+
+
+def test_without_matplotlib_plots_are_refused_in_one_line_and_nothing_else_needs_it(tmp_path: Path) -> None:
+    program = "import sys; sys.modules['matplotlib'] = None; from weberlink.cli import main; main()"
+
+    def evaluated(*arguments: object) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-c", program, "evaluate", OPERATOR, "--predictor", "zoh", *arguments]
+        return subprocess.run(
+            list(map(str, command)), cwd=CONFIGS.parent, capture_output=True, text=True, timeout=60, check=False
+        )
+
+    refused = evaluated("--plots", tmp_path)
+    assert (refused.returncode, refused.stdout) == (2, "")
+    assert refused.stderr.splitlines() == [
+        'weberlink: --plots: needs matplotlib; install it with: pip install "weberlink[plots]"'
+    ]
+    assert evaluated().returncode == 0
+
+
+ROWS = ["0.000,0,0,0,0,0,0", "0.001,0,0,0,0,0,1", "0.002,0,0,0,0,0,1"]
+
+
+@pytest.mark.parametrize(
+    ("lines", "row", "problem"),
+    [
+        (["t,px,py,fx,fy,fz", "0,0,0,0,0,0"], "row 1", "missing column pz"),
+        ([HEADER, ROWS[0], ROWS[2], ROWS[1]], "row 4", "column t"),
+        ([HEADER, *ROWS[:2], "0.002,0,0,0,nan,0,1"], "row 4", "column fx"),
+        ([HEADER, ROWS[0], "0.001,0,0,0,0"], "row 3", "column fy"),
+        ([HEADER, ROWS[0], "0.001,0,zero,0,0,0,0"], "row 3", "column py"),
+        ([], "row 1", "expected the header"),
+        ([HEADER], "rows", "found none"),
+    ],
+    ids=["missing column", "unsorted", "NaN", "short row", "no number", "empty", "no samples"],
+)
+def test_a_bad_trace_is_one_line_with_file_and_row(tmp_path: Path, lines: list[str], row: str, problem: str) -> None:
+    trace = tmp_path / "trace.csv"
+    trace.write_text("\n".join(lines))
+    line = complaint(run("evaluate", OPERATOR, trace))
+    assert line.startswith(f"weberlink: {trace}: ")
+    assert row in line
+    assert problem in line
+
+
+def test_a_trace_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+    assert complaint(run("evaluate", tmp_path / "none.csv")) == f"weberlink: {tmp_path / 'none.csv'}: not found"
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        ("--predictor", "spline", "'spline' is none of zoh, linear, plane, sphere, trend, affine,"),
+        ("--predictor", "zoh,", "'' is none of"),
+        ("--weber", "1.5", "must be 0 to 1, not 1.5"),
+        ("--weber", "-0.1", "must be 0 to 1, not -0.1"),
+        ("--weber", "nan", "must be 0 to 1, not nan"),
+        ("--weber", "ten", "must be numbers with commas between them, not 'ten'"),
+        ("--weber", "0.1,0.2,0.10", "0.1 is listed twice"),
+        ("--predictor", "zoh,plane, zoh", "zoh is listed twice"),
+        ("--jnd", "0", "must be above 0 and at most 1, not 0"),
+        ("--jnd", "nan", "must be above 0 and at most 1, not nan"),
+    ],
+)
+def test_an_option_out_of_range_is_one_line(option: str, value: str, expected: str) -> None:
+    line = complaint(run("evaluate", OPERATOR, f"{option}={value}"))
+    assert line.startswith(f"weberlink: {option}: ")
+    assert expected in line
+
+
+# --- where nothing can be written
+
+
+def test_figures_that_cannot_be_written_are_not_lost(tmp_path: Path) -> None:
+    out = tmp_path / "none" / "out.json"
+    for arguments in (
+        ["evaluate", OPERATOR, "--predictor", "zoh"],
+        ["simulate", CONFIGS / "fig6.yaml", "--duration", 1],
+    ):
+        result = run(*arguments, "--json", out)
+        assert result.exit_code == 1
+        text, _, complaint_ = result.stderr.rstrip("\n").rpartition("\n")
+        assert {"rows", "outcome"} & set(json.loads(text))
+        assert complaint_ == f"weberlink: {out}: cannot be written: No such file or directory"
+
+
+def test_a_trace_that_cannot_be_written_is_one_line_and_the_figures_are_not_lost(tmp_path: Path) -> None:
+    trace = tmp_path / "none" / "trace.csv"
+    result = run("simulate", CONFIGS / "fig6.yaml", "--duration", 1, "--trace", trace, "--json", "-")
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["outcome"] == "completed"
+    assert result.stderr.splitlines() == [f"weberlink: {trace}: cannot be written: No such file or directory"]
+
+
+def test_plots_that_cannot_be_written_are_one_line_and_the_rows_are_not_lost(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    folder = tmp_path / "file"
+    folder.write_text("in the way")
+    result = run("evaluate", OPERATOR, "--predictor", "zoh", "--plots", folder, "--json", "-")
+    assert result.exit_code == 1
+    assert len(json.loads(result.stdout)["rows"]) == 1
+    assert result.stderr.splitlines() == [f"weberlink: {folder}: cannot be written: File exists"]

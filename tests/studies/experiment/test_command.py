@@ -1,0 +1,368 @@
+"""`weberlink experiment` and `weberlink ratings` as their users run them."""
+
+import csv
+import io
+import json
+import os
+import pty
+import re
+import signal
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.system.processes import Program, until
+from tests.system.systems import CONFIGS
+from weberlink.cli import app
+from weberlink.studies.experiment.command import Request, run
+from weberlink.studies.experiment.ledger import RATED, read
+from weberlink.studies.experiment.plan import PREDICTORS, WEBERS, Condition, order
+from weberlink.studies.experiment.trial_runner import Signals
+from weberlink.system.configuration import load
+
+FILE = CONFIGS / "loopback.yaml"
+SHORT = 0.6
+"""Length of a trial [s]: enough to touch something for who begins on the surface."""
+ON_SURFACE = "master.device.home_m=[-0.03, -0.02, -0.001]"
+
+
+def command(*arguments: object) -> Result:
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def simulated(folder: Path, *further: object) -> Result:
+    return command(
+        "experiment", FILE, "--simulate", "--out", folder, "--duration", SHORT, "--set", ON_SURFACE, *further
+    )
+
+
+def complaint(result: Result, status: int = 2) -> str:
+    """The one line on standard error of a command that printed nothing else."""
+    assert result.exit_code == status, result.output
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+def lines_of(path: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in path.read_text().splitlines()]
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two simulated subjects."""
+    folder = tmp_path_factory.mktemp("study")
+    for _ in range(2):
+        result = simulated(folder)
+        assert result.exit_code == 0, result.output
+    return folder
+
+
+# --- experiment, simulated
+
+
+def test_a_simulated_subject_rates_every_combination_and_is_marked(study: Path) -> None:
+    assert sorted(path.name for path in study.iterdir()) == ["simulated-001.jsonl", "simulated-002.jsonl"]
+    plan, *events = lines_of(study / "simulated-001.jsonl")
+    assert plan["simulated"] is True
+    assert all(event["simulated"] is True for event in events)
+    rated = [event for event in events if event["event"] == RATED]
+    assert [(event["predictor"], event["weber"]) for event in rated] == [(c.predictor, c.weber) for c in order(0, 1)]
+    for event in rated:
+        figures = event["figures"]
+        assert figures["outcome"] == "completed"
+        assert figures["faults"] == {"master": {}, "slave": {}}
+        for name in ("packets_per_s", "reduction", "error_rms", "violation_fraction", "felt_error_rms_jnd"):
+            assert figures[name] >= 0.0
+    assert [event["level"] for event in events if event["event"] == "reference"] == [5, 3, 1]
+
+
+def test_the_coding_of_a_trial_is_that_of_its_condition(study: Path) -> None:
+    """More packets at a smaller Weber factor, and most in the reference in which every sample is sent."""
+    events = lines_of(study / "simulated-001.jsonl")
+    rates = {
+        (event["predictor"], event["weber"]): event["figures"]["packets_per_s"]
+        for event in events
+        if event["event"] == RATED
+    }
+    for predictor in PREDICTORS:
+        assert rates[predictor, 0.025] > rates[predictor, 0.30]
+    reference = next(event for event in events if event["event"] == "reference")
+    assert reference["figures"]["packets_per_s"] > 3 * max(rates.values())
+
+
+def test_another_subject_has_another_order_and_another_hand(study: Path) -> None:
+    first, second = (lines_of(study / f"simulated-00{number}.jsonl") for number in (1, 2))
+    assert first[0]["trials"] != second[0]["trials"]
+    assert first[0]["digest"] == second[0]["digest"]
+    errors = [[e["figures"]["error_rms"] for e in events if e["event"] == "reference"] for events in (first, second)]
+    assert errors[0] != errors[1]
+
+
+def test_the_same_subject_again_is_the_same_but_for_the_time(study: Path, tmp_path: Path) -> None:
+    assert simulated(tmp_path, "--subject", 2).exit_code == 0
+    pair = [lines_of(folder / "simulated-002.jsonl") for folder in (study, tmp_path)]
+    for events in pair:
+        for event in events:
+            event.pop("at", None)
+    assert pair[0] == pair[1]
+
+
+def test_a_complete_subject_has_nothing_left_to_do(study: Path) -> None:
+    before = (study / "simulated-001.jsonl").read_bytes()
+    result = simulated(study, "--subject", 1)
+    assert result.exit_code == 0
+    assert "all 30 trials are rated" in result.stdout
+    assert (study / "simulated-001.jsonl").read_bytes() == before
+
+
+def test_a_kill_in_the_middle_goes_on_to_the_same_ratings(study: Path, tmp_path: Path) -> None:
+    path = tmp_path / "simulated-001.jsonl"
+    arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 1)
+    with Program(*arguments, "--duration", SHORT, "--set", ON_SURFACE) as program:
+        until(lambda: path.exists() and path.read_bytes().count(b'"trial_rated"') >= 5, "five ratings")
+        program.send(signal.SIGKILL)
+        program.finish()
+    found = read(path)
+    assert found is not None
+    assert 5 <= len(found.rated) < 30
+    result = command(*arguments, "--set", ON_SURFACE)  # the length of a trial is known
+    assert result.exit_code == 0, result.output
+    whole = [[e["rating"] for e in lines_of(folder / path.name) if e["event"] == RATED] for folder in (study, tmp_path)]
+    assert whole[0] == whole[1]
+
+
+def test_ctrl_c_leaves_in_order_and_says_how_to_go_on(tmp_path: Path) -> None:
+    path = tmp_path / "simulated-003.jsonl"
+    arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 3, "--set", ON_SURFACE)
+    with Program(*arguments, "--duration", SHORT) as program:
+        until(lambda: path.exists() and b'"trial_rated"' in path.read_bytes(), "a rating")
+        program.send(signal.SIGINT)
+        status, output, errors = program.finish()
+    assert (status, errors) == (0, "")
+    (line,) = output.splitlines()
+    told = f"weberlink experiment {FILE} --subject 3 --out {tmp_path} --simulate --set '{ON_SURFACE}'"
+    assert line == f"continue with: {told}"
+
+
+def test_a_changed_configuration_is_refused_and_says_what_changed(study: Path) -> None:
+    ledger = study / "simulated-001.jsonl"
+    line = complaint(simulated(study, "--subject", 1, "--set", "slave.scene=[{shape: plane, stiffness_n_m: 300}]"))
+    assert line.startswith(f"weberlink: {ledger}: was begun with another configuration (slave.scene); go on as it was")
+    line = complaint(simulated(study, "--subject", 1, "--set", "codec.force.floor_n=0.03"))
+    assert "(codec.force.floor_n)" in line
+    line = complaint(command("experiment", FILE, "--simulate", "--out", study, "--subject", 1, "--duration", 3))
+    assert "master.device.home_m" in line
+    line = complaint(simulated(study, "--subject", 1, "--duration", 3))
+    assert "was begun with trials of 0.6 s" in line
+
+
+def test_where_the_file_lies_and_where_the_sides_meet_is_no_change(study: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "elsewhere.yaml"
+    moved.write_text(FILE.read_text())
+    mine = Signals(FILE, ())
+    assert Signals(moved, ("link.listen='127.0.0.1:5000'", "codec.force.weber=0.3")).digest == mine.digest
+    assert Signals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
+    trace = tmp_path / "operator.csv"
+    trace.write_bytes((CONFIGS / "traces" / "operator.csv").read_bytes())
+    override = f"master.device.trace={trace}"
+    replay = CONFIGS / "replay.yaml"
+    assert Signals(replay, (override,)).digest == Signals(replay, ()).digest  # the same content elsewhere
+    trace.write_bytes(trace.read_bytes().replace(b"\n0.001,", b"\n0.0011,"))
+    assert Signals(replay, (override,)).digest != Signals(replay, ()).digest
+
+
+def test_a_file_that_is_edited_during_an_experiment_stops_it(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(FILE.read_text())
+
+    def edit(done: int, of: int) -> None:
+        if done == 2:
+            file.write_text(FILE.read_text().replace("stiffness_n_m: 500}", "stiffness_n_m: 400}"))
+
+    request = Request(file, (ON_SURFACE,), tmp_path, None, 0, SHORT, simulate=True, record=False)
+    with pytest.raises(ValueError, match="was changed during the experiment") as caught:
+        run(request, ports=list, source=io.StringIO(), screen=io.StringIO(), report=edit)
+    assert "slave.scene" in str(caught.value)
+    progress = read(tmp_path / "simulated-001.jsonl")
+    assert progress is not None
+    assert len(progress.rated) == 2
+
+
+def test_a_scene_in_which_nothing_is_felt_is_refused(tmp_path: Path) -> None:
+    line = complaint(simulated(tmp_path, "--set", "slave.scene=[]"), status=1)
+    assert "the references cannot be told apart" in line
+
+
+def test_conditions_become_overrides() -> None:
+    signals = Signals(FILE, ("codec.force.weber=0.5",))
+    for predictor in PREDICTORS:
+        for weber in WEBERS:
+            force = load(FILE, signals.with_condition(Condition(predictor, weber))).system.codec.force
+            assert (force.predictor, force.weber, force.floor_n) == (predictor, weber, 0.02)
+    force = load(FILE, signals.with_condition(Condition("zoh", 0.0))).system.codec.force
+    assert (force.weber, force.floor_n) == (0.0, 0.0)  # every sample is sent
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (("--subject", 0), "--subject"),
+        (("--duration", 0), "--duration"),
+        (("--duration", "nan"), "--duration"),
+        (("--set", "codec.force.webber=1"), "unknown key; did you mean weber?"),
+    ],
+)
+def test_wrong_arguments_are_one_line(arguments: tuple[object, ...], part: str, tmp_path: Path) -> None:
+    assert part in complaint(command("experiment", FILE, "--out", tmp_path / "out", *arguments))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_damaged_ledger_and_a_place_that_cannot_be_written_are_one_line(tmp_path: Path) -> None:
+    (tmp_path / "simulated-001.jsonl").write_text("{}\n")
+    line = complaint(simulated(tmp_path, "--subject", 1))
+    assert line.startswith(f"weberlink: {tmp_path / 'simulated-001.jsonl'}:1: damaged: ")
+    line = complaint(simulated(FILE), status=1)
+    assert "cannot be written" in line
+
+
+# --- experiment, live
+
+
+@pytest.mark.realtime
+def test_a_person_feels_rates_leaves_and_comes_back(tmp_path: Path) -> None:
+    """Both sides as processes, each trial recorded."""
+    pytest.importorskip("mcap")
+    screens = []
+    for typed, end in (("\n" * 6 + "\n4\n\n2\n", "continue with: "), ("\n3\n", "continue with: ")):
+        screen = io.StringIO()
+        request = Request(FILE, (), tmp_path, 1, 0, SHORT, simulate=False, record=True)
+        words = run(request, ports=_ports, source=io.StringIO(typed), screen=screen, report=lambda done, of: None)
+        assert words.startswith(end), words
+        screens.append(screen.getvalue())
+    progress = read(tmp_path / "subject-001.jsonl")
+    assert progress is not None
+    assert [event["rating"] for event in progress.rated.values()] == [4, 2, 3]
+    for number, event in progress.rated.items():
+        figures = event["figures"]
+        assert figures["outcome"] == "completed"
+        assert figures["samples"] > 0
+        assert (tmp_path / event["recording"]).stat().st_size > 1000
+        assert event["recording"] == f"subject-001/trial-{number:02d}.mcap"
+    assert "28 trials" in screens[1]
+    assert not any(word in screen for screen in screens for word in ("zoh", "linear", "plane", "sphere", "hybrid"))
+
+
+def _ports() -> list[str]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    return [f'link.listen="127.0.0.1:{port}"', f'link.slave="127.0.0.1:{port}"']
+
+
+@pytest.mark.realtime
+def test_ctrl_c_in_a_live_trial_leaves_no_process_and_no_rating(tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    path = tmp_path / "subject-001.jsonl"
+    try:
+        with Program(
+            "experiment", FILE, "--out", tmp_path, "--duration", 30, "--no-record", terminal=theirs
+        ) as program:
+            shown = _read_until(ours, b"Enter to start: ")
+            os.write(ours, b"\n")
+            until(lambda: len(program.daemons()) == 2, "two daemons")
+            shown += _read_until(ours, b"29 s left")
+            program.send(signal.SIGINT)
+            shown += _read_until(ours, b"continue with: ")
+            status, _, _ = program.finish()
+            assert status == 0
+            assert program.rings() == []
+    finally:
+        os.close(ours)
+        os.close(theirs)
+    text = shown.decode().partition("continue with: ")[0]  # a command is not broken
+    assert max(map(len, re.split(r"[\r\n]+", text))) < 80
+    progress = read(path)
+    assert progress is not None
+    assert not progress.references
+    assert not progress.rated
+
+
+def _read_until(descriptor: int, text: bytes) -> bytes:
+    shown = b""
+    while text not in shown:
+        shown += os.read(descriptor, 4096)
+    return shown
+
+
+# --- ratings
+
+
+def test_ratings_are_marked_as_simulated_everywhere(study: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    result = command(
+        "ratings", study, "--json", tmp_path / "out.json", "--csv", tmp_path / "out.csv", "--plots", tmp_path / "plots"
+    )
+    assert (result.exit_code, result.stderr) == (0, "")
+    assert result.stdout.startswith("SIMULATED RATINGS")
+    assert max(map(len, result.stdout.splitlines())) <= 80
+    document = json.loads((tmp_path / "out.json").read_text())
+    assert document["simulated"] is True
+    assert document["mark"].startswith("SIMULATED RATINGS")
+    with (tmp_path / "out.csv").open(newline="") as file:
+        assert {row["simulated"] for row in csv.DictReader(file)} == {"true"}
+    with (tmp_path / "plots" / "curves.csv").open(newline="") as file:
+        assert {row["mark"] for row in csv.DictReader(file)} == {"SIMULATED RATINGS"}
+    for name in ("packet_rate", "quality", "quality_over_rate"):
+        assert (tmp_path / "plots" / f"{name}.png").stat().st_size > 10_000
+        assert "SIMULATED RATINGS" in (tmp_path / "plots" / f"{name}.svg").read_text()
+
+
+def test_ratings_are_the_means_of_the_ledgers(study: Path) -> None:
+    result = command("ratings", study, "--json", "-", "--level", 3)
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert document["subjects"] == [1, 2]
+    assert document["incomplete"] == []
+    rated = [
+        event for number in (1, 2) for event in lines_of(study / f"simulated-00{number}.jsonl") if "rating" in event
+    ]
+    assert len(document["rows"]) == 30
+    for row in document["rows"]:
+        mine = [e for e in rated if (e["predictor"], e["weber"]) == (row["predictor"], row["weber"])]
+        assert len(mine) == row["subjects"] == 2
+        assert row["rating"]["mean"] == pytest.approx(sum(e["rating"] for e in mine) / 2)
+        assert row["packets_per_s"]["mean"] == pytest.approx(sum(e["figures"]["packets_per_s"] for e in mine) / 2)
+        assert row["rating"]["low"] <= row["rating"]["mean"] <= row["rating"]["high"]
+    assert document["tests"]["friedman_predictors"]["p"] is None
+    assert "too few subjects" in document["tests"]["friedman_predictors"]["remark"]
+    assert document["savings"]["level"] == 3.0
+
+
+def test_a_folder_with_both_must_be_told_which(study: Path, tmp_path: Path) -> None:
+    for name in ("simulated-001.jsonl", "simulated-002.jsonl"):
+        (tmp_path / name).write_bytes((study / name).read_bytes())
+    events = lines_of(study / "simulated-001.jsonl")
+    people = [{**event, "simulated": False} for event in events]  # as a person's would be
+    (tmp_path / "subject-001.jsonl").write_text("".join(json.dumps(event) + "\n" for event in people))
+    assert "never analysed together" in complaint(command("ratings", tmp_path))
+    result = command("ratings", tmp_path, "--only", "people")
+    assert result.exit_code == 0
+    assert "SIMULATED" not in result.stdout
+    assert result.stdout.startswith("1 subject with 30 trials of 0.6 s")
+    assert command("ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
+    assert "--only: expected people or simulated" in complaint(command("ratings", tmp_path, "--only", "all"))
+
+
+def test_nothing_to_analyse_is_one_line(tmp_path: Path) -> None:
+    assert "no such folder" in complaint(command("ratings", tmp_path / "none"))
+    assert "no person has rated all trials; 0 incomplete" in complaint(command("ratings", tmp_path))
+
+
+@pytest.mark.parametrize("level", [-1, 6, "nan"])
+def test_a_level_outside_the_scale_is_one_line(level: object, tmp_path: Path) -> None:
+    assert "--level" in complaint(command("ratings", tmp_path, "--level", level))

@@ -1,0 +1,251 @@
+"""Nothing rated is ever lost: kills at any moment, torn and damaged lines, full disks, two at once."""
+
+import fcntl
+import json
+import os
+import resource
+import subprocess
+import sys
+from pathlib import Path
+from random import Random
+from time import sleep
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import strategies as st
+
+from tests.examples import examples
+from tests.studies.experiment.studies import Rig, Robot, plan
+from weberlink.studies.experiment.conduct import Conduct, Left
+from weberlink.studies.experiment.ledger import RATED, TRAINED, Ledger, LedgerError, Progress, path_of, read, subjects
+
+ROOT = Path(__file__).parents[3]
+
+# A subject's whole experiment as a process, which tells of each rating once it is in the ledger.
+CHILD = """
+import sys
+from pathlib import Path
+from time import sleep
+from weberlink.studies.experiment.conduct import Conduct
+from weberlink.studies.experiment.ledger import Ledger
+from tests.studies.experiment.studies import Rig, Robot, plan
+
+class Telling(Ledger):
+    def append(self, event, **facts):
+        super().append(event, **facts)
+        if event == "trial_rated":
+            print(facts["trial"], facts["rating"], flush=True)
+
+class Slow(Rig):
+    def feel(self, *arguments):
+        sleep(0.0005)
+        return super().feel(*arguments)
+
+with Telling(Path(sys.argv[1])) as ledger:
+    if ledger.progress is None:
+        ledger.begin(plan())
+    print("begun", flush=True)
+    Conduct(ledger, Slow(), Robot(), None).run()
+"""
+
+
+def begun(path: Path, leave_at: int) -> Ledger:
+    """A ledger left before a trial; still open."""
+    ledger = Ledger(path)
+    ledger.begin(plan())
+    with pytest.raises(Left):
+        Conduct(ledger, Rig(), Robot(leave_at=leave_at), None).run()
+    return ledger
+
+
+def left_before(path: Path, trial: int) -> list[bytes]:
+    """The lines of such a ledger, closed."""
+    with begun(path, trial):
+        pass
+    return path.read_bytes().splitlines(keepends=True)
+
+
+def ratings(progress: Progress | None) -> dict[int, int]:
+    assert progress is not None
+    return {number: event["rating"] for number, event in progress.rated.items()}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_kill_9_at_random_moments_loses_nothing_that_was_rated(seed: int, tmp_path: Path) -> None:
+    path, chance = tmp_path / "subject-001.jsonl", Random(seed)
+    told: dict[int, int] = {}
+    ends = []
+    for _ in range(200):
+        child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        assert child.stdout is not None
+        assert child.stdout.readline() == "begun\n"
+        sleep(chance.uniform(0.0, 0.01))
+        child.kill()
+        output, _ = child.communicate()
+        for line in output.splitlines(keepends=True):
+            if line.endswith("\n"):
+                trial, rating = map(int, line.split())
+                assert trial not in told  # none is asked for twice
+                told[trial] = rating
+        found = read(path)
+        assert told.items() <= ratings(found).items()
+        assert found is not None
+        # Without holes, and at most one more than was told of.
+        assert list(found.rated) == list(range(1, len(found.rated) + 1))
+        assert len(found.rated) - len(told) <= 1
+        told = ratings(found)
+        ends.append(len(told))
+        if found.complete:
+            break
+    assert ratings(read(path)) == {number: number % 6 for number in range(1, 31)}
+    assert len(set(ends)) > 3, ends  # it was killed in the middle, more than once
+    rated = [json.loads(line) for line in path.read_text().splitlines() if f'"{RATED}"' in line]
+    assert [event["trial"] for event in rated] == list(range(1, 31))
+    assert [(event["predictor"], event["weber"]) for event in rated] == [
+        (trial.predictor, trial.weber) for trial in plan().trials
+    ]
+
+
+@examples(60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(cut=st.integers(1, 3000))
+def test_a_file_cut_off_anywhere_goes_on_with_the_trial_that_was_lost(cut: int, tmp_path: Path) -> None:
+    path = tmp_path / f"{cut}-{os.urandom(4).hex()}.jsonl"
+    lines = left_before(path, 12)
+    data = b"".join(lines)[: -min(cut, sum(map(len, lines[1:])))]
+    path.write_bytes(data)
+    whole = data[: data.rfind(b"\n") + 1]
+    rated = sum(f'"{RATED}"'.encode() in line for line in whole.splitlines())
+    with Ledger(path) as ledger:
+        assert ledger.progress is not None
+        assert ledger.progress.remaining[0] == rated + 1
+        assert path.read_bytes() == whole
+        if data == whole:
+            assert ledger.set_aside is None
+        else:
+            assert ledger.set_aside is not None
+            assert ledger.set_aside.read_bytes() == data[len(whole) :]
+        Conduct(ledger, Rig(), Robot(), None).run()
+        assert ledger.progress.complete
+    assert ratings(read(path)) == {number: number % 6 for number in range(1, 31)}
+
+
+def test_a_torn_plan_is_set_aside_and_the_ledger_is_empty(tmp_path: Path) -> None:
+    path = tmp_path / "subject-001.jsonl"
+    path.write_bytes(b'{"event": "pla')
+    assert read(path) is None
+    with Ledger(path) as ledger:
+        assert ledger.progress is None
+        assert ledger.set_aside == tmp_path / "subject-001.jsonl.torn-1"
+        ledger.begin(plan())
+    assert read(path) == Progress(plan())
+
+
+def test_what_is_set_aside_never_covers_what_was_set_aside_before(tmp_path: Path) -> None:
+    path = tmp_path / "subject-001.jsonl"
+    left_before(path, 2)
+    for number, torn in enumerate((b'{"event": "tri', b'{"a'), 1):
+        path.write_bytes(path.read_bytes() + torn)
+        with Ledger(path) as ledger:
+            assert ledger.set_aside == tmp_path / f"subject-001.jsonl.torn-{number}"
+    assert (tmp_path / "subject-001.jsonl.torn-1").read_bytes() == b'{"event": "tri'
+
+
+@pytest.mark.parametrize(
+    ("number", "line", "part"),
+    [
+        (1, b"[]\n", "expected a JSON object"),
+        (1, b'{"event": "trial_rated"}\n', "version"),
+        (6, b"\x00\x00\x00\n", "not JSON"),
+        (6, b'{"event": "trial_\n', "not JSON"),
+        (6, b'{"event": "nonsense"}\n', "expected an event, not 'nonsense'"),
+        (8, b'{"event": "trial_rated", "trial": 31, "rating": 3}\n', "trial: expected 1 to 30, not 31"),
+        (8, b'{"event": "trial_rated", "trial": 1, "rating": 6}\n', "rating: expected 0 to 5, not 6"),
+        (8, b'{"event": "trial_rated", "trial": 1, "rating": true}\n', "rating: expected 0 to 5, not True"),
+        (8, b'{"event": "trial_rated", "trial": 1, "rating": 3, "predictor": "zoh", "weber": 9}\n', "not the one"),
+        (10, None, "trial 1 is rated twice"),
+    ],
+)
+def test_damage_is_one_line_with_file_and_line(number: int, line: bytes | None, part: str, tmp_path: Path) -> None:
+    path = tmp_path / "subject-001.jsonl"
+    lines = left_before(path, 5)
+    rated = next(place for place, text in enumerate(lines) if b'"trial_rated"' in text)
+    lines[number - 1] = lines[rated] if line is None else line
+    path.write_bytes(b"".join(lines))
+    for look in (read, Ledger):
+        with pytest.raises(LedgerError) as caught:
+            look(path)
+        assert str(caught.value).startswith(f"{path}:{number}: damaged: ")
+        assert part in str(caught.value)
+        assert "\n" not in str(caught.value)
+    assert path.read_bytes() == b"".join(lines)  # left as it is
+
+
+def test_two_at_once_on_a_subject_are_refused_even_from_another_process(tmp_path: Path) -> None:
+    path = tmp_path / "subject-001.jsonl"
+    with Ledger(path) as ledger:
+        ledger.begin(plan())
+        with pytest.raises(LedgerError, match="another process"):
+            Ledger(path)
+        other = subprocess.run(
+            [sys.executable, "-c", CHILD, str(path)], cwd=ROOT, capture_output=True, text=True, check=False
+        )
+        assert "another process is at an experiment with this subject" in other.stderr
+        assert read(path) == Progress(plan())  # who only reads is let in
+    with Ledger(path) as again:
+        assert again.progress == Progress(plan())
+
+
+def test_a_refused_or_damaged_ledger_is_let_go_of(tmp_path: Path) -> None:
+    path = tmp_path / "subject-001.jsonl"
+    path.write_bytes(b"[]\n")
+    with pytest.raises(LedgerError):
+        Ledger(path)
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # does not raise
+
+
+def test_a_new_ledger_is_never_one_that_is_there(tmp_path: Path) -> None:
+    path = tmp_path / "subject-001.jsonl"
+    with Ledger(path, new=True), pytest.raises(FileExistsError):
+        Ledger(path, new=True)
+
+
+def test_a_full_disk_leaves_the_ledger_as_it_was(tmp_path: Path) -> None:
+    """A limit of the file's size stands for the disk's: the write comes back short."""
+    path = tmp_path / "subject-001.jsonl"
+    with begun(path, 3) as ledger:
+        before = path.read_bytes()
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 20, hard))
+        try:
+            with pytest.raises(OSError, match="No space left"):
+                ledger.append(TRAINED)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert path.read_bytes() == before
+        ledger.append(TRAINED)
+    assert read(path) is not None
+
+
+def test_every_line_but_the_plan_tells_its_time_and_whether_a_program_rated(tmp_path: Path) -> None:
+    for simulated in (False, True):
+        path = path_of(tmp_path, 3, simulated=simulated)
+        with Ledger(path) as ledger:
+            ledger.begin(plan(3, simulated=simulated))
+            Conduct(ledger, Rig(), Robot(), None).run()
+        first, *rest = [json.loads(line) for line in path.read_text().splitlines()]
+        assert first["event"] == "plan"
+        assert first["simulated"] is simulated
+        assert all("at" in line for line in rest)
+        assert all(line.get("simulated", False) is simulated for line in rest)
+
+
+def test_ledgers_of_people_and_of_programs_have_names_of_their_own(tmp_path: Path) -> None:
+    names: list[Any] = ["subject-001.jsonl", "subject-010.jsonl", "subject-x.jsonl", "simulated-002.jsonl", "a.jsonl"]
+    for name in names:
+        (tmp_path / name).touch()
+    (tmp_path / "subject-011.jsonl.torn-1").touch()
+    assert subjects(tmp_path, simulated=False) == [1, 10]
+    assert subjects(tmp_path, simulated=True) == [2]
+    assert path_of(tmp_path, 1234, simulated=False).name == "subject-1234.jsonl"

@@ -1,0 +1,96 @@
+"""Tests of ratings against numbers computed by hand, and published examples."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+
+from weberlink.studies.experiment.statistics import LEAST_SUBJECTS, against, friedman, holm
+
+
+def test_friedman_by_hand() -> None:
+    """Six subjects rank three levels; sums of ranks 8, 11, 17: chi2 = 12/(6 3 4) (8^2 + 11^2 + 17^2) - 3 6 4 = 7."""
+    table = np.array([[1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 3], [1, 2, 3], [3, 1, 2]], dtype=float)
+    sums = table.sum(axis=0)
+    assert sums.tolist() == [8.0, 11.0, 17.0]
+    result = friedman(table)
+    assert (
+        result.chi_squared == pytest.approx(12 / (6 * 3 * 4) * (8**2 + 11**2 + 17**2) - 3 * 6 * 4) == pytest.approx(7.0)
+    )
+    assert result.degrees == 2
+    assert result.p == pytest.approx(np.exp(-7.0 / 2.0))  # chi-squared with 2 degrees of freedom
+    assert result.kendalls_w == pytest.approx(7.0 / 12.0)
+    assert result.remark == "approximate with 6 subjects"
+
+
+def test_friedman_with_ties_is_that_of_scipy() -> None:
+    table = np.random.default_rng(1).integers(0, 6, size=(14, 5)).astype(float)
+    expected = stats.friedmanchisquare(*table.T)
+    result = friedman(table)
+    assert (result.chi_squared, result.p) == (pytest.approx(expected.statistic), pytest.approx(expected.pvalue))
+    assert result.remark is None
+
+
+def test_all_alike_has_full_agreement_and_nothing_has_none() -> None:
+    same = np.tile([1.0, 2.0, 3.0, 4.0], (8, 1))
+    assert friedman(same).kendalls_w == pytest.approx(1.0)
+    flat = friedman(np.full((8, 4), 3.0))
+    assert (flat.chi_squared, flat.p, flat.remark) == (None, None, "nobody made any difference")
+
+
+def test_too_few_subjects_have_no_p() -> None:
+    table = np.tile([1.0, 2.0, 3.0], (LEAST_SUBJECTS - 1, 1))
+    result = friedman(table)
+    assert (result.p, result.chi_squared) == (None, None)
+    assert result.remark == "too few subjects for a test: 5, needs 6"
+    (pair,) = against(table[:, 0], {"other": table[:, 2]})
+    assert (pair.p, pair.p_holm, pair.w, pair.median_difference) == (None, None, None, 2.0)
+
+
+def test_fewer_subjects_could_not_reach_five_percent_whatever_they_said() -> None:
+    assert 2.0 / 2**LEAST_SUBJECTS < 0.05 <= 2.0 / 2 ** (LEAST_SUBJECTS - 1)
+
+
+def test_signed_rank_by_hand() -> None:
+    """Differences 1 to 7, one of them negative: W = 3, and 10 of 128 signs are as extreme, as counted below."""
+    differences = np.array([1.0, 2.0, -3.0, 4.0, 5.0, 6.0, 7.0])
+    extreme = sum(
+        min(down, 28 - down) <= 3
+        for signs in product((0, 1), repeat=7)
+        for down in [sum(rank for rank, sign in zip(range(1, 8), signs, strict=True) if sign)]
+    )
+    assert extreme == 10
+    (result,) = against(np.zeros(7), {"other": differences})
+    assert (result.w, result.p) == (3.0, pytest.approx(10 / 128))
+    assert result.median_difference == 4.0
+
+
+def test_ties_and_zeros_are_counted_over_all_signs() -> None:
+    """Seven equal differences and one of 0: all of one sign in 2 of 128 cases."""
+    (result,) = against(np.zeros(8), {"other": np.array([0.5] * 7 + [0.0])})
+    assert (result.w, result.p) == (0.0, pytest.approx(2 / 128))
+
+
+def test_no_difference_at_all_is_no_evidence() -> None:
+    (result,) = against(np.ones(8), {"other": np.ones(8)})
+    assert (result.p, result.p_holm) == (1.0, 1.0)
+
+
+def test_holm_by_hand() -> None:
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.5, None, 0.9]) == [1.0, None, 1.0]
+    assert holm([]) == []
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=8))
+def test_holm_keeps_the_order_and_never_lowers(ps: list[float]) -> None:
+    corrected = holm(ps)
+    assert all(value is not None and p <= value <= 1.0 for p, value in zip(ps, corrected, strict=True))
+    for (p, high), (q, low) in product(zip(ps, corrected, strict=True), repeat=2):
+        if p < q:
+            assert high is not None
+            assert low is not None
+            assert high <= low

@@ -1,0 +1,185 @@
+"""The study end to end on the smallest set: rows, orders, fronts, divergence, tables, figure."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+pytest.importorskip("scipy")
+
+from weberlink.geometry.vector import Vector
+from weberlink.slave.integrators import INTEGRATORS
+from weberlink.slave.integrators.contract import Body, Motion, Scheme
+from weberlink.slave.scenes.scene import Scene
+from weberlink.studies.precision.problem import TICK, HalfSpace, Problem, Surface
+from weberlink.studies.precision.problems import PROBLEMS
+from weberlink.studies.precision.reference import reference
+from weberlink.studies.precision.run import Row, Step, measured
+from weberlink.studies.precision.study import Effort, Recommendation, Result, recommendation, study
+from weberlink.studies.precision.tables import summary
+
+SMALL = Effort(finest=32, repeats=1)
+BY_NAME = {problem.name: problem for problem in PROBLEMS}
+WALL = Problem(
+    "wall",
+    "2e4 N/m",
+    Body(0.2, 5000.0, 40.0),
+    (Surface(HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), 2e4),),
+    ((0.0, (0.0, 0.0, -0.004)),),
+    (0.0, 0.0, 0.0),
+    (0.0, 0.0, -0.1),
+    duration=0.016,
+    smooth=frozenset({"position", "force"}),
+)
+
+
+class Exploding:
+    """A method that doubles its distance at every step until nothing finite is left."""
+
+    def __init__(self, body: Body, scene: Scene | None) -> None:
+        pass
+
+    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
+        x, y, z = motion.position
+        return Motion((x * 1e200 + 1.0, y, z), motion.velocity, motion.force)
+
+
+class Staying:
+    """A method that does nothing, in no time."""
+
+    def __init__(self, body: Body, scene: Scene | None) -> None:
+        pass
+
+    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
+        return motion
+
+
+EXPLODING = Scheme(f"{__name__}:Exploding", order=1, l_stable=False)
+STAYING = Scheme(f"{__name__}:Staying", order=1, l_stable=False)
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    (result,) = study(SMALL, [WALL], INTEGRATORS, chooser=lambda _: ("exact", 1))
+    return result
+
+
+def test_every_integrator_meets_its_order_where_the_motion_is_smooth(result: Result) -> None:
+    assert {(order.integrator, order.quantity) for order in result.orders} == {
+        (name, quantity) for name in INTEGRATORS for quantity in ("position", "force")
+    }
+    for order in result.orders:
+        assert order.holds, order
+        if not order.exact:
+            assert order.fitted == pytest.approx(order.theory, abs=0.2)
+
+
+@pytest.mark.parametrize("name", ["wall_1e7", "heavy_10kg", "impact_2m_s", "grazing", "oblique", "overdamped"])
+def test_exact_reaches_1e_9_on_linear_contact_at_any_step(name: str) -> None:
+    problem = BY_NAME[name]
+    known = reference(problem)
+    for step in (Step(ticks=4), Step(), Step(substeps=7)):
+        row = measured(problem, "exact", INTEGRATORS["exact"], step, known, repeats=1)
+        assert row.position_error <= 1e-9
+        assert row.force_error <= 1e-9
+
+
+def test_the_document_has_a_row_for_each_integrator_and_step(result: Result) -> None:
+    document = json.loads(json.dumps(result.as_json(), allow_nan=False))
+    steps = [1e6 * step.length for step in SMALL.steps(WALL)]
+    assert [(row["integrator"], row["step_us"]) for row in document["rows"]] == [
+        (name, step) for name in INTEGRATORS for step in steps
+    ]
+    assert document["reference_agreement"] <= 1e-9
+    assert document["recommended"]["on_front"]
+    assert sum(row["recommended"] for row in document["rows"]) == 1
+    assert any(row["on_front"] for row in document["rows"])
+
+
+def test_divergence_is_marked_and_never_on_the_front() -> None:
+    problem = BY_NAME["overdamped"]
+    schemes = {"semi_implicit": INTEGRATORS["semi_implicit"], "exploding": EXPLODING, "exact": INTEGRATORS["exact"]}
+    (result,) = study(Effort(finest=1, repeats=1), [problem], schemes, chooser=lambda _: ("exploding", 1))
+    document = json.loads(json.dumps(result.as_json(), allow_nan=False))
+    lost = [row for row in document["rows"] if row["integrator"] != "exact"]
+    assert all(row["diverged"] and not row["on_front"] for row in lost)
+    assert [row["position_error"] for row in lost if row["integrator"] == "exploding"] == [None] * 3
+    assert all(row["position_error"] > 1.0 for row in lost if row["integrator"] == "semi_implicit")
+    assert not document["recommended"]["on_front"]
+    assert "diverged" in text(result)
+
+
+def text(result: Result) -> str:
+    console = Console(file=io.StringIO(), width=80, color_system=None)
+    console.print(summary([result]))
+    output = console.file.getvalue()  # type: ignore[attr-defined]
+    assert max(len(line.rstrip()) for line in output.splitlines()) <= 80
+    assert "…" not in output
+    return str(output)
+
+
+def test_the_tables_fit_80_columns_and_name_everything(result: Result) -> None:
+    output = text(result)
+    for word in (WALL.name, *INTEGRATORS, "exact", "auto", "itself"):
+        assert word in output
+
+
+def test_a_choice_that_is_beaten_names_what_beats_it_in_80_columns(result: Result) -> None:
+    assert result.recommendation is not None
+    chosen = replace(result.recommendation.row, problem="a_long_name", integrator="semi_implicit", run_time=0.0125)
+    rival = replace(chosen, run_time=0.00125, step=Step(substeps=64))
+    beaten = Recommendation(replace(chosen, step=Step(substeps=16), position_error=float("inf")), rival)
+    output = text(replace(result, problem=replace(WALL, name="a_long_name"), recommendation=beaten))
+    for word in ("a_long_name", "diverged", "semi_implicit 64", "10.00", "12.5"):
+        assert word in output
+
+
+def test_errors_are_looked_at_where_the_steps_are_on_ticks() -> None:
+    known = reference(WALL)
+    still = measured(WALL, "staying", STAYING, Step(ticks=4), known, repeats=1)
+    expected = max(abs(position[2]) for position in known.trajectory.positions[3::4])
+    assert still.position_error_m == pytest.approx(expected)
+    assert still.force_error_n == pytest.approx(max(force[2] for force in known.trajectory.forces[3::4]))
+
+
+def row(run_time: float, error: float, *, spread: float = 0.0, substeps: int = 1) -> Row:
+    return Row("p", "i", Step(substeps=substeps), error, error, error, error, run_time, spread, 3)
+
+
+def test_a_recommendation_is_on_the_front_within_noise_or_told_how_far_off() -> None:
+    chosen = row(1.0, 1e-3)
+    assert recommendation(chosen, [chosen, row(0.5, 2e-3)], 1e-12).on_front
+    beaten = recommendation(chosen, [chosen, row(0.5, 1e-3)], 1e-12)
+    assert not beaten.on_front
+    assert beaten.excess == pytest.approx(2.0)
+    assert Recommendation(row(1.0, 1e-3, spread=0.4), row(0.9, 1e-4, spread=0.4)).on_front
+    assert not Recommendation(row(1.0, 1e-3), row(0.9, 1e-4)).on_front
+
+
+def test_errors_that_are_not_resolved_count_as_equal() -> None:
+    chosen = row(1.0, 3e-14)
+    assert recommendation(chosen, [chosen, row(4.0, 1e-15)], 1e-12).on_front
+    assert recommendation(chosen, [chosen, row(0.5, 1e-13)], 1e-12).excess == pytest.approx(2.0)
+
+
+def test_steps_halve_and_take_in_the_one_that_is_recommended() -> None:
+    steps = Effort(finest=4, repeats=1).steps(WALL, also=3)
+    assert [step.length / TICK for step in steps] == pytest.approx([4.0, 2.0, 1.0, 0.5, 1.0 / 3.0, 0.25])
+
+
+def test_progress_tells_each_problem_and_the_end() -> None:
+    told: list[tuple[str, int, int]] = []
+    study(Effort(finest=1, repeats=1), [WALL], {"staying": STAYING}, progress=lambda *what: told.append(what))
+    assert told == [("wall", 0, 1), ("done", 1, 1)]
+
+
+def test_the_figure_is_drawn_with_what_diverged(result: Result, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415
+
+    lost = study(Effort(finest=2, repeats=1), [WALL], {"exploding": EXPLODING}, chooser=lambda _: ("exploding", 1))
+    work_precision([result, *lost], tmp_path / "work_precision.png", "the environment")
+    assert (tmp_path / "work_precision.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,60 @@
+"""Work that is spread over processors, when the program that asked for it is killed."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.system.processes import ROOT, until
+
+ASKS = """
+import sys
+from weberlink.studies.parallel import spread
+from tests.studies.test_parallel import note_and_wait
+if __name__ == "__main__":
+    list(spread(note_and_wait, [(sys.argv[1], 0), (sys.argv[1], 1)], 2))
+"""
+
+
+def note_and_wait(task: tuple[str, int]) -> None:
+    """Write down which process does a task, and be done with it; then it waits for more that never comes."""
+    folder, number = task
+    (Path(folder) / f"{number}.{os.getpid()}").touch()
+    if number:
+        signal.pause()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_no_worker_outlives_the_program_that_asked(number: signal.Signals, tmp_path: Path) -> None:
+    script = tmp_path / "asks.py"
+    script.write_text(ASKS, encoding="utf-8")
+    folder = tmp_path / "workers"
+    folder.mkdir()
+    program = subprocess.Popen(
+        [sys.executable, str(script), str(folder)],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stderr=subprocess.DEVNULL,  # where what tidies up after the dead says so
+    )
+    try:
+        until(lambda: len(list(folder.iterdir())) == 2, "both tasks to begin")
+        workers = {int(path.suffix[1:]) for path in folder.iterdir()}
+    finally:
+        program.send_signal(number)
+        program.wait()
+    try:
+        until(lambda: not any(map(is_running, workers)), "the workers to end")
+    finally:
+        for pid in filter(is_running, workers):
+            os.kill(pid, signal.SIGKILL)
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process is there and more than its exit status is left."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8")
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return status.rpartition(")")[2].split()[0] not in ("Z", "X")

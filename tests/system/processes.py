@@ -1,0 +1,187 @@
+"""The program as a process, and what its daemons record, for the tests that run it as its user does."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from time import monotonic, sleep
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.system.systems import CONFIGS
+from weberlink.protocol.states import State
+from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.ring import default_path
+
+T = TypeVar("T")
+Records = NDArray[Any]
+
+ROOT = CONFIGS.parent
+PATIENCE = 120.0
+"""Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
+ENGAGED = State.ENGAGED.value
+
+
+def until(condition: Callable[[], T], what: str) -> T:
+    """The first value of the condition that counts as true."""
+    deadline = monotonic() + PATIENCE
+    while not (value := condition()):
+        if monotonic() > deadline:
+            pytest.fail(f"waited {PATIENCE:g} s for {what}")
+        sleep(0.01)
+    return value
+
+
+def document(text: str) -> dict[str, Any]:
+    """JSON as the standard has it: no NaN, nothing before and nothing behind."""
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(f"JSON has no {constant}")
+
+    parsed = json.loads(text, parse_constant=refuse)
+    assert isinstance(parsed, dict)
+    return parsed
+
+
+class Telemetry:
+    """Everything a daemon records, also once it has ended; to be looked at more often than the ring is long (10 s)."""
+
+    def __init__(self, path: Path) -> None:
+        until(path.exists, f"{path}")
+        self._reader = RingReader(path)
+        self._records: Records = np.empty(0, DTYPE)
+        self._closed = False
+
+    @property
+    def pid(self) -> int:
+        """Of the daemon, not of the launcher."""
+        return self._reader.pid
+
+    @property
+    def started(self) -> float:
+        """When the daemon was about to open its socket, on the clock of the records [s]."""
+        return self._reader.started_monotonic_s
+
+    @property
+    def records(self) -> Records:
+        if not self._closed:
+            self._records = np.concatenate([self._records, self._reader.read()])
+        assert self._reader.overrun == 0
+        return self._records
+
+    @property
+    def last(self) -> Any:
+        """The newest record; before the first, one of zeros."""
+        records = self.records
+        return records[-1] if len(records) else np.zeros(1, DTYPE)[0]
+
+    def close(self) -> None:
+        """Take what there is, and let go of the ring."""
+        if not self._closed:
+            self._records = np.concatenate([self._records, self._reader.read()])
+            self._closed = True
+            self._reader.close()
+
+
+class Program:
+    """A command as a process of its own, which is dead at the end of the `with`, and its daemons with it.
+
+    Args:
+        arguments: of the command line.
+        module: what `python -m` runs.
+        prefix: a command that runs it.
+        terminal: file descriptor for its three streams instead of pipes.
+    """
+
+    def __init__(
+        self, *arguments: object, module: str = "weberlink", prefix: tuple[str, ...] = (), terminal: int | None = None
+    ) -> None:
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        if terminal is not None:
+            streams = dict.fromkeys(streams, terminal)
+        unset = ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "TTY_COMPATIBLE", "TTY_INTERACTIVE")
+        environment = {name: value for name, value in os.environ.items() if name not in unset}
+        self._process: subprocess.Popen[str] = subprocess.Popen(
+            [*prefix, sys.executable, "-m", module, *map(str, arguments)],
+            cwd=ROOT,
+            env={**environment, "TERM": "xterm"},
+            text=True,
+            **streams,  # type: ignore[call-overload]
+        )
+        self._telemetry: list[Telemetry] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        daemons = self.daemons()
+        self._process.kill()
+        self._process.wait()
+        for pid in daemons:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        for stream in (self._process.stdout, self._process.stderr):
+            if stream is not None:
+                stream.close()
+        for telemetry in self._telemetry:
+            telemetry.close()
+        for path in self.rings():
+            path.unlink(missing_ok=True)
+
+    @property
+    def pid(self) -> int:
+        """Of the launcher."""
+        return self._process.pid
+
+    def daemons(self) -> list[int]:
+        """Its child processes that live."""
+        found = []
+        for path in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(FileNotFoundError, ProcessLookupError):
+                state, parent = path.read_text(errors="replace").rpartition(")")[2].split()[:2]
+                if int(parent) == self.pid and state not in "ZX":
+                    found.append(int(path.parent.name))
+        return found
+
+    def recorder(self) -> int:
+        """The process that writes the recording."""
+
+        def find() -> int:
+            for pid in self.daemons():
+                with suppress(FileNotFoundError, ProcessLookupError):
+                    if b"weberlink.telemetry.recording.recorder" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                        return pid
+            return 0
+
+        return until(find, "the recorder to start")
+
+    def rings(self) -> list[Path]:
+        path = default_path(f"{self.pid}-side")
+        return list(path.parent.glob(path.name.replace("side", "*") + "*"))
+
+    def telemetry(self, side: str) -> Telemetry:
+        telemetry = Telemetry(default_path(f"{self.pid}-{side}"))
+        self._telemetry.append(telemetry)
+        return telemetry
+
+    def engaged(self, side: str) -> Telemetry:
+        """The telemetry of a side that is in a session."""
+        telemetry = self.telemetry(side)
+        until(lambda: telemetry.last["state"] == ENGAGED, f"the {side} to engage")
+        return telemetry
+
+    def send(self, number: signal.Signals) -> None:
+        self._process.send_signal(number)
+
+    def finish(self) -> tuple[int, str, str]:
+        """Wait for the end: exit status, standard output, standard error."""
+        output, errors = self._process.communicate(timeout=PATIENCE)
+        return self._process.returncode, output, errors

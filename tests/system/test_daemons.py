@@ -1,0 +1,461 @@
+"""`weberlink master FILE` and `weberlink slave FILE`: two programs that find, lose and refuse each other."""
+
+import os
+import random
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from threading import Thread
+from time import sleep
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tests.system.processes import ENGAGED, Program, Records, Telemetry, document, until
+from weberlink.cli import app
+from weberlink.protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION
+from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.states import State
+from weberlink.protocol.wire import Kind
+from weberlink.system.launcher import sweep
+from weberlink.telemetry.fault import Fault
+
+realtime = pytest.mark.realtime
+
+TICK = 1e-3
+SILENCE = 0.1
+FORCE = 10.0
+RAMP = 0.05
+WEBER = 0.1
+HALF_STEP = 0.5e-3 * 3**0.5
+APPROACH = 0.1
+SPEED = 2.0
+RIGHT, WRONG = "right.key", "wrong.key"
+
+# The hand comes from the side, presses on a plane and stays there. The robot begins inside the plane, so that the first
+# force of a session is no small one.
+SYSTEM = f"""
+link:
+  listen: 127.0.0.1:PORT
+  slave: 127.0.0.1:PORT
+  security: psk
+  key_file: {RIGHT}
+  silence_ms: {1e3 * SILENCE}
+codec: {{force: {{weber: {WEBER}}}}}
+master:
+  device:
+    driver: operator
+    home_m: [0.02, 0.02, 0.02]
+    script:
+      - {{motion: press, at_m: [0, 0, 0], height_m: 0.002, approach_s: 0.3, duration_s: 0.2, hold_s: 600}}
+  limits: {{force_n: {FORCE}, ramp_ms: {1e3 * RAMP}}}
+slave:
+  robot: {{driver: point, home_m: [0, 0, -0.01]}}
+  scene: [{{shape: plane, stiffness_n_m: 500}}]
+  limits: {{on_silence: hold, approach_speed_m_s: {APPROACH}, speed_m_s: {SPEED}, ramp_ms: {1e3 * RAMP}}}
+"""
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two keys."""
+    folder = tmp_path_factory.mktemp("keys")
+    for name in (RIGHT, WRONG):
+        assert CliRunner().invoke(app, ["keygen", str(folder / name)]).exit_code == 0
+    return folder
+
+
+@pytest.fixture
+def system(keys: Path) -> Path:
+    """The file of both sides, with a port that is free."""
+    port = free_port()
+    path = keys / f"system-{port}.yaml"
+    path.write_text(SYSTEM.replace("PORT", str(port)))
+    return path
+
+
+def port_of(system: Path) -> int:
+    return int(system.stem.partition("-")[2])
+
+
+def stop(program: Program) -> tuple[int, str, str]:
+    program.send(signal.SIGTERM)
+    return program.finish()
+
+
+def norms(vectors: Records) -> Records:
+    lengths: Records = np.linalg.norm(vectors, axis=-1)
+    return lengths
+
+
+def in_contact(master: Telemetry) -> bool:
+    """Whether the operator has felt a force for a while that is not being faded."""
+    lately = master.records[-100:]
+    felt = (lately["state"] == ENGAGED) & (lately["ramping"] == 0) & (norms(lately["output"]) > 1.0)
+    return len(lately) == 100 and bool(felt.all())
+
+
+@realtime
+@pytest.mark.parametrize(
+    ("order", "door"),
+    [(("slave", "master"), "weberlink SIDE"), (("master", "slave"), "python -m SIDE")],
+    ids=["slave first", "master first, python -m"],
+)
+def test_the_sides_find_each_other_in_either_order_by_either_door(
+    system: Path, order: tuple[str, str], door: str
+) -> None:
+    def start(side: str) -> Program:
+        arguments = (system, "--json", "-")
+        return Program(side, *arguments) if door.startswith("weberlink") else Program(*arguments, module=side)
+
+    with start(order[0]) as first:
+        waiting = first.telemetry(order[0])
+        until(lambda: waiting.last["tick"] > 100, "ticks without a peer")
+        assert ENGAGED not in waiting.records["state"]
+        with start(order[1]) as second:
+            programs = {order[0]: first, order[1]: second}
+            for side, program in programs.items():
+                program.engaged(side)
+            ended = {side: stop(programs[side]) for side in ("master", "slave")}
+    for side, (status, output, errors) in ended.items():
+        summary = document(output)
+        assert (status, errors, summary["outcome"]) == (0, "", "terminated")
+        assert list(summary["faults"]) == [side]
+        assert summary["faults"][side] == {}
+
+
+def heard_last(records: Records) -> float:
+    """A time by which the last of the datagrams that are counted in the records had arrived [s]."""
+    last = records[1:][np.diff(records["datagrams_received"].astype(np.int64)) > 0][-1]
+    return float(last["at"] + 1e-6 * (last["lateness_us"] + last["work_us"]))
+
+
+def parted(records: Records, successor: Telemetry) -> tuple[Records, Records, Records]:
+    """What the survivor recorded up to its last tick without the new session, the safe part of it, and the rest."""
+    lived = records["at"] >= successor.started
+    first = int(np.argmax(lived & (records["state"] == ENGAGED) & (records["fault"] == Fault.NONE)))
+    alone, limit = records[:first], heard_last(records[~lived]) + SILENCE + TICK
+    return alone, alone[alone["at"] >= limit], records[first - 1 :]
+
+
+def tick_times(records: Records) -> Records:
+    """When each tick began [s]."""
+    times: Records = records["at"] + 1e-6 * records["lateness_us"].astype(np.float64)
+    return times
+
+
+@realtime
+def test_force_is_zero_within_the_limit_when_the_slave_dies_and_fades_in_with_the_next(system: Path) -> None:
+    with Program("master", system, "--json", "-") as master, Program("slave", system, "--json", "-") as slave:
+        felt, killed = master.engaged("master"), slave.engaged("slave")
+        until(lambda: in_contact(felt), "contact")
+        os.kill(killed.pid, signal.SIGKILL)
+        killed_with = slave.finish()
+        until(lambda: felt.last["fault"] == Fault.SILENCE, "silence")
+        with Program("slave", system) as successor:
+            measured = successor.engaged("slave")
+            until(lambda: in_contact(felt), "contact with the new slave")
+            status, output, errors = stop(master)
+    alone, safe, back = parted(felt.records, measured)
+    check_let_go(alone, safe, killed.records)
+    check_fade_in(back, measured.records)
+    assert (status, errors) == (0, "")
+    assert set(document(output)["faults"]["master"]) == {"silence"}
+    assert document(killed_with[1])["outcome"] == "failed: slave killed by signal 9"
+    assert killed_with[0] == 1
+
+
+def check_let_go(alone: Records, safe: Records, sent: Records) -> None:
+    tick_before_last_sent = sent[:-1][np.diff(sent["datagrams_sent"].astype(np.int64)) > 0][-1]
+    before = alone["at"] < tick_before_last_sent["at"]  # both are on one clock
+    assert norms(alone["output"][before])[-1] > 1.0  # there was something to let go
+    assert len(safe) > 0
+    assert safe["at"][0] > tick_before_last_sent["at"] + SILENCE
+    assert not safe["output"].any()
+
+
+def check_fade_in(back: Records, reactions: Records) -> None:
+    """Between ticks the force changes by what the ramp allows, and by what an update may correct.
+
+    An update corrects a prediction that was off by no more than the deadband one tick of the slave before, plus what
+    the contact and its fading in changed in that tick. Two ticks of the slave may fall between two of the master, whose
+    grids are not aligned.
+    """
+    assert not back["output"][0].any()
+    in_session = reactions[reactions["state"] == ENGAGED]
+    assert norms(in_session["raw"])[0] > 3.0  # without the ramp this would be felt at once
+    contact_change = norms(np.diff(in_session["raw"], axis=0)) + FORCE * np.diff(tick_times(in_session)) / RAMP
+    correction = 2.0 * (in_session["bound"].max() + HALF_STEP + contact_change.max())
+    allowed = FORCE * np.diff(tick_times(back)) / RAMP + correction
+    jumps = norms(np.diff(back["output"], axis=0))
+    assert (jumps <= allowed).all()
+
+
+@realtime
+def test_the_robot_holds_when_the_master_dies_and_approaches_the_next_slowly(system: Path) -> None:
+    with Program("slave", system, "--json", "-") as slave, Program("master", system) as master:
+        moved, killed = slave.engaged("slave"), master.engaged("master")
+        until(lambda: in_contact(killed) and not moved.last["ramping"], "contact")
+        os.kill(killed.pid, signal.SIGKILL)
+        killed_status = master.finish()[0]
+        until(lambda: moved.last["fault"] == Fault.SILENCE, "silence")
+        with Program("master", system, "--take-over") as successor:
+            arrived = successor.engaged("master")
+            until(lambda: moved.last["state"] == ENGAGED and not moved.last["ramping"], "the robot to arrive")
+            status, output, errors = stop(slave)
+    _, safe, back = parted(moved.records, arrived)
+    assert len(safe) > 0
+    assert (safe["output"] == safe["output"][0]).all()
+    check_approach(back)
+    assert (status, errors) == (0, "")
+    assert set(document(output)["faults"]["slave"]) == {"silence"}
+    assert killed_status == 1
+
+
+@realtime
+def test_a_second_master_is_refused_unless_it_takes_over(system: Path) -> None:
+    own = ("--set", "link.names.master=bob")
+    with Program("slave", system, "--json", "-") as slave, Program("master", system, "--json", "-") as first:
+        first.engaged("master")
+        with Program("master", system, "--json", "-", *own) as second:
+            status, output, _ = second.finish()
+            assert status == 1
+            assert all(word in document(output)["outcome"] for word in ("refused", "serves master", "--take-over"))
+        with Program("master", system, "--take-over", *own) as third:
+            third.engaged("master")
+            status, output, _ = first.finish()
+            assert (status, document(output)["outcome"]) == (1, "failed: taken over by bob")
+            assert "refused" not in document(stop(slave)[1])["faults"]["slave"]
+
+
+def check_approach(back: Records) -> None:
+    known = back[back["updates_received"] > back["updates_received"][0]][0]
+    assert norms(known["position"] - known["output"]) > 0.01  # the new master is elsewhere
+    known_from = back["at"] >= known["at"]
+    arrived = np.logical_or.accumulate(known_from & (back["output"] == back["position"]).all(axis=1))
+    assert arrived[-1]
+    steps, elapsed = norms(np.diff(back["output"], axis=0)), np.diff(tick_times(back))
+    assert (steps <= np.where(arrived[:-1], SPEED, APPROACH) * elapsed + 1e-9).all()
+
+
+@realtime
+def test_a_master_with_another_key_gets_no_session_and_disturbs_none(system: Path) -> None:
+    with (
+        Program("slave", system, "--json", "-") as slave,
+        Program("master", system, "--set", f"link.key_file={system.parent / WRONG}", "--json", "-") as stranger,
+    ):
+        listening, calling = slave.telemetry("slave"), stranger.telemetry("master")
+        until(lambda: listening.last["datagrams_dropped"] >= 3, "calls without proof")
+        assert set(listening.records["state"]) == {State.LISTENING.value}
+        with Program("master", system, "--json", "-") as friend:
+            felt = friend.engaged("master")
+            called = listening.last["datagrams_dropped"]
+            until(lambda: listening.last["datagrams_dropped"] >= called + 2, "more calls without proof")
+            ended = stop(friend)
+            session = felt.records
+        strange = calling.records
+        documents = [document(stop(program)[1]) for program in (stranger, slave)]
+    assert ended[0] == 0
+    assert set(strange["state"]) == {State.CONNECTING.value}
+    assert not strange["output"].any()
+    assert set(session["state"][np.argmax(session["state"] == ENGAGED) : -1]) == {ENGAGED}
+    assert [summary["faults"] for summary in (document(ended[1]), *documents)] == [{"master": {}}] * 2 + [{"slave": {}}]
+    assert documents[0]["drops"] == {"master": {}}  # nothing is answered before the key is proved
+    assert set(documents[1]["drops"]["slave"]) == {"unproven"}
+
+
+@realtime
+def test_ends_that_disagree_name_both_values_and_the_slave_serves_the_next(system: Path) -> None:
+    with Program("slave", system, "--json", "-") as slave:
+        listening = slave.telemetry("slave")
+        with Program("master", system, "--set", "codec.force.weber=0.2", "--json", "-") as other:
+            status, output, _ = other.finish()
+        summary = document(output)
+        assert status == 1
+        assert "codec.force.weber: master has 0.2, slave has 0.1" in summary["outcome"]
+        assert summary["faults"] == {"master": {"refused": 1}}
+        assert listening.last["state"] == State.LISTENING.value
+        with Program("master", system, "--json", "-") as right:
+            right.engaged("master")
+            assert stop(right)[0] == 0
+        status, output, errors = stop(slave)
+    assert (status, errors) == (0, "")
+    assert set(document(output)["faults"]["slave"]) == {"refused"}  # once for each time that it was called
+
+
+class Tap:
+    """Stands between master and slave, passes on what they say and keeps what the master said."""
+
+    def __init__(self, slave: int) -> None:
+        self._slave = ("127.0.0.1", slave)
+        self._inside, self._outside = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        self._outside.bind(("127.0.0.1", 0))
+        self._inside.bind(("127.0.0.1", 0))
+        self._master: Any = None
+        self._closing = False
+        self.heard: list[bytes] = []
+        self._threads = [Thread(target=pump) for pump in (self._inward, self._outward)]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def port(self) -> int:
+        """Where the master finds it."""
+        number: int = self._outside.getsockname()[1]
+        return number
+
+    def _inward(self) -> None:
+        while True:
+            data, self._master = self._outside.recvfrom(4096)
+            if self._closing:
+                return
+            self.heard.append(data)
+            self._inside.sendto(data, self._slave)
+
+    def _outward(self) -> None:
+        while True:
+            data, _ = self._inside.recvfrom(4096)
+            if self._closing:
+                return
+            if self._master is not None:
+                self._outside.sendto(data, self._master)
+
+    def close(self) -> None:
+        self._closing = True
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as waker:
+            for end in (self._inside, self._outside):
+                waker.sendto(b"", end.getsockname())
+        for thread in self._threads:
+            thread.join()
+        self._inside.close()
+        self._outside.close()
+
+
+@contextmanager
+def tapped(slave: int) -> Iterator[Tap]:
+    tap = Tap(slave)
+    try:
+        yield tap
+    finally:
+        tap.close()
+
+
+def garbage(genuine: list[bytes], count: int) -> Iterator[bytes]:
+    """Noise, and genuine datagrams cut short, lengthened, altered and played back."""
+    draw = random.Random(7)  # seeded: the same garbage in every run, but for what was overheard
+    for _ in range(count):
+        yield draw.randbytes(draw.randrange(80))
+        yield bytes((Kind.HELLO, PROTOCOL_VERSION)) + draw.randbytes(PADDED_HELLO)
+        original = draw.choice(genuine)
+        yield original[: draw.randrange(len(original))]
+        yield original + draw.randbytes(1 + draw.randrange(40))
+        place = draw.randrange(len(original))
+        yield original[:place] + bytes((original[place] ^ 1 << draw.randrange(8),)) + original[place + 1 :]
+        yield original
+
+
+@realtime
+def test_thousands_of_bad_datagrams_do_not_disturb_a_session(system: Path) -> None:
+    thrown = 0
+    patient = ("--set", "link.silence_ms=2000")  # the tap is an ordinary thread, and waits for its turn
+    with Program("slave", system, *patient, "--json", "-") as slave, tapped(port_of(system)) as tap:
+        slave.telemetry("slave")
+        with Program("master", system, *patient, "--set", f"link.slave=127.0.0.1:{tap.port}", "--json", "-") as master:
+            felt, moved = master.engaged("master"), slave.engaged("slave")
+            until(lambda: in_contact(felt) and len(tap.heard) > 50, "a conversation")
+            answered = int(moved.last["datagrams_received"])
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as thrower:
+                for number, data in enumerate(garbage(list(tap.heard), 800)):
+                    thrower.sendto(data, ("127.0.0.1", port_of(system)))
+                    thrown += 1
+                    if number % 20 == 0:
+                        sleep(0.002)  # the receive buffer of a socket is finite
+                with suppress(BlockingIOError):
+                    thrower.setblocking(False)
+                    assert not thrower.recv(4096)  # nobody who has not proved the key is answered
+            until(lambda: moved.last["datagrams_received"] > answered + 5, "the conversation to go on")
+            summaries = [document(stop(program)[1]) for program in (master, slave)]
+            states = felt.records["state"], moved.records["state"]
+    for records in states:
+        session = np.flatnonzero(records == ENGAGED)
+        assert set(records[session[0] : session[-1]]) == {ENGAGED}  # one, from first to last
+    assert [summary["faults"] for summary in summaries] == [{"master": {}}, {"slave": {}}]
+    assert [summary["outcome"] for summary in summaries] == ["terminated", "terminated"]
+    drops = summaries[1]["drops"]["slave"]
+    expected = {
+        DropReason.TRUNCATED,
+        DropReason.WRONG_LENGTH,
+        DropReason.UNKNOWN_KIND,
+        DropReason.UNPROVEN,
+        DropReason.UNEXPECTED,
+        DropReason.BAD_TAG,
+        DropReason.REPLAYED,
+    }
+    assert set(drops) >= {str(reason) for reason in expected}
+    assert summaries[1]["link"]["dropped"] == sum(drops.values()) <= thrown
+
+
+def test_a_port_in_use_is_one_line_and_the_report_says_so(system: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", port_of(system)))
+        with Program("slave", system, "--json", "-") as program:
+            status, output, errors = program.finish()
+    assert status == 1
+    assert len(errors.splitlines()) == 1
+    assert f"127.0.0.1:{port_of(system)} is in use" in errors
+    assert f"127.0.0.1:{port_of(system)} is in use" in document(output)["outcome"]
+
+
+def test_an_address_that_is_not_of_this_host_is_named(system: Path) -> None:
+    listen = "203.0.113.9:47000"  # of the range for documentation
+    with Program("slave", system, "--set", f"link.listen={listen}", "--json", "-") as program:
+        status, output, errors = program.finish()
+    assert status == 1
+    assert len(errors.splitlines()) == 1
+    assert listen in errors
+    assert listen in document(output)["outcome"]
+
+
+@pytest.mark.parametrize("side", ["master", "slave"])
+@pytest.mark.parametrize(("mode", "complaint"), [(None, "does not exist"), (0o644, "open to other users")])
+def test_a_key_that_cannot_be_used_is_one_line(
+    system: Path, tmp_path: Path, side: str, mode: int | None, complaint: str
+) -> None:
+    key = tmp_path / "key"
+    if mode is not None:
+        key.write_text((system.parent / RIGHT).read_text())
+        key.chmod(mode)
+    with Program(side, system, "--set", f"link.key_file={key}") as program:
+        status, output, errors = program.finish()
+    assert (status, output) == (2, "")
+    assert len(errors.splitlines()) == 1
+    assert str(key) in errors
+    assert "link.key_file" in errors
+    assert complaint in errors
+
+
+def test_what_killed_processes_left_is_removed_when_it_is_old(tmp_path: Path) -> None:
+    dead = subprocess.Popen(["true"])
+    dead.wait()
+    names = [f"weberlink-{pid}-{side}" for pid in (dead.pid, os.getpid()) for side in ("master.ring", "slave.ask")]
+    names.insert(0, f"weberlink-{dead.pid}.key")
+    fresh = tmp_path / f"weberlink-{dead.pid}-slave.json"
+    other = tmp_path / "weberlink-mine.ring"
+    for path in (*(tmp_path / name for name in names), fresh, other):
+        path.touch()
+        if path != fresh:
+            os.utime(path, (0, 0))
+    sweep([tmp_path])
+    assert {path.name for path in tmp_path.iterdir()} == {*names[3:], fresh.name, other.name}

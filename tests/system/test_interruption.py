@@ -1,0 +1,276 @@
+"""Whole sessions in virtual time that are interrupted: nobody is hit and no robot jumps when they go on."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from tests.system.stops import StoppedSide
+from tests.system.systems import Step, configuration, decoded, output, raw, steps, system
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
+from weberlink.protocol.emulation import EmulatedLink, Emulation
+from weberlink.protocol.events import Address
+from weberlink.protocol.states import State
+from weberlink.slave.robots.contract import RobotReading
+from weberlink.slave.robots.point import PointRobot
+from weberlink.system.configuration import ConfigurationError
+from weberlink.system.report import status_line
+from weberlink.system.simulate import build_simulation
+from weberlink.system.simulation import Simulation
+from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import RELEASED
+
+TICK = 1e-3
+BEGIN = 1.5
+"""When a side is interrupted [s]: the hand slides along the surface with 3.7 N by then."""
+RAMP = 10.0 * TICK / 0.05
+"""By how much a fade of 50 ms may change the largest force in a tick [N]."""
+SLEW = 3000.0 * TICK
+"""By how much the slew limit of the default device lets a force change in a tick [N]."""
+
+
+def stopped(side: str, seconds: float, *overrides: str, **parts: type) -> tuple[Simulation, list[Step]]:
+    """A run in contact in which a side's process stands still from `BEGIN` on, over a link of 5 ms each way."""
+    built = system(*overrides, **parts)
+    sides = {"master": built.master, "slave": built.slave}
+    sides[side] = StoppedSide(sides[side], BEGIN, BEGIN + seconds)  # type: ignore[assignment]
+    links = (
+        EmulatedLink[Address](Emulation(delay_s=0.005), lambda: 0.0),
+        EmulatedLink[Address](Emulation(delay_s=0.005), lambda: 0.0),
+    )
+    simulation = Simulation(master=sides["master"], slave=sides["slave"], links=links, tick_period=TICK)
+    return built, list(steps(simulation, BEGIN + seconds + 1.0))
+
+
+@pytest.mark.parametrize("scheme", ["none", "tdpa", "mmt"])
+@pytest.mark.parametrize("seconds", [0.03, 0.07, 0.1, 0.5, 5.0])
+def test_after_a_stall_of_the_master_force_begins_at_zero_and_the_robot_approaches(scheme: str, seconds: float) -> None:
+    built, run = stopped("master", seconds, f"control.scheme={scheme}")
+    end = round((BEGIN + seconds) / TICK)
+    assert norm(output(run[end - 1].master)) > 3.0  # or there would be nothing to fear
+    assert output(run[end].master) == ZERO
+    assert run[end].master.fault == Fault.STALLED
+    assert built.master.faults["stalled"] == 1
+    fading = run[end - 1 : end + 50]
+    rises = [norm(output(b.master)) - norm(output(a.master)) for a, b in pairwise(fading)]
+    assert max(rises) <= RAMP + 0.3  # and what the hand's own motion adds
+    moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(run[end - 1 : end + 100])]
+    assert max(moves) <= 0.25 * TICK + 0.5e-3  # approach, and the hand's own motion and deadband once it is there
+    assert max(norm(output(step.master)) for step in run) <= 10.0
+    assert run[-1].master.state == run[-1].slave.state == State.ENGAGED.value
+    assert max(norm(output(step.master)) for step in run[end + 100 :]) > 1.0  # it works again
+
+
+@pytest.mark.parametrize("seconds", [0.03, 0.07, 0.5, 5.0])
+def test_after_a_stall_of_the_slave_the_robot_approaches_and_what_it_feels_fades_in(seconds: float) -> None:
+    built, run = stopped("slave", seconds)
+    end = round((BEGIN + seconds) / TICK)
+    assert run[end].slave.fault == Fault.STALLED
+    assert built.slave.faults["stalled"] == 1
+    moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(run[end - 1 :])]
+    assert moves[0] == 0.0
+    assert max(moves[:50]) <= 0.25 * TICK + 0.5e-3
+    first = next(step for step in run[end:] if step.slave.sent)
+    assert norm(decoded(first.slave)) <= RAMP
+    steps_of_force = [norm(output(b.master)) - norm(output(a.master)) for a, b in pairwise(run[end:])]
+    assert max(steps_of_force) <= SLEW + RAMP
+    assert run[-1].slave.state == State.ENGAGED.value
+
+
+class Sagging(PointRobot):
+    """A robot that sinks by 3 cm while its host stands still, as one whose motors have let go."""
+
+    sunk = 0.0
+
+    def latest(self, now: float) -> RobotReading:
+        reading = super().latest(now)
+        if BEGIN + 0.4 < now < BEGIN + 0.501:
+            x, y, z = reading.position
+            return reading._replace(position=(x, y, z - 0.03))
+        return reading
+
+
+def test_after_a_stall_the_robot_is_commanded_from_where_it_is() -> None:
+    _, run = stopped("slave", 0.5, robot=Sagging)
+    end = round((BEGIN + 0.5) / TICK)
+    sunk = output(run[end - 1].slave)[2] - output(run[end].slave)[2]
+    assert sunk == pytest.approx(0.03)
+    moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(run[end : end + 50])]
+    assert max(moves) <= 0.25 * TICK * (1 + 1e-9)
+
+
+def test_a_tick_that_is_late_by_less_is_no_stall() -> None:
+    built, run = stopped("master", 0.015)
+    assert built.master.faults == {}
+    moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(run)]
+    assert max(moves) <= 2.0 * TICK
+
+
+PRESSED = [(0.0, 1.3), (1.5, 2.0), (2.5, 9.0)]
+"""When the operator holds the button [s]."""
+
+
+class WithButton(OperatorDevice):
+    """A device with two buttons, of which the second is held as in `PRESSED`."""
+
+    def __init__(self, options: OperatorOptions, tick_period: float) -> None:
+        super().__init__(options, tick_period)
+        self.spec = replace(self.spec, buttons=2)
+
+    def latest(self, now: float) -> DeviceReading:
+        held = any(begin <= now < end for begin, end in PRESSED)
+        return super().latest(now)._replace(buttons=held << 1)
+
+
+def with_button(*overrides: str) -> list[Step]:
+    return list(steps(system("master.engage={button: 1}", *overrides, device=WithButton), 3.2))
+
+
+def test_robot_follows_and_force_is_felt_only_while_the_button_is_held() -> None:
+    run = with_button()
+    released = [step for step in run if 1.3 + 0.06 < step.master.at < 1.5 or 2.0 + 0.06 < step.master.at < 2.5]
+    assert {output(step.master) for step in released} == {ZERO}
+    assert {step.master.sent for step in released} == {0}
+    assert {step.master.ramping for step in released} == {RELEASED}
+    for begin, end in ((1.36, 1.5), (2.06, 2.5)):
+        assert len({output(step.slave) for step in run if begin < step.slave.at < end}) == 1
+    held = [step for step in run if 1.0 < step.master.at < 1.3 or step.master.at > 3.0]
+    assert max(norm(output(step.master)) for step in held) > 1.0
+    assert all(step.master.state == step.slave.state == State.ENGAGED.value for step in run[100:])
+    assert all(step.master.fault == step.slave.fault == Fault.NONE for step in run[100:])
+
+
+def test_force_fades_when_the_button_is_released_and_all_fades_in_when_it_is_pressed() -> None:
+    run = with_button()
+    moments = [round(at / TICK) for interval in PRESSED[:-1] for at in interval[1:]] + [1500, 2500]
+    for moment in moments:
+        around = run[moment - 1 : moment + 60]
+        assert max(distance(output(a.master), output(b.master)) for a, b in pairwise(around)) <= RAMP + 0.3
+        moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(around)]
+        assert max(moves) <= 0.25 * TICK + 0.5e-3
+
+
+def test_robot_backs_off_when_the_button_is_released_where_the_file_says_so() -> None:
+    run = with_button("slave.limits.on_silence=retract", "slave.limits.retract_m=0.02")
+    before, after = (run[round(at / TICK)].slave for at in (1.299, 1.499))
+    assert norm(raw(before)) > 0.5
+    assert output(after)[2] - output(before)[2] > 0.01
+    assert raw(after) == ZERO
+
+
+def test_status_line_says_that_the_button_is_released() -> None:
+    run = with_button()
+    summary = {
+        "duration_s": 2.2,
+        "force": {"packets_per_s": None, "reduction": None, "error_rms": None},
+        "link": {"rtt_us": {"p50": None}},
+    }
+    for index, word in ((1200, "engaged"), (2200, "button released")):
+        records = {"master": run[index].master._asdict(), "slave": run[index].slave._asdict()}
+        assert word in status_line(records, summary)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "device", "expected"),
+    [
+        (["master.engage={button: 0}"], None, "master.engage.button: operator has no button, not 0"),
+        (["master.engage={button: 2}"], WithButton, "master.engage.button: operator has the buttons 0 to 1, not 2"),
+        (
+            ["master.engage={button: 1}", "master.mapping={clutch: {button: 1}, walls: {}}"],
+            WithButton,
+            "master.engage.button: 1 is the button of master.mapping.clutch",
+        ),
+    ],
+)
+def test_a_dead_man_button_that_cannot_be_is_refused(overrides: list[str], device: type, expected: str) -> None:
+    with pytest.raises(ConfigurationError, match=expected):
+        build_simulation(configuration(*overrides, device=device))
+
+
+def forced(force_at: Callable[[float], Vector]) -> type[PointRobot]:
+    """A robot whose sensor says this, whatever it touches."""
+
+    class Forced(PointRobot):
+        def latest(self, now: float) -> RobotReading:
+            return super().latest(now)._replace(force=force_at(now))
+
+    return Forced
+
+
+def test_a_peer_that_throws_the_force_about_is_held_to_the_slew_limit() -> None:
+    """With the key, and within the force limit: 20 N in a tick, without it."""
+    thrown = forced(lambda now: (0.0, 0.0, 10.0 if int(now / 0.02) % 2 else -10.0))
+    largest = {}
+    for limit in ("null", "1.0e+9", "500"):
+        run = list(steps(system(f"master.limits.slew_n_s={limit}", robot=thrown), 1.0))
+        largest[limit] = max(distance(output(a.master), output(b.master)) for a, b in pairwise(run))
+        limited = run[-1].master.slew_ticks
+        assert (limited == 0) == (limit == "1.0e+9")
+    assert largest["1.0e+9"] > 19.0
+    assert largest["null"] == pytest.approx(SLEW, rel=0.1)
+    assert largest["500"] == pytest.approx(0.5 + RAMP, abs=RAMP)
+
+
+def test_a_torque_is_held_to_its_slew_limit_too() -> None:
+    class Thrown(PointRobot):
+        def latest(self, now: float) -> RobotReading:
+            reading = super().latest(now)
+            return reading._replace(torque=(0.0, 0.3 if int(now / 0.02) % 2 else -0.3, 0.0))
+
+    def largest(limit: str) -> float:
+        run = list(steps(system(f"master.limits.slew_nm_s={limit}", file="rotation.yaml", robot=Thrown), 1.0))
+        return max(abs(b.master.rotation_output_y - a.master.rotation_output_y) for a, b in pairwise(run))
+
+    assert largest("1.0e+9") > 0.5
+    assert largest("20") <= 0.02 + 0.5 * TICK / 0.05
+    assert largest("null") <= 0.125 + 0.5 * TICK / 0.05
+
+
+def test_demonstration_never_meets_the_slew_limit() -> None:
+    run = list(steps(system(), 6.0))
+    assert run[-1].master.slew_ticks == 0
+
+
+def test_a_strong_contact_trips_the_robot_which_waits_for_the_hand_to_come_out() -> None:
+    simulation = system("slave.limits.trip_n=3", "codec.force.predictor=zoh")
+    run = list(steps(simulation, 9.0))
+    tripped = [step for step in run if step.slave.fault == Fault.TRIPPED]
+    first = tripped[0]
+    assert norm(raw(run[first.index].slave)) > 3.0
+    assert max(norm(raw(step.slave)) for step in run) <= 3.0 + 0.5  # it backs off at once
+    assert simulation.slave.faults["tripped"] >= 1
+    away = run[first.index + 100]
+    assert raw(away.slave) == ZERO
+    assert norm(output(away.master)) < 0.1
+    falls = [distance(output(a.master), output(b.master)) for a, b in pairwise(run)]
+    assert max(falls) <= SLEW + RAMP
+    moves = [distance(output(a.slave), output(b.slave)) for a, b in pairwise(run[first.index :])]
+    assert max(moves[:400]) <= 0.25 * TICK * (1 + 1e-9)
+    end = next(step for step in run[first.index :] if step.slave.fault == Fault.NONE)
+    assert end.slave.at - first.slave.at >= 0.5
+    assert max(norm(output(step.master)) for step in run[end.index :]) > 1.0  # it works again
+
+
+def test_without_a_trip_limit_a_computed_robot_never_trips() -> None:
+    simulation = system("slave.scene=[{shape: plane, stiffness_n_m: 1000000.0}]")
+    run = list(steps(simulation, 3.0))
+    assert simulation.slave.faults == {}
+    assert max(norm(raw(step.slave)) for step in run) > 10.0
+
+
+def test_a_master_that_is_taken_over_fades_out_and_ends_with_the_reason() -> None:
+    simulation = system()
+    run = list(steps(simulation, BEGIN))
+    assert norm(output(run[-1].master)) > 1.0
+    simulation.slave.endpoint.close(BEGIN, "taken over by operator@b")
+    after = list(steps(simulation, 1.0))
+    assert simulation.master.stopped
+    assert simulation.master.failure == "taken over by operator@b"
+    assert simulation.master.faults == {"taken_over": 1}
+    assert output(after[-1].master) == ZERO
+    falls = [distance(output(a.master), output(b.master)) for a, b in pairwise([run[-1], *after])]
+    assert max(falls) <= RAMP + 0.1
+    assert len(after) <= 60

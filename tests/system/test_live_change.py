@@ -1,0 +1,237 @@
+"""Settings changed while a session lives: at one tick on both sides, and through the door of a daemon."""
+
+import asyncio
+import json
+import socket
+import tracemalloc
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+from signal import SIGINT
+from tempfile import TemporaryDirectory
+from threading import Thread
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squat_file, squat_large
+from tests.system.processes import ENGAGED, PATIENCE, Program, until
+from tests.system.systems import Step, steps, system
+from weberlink.control.table import SCHEMES
+from weberlink.control.tuning import Settings, Tuning
+from weberlink.system import description
+from weberlink.system.control_socket import Door, LiveChangeError, ask, path_beside
+from weberlink.system.simulation import Simulation
+from weberlink.telemetry.ring import default_path
+
+
+def changed(simulation: Simulation, change: dict[str, Any], asker: str, seconds: float = 1.0) -> list[Step]:
+    """The steps of a system in which one side asks for a change after half a second."""
+    before = list(steps(simulation, 0.5))
+    side = getattr(simulation, asker)
+    assert side.propose(change, 0.5) is None
+    return before + list(steps(simulation, seconds))
+
+
+@pytest.mark.parametrize("asker", ["master", "slave"])
+@pytest.mark.parametrize("delay_ms", [0, 60])
+def test_both_ends_make_a_change_at_the_tick_that_was_agreed(asker: str, delay_ms: int) -> None:
+    simulation = system(f"link.emulate={{delay_ms: {delay_ms}, seed: 3}}", "link.silence_ms=400")
+    seen = changed(simulation, {"weber": 0.3}, asker)
+    first = [
+        next(i for i, step in enumerate(seen) if getattr(step, side).settings == 1) for side in ("master", "slave")
+    ]
+    verdict = getattr(simulation, asker).tuning.verdict
+    assert verdict.why_not is None
+    assert first[("master", "slave").index(asker)] == verdict.tick
+    assert abs(first[0] - first[1]) <= 1
+    assert simulation.slave.tuning.settings.weber == 0.3
+
+
+def test_a_larger_weber_factor_widens_the_deadband_from_that_tick_on() -> None:
+    simulation = system("slave.scene=[{shape: plane, stiffness_n_m: 500}]", "codec.force.floor_n=0")
+    seen = changed(simulation, {"weber": 0.3}, "master", 3.0)
+    ratios = [
+        (step.slave.settings, step.slave.bound / np.linalg.norm([step.slave.raw_x, step.slave.raw_y, step.slave.raw_z]))
+        for step in seen
+        if step.slave.state == ENGAGED and not step.slave.ramping and abs(step.slave.raw_z) > 0.2
+    ]
+    assert {round(ratio, 6) for settings, ratio in ratios if settings == 0} <= {0.1}
+    assert {round(ratio, 6) for settings, ratio in ratios if settings == 1} == {0.3}
+
+
+def test_another_predictor_is_in_use_at_both_ends_from_the_first_send_on() -> None:
+    simulation = system()
+    seen = changed(simulation, {"predictor": "zoh"}, "slave", 4.0)
+    after = [step for step in seen if step.slave.settings == 1]
+    assert {step.slave.selected for step in after} == {0}, "the bank's first, at the very tick"
+    assert {step.master.selected for step in after[200:]} == {0}
+    assert any(step.slave.sent for step in after)
+
+
+def test_a_scheme_is_imposed_on_both_sides_and_taken_back() -> None:
+    simulation = system("control.scheme=auto")
+    seen = changed(simulation, {"scheme": "mmt"}, "master")
+    place = list(SCHEMES).index("mmt")
+    assert {step.master.control for step in seen if step.master.settings == 1} == {place}
+    assert simulation.master.propose({"scheme": "auto"}, 1.5) is None
+    later = list(steps(simulation, 4.0))
+    assert later[-1].master.control == later[-1].slave.control == list(SCHEMES).index("none"), "by the delay again"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "change", "complaint"),
+    [
+        (["control.live_changes=false"], {"weber": 0.2}, "control.live_changes is off"),
+        (["codec.force.predictor=plane"], {"predictor": "zoh"}, "codec.force.predictor is neither hybrid nor adaptive"),
+        (["control.scheme=tdpa"], {"scheme": "none"}, "control.scheme is not auto"),
+    ],
+)
+def test_what_the_file_fixes_stays(overrides: list[str], change: dict[str, Any], complaint: str) -> None:
+    simulation = system(*overrides)
+    list(steps(simulation, 0.3))
+    for side in (simulation.master, simulation.slave):
+        assert complaint in (side.propose(change, 0.3) or "")
+
+
+def test_before_there_is_a_session_there_is_nothing_to_change() -> None:
+    simulation = system()
+    assert simulation.master.propose({"weber": 0.2}, 0.0) == "no session: the other side is not there"
+
+
+def test_ends_that_do_not_permit_the_same_do_not_meet() -> None:
+    from weberlink.system.composition.link import agreement  # noqa: PLC0415
+    from weberlink.system.configuration import load  # noqa: PLC0415
+
+    file = Path(__file__).parents[2] / "configs" / "loopback.yaml"
+    free, fixed = (agreement(load(file, [f"control.live_changes={on}"]).system) for on in ("true", "false"))
+    assert free != fixed
+
+
+@pytest.mark.realtime
+def test_a_running_daemon_is_asked_through_its_door() -> None:
+    with Program("loopback", "--duration", "30") as program:
+        slave, master = program.telemetry("slave"), program.telemetry("master")
+        until(lambda: master.last["state"] == ENGAGED, "a session")
+        ring = default_path(f"{program.pid}-slave")
+        described = description.read(ring)
+        assert described is not None
+        assert (described["side"], described["changes"]) == ("slave", ["predictor", "weber"])
+        assert "key_file" not in described["system"]["link"]
+        assert path_beside(ring).stat().st_mode & 0o777 == 0o600
+        assert ask(ring, {})["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
+        answer = ask(ring, {"weber": 0.25}, patience_s=60.0)
+        assert answer["accepted"]
+        until(lambda: slave.last["settings"] == 1 and master.last["settings"] == 1, "the change on both sides")
+        records = slave.records
+        assert records["tick"][records["settings"] == 1][0] >= answer["tick"]
+        assert ask(ring, {"weber": 2.0}) | {"accepted": False, "generation": 1} == ask(ring, {"weber": 2.0})
+        program.send(SIGINT)
+        assert program.finish()[0] == 0
+    assert not list(ring.parent.glob(f"weberlink-{program.pid}-*")), "nothing is left behind"
+
+
+class Unchanging:
+    """A side that has settings, and takes no others."""
+
+    def __init__(self) -> None:
+        self.tuning = Tuning(Settings(0.1, "zoh", "none"), {}, lambda _: None)
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        return self.tuning.complaint(change)
+
+
+@contextmanager
+def daemon(ring: Path) -> Iterator[None]:
+    """A door in a thread, as that of a daemon."""
+    loop = asyncio.new_event_loop()
+    door = Door(ring, Unchanging())
+    door.open(loop)
+    thread = Thread(target=loop.run_forever)
+    thread.start()
+    try:
+        yield
+    finally:
+        loop.call_soon_threadsafe(loop.stop)
+        thread.join()
+        door.close()
+        loop.close()
+
+
+@pytest.mark.parametrize("question", [b"[" * 1024, b"[" * 5000, b"{" * 1024, b'{"weber": NaN}', b"\xff" * 9, b""])
+def test_no_question_ends_a_daemon(tmp_path: Path, question: bytes) -> None:
+    ring = tmp_path / "x.ring"
+    with daemon(ring), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asker:
+        asker.bind("")
+        asker.settimeout(PATIENCE)
+        asker.sendto(question, str(path_beside(ring)))
+        told = json.loads(asker.recv(5000))
+        assert (told["accepted"], told["why"]) == (False, "a question is a JSON object")
+        assert ask(ring, {}, PATIENCE)["settings"] == {"weber": 0.1, "predictor": "zoh", "scheme": "none"}
+
+
+@needs_root
+def test_another_user_cannot_ask(tmp_path: Path) -> None:
+    with TemporaryDirectory() as folder:  # that others may enter
+        Path(folder).chmod(0o755)
+        ring = Path(folder) / "x.ring"
+        with daemon(ring):
+            assert as_stranger(ask_socket, path_beside(ring), b"{}") == "refused"
+
+
+@needs_root
+@pytest.mark.parametrize("attack", [squat_file, squat_fifo])
+def test_what_another_user_put_in_its_place_is_not_asked(attack: Callable[[Path], None]) -> None:
+    with TemporaryDirectory() as folder:
+        Path(folder).chmod(0o1777)
+        as_stranger(attack, Path(folder) / "x.ask")
+        with pytest.raises(LiveChangeError, match="not a socket"):
+            ask(Path(folder) / "x.ring", {}, PATIENCE)
+
+
+def test_an_answer_of_anybody_else_is_not_heard(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as server, ThreadPoolExecutor() as pool:
+        server.bind(str(tmp_path / "x.ask"))
+        server.settimeout(PATIENCE)
+        asked = pool.submit(ask, tmp_path / "x.ring", {}, PATIENCE)
+        _, asker = server.recvfrom(100)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other, pytest.raises(PermissionError):
+            other.sendto(b'{"accepted": true}', asker)
+        server.sendto(b'{"accepted": false}', asker)
+        assert asked.result() == {"accepted": False}
+
+
+@pytest.mark.parametrize("content", [b"[]", b"[" * 5000, b"no JSON", b"{" * 1024, b'{"rate_hz": Infinity}'])
+def test_a_description_that_cannot_be_trusted_is_none(tmp_path: Path, content: bytes) -> None:
+    path = description.path_beside(tmp_path / "x.ring")
+    path.write_bytes(content)
+    assert description.read(tmp_path / "x.ring") is None
+
+
+@needs_root
+@pytest.mark.parametrize("attack", [squat_file, squat_fifo, squat_large])
+def test_a_description_of_another_user_costs_nothing(attack: Callable[[Path], None]) -> None:
+    with TemporaryDirectory() as folder:
+        Path(folder).chmod(0o1777)
+        as_stranger(attack, Path(folder) / "x.json")
+        began = monotonic()
+        assert description.read(Path(folder) / "x.ring") is None
+        assert monotonic() - began < 1.0
+
+
+def test_a_description_that_is_too_large_is_not_read(tmp_path: Path) -> None:
+    squat_large(tmp_path / "x.json")
+    tracemalloc.start()
+    try:
+        assert description.read(tmp_path / "x.ring") is None
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_nobody_there_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(LiveChangeError, match="no daemon answers there"):
+        ask(tmp_path / "none.ring", {})
