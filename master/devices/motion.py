@@ -29,7 +29,7 @@ def minimum_jerk(share: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class StraightLeg:
     """Straight from `start` to `end`; the same point twice is a rest."""
 
     start: Vector
@@ -43,7 +43,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Circle:
+class CircularLeg:
     """`turns` around `center` in a horizontal plane, counterclockwise from the side of +x."""
 
     center: Vector
@@ -57,7 +57,7 @@ class Circle:
         return (x + self.radius * cos(angle), y + self.radius * sin(angle), z)
 
 
-class Motion:
+class LegSequence:
     """Legs one after another, once or for ever.
 
     A repeated motion is expected to end where it begins; the caller adds the way back.

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import Circle, Leg, Line, Motion
+from weberlink.master.devices.motion import CircularLeg, Leg, LegSequence, StraightLeg
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 
@@ -29,7 +29,7 @@ Turn = Annotated[
 ]
 
 
-class Step(BaseModel):
+class ScriptStep(BaseModel):
     """One motion of the script; it begins wherever the one before left the hand."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -39,7 +39,7 @@ class Step(BaseModel):
         return start
 
 
-class Reach(Step):
+class ReachStep(ScriptStep):
     """To a point, the smoothest way; and turning on that way, axis and angle changing evenly together."""
 
     motion: Literal["reach"]
@@ -51,13 +51,13 @@ class Reach(Step):
         return start if self.turn_deg is None else scale(self.turn_deg, radians(1.0))
 
     def legs(self, start: Vector) -> list[Leg]:
-        return [Line(start, self.to_m, self.duration_s)]
+        return [StraightLeg(start, self.to_m, self.duration_s)]
 
     def end(self, start: Vector) -> Vector:  # noqa: ARG002
         return self.to_m
 
 
-class Slide(Step):
+class SlideStep(ScriptStep):
     """Along points, pressed below them by a depth; every second pass goes back the same way."""
 
     motion: Literal["slide"]
@@ -69,17 +69,17 @@ class Slide(Step):
 
     def legs(self, start: Vector) -> list[Leg]:
         points = [below(point, self.depth_m) for point in self.points_m]
-        legs: list[Leg] = [Line(start, points[0], self.approach_s)]
+        legs: list[Leg] = [StraightLeg(start, points[0], self.approach_s)]
         for number in range(self.passes):
             way = points if number % 2 == 0 else points[::-1]
-            legs += [Line(a, b, self.duration_s) for a, b in pairwise(way)]
+            legs += [StraightLeg(a, b, self.duration_s) for a, b in pairwise(way)]
         return legs
 
     def end(self, start: Vector) -> Vector:  # noqa: ARG002
         return below(self.points_m[-1 if self.passes % 2 else 0], self.depth_m)
 
 
-class CircleAround(Step):
+class CircleStep(ScriptStep):
     """Around a point in a horizontal plane, pressed below it by a depth."""
 
     motion: Literal["circle"]
@@ -91,14 +91,14 @@ class CircleAround(Step):
     approach_s: Duration = Field(default=0.8, description="to where the circle begins, on the side of +x")
 
     def legs(self, start: Vector) -> list[Leg]:
-        circle = Circle(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
-        return [Line(start, circle.at(0.0), self.approach_s), circle]
+        circle = CircularLeg(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
+        return [StraightLeg(start, circle.at(0.0), self.approach_s), circle]
 
     def end(self, start: Vector) -> Vector:
         return self.legs(start)[-1].at(1.0)
 
 
-class Tap(Step):
+class TapStep(ScriptStep):
     """Up and down over a point, a number of times at a frequency."""
 
     motion: Literal["tap"]
@@ -112,13 +112,16 @@ class Tap(Step):
     def legs(self, start: Vector) -> list[Leg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
         half = 0.5 / self.frequency_hz
-        return [Line(start, up, self.approach_s), *[Line(up, down, half), Line(down, up, half)] * self.count]
+        return [
+            StraightLeg(start, up, self.approach_s),
+            *[StraightLeg(up, down, half), StraightLeg(down, up, half)] * self.count,
+        ]
 
     def end(self, start: Vector) -> Vector:  # noqa: ARG002
         return below(self.at_m, -self.height_m)
 
 
-class Press(Step):
+class PressStep(ScriptStep):
     """Onto a point, into it to a depth, hold, and release to a height."""
 
     motion: Literal["press"]
@@ -132,30 +135,30 @@ class Press(Step):
     def legs(self, start: Vector) -> list[Leg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
         return [
-            Line(start, up, self.approach_s),
-            Line(up, down, self.duration_s),
-            Line(down, down, self.hold_s),
-            Line(down, up, self.duration_s),
+            StraightLeg(start, up, self.approach_s),
+            StraightLeg(up, down, self.duration_s),
+            StraightLeg(down, down, self.hold_s),
+            StraightLeg(down, up, self.duration_s),
         ]
 
     def end(self, start: Vector) -> Vector:  # noqa: ARG002
         return below(self.at_m, -self.height_m)
 
 
-class Rest(Step):
+class RestStep(ScriptStep):
     """Stays where it is."""
 
     motion: Literal["rest"]
     duration_s: Duration = 1.0
 
     def legs(self, start: Vector) -> list[Leg]:
-        return [Line(start, start, self.duration_s)]
+        return [StraightLeg(start, start, self.duration_s)]
 
     def end(self, start: Vector) -> Vector:
         return start
 
 
-class TurnTo(Step):
+class TurnStep(ScriptStep):
     """Turns where it is."""
 
     motion: Literal["turn"]
@@ -163,7 +166,7 @@ class TurnTo(Step):
     duration_s: Duration = 1.0
 
     def legs(self, start: Vector) -> list[Leg]:
-        return [Line(start, start, self.duration_s)]
+        return [StraightLeg(start, start, self.duration_s)]
 
     def end(self, start: Vector) -> Vector:
         return start
@@ -172,16 +175,18 @@ class TurnTo(Step):
         return scale(self.turn_deg, radians(1.0))
 
 
-Script = Annotated[Reach | Slide | CircleAround | Tap | Press | Rest | TurnTo, Field(discriminator="motion")]
+Script = Annotated[
+    ReachStep | SlideStep | CircleStep | TapStep | PressStep | RestStep | TurnStep, Field(discriminator="motion")
+]
 
 DEFAULT_SCRIPT: tuple[Script, ...] = (
-    Slide(motion="slide", points_m=((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0)), passes=2),
-    Reach(motion="reach", to_m=(-0.03, -0.02, 0.02), duration_s=0.6),
-    Tap(motion="tap", at_m=(0.0, 0.0, 0.0)),
-    Press(motion="press", at_m=(0.01, -0.01, 0.0)),
-    CircleAround(motion="circle", center_m=(0.0, 0.0, 0.0), radius_m=0.025),
-    Reach(motion="reach", to_m=(0.0, 0.0, 0.03)),
-    Rest(motion="rest", duration_s=0.5),
+    SlideStep(motion="slide", points_m=((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0)), passes=2),
+    ReachStep(motion="reach", to_m=(-0.03, -0.02, 0.02), duration_s=0.6),
+    TapStep(motion="tap", at_m=(0.0, 0.0, 0.0)),
+    PressStep(motion="press", at_m=(0.01, -0.01, 0.0)),
+    CircleStep(motion="circle", center_m=(0.0, 0.0, 0.0), radius_m=0.025),
+    ReachStep(motion="reach", to_m=(0.0, 0.0, 0.03)),
+    RestStep(motion="rest", duration_s=0.5),
 )
 
 
@@ -199,7 +204,7 @@ class OperatorOptions(HandDeviceOptions):
                 if any(max(map(abs, leg.at(i / 16.0))) > self.workspace_m for i in range(17)):
                     raise ValueError(f"script.{number}: expected motion within the workspace of +-{self.workspace_m} m")
             position = step.end(position)
-            if self.wrist is None and isinstance(step, Reach | TurnTo) and step.turn_deg is not None:
+            if self.wrist is None and isinstance(step, ReachStep | TurnStep) and step.turn_deg is not None:
                 raise ValueError(f"script.{number}.turn_deg: only a hand with a wrist turns; add `wrist: {{}}`")
         return self
 
@@ -219,7 +224,7 @@ class OperatorDevice(HandDevice):
             super().__init__("operator", options, moved.at, tick_period, lambda time: turned.at(time)[0])
 
 
-def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
+def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
     """All legs of the script from `home` on; a repeated one returns there smoothly."""
     legs: list[Leg] = []
     position = home
@@ -227,21 +232,21 @@ def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
         legs += step.legs(position)
         position = step.end(position)
     if repeat and away(script, home):
-        legs.append(Line(position, home, WAY_BACK_S))
-    return Motion(legs, repeat)
+        legs.append(StraightLeg(position, home, WAY_BACK_S))
+    return LegSequence(legs, repeat)
 
 
-def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
+def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
     """The same for the rotation vector [rad], step for step beside the positions; it begins level."""
     legs: list[Leg] = []
     position, turn = home, ZERO
     for step in script:
         duration = sum(leg.duration for leg in step.legs(position))
-        legs.append(Line(turn, step.turned(turn), duration))
+        legs.append(StraightLeg(turn, step.turned(turn), duration))
         position, turn = step.end(position), step.turned(turn)
     if repeat and away(script, home):
-        legs.append(Line(turn, ZERO, WAY_BACK_S))
-    return Motion(legs, repeat)
+        legs.append(StraightLeg(turn, ZERO, WAY_BACK_S))
+    return LegSequence(legs, repeat)
 
 
 def away(script: Sequence[Script], home: Vector) -> bool:

@@ -9,8 +9,8 @@ from pydantic import BaseModel
 
 EMULATORS = {
     "haply_2diy": "weberlink.master.emulators.haply:HaplyEmulator",
-    "polhem_hid": "weberlink.master.emulators.polhem:PolhemHidEmulator",
-    "polhem_serial": "weberlink.master.emulators.polhem:PolhemSerialEmulator",
+    "polhem_hid": "weberlink.master.emulators.polhem.hid_board:PolhemHidEmulator",
+    "polhem_serial": "weberlink.master.emulators.polhem.serial_board:PolhemSerialEmulator",
 }
 """By the name of the driver that talks to it: "module:Class", imported only on use."""
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink.master.devices.motion import Circle, Line, Motion, minimum_jerk
+from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg, minimum_jerk
 
 A: Vector = (0.0, 0.0, 0.03)
 B: Vector = (0.02, -0.01, 0.0)
@@ -24,8 +24,14 @@ def test_minimum_jerk_is_symmetric(share: float) -> None:
 
 
 def test_legs_follow_one_another_without_a_jump() -> None:
-    motion = Motion(
-        [Line(A, B, 0.5), Line(B, B, 0.2), Line(B, C, 0.3), Circle((0.0, 0.0, 0.0), 0.025, 1.5, 1.0)], False
+    motion = LegSequence(
+        [
+            StraightLeg(A, B, 0.5),
+            StraightLeg(B, B, 0.2),
+            StraightLeg(B, C, 0.3),
+            CircularLeg((0.0, 0.0, 0.0), 0.025, 1.5, 1.0),
+        ],
+        False,
     )
     assert motion.duration == pytest.approx(2.0)
     assert motion.at(0.0) == (A, False)
@@ -37,7 +43,7 @@ def test_legs_follow_one_another_without_a_jump() -> None:
 
 
 def test_a_repeated_motion_never_ends() -> None:
-    motion = Motion([Line(A, B, 0.5), Line(B, A, 0.5)], True)
+    motion = LegSequence([StraightLeg(A, B, 0.5), StraightLeg(B, A, 0.5)], True)
     place, over = motion.at(7.25)
     assert not over
     assert place == pytest.approx(motion.at(0.25)[0])
@@ -45,4 +51,4 @@ def test_a_repeated_motion_never_ends() -> None:
 
 def test_a_motion_takes_time() -> None:
     with pytest.raises(ValueError, match="at least one leg"):
-        Motion([Line(A, B, 0.0)], False)
+        LegSequence([StraightLeg(A, B, 0.0)], False)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from weberlink.geometry.vector import ZERO, add
-from weberlink.master.devices.hand import Hand, HandOptions
-from weberlink.master.devices.tremor import Tremor
+from weberlink.master.devices.hand import Hand, HandOptions, Tremor
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -17,10 +17,9 @@ from weberlink.geometry.quaternion import inverse, product
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, unit
 from weberlink.master.devices.contract import TorqueDevice
-from weberlink.master.devices.hand import Hand, HandOptions, Oscillator
+from weberlink.master.devices.hand import Hand, HandOptions, Oscillator, WristOptions
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.turning import Turning, Wrist
-from weberlink.master.devices.wrist import WristOptions
 
 TICK = 0.001
 STIFFNESS = WristOptions().stiffness_n_m_rad

@@ -11,8 +11,7 @@ from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.haply.board import RESET
-from weberlink.master.devices.haply.fivebar import radians
-from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
+from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, radians
 from weberlink.master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
 
 V3 = VERSIONS["v3"]

@@ -13,12 +13,11 @@ from typing import Any
 import pytest
 
 from weberlink.geometry.vector import ZERO, Vector, distance
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.haply.device import HaplyDevice, HaplyOptions
-from weberlink.master.devices.haply.fivebar import degrees
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.linkage import VERSIONS, degrees
 from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 TICK = 0.001

@@ -9,12 +9,11 @@ from tests.master.devices.haply.far_end import BOARD, ZERO, Far, at
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.haply.board import RESET
 from weberlink.master.devices.haply.exchange import Conduct, HaplyExchange
-from weberlink.master.devices.haply.frame import Frame
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.linkage import VERSIONS, HaplyFrame
 
 V3 = VERSIONS["v3"]
 HOME = at(*BOARD.home_deg)
-PATIENT = Conduct(V3, Frame(V3.center), torque_limit=0.123, torque_gain=1.0, reply=10.0, keep_home=True)
+PATIENT = Conduct(V3, HaplyFrame(V3.center), torque_limit=0.123, torque_gain=1.0, reply=10.0, keep_home=True)
 
 
 @pytest.fixture
@@ -35,7 +34,7 @@ def exchange(far: Far) -> Iterator[HaplyExchange]:
 def test_a_board_that_knows_us_is_left_as_it_is(far: Far, exchange: HaplyExchange) -> None:
     far.deeds = [lambda: far.say(at(160.0, 20.0))]
     reading = exchange.open()
-    x, y = Frame(V3.center).tip(reading.position)
+    x, y = HaplyFrame(V3.center).tip(reading.position)
     assert V3.bar.angles((x, y)) == pytest.approx((2.7925, 0.3491), abs=1e-3)
     assert far.messages == [ZERO]
 
@@ -73,7 +72,7 @@ def test_a_singular_posture_gets_no_torque(far: Far) -> None:
     """Motors on one axis, and the arms nearly one over the other: a force could need any torque."""
     v2 = VERSIONS["v2"]
     board = replace(v2.board, home_deg=(90.2, 89.8), whole_counts=False)
-    conduct = replace(PATIENT, version=replace(v2, board=board), frame=Frame(v2.center))
+    conduct = replace(PATIENT, version=replace(v2, board=board), frame=HaplyFrame(v2.center))
     exchange = HaplyExchange(lambda: far.path, conduct)
     reply = bytes((board.id,)) + at(90.2, 89.8)[1:]
     far.rest = lambda: far.say(reply)

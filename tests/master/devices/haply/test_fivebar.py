@@ -7,8 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.master.devices.haply.fivebar import FiveBar, Pair, Unreachable, degrees, radians
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.linkage import VERSIONS, Pair, PlanarFiveBar, Unreachable, degrees, radians
 
 every_version = pytest.mark.parametrize("name", sorted(VERSIONS))
 STEP = 1e-6
@@ -23,7 +22,7 @@ def point(name: str, share: Pair) -> Pair:
     return (version.center[0] + share[0] * version.reach[0], version.center[1] + share[1] * version.reach[1])
 
 
-def usable(name: str, share: Pair) -> tuple[FiveBar, Pair, Pair]:
+def usable(name: str, share: Pair) -> tuple[PlanarFiveBar, Pair, Pair]:
     """Linkage, tip and angles, where the linkage gets there and is not singular."""
     bar, tip = VERSIONS[name].bar, point(name, share)
     try:
@@ -159,11 +158,11 @@ def test_the_workspace_holds_every_point_beyond_the_starting_place_that_the_tip_
 def test_what_cannot_be_is_said() -> None:
     bar = VERSIONS["v3"].bar
     with pytest.raises(Unreachable, match=r"elbows are 178\.0 mm apart, the outer links reach 160 mm"):
-        FiveBar(0.07, 0.08, 0.038).tip(radians((180.0, 0.0)))
+        PlanarFiveBar(0.07, 0.08, 0.038).tip(radians((180.0, 0.0)))
     with pytest.raises(Unreachable, match="elbows"):
         VERSIONS["v2"].bar.tip((1.0, 1.0))  # both elbows in one place: any point around it will do
     with pytest.raises(Unreachable, match="in line"):
-        FiveBar(0.07, 0.09, 0.0399999).jacobian(radians((180.0, 0.0)))
+        PlanarFiveBar(0.07, 0.09, 0.0399999).jacobian(radians((180.0, 0.0)))
     for tip in ((0.2, 0.2), (0.0, 0.001)):
         with pytest.raises(Unreachable, match="out of reach"):
             bar.angles(tip)

@@ -18,12 +18,11 @@ import pytest
 
 from tests.master.devices.haply import host
 from weberlink.geometry.vector import ZERO, norm
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.pty_device import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.master.devices.haply.board import Board
-from weberlink.master.devices.haply.fivebar import degrees
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.board import HaplyBoard
+from weberlink.master.devices.haply.linkage import VERSIONS, degrees
 from weberlink.master.devices.threaded_device import RAMP_S
 from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
@@ -178,7 +177,7 @@ def test_behind_a_part_of_a_message_a_plain_zero_leaves_a_torque() -> None:
     assert max(map(abs, emulator.torques)) > 0.01
 
 
-def push(emulator: Logged, board: Board) -> None:
+def push(emulator: Logged, board: HaplyBoard) -> None:
     emulator.advance(0.0)
     emulator.receive(board.setup, 0.0)
     emulator.receive(board.torques(0.1, -0.1), 0.5)

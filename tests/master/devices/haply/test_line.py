@@ -7,7 +7,7 @@ import pytest
 
 from tests.master.devices.haply.far_end import BOARD, ZERO, Far, answer, counts
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.master.devices.haply.line import Forgotten, Line
+from weberlink.master.devices.haply.exchange import Forgotten, HaplyLine
 
 PUSH = BOARD.torques(0.1, -0.1)
 LONG_S = 10.0
@@ -21,8 +21,8 @@ def far() -> Iterator[Far]:
 
 
 @pytest.fixture
-def line(far: Far) -> Iterator[Line]:
-    opened = Line(far.path, BOARD)
+def line(far: Far) -> Iterator[HaplyLine]:
+    opened = HaplyLine(far.path, BOARD)
     yield opened
     opened.close()
 
@@ -31,7 +31,7 @@ def nothing() -> None:
     pass
 
 
-def test_an_answer_belongs_to_its_question(far: Far, line: Line) -> None:
+def test_an_answer_belongs_to_its_question(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda: far.say(answer(1)), lambda: far.say(answer(2))]
     before = monotonic()
     assert counts(line.ask(PUSH, LONG_S)) == (1, 0)
@@ -40,7 +40,7 @@ def test_an_answer_belongs_to_its_question(far: Far, line: Line) -> None:
     assert far.messages == [PUSH, ZERO]
 
 
-def test_an_answer_in_pieces_is_one_answer(far: Far, line: Line) -> None:
+def test_an_answer_in_pieces_is_one_answer(far: Far, line: HaplyLine) -> None:
     def pieces() -> None:
         for byte in answer(1):
             far.say(bytes((byte,)))
@@ -50,7 +50,7 @@ def test_an_answer_in_pieces_is_one_answer(far: Far, line: Line) -> None:
     assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
 
 
-def test_what_came_before_the_question_is_no_answer(far: Far, line: Line) -> None:
+def test_what_came_before_the_question_is_no_answer(far: Far, line: HaplyLine) -> None:
     far.say(answer(9) + b"junk")
     while line._port._port.in_waiting < 13:
         sleep(0.001)
@@ -58,7 +58,7 @@ def test_what_came_before_the_question_is_no_answer(far: Far, line: Line) -> Non
     assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one(far: Far, line: Line) -> None:
+def test_a_late_answer_is_not_taken_for_the_next_one(far: Far, line: HaplyLine) -> None:
     """It comes with that to the zero torque which is sent first; only then is there another question."""
     far.deeds = [nothing, lambda: far.say(answer(1) + answer(2)), lambda: far.say(answer(3))]
     with pytest.raises(BadReply, match="no answer within 1 ms"):
@@ -67,21 +67,21 @@ def test_a_late_answer_is_not_taken_for_the_next_one(far: Far, line: Line) -> No
     assert far.messages == [PUSH, ZERO, PUSH]
 
 
-def test_a_lost_answer_is_waited_for_and_then_forgotten(far: Far, line: Line) -> None:
+def test_a_lost_answer_is_waited_for_and_then_forgotten(far: Far, line: HaplyLine) -> None:
     far.deeds = [nothing, lambda: far.say(answer(2)), lambda: far.say(answer(3))]
     with pytest.raises(BadReply, match="no answer"):
         line.ask(PUSH, 0.001)
     assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
 
 
-def test_a_torn_answer_is_bad_and_the_next_is_good_again(far: Far, line: Line) -> None:
+def test_a_torn_answer_is_bad_and_the_next_is_good_again(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda: far.say(answer(1)[:-1]), lambda: far.say(answer(2)), lambda: far.say(answer(3))]
     with pytest.raises(BadReply, match="8 bytes of 9"):
         line.ask(PUSH, 0.2)
     assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
 
 
-def test_an_answer_that_cannot_be_true_is_like_a_bad_one(far: Far, line: Line) -> None:
+def test_an_answer_that_cannot_be_true_is_like_a_bad_one(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda value=value: far.say(answer(value)) for value in (1, 2, 3)]  # type: ignore[misc]
     line.ask(PUSH, LONG_S)
     line.doubt()
@@ -89,7 +89,7 @@ def test_an_answer_that_cannot_be_true_is_like_a_bad_one(far: Far, line: Line) -
     assert far.messages == [PUSH, ZERO, ZERO]
 
 
-def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: Line) -> None:
+def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: HaplyLine) -> None:
     """But for an answer that waits already when this machine, after a stall, begins to look for one."""
 
     def slowly() -> None:
@@ -106,7 +106,7 @@ def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: Line) -> None:
     assert all("answered after" in each or "no answer" in each for each in complaints)
 
 
-def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: Line) -> None:
+def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
     with pytest.raises(BadReply, match="1 bytes of 9"):
         line.ask(PUSH, 0.2)
@@ -115,7 +115,7 @@ def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: Line)
     assert far.messages == [PUSH, ZERO]
 
 
-def test_a_mute_board_is_given_up_and_was_told_to_rest_each_time(far: Far, line: Line) -> None:
+def test_a_mute_board_is_given_up_and_was_told_to_rest_each_time(far: Far, line: HaplyLine) -> None:
     for _ in range(2):
         with pytest.raises(BadReply, match="no answer"):
             line.ask(PUSH, 0.001)

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.master.devices.haply.fivebar import Pair, radians
-from weberlink.master.devices.haply.track import FASTEST, STUCK_TRAVEL, Track
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.exchange import FASTEST, STUCK_TRAVEL, AngleValidator
+from weberlink.master.devices.haply.linkage import VERSIONS, Pair, radians
 
 V3 = VERSIONS["v3"]
 HOME = radians(V3.board.home_deg)
@@ -18,7 +17,7 @@ COUNT = 2.0 * pi / 4880.0
 UP = radians((120.0, 60.0))
 
 
-class Prompt(Track):
+class Prompt(AngleValidator):
     """Every answer comes at once."""
 
     def at(self, angles: Pair, now: float) -> Pair:

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.vector import distance
-from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.devices.polhem.reports import (
+from weberlink.master.devices.polhem.hid_protocol import (
     LONG,
     SHORT,
     Sensors,
@@ -19,7 +18,8 @@ from weberlink.master.devices.polhem.reports import (
     decode_sensors,
     encode_command,
 )
-from weberlink.master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
 
 FRAME = 0.001
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}

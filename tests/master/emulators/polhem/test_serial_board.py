@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.vector import distance
-from weberlink.hardware.pty_device import PtyDevice
-from weberlink.master.devices.polhem.bracket import Status, StatusReader, encode_currents
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
+from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 TICK = 0.001
 MODELS = {
@@ -34,20 +34,20 @@ class Desk:
         self.now = 100.0
         self.emulator.advance(self.now)
 
-    def wait(self, seconds: float) -> list[Status]:
+    def wait(self, seconds: float) -> list[SerialStatus]:
         answers = b""
         until = self.now + seconds
         while self.now < until:
             self.now = min(self.now + TICK, until)
             self.emulator.advance(self.now)
             answers += b"".join(self.emulator.replies(self.now))
-        return StatusReader().feed(answers)
+        return SerialStatusReader().feed(answers)
 
-    def say(self, data: bytes, wait: float = TICK) -> list[Status]:
+    def say(self, data: bytes, wait: float = TICK) -> list[SerialStatus]:
         self.emulator.receive(data, self.now)
         return self.wait(wait)
 
-    def ask(self, *currents: int) -> Status:
+    def ask(self, *currents: int) -> SerialStatus:
         a, b, c = currents or (0, 0, 0)
         (answer,) = self.say(encode_currents((a, b, c)))
         return answer
@@ -313,7 +313,7 @@ def test_faults_that_cannot_be_are_refused(word: str, value: float) -> None:
 
 
 def test_the_same_bytes_at_the_same_times_give_the_same_answers() -> None:
-    def run(seed: int) -> list[Status]:
+    def run(seed: int) -> list[SerialStatus]:
         desk = Desk(handle={"seed": seed})
         return [desk.ask(10 * (i % 50), -i, 3) for i in range(300)]
 
@@ -330,7 +330,7 @@ def test_no_bytes_at_no_time_break_it(pieces: Sequence[tuple[bytes, float]]) -> 
         desk.now += pause
         desk.emulator.advance(desk.now)
         answers = desk.emulator.replies(desk.now)
-        assert len(StatusReader().feed(b"".join(answers))) == len(answers)
+        assert len(SerialStatusReader().feed(b"".join(answers))) == len(answers)
         assert max(map(abs, desk.emulator.currents_ma)) <= 6000.0
     desk.say(b"]")
     desk.now += 0.2
@@ -352,11 +352,11 @@ def test_nearly_right_messages_are_answered_once_each(pieces: Sequence[str]) -> 
 
 def test_over_a_real_port_with_pyserial(tmp_path: Path) -> None:
     emulator = PolhemSerialEmulator(PolhemSerialEmulatorOptions(processing_s=0.0))
-    reader = StatusReader()
+    reader = SerialStatusReader()
     with PtyDevice(emulator, tmp_path / "tty") as device, serial.Serial(str(device.path), 115_200, timeout=0) as port:
         for number in range(200):
             port.write(encode_currents((number, -number, 0)))
-            answers: list[Status] = []
+            answers: list[SerialStatus] = []
             while not answers:
                 assert select((port.fileno(),), (), (), 20.0)[0]
                 answers = reader.feed(port.read(4096))
