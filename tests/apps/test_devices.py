@@ -253,7 +253,7 @@ def test_the_rules_are_not_blamed_for_the_device_of_another_package(
     node: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = (
-        "from hardware.found import Found\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
+        "from weberlink.hardware.discovery import PluggedDevice\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
         f"        return [PluggedDevice({str(node)!r})]\n"
     )
     install(tmp_path, "odd-device", {"odd_device": source}, "[weberlink.devices]\nodd_device = odd_device:Odd\n")

@@ -186,11 +186,11 @@ from weberlink.master.devices.polhem.hid_protocol import decode_sensors, encode_
 
 (found,) = hid_devices([UsbId(0x1234, 6)])
 port = HidPort(found.path)
-port.read(14, monotonic() + 20.0)
+port.read_all(monotonic() + 20.0)
 places = set()
 for number in range(200):
     port.write(encode_command((number, 0, 0), 14))
-    places.add(decode_sensors(port.read(64, monotonic() + 20.0)).counts)
+    places.add(decode_sensors(port.read_all(monotonic() + 20.0)[-1]).counts)
 print(found.serial_number, len(places) > 1, flush=True)
 sys.stdin.readline()
 """

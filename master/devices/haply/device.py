@@ -17,7 +17,7 @@ from weberlink.master.devices.haply.board import (
     BoardMotor,
     HaplyBoard,
 )
-from weberlink.master.devices.haply.exchange import Conduct, HaplyExchange
+from weberlink.master.devices.haply.exchange import HaplyExchange
 from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyFrame, HaplyVersion
 from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 
@@ -99,15 +99,13 @@ class HaplyDevice(ThreadedDevice):
         zero = version.board.torques(0.0, 0.0)
         self._exchange = HaplyExchange(
             self._port,
-            Conduct(
-                version,
-                frame,
-                torque_limit=options.torque_limit_n_m,
-                torque_gain=options.torque_gain,
-                reply=options.reply_ms * 1e-3,
-                keep_home=options.home == "kept",
-            ),
+            version,
+            frame,
             Guardian(version.board.torques_off, (zero, RESET, version.board.setup)) if armed else None,
+            torque_limit=options.torque_limit_n_m,
+            torque_gain=options.torque_gain,
+            reply=options.reply_ms * 1e-3,
+            keep_home=options.home == "kept",
         )
         super().__init__(
             _spec(options, version, frame, 1.0 / tick_period, armed),

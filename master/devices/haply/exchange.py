@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from time import monotonic
 
 from weberlink.geometry.vector import Vector
@@ -12,6 +11,7 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, HaplyBoard
 from weberlink.master.devices.haply.linkage import (
+    MOST_TORQUE_N_M,
     HaplyFrame,
     HaplyVersion,
     Pair,
@@ -211,41 +211,41 @@ RESTARTED = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Conduct:
-    """What the options say of the conversation.
-
-    Args:
-        version: the kind, with all that the options change of it.
-        frame: of the device.
-        torque_limit: of either motor [N m]; both are scaled down together, so that the force keeps its direction.
-        torque_gain: what the board is told for each newton metre.
-        reply: how long an answer may take [s].
-        keep_home: whether a board that has been set up just so is left as it is.
-    """
-
-    version: HaplyVersion
-    frame: HaplyFrame
-    torque_limit: float
-    torque_gain: float
-    reply: float
-    keep_home: bool
-
-
 class HaplyExchange:
     """Commands are forces [N] in the frame of the device.
 
     Args:
         find: gives the path of the port.
-        conduct: by the options.
+        version: the kind of device, with the changes of the options.
+        frame: of the device.
         guardian: takes the torque off when this process stops; None for a device without force.
+        torque_limit: of either motor [N m]; both are scaled down together, so that the force keeps its direction.
+        torque_gain: what the board is told for each newton metre.
+        reply: how long an answer may take [s].
+        keep_home: whether a board that has already been set up like this keeps its home.
     """
 
-    def __init__(self, find: Callable[[], str], conduct: Conduct, guardian: Guardian | None = None) -> None:
+    def __init__(
+        self,
+        find: Callable[[], str],
+        version: HaplyVersion,
+        frame: HaplyFrame,
+        guardian: Guardian | None = None,
+        *,
+        torque_limit: float = MOST_TORQUE_N_M,
+        torque_gain: float = 1.0,
+        reply: float = 0.01,
+        keep_home: bool = True,
+    ) -> None:
         self.guardian = guardian
         self._find = find
-        self._conduct = conduct
-        self._board = conduct.version.board
+        self._version = version
+        self._frame = frame
+        self._torque_limit = torque_limit
+        self._torque_gain = torque_gain
+        self._reply = reply
+        self._keep_home = keep_home
+        self._board = version.board
         self._zero = self._board.torques(0.0, 0.0)
         self._line: HaplyLine | None = None
         self.start_afresh()
@@ -254,7 +254,7 @@ class HaplyExchange:
         """A new session: nothing is known of where the arms are."""
         first, second = self._board.encoders
         resolution = radians((360.0 / first.counts_per_turn, 360.0 / second.counts_per_turn))
-        self._track = AngleValidator(self._conduct.version.bar, radians(self._board.home_deg), resolution)
+        self._track = AngleValidator(self._version.bar, radians(self._board.home_deg), resolution)
         self._angles: Pair | None = None
 
     def open(self) -> DeviceReading:
@@ -276,7 +276,7 @@ class HaplyExchange:
         if line is None:
             raise HardwareFault("not open")
         try:
-            return self._follow(line, self._message(force), self._conduct.reply)
+            return self._follow(line, self._message(force), self._reply)
         except Forgotten:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
 
@@ -297,7 +297,7 @@ class HaplyExchange:
             BadReply: no answer was good enough to tell.
             HardwareFault: it had been set up, and is not any more.
         """
-        keeps = self._angles is not None or self._conduct.keep_home
+        keeps = self._angles is not None or self._keep_home
         bad = BadReply("does not answer")
         for _ in range(QUESTIONS):
             try:
@@ -336,19 +336,18 @@ class HaplyExchange:
             line.doubt()
             raise
         self._angles = angles
-        return DeviceReading(now, self._conduct.frame.position(tip))
+        return DeviceReading(now, self._frame.position(tip))
 
     def _message(self, force: Vector) -> bytes:
         """J^T F where the arms were last seen, within the limit; nothing where the linkage is singular."""
         planar = HaplyFrame.planar(force)
         if planar == (0.0, 0.0) or self._angles is None:
             return self._zero
-        conduct = self._conduct
         try:
-            first, second = conduct.version.bar.jacobian(self._angles).torques(planar)
+            first, second = self._version.bar.jacobian(self._angles).torques(planar)
         except Unreachable:
             return self._zero
-        first, second = first * conduct.torque_gain, second * conduct.torque_gain
+        first, second = first * self._torque_gain, second * self._torque_gain
         most = max(abs(first), abs(second))
-        share = conduct.torque_limit / most if most > conduct.torque_limit else 1.0
+        share = self._torque_limit / most if most > self._torque_limit else 1.0
         return self._board.torques(first * share, second * share)

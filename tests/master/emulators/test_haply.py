@@ -1,7 +1,6 @@
 """The emulated board, without a port: what the firmware does with bytes, and what the linkage does with torques."""
 
 from math import hypot, isfinite
-from struct import pack
 
 import pytest
 from hypothesis import given
@@ -29,16 +28,6 @@ def answers(device: Emulator, data: bytes, now: float = 0.0) -> bytes:
     device.advance(now)
     device.receive(data, now)
     return b"".join(device.replies(now + 0.01))
-
-
-def test_it_is_an_emulator() -> None:
-    device: Emulator = emulator()
-    assert HaplyEmulator.transport == "serial"
-    for name in HaplyEmulator.OWN_FAULTS:
-        emulator().inject(name, 1)
-    with pytest.raises(ValueError, match=r"'fire'.*stuck_encoder"):
-        emulator().inject("fire", 1)
-    assert device.next_timer() is not None
 
 
 @every_version
@@ -126,15 +115,6 @@ def test_a_wrong_direction_turns_the_sign_round(flipped: str) -> None:
     assert (first > 168.0) == (flipped == "encoders"), "the true one goes down on the way to the middle"
 
 
-def test_a_setup_with_more_on_the_board_is_understood() -> None:
-    """Analog inputs come before the angles, and each PWM output takes a byte before the torques."""
-    device = emulator()
-    setup = bytes((1, 9, 1, 1, 2, 1, 2, 54, 55, 1, 4)) + pack("<2f", 30.0, 4880.0)
-    reply = answers(device, setup + bytes((2, 9, 200)) + pack("<f", 0.05))
-    assert len(reply) == 1 + 4 * 3
-    assert device.torques == pytest.approx((0.0, 0.05)), "motor 2 hangs on port 1"
-
-
 @pytest.mark.parametrize("which", [1, 2])
 def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> None:
     device, zero = emulator(), BOARD.torques(0.0, 0.0)
@@ -158,15 +138,6 @@ def test_slips_and_a_restart() -> None:
     device.inject("restart", 1)
     assert device.torques == (0.0, 0.0)
     assert answers(device, BOARD.torques(0.0, 0.0)) == BOARD.bare_reply
-
-
-def test_the_hand_stays_where_it_is_until_the_board_is_set_up() -> None:
-    device = emulator()
-    for tick in range(1000):
-        device.advance(tick * 0.001)
-    assert BOARD.angles(answers(device, BOARD.setup + BOARD.torques(0.0, 0.0), 1.0)) == pytest.approx(
-        BOARD.home_deg, abs=0.08
-    )
 
 
 @every_version

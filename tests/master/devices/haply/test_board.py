@@ -39,10 +39,6 @@ def test_directions_and_angles_go_with_their_port() -> None:
     assert board.angles(bytes((board.id,)) + pack("<2f", 1.0, 2.0)) == (2.0, 1.0)
 
 
-def test_torques_go_in_the_order_of_the_ports() -> None:
-    assert V3.torques(0.5, -0.25) == bytes((2, V3.id)) + pack("<2f", -0.25, 0.5)
-
-
 def test_another_setup_has_another_id_and_none_is_that_of_the_vendors_programs() -> None:
     boards = [version.board for version in VERSIONS.values()]
     boards += [HaplyBoard(V3.motors, V3.encoders, (168.0, 12.0 + i)) for i in range(1, 5)]
@@ -70,14 +66,6 @@ def test_whatever_comes_is_two_numbers_or_a_bad_reply(reply: bytes) -> None:
     assert len(reply) == REPLY_SIZE
     assert reply[0] == V3.id
     assert all(map(isfinite, angles))
-
-
-@examples(40)
-@given(first=degrees, second=degrees, at=st.integers(0, 8))
-def test_a_reply_without_one_of_its_bytes_is_bad(first: float, second: float, at: int) -> None:
-    reply = bytes((V3.id,)) + pack("<2f", first, second)
-    with pytest.raises(BadReply, match="8 bytes of 9"):
-        V3.angles(reply[:at] + reply[at + 1 :])
 
 
 counts = st.integers(-20_000, 20_000)
