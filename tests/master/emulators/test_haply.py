@@ -46,15 +46,6 @@ def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
     assert board.angles(answers(device, board.setup + zero, 0.5)) == pytest.approx(board.home_deg, abs=0.08)
 
 
-def test_an_answer_takes_its_time() -> None:
-    device = HaplyEmulator(HaplyEmulatorOptions(answer_ms=2.0))
-    device.receive(BOARD.setup + BOARD.torques(0.0, 0.0), 1.0)
-    assert device.replies(1.0019) == []
-    assert device.next_timer() <= 1.002  # type: ignore[operator]
-    assert len(device.replies(1.0021)) == 1
-    assert device.replies(9.0) == []
-
-
 def test_a_message_in_pieces_is_one_message_and_what_is_never_finished_is_dropped() -> None:
     device = emulator()
     whole = BOARD.setup + BOARD.torques(0.1, 0.0)
@@ -128,16 +119,6 @@ def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> No
     assert abs(angles[2 - which] - BOARD.home_deg[2 - which]) > 10.0
     device.inject("stuck_encoder", 0)
     assert abs(BOARD.angles(answers(device, zero, 0.5))[which - 1] - BOARD.home_deg[which - 1]) > 10.0
-
-
-def test_slips_and_a_restart() -> None:
-    device, zero = emulator(), BOARD.torques(0.1, 0.1)
-    answers(device, BOARD.setup)
-    device.inject("slip", 2)
-    assert [len(answers(device, zero)) for _ in range(3)] == [8, 8, 9]
-    device.inject("restart", 1)
-    assert device.torques == (0.0, 0.0)
-    assert answers(device, BOARD.torques(0.0, 0.0)) == BOARD.bare_reply
 
 
 @every_version
