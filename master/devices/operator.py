@@ -9,11 +9,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import CircularLeg, Leg, LegSequence, StraightLeg
+from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 WAY_BACK_S = 1.0
+
+ScriptLeg = StraightLeg | CircularLeg
 
 
 def half_turn_at_most(vector_deg: Vector) -> Vector:
@@ -30,17 +32,23 @@ Turn = Annotated[
 
 
 class ScriptStep(BaseModel):
-    """One motion of the script; it begins wherever the one before left the hand."""
+    """One motion of the script; it begins where the one before left the hand."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def legs(self, start: Vector) -> list[ScriptLeg]:
+        raise NotImplementedError
+
+    def end(self, start: Vector) -> Vector:
+        return self.legs(start)[-1].end
+
     def turned(self, start: Vector) -> Vector:
-        """Rotation vector at the end [rad], for that at the beginning."""
+        """Rotation vector at the end [rad], given the one at the beginning."""
         return start
 
 
 class ReachStep(ScriptStep):
-    """To a point, the smoothest way; and turning on that way, axis and angle changing evenly together."""
+    """To a point by minimum jerk; turning on the way, axis and angle changing evenly together."""
 
     motion: Literal["reach"]
     to_m: Vector
@@ -50,11 +58,8 @@ class ReachStep(ScriptStep):
     def turned(self, start: Vector) -> Vector:
         return start if self.turn_deg is None else scale(self.turn_deg, radians(1.0))
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         return [StraightLeg(start, self.to_m, self.duration_s)]
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return self.to_m
 
 
 class SlideStep(ScriptStep):
@@ -67,16 +72,13 @@ class SlideStep(ScriptStep):
     passes: int = Field(default=1, ge=1, le=1000)
     approach_s: Duration = Field(default=0.8, description="to the first point")
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         points = [below(point, self.depth_m) for point in self.points_m]
-        legs: list[Leg] = [StraightLeg(start, points[0], self.approach_s)]
+        legs: list[ScriptLeg] = [StraightLeg(start, points[0], self.approach_s)]
         for number in range(self.passes):
             way = points if number % 2 == 0 else points[::-1]
             legs += [StraightLeg(a, b, self.duration_s) for a, b in pairwise(way)]
         return legs
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return below(self.points_m[-1 if self.passes % 2 else 0], self.depth_m)
 
 
 class CircleStep(ScriptStep):
@@ -90,12 +92,9 @@ class CircleStep(ScriptStep):
     duration_s: Duration = 3.0
     approach_s: Duration = Field(default=0.8, description="to where the circle begins, on the side of +x")
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         circle = CircularLeg(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
         return [StraightLeg(start, circle.at(0.0), self.approach_s), circle]
-
-    def end(self, start: Vector) -> Vector:
-        return self.legs(start)[-1].at(1.0)
 
 
 class TapStep(ScriptStep):
@@ -109,16 +108,11 @@ class TapStep(ScriptStep):
     count: int = Field(default=4, ge=1, le=10_000)
     approach_s: Duration = 0.8
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
         half = 0.5 / self.frequency_hz
-        return [
-            StraightLeg(start, up, self.approach_s),
-            *[StraightLeg(up, down, half), StraightLeg(down, up, half)] * self.count,
-        ]
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return below(self.at_m, -self.height_m)
+        tap = [StraightLeg(up, down, half), StraightLeg(down, up, half)]
+        return [StraightLeg(start, up, self.approach_s), *tap * self.count]
 
 
 class PressStep(ScriptStep):
@@ -132,17 +126,10 @@ class PressStep(ScriptStep):
     duration_s: Duration = Field(default=0.6, description="to go in, and again to come out")
     approach_s: Duration = 0.8
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
-        return [
-            StraightLeg(start, up, self.approach_s),
-            StraightLeg(up, down, self.duration_s),
-            StraightLeg(down, down, self.hold_s),
-            StraightLeg(down, up, self.duration_s),
-        ]
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return below(self.at_m, -self.height_m)
+        ways = ((start, up, self.approach_s), (up, down, self.duration_s), (down, down, self.hold_s))
+        return [StraightLeg(*way) for way in (*ways, (down, up, self.duration_s))]
 
 
 class RestStep(ScriptStep):
@@ -151,11 +138,8 @@ class RestStep(ScriptStep):
     motion: Literal["rest"]
     duration_s: Duration = 1.0
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         return [StraightLeg(start, start, self.duration_s)]
-
-    def end(self, start: Vector) -> Vector:
-        return start
 
 
 class TurnStep(ScriptStep):
@@ -165,11 +149,8 @@ class TurnStep(ScriptStep):
     turn_deg: Turn
     duration_s: Duration = 1.0
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         return [StraightLeg(start, start, self.duration_s)]
-
-    def end(self, start: Vector) -> Vector:
-        return start
 
     def turned(self, start: Vector) -> Vector:  # noqa: ARG002
         return scale(self.turn_deg, radians(1.0))
@@ -226,35 +207,27 @@ class OperatorDevice(HandDevice):
 
 def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
     """All legs of the script from `home` on; a repeated one returns there smoothly."""
-    legs: list[Leg] = []
-    position = home
-    for step in script:
-        legs += step.legs(position)
-        position = step.end(position)
-    if repeat and away(script, home):
-        legs.append(StraightLeg(position, home, WAY_BACK_S))
-    return LegSequence(legs, repeat)
+    return _sequences(script, home, repeat)[0]
 
 
 def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
-    """The same for the rotation vector [rad], step for step beside the positions; it begins level."""
-    legs: list[Leg] = []
-    position, turn = home, ZERO
-    for step in script:
-        duration = sum(leg.duration for leg in step.legs(position))
-        legs.append(StraightLeg(turn, step.turned(turn), duration))
-        position, turn = step.end(position), step.turned(turn)
-    if repeat and away(script, home):
-        legs.append(StraightLeg(turn, ZERO, WAY_BACK_S))
-    return LegSequence(legs, repeat)
+    """The rotation vectors [rad] beside the positions, step for step; it begins level."""
+    return _sequences(script, home, repeat)[1]
 
 
-def away(script: Sequence[Script], home: Vector) -> bool:
-    """Whether the script ends elsewhere, or turned."""
+def _sequences(script: Sequence[Script], home: Vector, repeat: bool) -> tuple[LegSequence, LegSequence]:
+    moves: list[ScriptLeg] = []
+    turns: list[ScriptLeg] = []
     position, turn = home, ZERO
     for step in script:
-        position, turn = step.end(position), step.turned(turn)
-    return distance(position, home) > 0.0 or turn != ZERO
+        legs = step.legs(position)
+        moves += legs
+        turns.append(StraightLeg(turn, step.turned(turn), sum(leg.duration for leg in legs)))
+        position, turn = legs[-1].end, step.turned(turn)
+    if repeat and (distance(position, home) > 0.0 or turn != ZERO):
+        moves.append(StraightLeg(position, home, WAY_BACK_S))
+        turns.append(StraightLeg(turn, ZERO, WAY_BACK_S))
+    return LegSequence(moves, repeat), LegSequence(turns, repeat)
 
 
 def below(point: Vector, depth: float) -> Vector:

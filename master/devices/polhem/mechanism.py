@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import copysign, cos, sin, tau
 
+from weberlink.geometry.quaternion import product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
 from weberlink.master.devices.contract import Quaternion
 from weberlink.master.devices.polhem.linkages import Angles, Jacobian, Linkage, Triple, Weight
@@ -192,9 +193,9 @@ class Mechanism:
         if gimbal is None:
             return None
         angles = self._angles(counts)
-        turned = _times(_turn("z", angles[0]), _turn("y", -self.linkage.forearm(angles)))
+        turned = product(_turn("z", angles[0]), _turn("y", -self.linkage.forearm(angles)))
         for axis, angle in zip(self.gimbal_axes, gimbal, strict=True):
-            turned = _times(turned, _turn(axis, angle))
+            turned = product(turned, _turn(axis, angle))
         return turned
 
     def _angles(self, counts: Sequence[int]) -> Angles:
@@ -208,12 +209,3 @@ def _cross(a: Vector, b: Vector) -> Vector:
 def _turn(axis: str, angle: float) -> Quaternion:
     half = sin(0.5 * angle)
     return (cos(0.5 * angle), half * (axis == "x"), half * (axis == "y"), half * (axis == "z"))
-
-
-def _times(a: Quaternion, b: Quaternion) -> Quaternion:
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )
