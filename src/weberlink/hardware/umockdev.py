@@ -1,4 +1,9 @@
-"""Emulated HID devices for the real hidapi, by umockdev."""
+"""Emulated HID devices for the real hidapi, by umockdev: without a kernel module and without privileges.
+
+umockdev redirects what a process sees of /sys and /dev by a preloaded library. `umockdev_service` runs in the system's
+Python, which has the bindings, and keeps /sys; the nodes in /dev are pseudo terminals served like serial devices. Only
+a process started with `Testbed.environment` sees the devices.
+"""
 
 import json
 import os
@@ -19,6 +24,18 @@ from weberlink.hardware.emulator import Emulator, PtyDevice, serve
 from weberlink.hardware.fault import HardwareFault
 
 LONGEST_DESCRIPTOR = 4096
+WRAPPER = "umockdev-wrapper"
+SYSTEM_PYTHON = "/usr/bin/python3"
+"""Not the one of a virtual environment: the bindings come with the distribution."""
+PRELOAD = "libumockdev-preload.so.0"
+ADVICE = "to emulate HID devices, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
+END_S = 5.0
+
+QUEUE = 64
+"""Reports that the kernel keeps for a reader; later ones are lost."""
+TORN_S = 0.05
+"""After this time the rest of a report is not expected any more [s]."""
+LITERAL, END = b"\x16", b"\x04"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +66,7 @@ def node_of(number: int) -> str:
 
 
 def paths(identity: HidIdentity, number: int, instance: int) -> tuple[str, str, str, str]:
-    """Of the USB device, its interface, the HID device and the node in /sys; the outermost first.
-
-    Args:
-        identity: of the device.
-        number: of the node.
-        instance: another one at each plugging in, as the kernel counts them.
-    """
+    """Paths in /sys of the USB device, its interface, the HID device and the node; `instance` counts pluggings."""
     usb = f"/devices/pci0000:00/0000:00:14.0/usb1/1-{instance}"
     interface = f"{usb}/1-{instance}:1.0"
     hid = f"{interface}/0003:{identity.vendor:04X}:{identity.product:04X}.{instance:04X}"
@@ -63,56 +74,30 @@ def paths(identity: HidIdentity, number: int, instance: int) -> tuple[str, str, 
 
 
 def description(identity: HidIdentity, number: int, instance: int) -> str:
-    """The device for umockdev, without a node in /dev, which it could not take away again."""
+    """The device in the text format of umockdev, without a node in /dev, which umockdev could not remove again."""
     usb, interface, hid, node = paths(identity, number, instance)
-    product = f"{identity.vendor:x}/{identity.product:x}/100"
+    product = f"E: PRODUCT={identity.vendor:x}/{identity.product:x}/100"
     name = " ".join(filter(None, (identity.manufacturer, identity.name)))
-    devices = (
-        (
-            usb,
-            ("DEVTYPE=usb_device", "SUBSYSTEM=usb", f"PRODUCT={product}"),
-            (
-                f"idVendor={identity.vendor:04x}",
-                f"idProduct={identity.product:04x}",
-                "bcdDevice=0100",
-                f"product={identity.name}",
-                *([f"manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
-                *([f"serial={identity.serial_number}"] if identity.serial_number else []),
-            ),
-        ),
-        (interface, ("DEVTYPE=usb_interface", "SUBSYSTEM=usb", f"PRODUCT={product}"), ("bInterfaceNumber=00",)),
-        (
-            hid,
-            (
-                "SUBSYSTEM=hid",
-                f"HID_ID=0003:{identity.vendor:08X}:{identity.product:08X}",
-                f"HID_NAME={name}",
-                f"HID_PHYS=usb-{instance}/input0",
-                f"HID_UNIQ={identity.serial_number}",
-            ),
-            (),
-        ),
-        (node, (f"DEVNAME={node_of(number)}", "SUBSYSTEM=hidraw", "MAJOR=240", f"MINOR={number}"), ()),
-    )
-    return "\n".join(
-        "".join([f"P: {path}\n", *(f"E: {each}\n" for each in properties), *(f"A: {each}\n" for each in attributes)])
-        for path, properties, attributes in devices
-    )
+    lines = [
+        *(f"P: {usb}", "E: DEVTYPE=usb_device", "E: SUBSYSTEM=usb", product),
+        *(f"A: idVendor={identity.vendor:04x}", f"A: idProduct={identity.product:04x}", "A: bcdDevice=0100"),
+        f"A: product={identity.name}",
+        *([f"A: manufacturer={identity.manufacturer}"] if identity.manufacturer else []),
+        *([f"A: serial={identity.serial_number}"] if identity.serial_number else []),
+        *("", f"P: {interface}", "E: DEVTYPE=usb_interface", "E: SUBSYSTEM=usb", product, "A: bInterfaceNumber=00"),
+        *("", f"P: {hid}", "E: SUBSYSTEM=hid", f"E: HID_ID=0003:{identity.vendor:08X}:{identity.product:08X}"),
+        *(f"E: HID_NAME={name}", f"E: HID_PHYS=usb-{instance}/input0", f"E: HID_UNIQ={identity.serial_number}"),
+        *("", f"P: {node}", f"E: DEVNAME={node_of(number)}", "E: SUBSYSTEM=hidraw", "E: MAJOR=240"),
+        f"E: MINOR={number}",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def ioctls(identity: HidIdentity, number: int) -> str:
-    """What the node answers to those that ask for the report descriptor."""
+    """Answers of the node to requests for the report descriptor."""
     size = len(identity.report_descriptor).to_bytes(4, "little").hex().upper()
     padded = identity.report_descriptor.ljust(LONGEST_DESCRIPTOR, b"\0").hex().upper()
     return f"@DEV {node_of(number)}\nHIDIOCGRDESCSIZE 0 {size}\nHIDIOCGRDESC 0 {size}{padded}\n"
-
-
-WRAPPER = "umockdev-wrapper"
-SYSTEM_PYTHON = "/usr/bin/python3"
-"""Not the one of a virtual environment: the bindings come with the distribution."""
-PRELOAD = "libumockdev-preload.so.0"
-ADVICE = "to emulate HID devices, install umockdev: apt-get install umockdev gir1.2-umockdev-1.0 python3-gi"
-END_S = 5.0
 
 
 def missing() -> str | None:
@@ -125,19 +110,16 @@ def missing() -> str | None:
 
 
 class Testbed:
-    """While in the `with`, processes that are started with `environment` see these HID devices.
-
-    They see no other USB devices, serial ones included. What they read and write there goes through the testbed's
-    process.
+    """While in the `with`, processes started with `environment` see these HID devices, and no other USB devices.
 
     Args:
-        priority: of SCHED_FIFO for that process, where it is permitted; 0 for none.
+        priority: SCHED_FIFO priority of the process that keeps /sys, where permitted; 0 for none.
 
     Raises:
         HardwareFault: umockdev is not installed, or fails.
     """
 
-    __test__ = False  # not one of pytest's, in spite of its name
+    __test__ = False  # not a test class of pytest
 
     def __init__(self, priority: int = 0) -> None:
         self._priority = priority
@@ -146,7 +128,7 @@ class Testbed:
         self._plugged: dict[int, tuple[HidIdentity, int]] = {}
         self._described: dict[int, HidIdentity] = {}
         self.root = Path()
-        """What takes the place of / for those that see it."""
+        """Replaces / for the processes that see the testbed."""
 
     @property
     def environment(self) -> dict[str, str]:
@@ -157,8 +139,9 @@ class Testbed:
     def __enter__(self) -> Self:
         if shutil.which(WRAPPER) is None or not Path(SYSTEM_PYTHON).exists():
             raise HardwareFault(ADVICE)
+        service = str(Path(__file__).with_name("umockdev_service.py"))
         self._process = subprocess.Popen(  # noqa: S603
-            [WRAPPER, SYSTEM_PYTHON, "-I", str(Path(__file__).with_name("umockdev_service.py")), str(self._priority)],
+            [WRAPPER, SYSTEM_PYTHON, "-I", service, str(self._priority)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -166,10 +149,14 @@ class Testbed:
             text=True,
         )
         try:
-            self.root = self._first_answer()
+            answer = self._answer()
         except BaseException:
             self._end()
             raise
+        if "root" not in answer:
+            self._end()
+            raise HardwareFault(ADVICE)
+        self.root = Path(answer["root"])
         (self.root / "dev").mkdir(exist_ok=True)
         return self
 
@@ -177,47 +164,38 @@ class Testbed:
         self._end()
 
     def free_number(self) -> int:
-        """Of the next node, as the kernel would count."""
+        """Number of the next node, as the kernel would count."""
         return next(number for number in range(len(self._plugged) + 1) if number not in self._plugged)
 
     def path(self, number: int) -> Path:
-        """Where the node of that number is for those that do not see the testbed."""
+        """Path of a node for processes that do not see the testbed."""
         return self.root / node_of(number).removeprefix("/")
 
     def plug(self, identity: HidIdentity, number: int) -> None:
-        """Let the device appear; its node in /dev is up to the caller."""
+        """Let the device appear; the caller makes its node in /dev."""
         self._instances += 1
-        self._ask(
-            {
-                "add": description(identity, number, self._instances),
-                "ioctls": ioctls(identity, number) if self._described.get(number) != identity else "",
-            }
-        )
+        is_new = self._described.get(number) != identity
+        added = description(identity, number, self._instances)
+        self._ask({"add": added, "ioctls": ioctls(identity, number) if is_new else ""})
         self._described[number] = identity
         self._plugged[number] = (identity, self._instances)
 
     def unplug(self, number: int) -> None:
-        """Let it disappear; any number of times."""
+        """Let the device disappear; may be called again."""
         if number in self._plugged:
             identity, instance = self._plugged.pop(number)
-            # From the inside out: umockdev forgets some links of what is within the thing that it removes.
+            # From the inside out: umockdev forgets some links within the device that it removes.
             self._ask({"remove": [f"/sys{path}" for path in reversed(paths(identity, number, instance))]})
 
-    def _ask(self, order: dict[str, Any]) -> None:
+    def _ask(self, request: dict[str, Any]) -> None:
         assert self._process is not None
         assert self._process.stdin is not None
         with suppress(BrokenPipeError):  # the answer will be missing then
-            self._process.stdin.write(json.dumps(order) + "\n")
+            self._process.stdin.write(json.dumps(request) + "\n")
             self._process.stdin.flush()
         answer = self._answer()
         if answer:
             raise HardwareFault(f"umockdev: {answer.get('error', answer)}")
-
-    def _first_answer(self) -> Path:
-        answer = self._answer()
-        if "root" not in answer:
-            raise HardwareFault(ADVICE)
-        return Path(answer["root"])
 
     def _answer(self) -> dict[str, Any]:
         assert self._process is not None
@@ -226,7 +204,7 @@ class Testbed:
         line = self._process.stdout.readline()
         if not line.startswith("{"):
             complaint = (line + self._process.stderr.read()).strip().splitlines()
-            raise HardwareFault(f"umockdev: {complaint[-1] if complaint else 'ended without a word'}")
+            raise HardwareFault(f"umockdev: {complaint[-1] if complaint else 'ended without a message'}")
         answer: dict[str, Any] = json.loads(line)
         return answer
 
@@ -244,30 +222,21 @@ class Testbed:
             process.kill()
             process.wait()
         if self.root != Path() and self.root.name.startswith("umockdev."):
-            shutil.rmtree(self.root, ignore_errors=True)  # of a killed one
+            shutil.rmtree(self.root, ignore_errors=True)  # a killed process leaves it
         self._plugged.clear()
         self._described.clear()
 
 
-QUEUE = 64
-"""Reports that the kernel keeps for a reader; what comes on top is lost."""
-
-TORN_S = 0.05
-"""After which the rest of a report is not expected any more [s]."""
-
-LITERAL, END = b"\x16", b"\x04"
-
-
 class HidNode(PtyDevice):
-    """While in the `with`, the device is plugged in.
+    """While in the `with`, the device is plugged in: a pseudo terminal that keeps reports apart as the kernel does.
 
-    A reader gets one report per read, as from the kernel. Unlike there, whoever opens the node reads first what was
-    sent while nobody had it open.
+    A reader gets one report per read. Unlike with the kernel, whoever opens the node first reads what was sent while
+    nobody had it open.
 
     Args:
         testbed: to plug it into.
         emulator: the device; reports come to it without their number.
-        identity: what it says it is.
+        identity: what it says of itself.
         begin: see `PtyDevice`.
     """
 
@@ -284,7 +253,7 @@ class HidNode(PtyDevice):
         self._testbed = testbed
         self._identity = identity
         self.node = node_of(self._number)
-        """Its path for those that see the testbed."""
+        """Its path for processes that see the testbed."""
 
     def plug(self) -> None:
         super().plug()
@@ -299,7 +268,7 @@ class HidNode(PtyDevice):
         super().unplug()
 
     def _prepare(self, far: int) -> None:
-        """Reports as lines: each ended by an end-of-file character, its bytes taken literally by one in front."""
+        """Reports as lines: each ended by an end-of-file character, its bytes made literal by one in front."""
         tty.setraw(far)
         settings = termios.tcgetattr(far)
         settings[3] |= termios.ICANON | termios.IEXTEN
@@ -309,7 +278,7 @@ class HidNode(PtyDevice):
         termios.tcsetattr(far, termios.TCSANOW, settings)
 
     def _serve(self, near: int, far: int) -> None:
-        device = _Numbered(self.emulator, self._identity.report_size)
+        device = _Reports(self.emulator, self._identity.report_size)
         serve(device, near, self._stopping.is_set, encode=lambda message: self._encode(message, far))
 
     def _encode(self, message: bytes, far: int) -> bytes:
@@ -319,30 +288,22 @@ class HidNode(PtyDevice):
         return b"".join(LITERAL + message[i : i + 1] for i in range(len(message))) + END
 
 
-class _Numbered:
-    """Takes bytes as hidapi writes them, and gives the device reports without the number in front."""
+class _Reports:
+    """Splits bytes as hidapi writes them into reports, and passes these on without the number in front."""
 
     def __init__(self, emulator: Emulator, report_size: int) -> None:
         self._device = emulator
         self.faults = emulator.faults
+        self.advance = emulator.advance
+        self.replies = emulator.replies
+        self.next_timer = emulator.next_timer
         self._size = 1 + report_size
         self._rest = b""
         self._came_at = 0.0
 
     def receive(self, data: bytes, now: float) -> None:
-        if now - self._came_at > TORN_S:
-            self._rest = b""
-        self._rest += data
+        self._rest = data if now - self._came_at > TORN_S else self._rest + data
         self._came_at = now
         while len(self._rest) >= self._size:
             report, self._rest = self._rest[1 : self._size], self._rest[self._size :]
             self._device.receive(report, now)
-
-    def advance(self, now: float) -> None:
-        self._device.advance(now)
-
-    def replies(self, now: float) -> list[bytes]:
-        return self._device.replies(now)
-
-    def next_timer(self) -> float | None:
-        return self._device.next_timer()
