@@ -41,9 +41,7 @@ Record = Annotated[
 ]
 Log = Annotated[
     Path | None,
-    typer.Option(
-        "--log", metavar="OUT", help="Append events as JSON lines; - for standard output only."
-    ),
+    typer.Option("--log", metavar="OUT", help="Append events as JSON lines; - for standard output only."),
 ]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
 Workers = Annotated[

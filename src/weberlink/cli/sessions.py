@@ -149,7 +149,8 @@ def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Itera
     if log is None:
         yield None
         return
-    from weberlink.system.journal import Journal, LogFile  # noqa: PLC0415
+    from weberlink.system.journal import Journal  # noqa: PLC0415
+    from weberlink.system.log_file import LogFile  # noqa: PLC0415
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)

@@ -153,7 +153,7 @@ def experiment(
         typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; 10 if not given."),
     ] = None,
     seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Of the orders of trials.")] = None,
-    simulate: Annotated[bool, typer.Option("--simulate", help="A program rates in virtual time instead of a person.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="A program rates, in virtual time.")] = False,
     record: Annotated[
         bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (extra: weberlink[recording]).")
     ] = True,
