@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test hunt lint format fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test hunt lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
@@ -73,6 +73,9 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json
 
+docs: $(DEV)  ## the documentation as a site, in docs/_build
+	$(BIN)/python -m sphinx -q -W -b html docs docs/_build
+
 vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums of their manifest
 	$(BIN)/python src/weberlink/apps/monitor/page/vendor/fetch.py
 
@@ -81,7 +84,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
-		--extra compiled --extra monitor \
+		--extra compiled --extra monitor --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 
 clean:

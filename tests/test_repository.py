@@ -19,15 +19,16 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = sorted(path.parent.name for path in (ROOT / "src" / "weberlink").glob("*/__init__.py"))
 
 
-def test_readme_lists_the_folders_that_are_there() -> None:
-    listed = set(re.findall(r"^\| `(\w+)/` \|", README, re.M))
-    there = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
-    assert listed == there
+def test_readme_is_short_and_its_example_runs() -> None:
+    assert len(README.splitlines()) <= 120
+    (example,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    exec(compile(example, "README.md", "exec"), {})
 
 
-def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
+def test_command_table_matches_the_program() -> None:
     commands = get_command(app).commands  # type: ignore[attr-defined]
-    rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*)\|", README, re.M))
+    table = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*(?:\\\|[^|]*)*)\|", table, re.M))
     assert set(rows) == set(commands)
     for name, row in rows.items():
         # A group, as `device`, has its options in its own commands.
@@ -36,9 +37,12 @@ def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
         assert set(re.findall(r"--[a-z-]*[a-z]", row)) <= known
 
 
-def test_files_that_the_readme_names_are_there() -> None:
-    for path in re.findall(r"`?((?:configs|docs|master|slave)/[\w/.-]+\.\w+)", README):
-        assert (ROOT / path).is_file(), path
+def test_links_of_the_documents_lead_to_files() -> None:
+    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]:
+        if "_build" in page.parts or page.name == "configuration.md":
+            continue
+        for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists() or target.endswith("library.md"), f"{page.name}: {target}"
 
 
 def test_make_targets_that_the_documents_name_are_there() -> None:
