@@ -69,6 +69,7 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink adaptive $(TRACES) --docs docs/adaptive
 	$(BIN)/weberlink bench --plots docs/bench --json docs/bench/bench.json
 	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/apps/monitor/test_page_live.py -k picture
+	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures/demo.gif
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json
