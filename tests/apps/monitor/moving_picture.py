@@ -1,4 +1,4 @@
-"""Record the live page beside the demonstration as an animation: `python -m tests.apps.monitor.moving_picture OUT.gif`."""
+"""Record the live page beside the demonstration: `python -m tests.apps.monitor.moving_picture OUT.gif`."""
 
 import sys
 from io import BytesIO
