@@ -1,7 +1,7 @@
 """How the suite runs, alone or shared among workers (`pytest -n`).
 
-A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last, and no other
-worker runs anything beside them. Tests marked `hunt` explore; they run with `--hunt` only.
+A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last, and no
+other worker runs anything beside them. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
