@@ -218,7 +218,7 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
             "use tdpa, mmt or auto"
         )
     if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no local model to display"
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model"
 
 
 def _knows_geometry(system: System) -> bool:
