@@ -23,7 +23,7 @@ from weberlink.apps.devices import survey
 from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master import devices
 
-PAGE = (CONFIGS.parent / "docs" / "drivers.md").read_text(encoding="utf-8")
+PAGE = (CONFIGS.parent / "docs" / "tutorial.md").read_text(encoding="utf-8")
 SWING_M = 0.02
 YIELDS_M_N = 0.0003
 
