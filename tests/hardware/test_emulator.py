@@ -78,23 +78,6 @@ def test_bytes_go_in_and_messages_come_out() -> None:
     assert echo.advances == sorted(echo.advances), "time does not go back"
 
 
-def test_a_device_that_speaks_by_itself_is_served_in_time() -> None:
-    """Not before, and, unless this machine stalls, without the pause that there is while nothing is due."""
-    echo = Echo()
-    with served(echo) as host:
-
-        def is_prompt() -> bool:
-            echo.timer = due = monotonic() + 0.002
-            assert asked(host, b"x") == b"X"  # so that it has seen the timer
-            waits = monotonic() < due
-            assert host.recv(100) == b"HELLO"
-            late = monotonic() - due
-            assert late >= 0.0
-            return waits and late < PAUSE_S / 2.0
-
-        wait_for(is_prompt)
-
-
 def test_garbled_replies_are_as_many_as_asked_for_and_as_long_as_ever() -> None:
     echo = Echo()
     with served(echo) as host:
@@ -117,18 +100,6 @@ def test_late_replies_come_late_and_no_later() -> None:
             return elapsed < PAUSE_S
 
         wait_for(is_prompt)
-
-
-def test_silence_loses_replies_for_good() -> None:
-    echo = Echo()
-    with served(echo) as host:
-        echo.faults.silent = True
-        host.send(b"one")
-        wait_for(lambda: bool(echo.heard))
-        turns = len(echo.advances)
-        wait_for(lambda: len(echo.advances) > turns + 1)
-        echo.faults.silent = False
-        assert asked(host, b"two") == b"TWO"
 
 
 def test_a_host_that_does_not_read_does_not_stop_the_device() -> None:

@@ -150,15 +150,6 @@ def test_force_that_is_left_at_the_end_is_taken_off(wire: Wire) -> None:
     assert heard.startswith(FORCE + ZERO)
 
 
-def test_there_is_no_force_before_it_watches() -> None:
-    guardian = Guardian(ZERO)
-    guardian.given(monotonic(), LONG_S)
-    with pytest.raises(HardwareFault, match="guardian"):
-        guardian.before(FORCE)
-    guardian.before(ZERO)
-    guardian.after(ZERO)
-
-
 def test_a_device_that_takes_nothing_loses_what_waits_and_not_the_zero(wire: Wire) -> None:
     wire.push(LEASE_S / 2.0)
     with pytest.raises(HardwareFault, match="takes no more data"):

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import threading
 import tty
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,22 +63,6 @@ def test_bytes_go_both_ways_unchanged(wire: Wire, port: SerialPort) -> None:
     assert came == every_byte
     port.write(every_byte)
     assert os.read(wire.near, 1000) == every_byte
-
-
-def test_a_drain_takes_everything_and_does_not_wait(wire: Wire, port: SerialPort) -> None:
-    assert port.drain() == b""
-    os.write(wire.near, b"old " * 900)
-    wait_for(lambda: port._port.in_waiting == 3600)
-    assert port.drain() == b"old " * 900
-    assert port.drain() == b""
-
-
-@pytest.mark.parametrize("baud", [9600, 4_000_000])
-def test_baud_rates(wire: Wire, baud: int) -> None:
-    port = SerialPort(wire.path, baud)
-    port.write(b"hello")
-    assert os.read(wire.near, 10) == b"hello"
-    port.close()
 
 
 def test_what_is_no_port_is_said(tmp_path: Path) -> None:
@@ -149,39 +132,10 @@ def test_a_write_to_a_device_that_takes_nothing_is_a_fault_and_no_hang(wire: Wir
     wait_for(lambda: b"better" in os.read(wire.near, 10_000_000))
 
 
-def test_a_write_larger_than_the_buffer_arrives_whole_where_somebody_reads(wire: Wire, port: SerialPort) -> None:
-    data = b"".join(b"%07d " % number for number in range(13_000))
-    came = bytearray()
-
-    def read() -> None:
-        while len(came) < len(data):
-            came.extend(os.read(wire.near, 512))
-
-    reader = threading.Thread(target=read)
-    reader.start()
-    port.write(data)
-    reader.join(30.0)
-    assert bytes(came) == data
-
-
 def test_what_was_written_last_still_arrives(wire: Wire, port: SerialPort) -> None:
     port.write(b"zero force")
     port.close()
     assert os.read(wire.near, 100) == b"zero force"
-
-
-def test_a_closed_port_touches_no_file_that_has_its_number_now(wire: Wire, port: SerialPort) -> None:
-    number = port._port.fileno()
-    port.close()
-    port.close()
-    ends = os.pipe()
-    assert number in ends, "the lowest that is free"
-    for use in (lambda: port.read(soon()), port.drain, lambda: port.write(b"to nobody")):
-        with pytest.raises(HardwareFault, match="unplugged"):
-            use()
-    os.close(ends[1])
-    assert os.read(ends[0], 100) == b""
-    os.close(ends[0])
 
 
 def test_a_port_that_cannot_be_opened_keeps_no_descriptor(wire: Wire, tmp_path: Path) -> None:

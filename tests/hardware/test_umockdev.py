@@ -6,10 +6,8 @@ import random
 import re
 import subprocess
 import sys
-import termios
 from collections.abc import Iterator
 from contextlib import contextmanager
-from fcntl import ioctl
 from pathlib import Path
 from select import select
 from time import monotonic, sleep
@@ -22,38 +20,12 @@ from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev import (
     ADVICE,
-    QUEUE,
     WRAPPER,
     HidIdentity,
     HidNode,
     Testbed,
-    description,
-    ioctls,
     missing,
-    paths,
 )
-
-DESCRIBED = HidIdentity(0x1234, 0x0006, "HID DEVICE", bytes.fromhex("06abffc0"), 14, "42", "mbed.org")
-
-
-def test_the_description_has_what_hidapi_looks_for() -> None:
-    text = description(DESCRIBED, 3, 26)
-    assert [line[3:] for line in text.splitlines() if line.startswith("P: ")] == list(paths(DESCRIBED, 3, 26))
-    lines = set(text.splitlines())
-    assert {"A: idVendor=1234", "A: idProduct=0006", "A: product=HID DEVICE", "A: serial=42"} <= lines
-    assert {"E: HID_ID=0003:00001234:00000006", "E: HID_UNIQ=42", "E: HID_NAME=mbed.org HID DEVICE"} <= lines
-    assert {"E: DEVNAME=/dev/hidraw3", "E: SUBSYSTEM=hidraw", "E: MINOR=3"} <= lines
-    assert not any(line.startswith("N: ") for line in lines), "nodes are ours to make and to take away"
-
-
-def test_the_report_descriptor_is_given_with_its_size_as_the_kernel_pads_it() -> None:
-    node, size, whole = ioctls(DESCRIBED, 3).splitlines()
-    assert node == "@DEV /dev/hidraw3"
-    assert size == "HIDIOCGRDESCSIZE 0 04000000"
-    kind, _, data = whole.split()
-    assert kind == "HIDIOCGRDESC"
-    assert bytes.fromhex(data) == b"\4\0\0\0\x06\xab\xff\xc0" + bytes(4092)
-
 
 SIZE = 14
 IDENTITY = HidIdentity(0x1234, 6, "HID DEVICE", b"", SIZE)
@@ -120,10 +92,6 @@ def read(descriptor: int) -> bytes:
     return os.read(descriptor, 64)
 
 
-def waiting(descriptor: int) -> int:
-    return int.from_bytes(ioctl(descriptor, termios.FIONREAD, bytes(4)), "little")
-
-
 def test_one_read_gives_one_report_whatever_bytes_it_has(tmp_path: Path) -> None:
     chance = random.Random(5)
     reports = [bytes(range(start, start + SIZE)) for start in range(0, 256 - SIZE, SIZE)]
@@ -133,22 +101,6 @@ def test_one_read_gives_one_report_whatever_bytes_it_has(tmp_path: Path) -> None
         assert node.node == "/dev/hidraw5"
         recorder.to_send = list(reports)
         assert [read(descriptor) for _ in reports] == reports
-
-
-def test_what_nobody_reads_is_lost_from_some_number_on_and_the_rest_stays_whole(tmp_path: Path) -> None:
-    reports = [number.to_bytes(2, "little") + bytes(SIZE - 2) for number in range(4 * QUEUE)]
-    with node_in(tmp_path) as (recorder, _, descriptor):
-        for report in reports:  # one by one: the queue is counted before each
-            before = waiting(descriptor)
-            recorder.to_send = [report]
-            os.write(descriptor, bytes(1 + SIZE))  # so that it looks at once
-            deadline = monotonic() + PATIENCE
-            while recorder.to_send or (before < QUEUE * SIZE and waiting(descriptor) == before):
-                assert monotonic() < deadline
-                sleep(0.0002)
-        kept = [read(descriptor) for _ in range(QUEUE)]
-        assert kept == reports[:QUEUE]
-        assert waiting(descriptor) == 0
 
 
 def test_reports_from_the_host_lose_their_number_and_are_told_apart(tmp_path: Path) -> None:

@@ -148,22 +148,6 @@ def test_a_device_that_is_back_in_time_goes_on_from_rest() -> None:
         assert exchange.calls[back + 3] == REST
 
 
-def test_patience_ends_with_what_is_in_the_way_then() -> None:
-    now = [50.0]
-
-    def opening(number: int) -> int:
-        now[0] += 1.0
-        if number:
-            raise HardwareFault(f"not there: {number}")
-        return 0
-
-    exchange = Scripted(gone, opening)
-    with working(exchange, reconnect=2.5, clock=lambda: now[0]) as worker:
-        wait_for(lambda: worker.fault is not None)
-        assert worker.fault == "not there: 3"
-        assert worker.newest[0] == 0
-
-
 def test_a_device_that_opens_but_never_answers_does_not_come_back_for_ever() -> None:
     """Patience counts from the last good reply, not from the last time that the port opened."""
     exchange = Scripted(in_turn(1, HardwareFault("mute")))
@@ -184,20 +168,6 @@ def test_a_mistake_of_ours_in_the_thread_ends_the_session_too(mistake: BaseExcep
         wait_for(lambda: worker.fault is not None)
         assert worker.fault == f"internal error: {mistake!r}"
         wait_for(lambda: not exchange.is_open)
-
-
-class Careless(Scripted):
-    """Raises where it must not."""
-
-    def close(self) -> None:
-        super().close()
-        raise OSError("careless")
-
-
-def test_a_close_that_raises_is_said() -> None:
-    with working(Careless()) as worker:
-        worker.stop()
-        assert worker.fault == "internal error: OSError('careless')"
 
 
 def test_a_device_that_cannot_be_opened_leaves_nothing_behind() -> None:
@@ -228,25 +198,6 @@ def test_a_device_that_cannot_be_opened_leaves_nothing_behind() -> None:
     assert (descriptors(), threading.active_count()) == (files, threads)
 
 
-def test_it_starts_again_after_a_stop_and_after_a_fault() -> None:
-    exchange = Scripted()
-    with working(exchange) as worker:
-        for _ in range(3):
-            command_until(worker, "push", lambda: "push" in exchange.commands)
-            worker.stop()
-            worker.stop()
-            assert not exchange.is_open
-            exchange.calls.clear()
-            worker.start()
-        exchange.deed = in_turn(HardwareFault("gone"))
-        wait_for(lambda: worker.fault is not None)
-        exchange.deed = in_turn(5)
-        worker.start()
-        assert worker.fault is None
-        assert worker.bad_count == 0
-        wait_for(lambda: worker.newest[0] == 5)
-
-
 @pytest.mark.parametrize("period", [0.0, 60.0])
 @pytest.mark.parametrize("on_command", [False, True])
 def test_a_stop_does_not_wait_for_the_next_exchange(period: float, on_command: bool) -> None:
@@ -255,18 +206,6 @@ def test_a_stop_does_not_wait_for_the_next_exchange(period: float, on_command: b
         with working(exchange, period=period, on_command=on_command):
             pass
         assert exchange.calls[-1] == "close"
-
-
-def test_a_stop_ends_a_reconnection() -> None:
-    def opening(number: int) -> int:
-        if number:
-            raise HardwareFault("away")
-        return 0
-
-    exchange = Scripted(gone, opening)
-    with working(exchange, reconnect=3600.0) as worker:
-        wait_for(lambda: exchange.calls.count("open") > 2)
-    assert worker.fault is None
 
 
 class Hanging:
@@ -348,23 +287,6 @@ def test_a_program_that_ends_leaves_the_device_safe(hang: str, end: str) -> None
     assert "Fatal" not in done.stderr
 
 
-def test_its_own_pace_is_kept_whatever_an_exchange_takes() -> None:
-    """Half a period of work does not make the period longer; in fake time, so that only a stall could do that."""
-    ahead = [0.0]
-    starts: list[float] = []
-
-    def clock() -> float:
-        return monotonic() + ahead[0]
-
-    def deed(command: str) -> int:
-        starts.append(clock())
-        ahead[0] += 0.005
-        return 1
-
-    with working(Scripted(deed), period=0.01, on_command=False, clock=clock):
-        wait_for(lambda: any(starts[i + 5] - starts[i] < 0.055 for i in range(len(starts) - 5)))
-
-
 def test_what_a_stall_made_it_miss_is_not_made_up_for() -> None:
     """Every fifth exchange takes ten periods; making up for them would need no pause at all."""
     ahead, number = [0.0], count(1)
@@ -384,17 +306,3 @@ def test_what_a_stall_made_it_miss_is_not_made_up_for() -> None:
     seen = starts[:21]
     stalls = 4
     assert len(seen) <= (seen[-1] - seen[0]) / 0.01 - 9 * stalls + 2
-
-
-def test_many_commands_before_an_exchange_are_one_and_the_newest_counts() -> None:
-    hanging = Hanging()
-    exchange = Scripted(hanging)
-    with working(exchange, period=60.0) as worker:
-        worker.command("first", monotonic())
-        assert hanging.inside.wait(60.0)
-        for number in range(1000):
-            worker.command(f"push {number}", monotonic())
-        hanging.let_go.set()
-        wait_for(lambda: len(exchange.commands) >= 2)
-        sleep(0.01)
-        assert exchange.commands == ["first", "push 999"]

@@ -105,18 +105,6 @@ def test_the_force_comes_up_from_zero_after_an_interruption(device: ThreadedDevi
         assert max(b[0] - a[0] for (_, a), (_, b) in steps) < 3.0
 
 
-def test_the_same_time_gives_the_same_answer_and_another_the_newest(device: ThreadedDevice, exchange: Exchange) -> None:
-    device.open(0.0)
-    first = device.latest(1.0)
-    before, gives_up = len(exchange.told), monotonic() + PATIENCE
-    while len(exchange.told) < before + 2:
-        assert monotonic() < gives_up
-        sleep(TICK)
-    assert device.latest(1.0) == first
-    assert device.latest(1.001).at > first.at
-    assert device.round_trip_s >= 0.0
-
-
 @pytest.mark.parametrize("said", ["unplugged", "thing: unplugged"])
 @pytest.mark.parametrize("kind", [HardwareFault, BadReply])
 def test_a_fault_has_the_name_in_front_once(

@@ -149,19 +149,6 @@ def test_a_torque_beyond_the_limit_is_scaled_and_the_force_keeps_its_direction(t
         assert at.emulator.most_torque <= 0.1 * (1.0 + 1e-6)
 
 
-def test_the_force_limit_cuts(tmp_path: Path) -> None:
-    with bench(tmp_path, force_n=0.5) as at:
-        at.device.open(monotonic())
-        forces: list[float] = []
-
-        def is_pushed() -> bool:
-            forces.append(hypot(*at.emulator.force))
-            return len(forces) > 100 and max(forces) > 0.49
-
-        at.run(is_pushed, (0.0, 50.0, 0.0))
-        assert max(forces) < 0.51
-
-
 @pytest.mark.parametrize("checked", [None, "00000000"])
 def test_without_the_sign_check_there_is_no_torque_whatever_is_commanded(tmp_path: Path, checked: str | None) -> None:
     with bench(tmp_path, signs=False, signs_checked=checked) as at:
@@ -220,14 +207,6 @@ def test_a_torque_that_a_dead_host_left_behind_is_taken_off_first(there: Bench) 
         assert there.emulator.torques == (0.0, 0.0)
         device.close()
     assert there.emulator.setups == 2
-
-
-def test_a_restarted_board_is_set_up_by_the_next_session(there: Bench) -> None:
-    there.emulator.inject("restart", 1)
-    there.run_into_fault(ZERO)
-    patiently(there.device.open)
-    assert there.emulator.setups == 2
-    assert distance(there.position, ZERO) < COUNT_M
 
 
 @pytest.mark.parametrize("fault", ["slip", "garble"])

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
-from time import monotonic, sleep
+from time import sleep
 
 import pytest
 
@@ -98,15 +98,6 @@ def line(far: Far) -> Iterator[HaplyLine]:
     opened = HaplyLine(far.path, BOARD)
     yield opened
     opened.close()
-
-
-def test_an_answer_belongs_to_its_question(far: Far, line: HaplyLine) -> None:
-    far.deeds = [lambda: far.say(answer(1)), lambda: far.say(answer(2))]
-    before = monotonic()
-    assert counts(line.ask(PUSH, LONG_S)) == (1, 0)
-    assert before <= line.asked_at <= monotonic()
-    assert counts(line.ask(ZERO, LONG_S)) == (2, 0)
-    assert far.messages == [PUSH, ZERO]
 
 
 def test_an_answer_in_pieces_is_one_answer(far: Far, line: HaplyLine) -> None:
@@ -204,13 +195,6 @@ def track() -> Prompt:
     return Prompt(V3.bar, HOME_RAD, (COUNT, COUNT))
 
 
-def test_a_hand_is_followed() -> None:
-    following = track()
-    for i in range(1000):
-        angles = (HOME_RAD[0] - i * 0.0008, HOME_RAD[1] + i * 0.0008)
-        assert following.at(angles, i * 0.001) == V3.bar.tip(angles)
-
-
 def test_a_jump_is_not_and_what_came_before_still_counts() -> None:
     following = track()
     following.at(UP, 10.0)
@@ -227,13 +211,6 @@ def test_a_host_that_stalled_before_it_read_an_answer_does_not_take_the_next_for
     following.follow((UP[0] + 0.5, UP[1]), 10.1, 10.1003)
     with pytest.raises(BadReply, match="jumped"):
         following.follow((UP[0] + 1.0, UP[1]), 10.1003, 10.1006)
-
-
-def test_a_single_count_is_never_a_jump_and_time_that_stands_still_is_allowed() -> None:
-    following = track()
-    following.at(UP, 10.0)
-    following.at((UP[0] + COUNT, UP[1] - COUNT), 10.0)
-    following.at(UP, 9.0)
 
 
 @pytest.mark.parametrize(

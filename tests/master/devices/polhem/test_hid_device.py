@@ -8,15 +8,13 @@ from typing import Any
 import pytest
 
 from tests.master.devices.polhem.boards import ScriptedHidBoard
-from weberlink.geometry.vector import ZERO, Vector, distance
-from weberlink.hardware.guardian import Guardian
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
 from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, WATCHDOG_S, SetCounters
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
 
 TICK = 0.001
 PATIENCE = 10.0
@@ -38,7 +36,7 @@ def device_on() -> Iterator[Make]:
     """Makes a device on a board; with force, whatever the signs."""
     made: list[PolhemDevice] = []
 
-    def make(board: "ScriptedHidBoard | Desk", **settings: Any) -> PolhemDevice:
+    def make(board: ScriptedHidBoard, **settings: Any) -> PolhemDevice:
         options = PolhemHidOptions(port="/dev/hidraw9", **settings)
         options = options.model_copy(update={"signs_checked": PolhemHidDevice.fingerprint(options)})
         signs = PolhemHidDevice.fingerprint(options)
@@ -76,12 +74,6 @@ def test_the_report_that_has_waited_is_not_believed(device_on: Make) -> None:
     assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
 
 
-def test_a_silent_board_is_started_by_zeros(device_on: Make) -> None:
-    board = ScriptedHidBoard(MIDDLE)
-    device_on(board).open(monotonic())
-    assert board.commands[0] == (0, 0, 0)
-
-
 def test_force_and_button(device_on: Make) -> None:
     board = ScriptedHidBoard(MIDDLE)
     device = device_on(board)
@@ -113,62 +105,6 @@ def test_reports_of_the_other_length_are_refused(device_on: Make, said: int, sen
     with pytest.raises(DeviceFault, match=f"sends reports of {sent} bytes, the file says {said}.*report_bytes: {sent}"):
         device_on(board, report_bytes=said).open(monotonic())
     assert not any(any(command) for command in board.commands if isinstance(command, tuple))
-
-
-class Desk:
-    """An emulated device in place of its port, in real time."""
-
-    def __init__(self, **options: Any) -> None:
-        still = {"script": [{"motion": "rest", "duration_s": 1000.0}], "tremor_m": 0.0}
-        self.emulator = PolhemHidEmulator(PolhemHidEmulatorOptions.model_validate({"handle": still, **options}))
-        self.emulator.advance(monotonic())
-
-    def __call__(self, path: str) -> "Desk":
-        return self
-
-    def write(self, report: bytes) -> None:
-        self.emulator.receive(report, monotonic())
-
-    def read_all(self, until: float) -> list[bytes]:
-        while True:
-            now = monotonic()
-            self.emulator.advance(now)
-            reports = self.emulator.replies(now)
-            if reports or now >= until:
-                return reports
-            sleep(0.0002)
-
-    def guard(self, guardian: Guardian) -> None:
-        pass  # who has the device in hand stops with it
-
-    def close(self) -> None:
-        pass
-
-
-@pytest.mark.parametrize(
-    ("built", "settings"),
-    [
-        ({"report": 14}, {}),
-        ({"report": 8}, {}),
-        ({"report": 8, "host": "haptikfabrikenapi"}, {"motor_directions": (1, 1, 1)}),
-        ({"report": 14, "encoder_signs": (-1, 1, 1)}, {"encoder_directions": (-1, 1, 1)}),
-        ({"report": 14, "motor_signs": (-1, 1, 1)}, {"motor_directions": (-1, 1, 1)}),
-        ({"report": 14, "parameters": "woodenhaptics_2019"}, {"parameters": "woodenhaptics_2019"}),
-        ({"report": 8, "parameters": "aluhaptics_v2"}, {"parameters": "aluhaptics_v2"}),
-        ({"report": 14, "parameters": "polhem_v3"}, {"parameters": "polhem_v3"}),
-    ],
-    ids=["14 bytes", "8 bytes", "other motors", "encoder A", "motor A", "2019", "aluhaptics", "polhem"],
-)
-def test_hand_and_force_agree_on_a_device_as_published(
-    device_on: Make, built: dict[str, Any], settings: dict[str, Any]
-) -> None:
-    desk = Desk(**built)
-    device = device_on(desk, report_bytes=built["report"], **settings)
-    device.open(monotonic())
-    force = (0.3, 0.6, -0.4)
-    press_until(device, force, lambda: distance(desk.emulator.force, force) < 0.05)
-    assert distance(device.latest(monotonic()).position, desk.emulator.position) < 5e-4
-    device.close()
 
 
 def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:

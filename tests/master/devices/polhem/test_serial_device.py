@@ -75,18 +75,6 @@ def press_until(device: PolhemSerialDevice, force: Vector, condition: Callable[[
     until(pressed)
 
 
-def test_positions_come_and_follow(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    first = device.latest(monotonic())
-    assert norm(first.position) < 1e-4
-    assert (first.buttons, first.orientation) == (0, None)
-    teensy(board).counts = (*WOODY.counts_at((0.002, 0.0, 0.001)), 0, 0, 0)
-    until(lambda: device.latest(monotonic()).position == pytest.approx((0.002, 0.0, 0.001), abs=1e-4))
-    now = monotonic()
-    assert device.latest(now) is device.latest(now)
-
-
 def test_a_force_becomes_its_currents_ramps_up_and_ends_with_the_commands(device_of: Make, board: PtyDevice) -> None:
     device = device_of()
     device.open(monotonic())
@@ -97,18 +85,6 @@ def test_a_force_becomes_its_currents_ramps_up_and_ends_with_the_commands(device
     assert sent[0] == 0
     assert max(sent) == sum(map(abs, expected))
     until(lambda: teensy(board).currents[-1] == (0, 0, 0))  # no commands any more: stale
-
-
-def test_too_much_force_is_cut(device_of: Make, board: PtyDevice) -> None:
-    device = device_of(force_n=1.0, max_current_ma=300.0)
-    device.open(monotonic())
-    end = monotonic() + 0.1
-    while monotonic() < end:
-        press(device, (1e6, 1e6, -1e6))
-        sleep(0.001)
-    most = max(max(map(abs, currents)) for currents in teensy(board).currents)
-    assert 0 < most <= 300
-    assert max(norm(WOODY.force(currents, MIDDLE)) for currents in teensy(board).currents) < 1.0
 
 
 def test_without_a_sign_check_positions_come_and_no_current_ever_goes(device_of: Make, board: PtyDevice) -> None:
