@@ -1,4 +1,4 @@
-"""What every haptic device driver offers: the mirror of `weberlink.slave.robots.contract`."""
+"""The contract of every haptic device driver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,4 @@
-"""A haptic device with a modelled hand on it: what `operator` and `replay` share. Knows no scripts and no traces.
-
-What turns the handle is imported only where the hand has a wrist.
-"""
+"""The device of `operator` and `replay`: a modelled hand on a handle, moved by an intention."""
 
 from collections.abc import Callable
 from math import ceil

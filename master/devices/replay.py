@@ -1,4 +1,4 @@
-"""A recorded hand: the intended position follows a trace, and still yields to what it feels."""
+"""A recorded hand: the intended position follows a trace, and the hand still yields to forces."""
 
 from math import isfinite
 from pathlib import Path

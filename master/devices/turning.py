@@ -1,4 +1,4 @@
-"""A model of how the operator's hand turns the handle; knows nothing of where the hand is, nor of time of day."""
+"""A model of how the operator's hand turns the handle."""
 
 from collections.abc import Callable
 from math import pi, radians, sin

@@ -1,7 +1,4 @@
-"""The handle of an emulated master device, and the hand that holds it; knows neither motors nor encoders.
-
-The hand is that of the `operator` driver: it follows its script, yields to the force on it, and trembles.
-"""
+"""The handle of an emulated haptic device in the modelled hand of the `operator` driver."""
 
 from pydantic import Field
 

@@ -1,7 +1,4 @@
-"""An emulated Haply 2DIY: the board with the firmware's ways, and the linkage between its motors and a hand.
-
-Owns what the board makes of bytes, encoder counts and torques. What the hand does is the business of the handle.
-"""
+"""An emulated Haply 2DIY: the board as its firmware behaves, and the linkage between its motors and a hand."""
 
 from collections import deque
 from collections.abc import Mapping

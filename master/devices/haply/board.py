@@ -1,4 +1,23 @@
-"""Messages of the Haply board."""
+"""Messages of the Haply board.
+
+Sources: the board's firmware (Arduino Due, 2017; M0, 2018) and the vendor's libraries in C++ and Python, which agree on
+the order of the bytes. Numbers are 32-bit floats, least significant byte first:
+
+| message | bytes |
+|---|---|
+| reset | 0, 0 |
+| setup | 1, id, motor ports, their directions, encoder ports, their directions, number and pins of analog inputs, \
+number and pins of PWM outputs, then offset [deg] and counts per turn of each encoder |
+| torques | 2, id, a byte for each PWM output, a torque for each motor [N m] |
+| answer to torques | id, a value for each analog input, an angle for each encoder [deg] |
+
+Ports are bits, port 1 the lowest; values for motors and encoders come in the order of the ports; direction 0 is
+clockwise, 1 counter-clockwise. The host chooses the id. There is no framing and no checksum, and the firmware does not
+wait for the first bytes of a message: it must be written at once. A first byte that begins no message is ignored.
+
+Setup takes the arms to be at the offsets now, so a second setup moves the origin. Neither reset nor setup takes the
+torque off a motor, and no watchdog does.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field

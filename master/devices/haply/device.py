@@ -1,4 +1,4 @@
-"""The driver `haply_2diy`: a planar device with two motors, from the linkage's frame to that of the operator."""
+"""The driver `haply_2diy`: a planar device with two motors."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,8 @@
-"""The dialogue with the Haply board: torques out, angles in."""
+"""The dialogue with the Haply board: torques out, angles in.
+
+No byte of an answer says which question it belongs to, and there is no checksum: a lost byte shows in the length, in
+the device id, or in angles that the arms cannot have.
+"""
 
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""The part that both Polhem drivers share: connecting, homing, the limits of force and current, and the spec."""
+"""The common part of both Polhem drivers: connecting, homing, limits of force and current, and the spec."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence

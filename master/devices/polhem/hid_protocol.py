@@ -1,4 +1,9 @@
-"""HID reports of the mbed boards, 14 bytes or the older 8."""
+"""HID reports of the mbed boards, 14 bytes or the older 8, told apart by their length.
+
+After every 14-byte report the device waits for one from the host (lock-step); with 8 bytes it sends at its own rate.
+Encoders are counted in 32 bits but reported in 16; `Unwrapper` restores the count. Sources: firmware and host code of
+the makers.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,9 @@
-"""Homing: where the handle is, and whether the encoder counts that say so are plausible."""
+"""Homing, and the check that encoder counts are plausible.
+
+Encoders count from where they were switched on. After a loss of power, a reset of the counters or a broken encoder
+cable the counts belong to another place, and the force would point the wrong way. Counts that no hand motion explains
+are therefore rejected.
+"""
 
 from collections.abc import Callable
 from time import monotonic, sleep

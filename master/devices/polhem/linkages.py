@@ -1,4 +1,7 @@
-"""Linkages of the PHANTOM's relatives: kinematics, Jacobian and the torques that carry their weight."""
+"""Linkages of the PHANTOM's relatives: kinematics, Jacobian and the torques that carry their weight.
+
+The device's frame: x towards the operator, y to the right, z up, in metres from the middle of the workspace.
+"""
 
 from dataclasses import dataclass
 from math import acos, atan2, copysign, cos, hypot, pi, sin

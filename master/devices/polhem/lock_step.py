@@ -1,8 +1,8 @@
-"""One answer for every message, and never that to another one.
+"""A dialogue in lock-step: one answer for every message, never taken for the answer to another one.
 
-An answer does not say which message it belongs to. So it counts only where no other is owed: after one that did not
-come in time nothing is believed until all that is owed has come, or, where it does not come, until the line was quiet
-for long and then answered a single message with a single answer. Knows no bytes.
+An answer does not say which message it belongs to, so it counts only while no other is owed. After a missing answer,
+none is accepted until all owed answers have come, or until the line was quiet for `QUIET_S` and then answered a single
+message with a single answer.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Encoder counts to position, force to motor currents: the cable drive on its linkage."""
+"""From encoder counts to position and from force to motor currents: the cable drive on its linkage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

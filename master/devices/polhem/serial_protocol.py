@@ -1,4 +1,9 @@
-"""The bracket protocol of the devices on a serial port: currents out, encoder counts in."""
+"""The bracket protocol of the devices on a serial port: currents out, encoder counts in.
+
+Every message `[a,b,c]` with currents in mA is answered by exactly one `[model,e0,...,e5,error]`. An answer with an
+error of the message repeats the last counts, and the currents were not applied; one of `GIMBAL_ERRORS` comes after they
+were. Sources: firmware 2.0 and its maker's host code.
+"""
 
 import re
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""An emulated Polhem without its bytes: a handle in a hand, encoders, motors, amplifiers, and faults to inject."""
+"""The common part of the emulated Polhem boards: a handle in a hand, encoders, motors, amplifiers and faults."""
 
 from collections import deque
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
-"""The mbed boards of the devices that speak HID, emulated: the newer in lock-step, the older at its own rate.
+"""The emulated mbed boards that speak HID: the newer in lock-step, the older at its own rate.
 
-As their firmware reads. The newer sends a report and waits for one, of which it takes the newest; the older sends one
-each frame and takes the oldest that waits. Either switches its amplifiers on with whatever comes, and off after 0.5 s
-without. Guessed: that an amplifier follows its input to the end of the range, 3.75 A where 90 % mean 3 A.
+As in their firmware, the newer sends a report and waits for one, of which it takes the newest; the older sends one each
+frame and takes the oldest that waits. Either switches its amplifiers on with any report, and off after 0.5 s without.
+Assumed: an amplifier follows its input to the end of the range, 3.75 A where 90 % mean 3 A.
 """
 
 from collections import deque

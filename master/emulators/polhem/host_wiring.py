@@ -1,7 +1,7 @@
-"""How the emulated devices are wired: as a published host program expects them, so that this program drives them right.
+"""How the emulated devices are wired: as a published host program expects them.
 
-Every entry is written in the terms of its source (flags, calibration counts), and is independent of the tables of the
-drivers: a driver with a wrong sign meets a device that goes or pushes the other way.
+Every entry uses the terms of its source (flags, calibration counts) and is independent of the tables of the drivers, so
+a driver with a wrong sign shows a wrong position or force.
 
 - `hfabapi` (forsslund/hfabapi, 2026-06-10, serial): configurations in hfab_math.h, home counts in hfab_api.cpp.
 - `haptikfabrikenapi` (forsslund/haptikfabrikenapi, 2021-06-10): configurations in haptikfabrikenapi.h; its USB thread

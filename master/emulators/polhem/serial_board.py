@@ -1,9 +1,8 @@
-"""The board of the devices on a serial port, emulated: brackets in, brackets out.
+"""The emulated board with the bracket protocol.
 
-As firmware 2.0 reads (forsslund/woodenhaptics, woody_teensy_mini.ino): exactly one answer for every message, right or
-wrong; a wrong one gives no current and does not feed the watchdog. Of two messages at once, the first takes the
-beginning of the second: they are answered with errors 8 and 256. One sensor of the gimbal is read per message, after
-the currents were set.
+As in firmware 2.0 (forsslund/woodenhaptics, woody_teensy_mini.ino), every message gets exactly one answer; a wrong one
+gives no current and does not feed the watchdog. Of two messages at once, the first takes the beginning of the second:
+they are answered with errors 8 and 256. One sensor of the gimbal is read per message, after the currents were set.
 """
 
 import re

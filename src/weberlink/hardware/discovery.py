@@ -1,7 +1,4 @@
-"""What is plugged in: USB identities, what was found of them, and the choice among what was found.
-
-Knows how this host lists its ports, and nothing of what the things found can do.
-"""
+"""USB devices that are plugged in, and the choice among them."""
 
 import os
 from collections.abc import Callable, Iterable, Sequence

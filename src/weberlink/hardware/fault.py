@@ -1,4 +1,4 @@
-"""What goes wrong with things that are plugged in."""
+"""Exceptions of hardware."""
 
 
 class HardwareFault(RuntimeError):  # noqa: N818 - a fault is what the user meets, an error is ours

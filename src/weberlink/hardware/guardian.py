@@ -1,7 +1,6 @@
-"""The parent's end of a guardian: a process that takes the force off a device when this process stops.
+"""The parent's side of a guardian: a process that takes the force off a device when this process stops.
 
-For devices whose board keeps the last force when its host falls silent. What the guardian does is in
-`weberlink.hardware.guardian_process`.
+For devices whose board keeps the last force without a host; see `weberlink.hardware.guardian_process`.
 """
 
 import os

@@ -1,13 +1,13 @@
-"""The guardian: a process that takes the force off a device when the process that commands it stops.
+"""The guardian process: takes the force off a device when the process that commands it stops.
 
-`hardware.guardian` starts it, by its path and with an interpreter that loads nothing more than it has to. It imports
-the standard library alone. Arguments: the descriptors of the socket to the parent, of the device and of the shared
-memory, and the message that takes the force off, as hexadecimal digits.
+`hardware.guardian` starts it by its path with an isolated interpreter; it imports the standard library alone.
+Arguments: the descriptors of the socket to the parent, of the device and of the shared memory, and the message that
+takes the force off, in hexadecimal digits.
 
-The parent puts every force on a lease: before it writes one, it stores in the shared memory until when that force may
-stand (`LEASE` [ns, CLOCK_MONOTONIC]; 0 for no force). Once the lease is over the guardian writes the message, again
-and again until the parent renews or ends the lease. It writes it too when the socket closes, which the kernel does
-however the parent dies, and then ends.
+Every force has a lease: before the parent writes one, it stores in the shared memory until when that force may stand
+(`LEASE` [ns, CLOCK_MONOTONIC]; 0 for no force). When the lease expires, the guardian writes the message repeatedly
+until the parent renews or ends the lease. When the socket closes, which the kernel does however the parent dies, the
+guardian writes the message and ends.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""A HID device with reports that carry no number, through hidapi, with waits that have an end."""
+"""A HID device with unnumbered reports, through hidapi; every wait has a time limit."""
 
 import os
 from time import monotonic

@@ -1,6 +1,6 @@
-"""A serial port, opened for one process alone, with waits that have an end.
+"""A serial port with exclusive access; every wait has a time limit.
 
-pyserial opens and sets it up; reading goes by the descriptor, which costs one system call for whatever is there.
+pyserial opens and configures it; reads use the descriptor directly, at one system call each.
 """
 
 import errno

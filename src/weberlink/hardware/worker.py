@@ -1,8 +1,4 @@
-"""The thread that owns a blocking device, so that a tick only ever swaps a command for the newest sample.
-
-Owns the pace of the exchange, what is commanded when the tick or the device fails, and coming back after a
-disconnection. Knows neither bytes nor units: a command and a sample are whatever the driver says.
-"""
+"""The thread that runs a blocking device: a tick only swaps a command for the newest sample."""
 
 import atexit
 import os
