@@ -8,9 +8,9 @@ from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
 STALE_S = 0.01
-"""A force is not held for longer than this, or than three ticks, where no other is commanded."""
+"""A force ends this long, or three ticks, after the last command [s]."""
 RAMP_S = 0.05
-"""How long the force takes to come up after an interruption: a connection, a bad reply, commands that did not come."""
+"""Duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]."""
 
 
 class ThreadedDevice:
@@ -56,7 +56,7 @@ class ThreadedDevice:
 
     @property
     def guarded(self) -> bool:
-        """Whether another process takes the force off when this one stops."""
+        """Whether a guardian process takes the force off when this process stops."""
         return self._worker.guarded
 
     @property
@@ -99,13 +99,13 @@ class ThreadedDevice:
         self._worker.stop()
 
     def _fault(self, why: str) -> DeviceFault:
-        """With the name in front, once."""
+        """The fault with the driver's name in front, once."""
         name = f"{self.spec.name}: "
         return DeviceFault(name + why.removeprefix(name))
 
 
 def fingerprint(settings: str) -> str:
-    """Eight hexadecimal digits of settings, put in words by a driver.
+    """Eight hexadecimal digits for a text of settings.
 
     The first is a letter, so that a YAML file takes it for a text and not for a number.
     """

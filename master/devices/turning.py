@@ -43,7 +43,7 @@ class Wrist:
 
 
 class Turning:
-    """A wrist and what it means to do: the script, a slow wobble and the tremor on top of it.
+    """A wrist that follows a script, with a slow wobble and tremor added.
 
     Args:
         options: of the wrist.
@@ -61,11 +61,11 @@ class Turning:
 
     @property
     def orientation(self) -> Quaternion:
-        """Of the handle in the device's frame."""
+        """Orientation of the handle in the device's frame."""
         return self._wrist.orientation
 
     def begin(self) -> None:
-        """At rest and level, whatever was."""
+        """Reset to rest and level."""
         self._wrist = Wrist(self._oscillator)
 
     def advance(self, time: float, felt: Vector, step: float) -> None:

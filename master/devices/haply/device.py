@@ -30,7 +30,7 @@ NO_WATCHDOG = (
 FLAT_M = 0.001
 """Half the thickness of the workspace: z never moves, but a box has a thickness."""
 BAD_REPLIES = 10
-"""In a row are a fault; there is no force from the first on."""
+"""Bad replies in a row that are a fault; there is no force from the first on."""
 
 Direction = Literal["cw", "ccw"]
 Directions = tuple[Direction, Direction]
@@ -88,7 +88,7 @@ class HaplyDevice(ThreadedDevice):
 
     Options: ClassVar[type[BaseModel]] = HaplyOptions
     USB: ClassVar[tuple[UsbId, ...]] = (UsbId(0x2341, 0x804D), UsbId(0x2341, 0x824D), UsbId(0x2341, 0x003E))
-    """Arduino Zero and Due by their native ports, as which the boards of the device come; so does any other of them."""
+    """Arduino Zero and Due with their native ports; other boards share these identities."""
     SIGN_OPTIONS: ClassVar[Mapping[str, str]] = dict.fromkeys("xy", "encoder_directions (or version, or home_deg)")
 
     def __init__(self, options: HaplyOptions, tick_period: float) -> None:
@@ -117,12 +117,12 @@ class HaplyDevice(ThreadedDevice):
 
     @classmethod
     def plugged(cls) -> list[PluggedDevice]:
-        """Boards that may be one: an Arduino does not say what hangs on it."""
+        """Boards that may be a Haply: an Arduino does not say what is connected to it."""
         return serial_ports(cls.USB)
 
     @classmethod
     def fingerprint(cls, options: HaplyOptions) -> str:
-        """Of all that a wrong sign could come from, as 8 hexadecimal digits."""
+        """Fingerprint of all settings that affect signs."""
         board = _version(options).board
         turns = [each.direction for each in (*board.motors, *board.encoders)]
         return fingerprint(f"{NAME} {options.version} {turns} {board.home_deg}")
@@ -139,7 +139,7 @@ class HaplyDevice(ThreadedDevice):
 
 
 def _version(options: HaplyOptions) -> HaplyVersion:
-    """The kind with what the options change."""
+    """The published version with the changes of the options."""
     version = VERSIONS[options.version]
     board = version.board
     turns = options.motor_directions or [_named(each.direction) for each in board.motors]

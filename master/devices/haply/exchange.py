@@ -26,23 +26,23 @@ from weberlink.master.devices.haply.linkage import (
 )
 
 SETTLING_S = 0.1
-"""How long an answer that is owed is waited for before it counts as lost."""
+"""Longest wait for an owed answer until it counts as lost [s]."""
 LEAST_SIZE = REPLY_SIZE - 1
-"""Of an answer on its way to which a byte got lost."""
+"""Size of an answer that lost a byte."""
 GAP_S = 0.01
-"""How long the rest of an answer is waited for once some of it is there: it leaves the board in one packet."""
+"""Longest wait for the rest of an answer [s]: it leaves the board in one packet."""
 MUTE_MOST = 2
-"""How often nothing at all may come for so long."""
+"""Number of silent waits after which the board counts as mute."""
 RECOVERY_S = 0.05
-"""How long an answer after a bad one is waited for: it is late then, which is bad too, but is not owed any more."""
+"""Longest wait for the answer after a bad one [s]: a late answer is bad too, but no longer owed."""
 
 
 class Forgotten(HardwareFault):
-    """The board knows no device of this id: it has never been set up so, or was restarted since."""
+    """The board does not know this id: it was never set up like this, or restarted since."""
 
 
 class HaplyLine:
-    """An open port with the board at its other end.
+    """An open port to the board.
 
     An answer that comes too late would be taken for that to the next question, and so would every one after it: the
     positions would lag for good. So after a bad answer the torque is taken off, and there is no next question until
@@ -66,18 +66,18 @@ class HaplyLine:
         self._recovers = False
         self._mute = 0
         self.asked_at = 0.0
-        """When the last question went out [s]."""
+        """When the last question was sent [s]."""
 
     @property
     def path(self) -> str:
         return self._port.path
 
     def tell(self, message: bytes) -> None:
-        """Something that is not answered."""
+        """Send a message that has no answer."""
         self._port.write(message)
 
     def ask(self, torques: bytes, patience: float) -> Pair:
-        """Command torques and get the angles [deg]; after a bad answer, with a while before in which the torque is off.
+        """Command torques and get the angles [deg]; after a bad answer, first wait with the torque off.
 
         Raises:
             BadReply: no answer within `patience` [s], or one that cannot be.
@@ -111,7 +111,7 @@ class HaplyLine:
         return angles
 
     def doubt(self) -> None:
-        """The last answer could be read, but cannot be true."""
+        """Reject the last answer: it was readable but is implausible."""
         self._owed, self._recovers = 1, True
 
     def close(self) -> None:
@@ -140,15 +140,15 @@ class HaplyLine:
 
 
 FASTEST = 50.0
-"""[rad/s]; a hand at 1 m/s turns an arm of 7 cm at 14."""
+"""Fastest plausible arm [rad/s]; a hand at 1 m/s turns an arm of 7 cm at 14."""
 WIDEST = 3.5
-"""How far an arm turns from its starting place at most [rad]; with the other arm in the way it is less."""
+"""Largest angle of an arm from its starting place [rad]."""
 STUCK_TRAVEL = 1.5
-"""How far one arm turns while the other does not by a single count before that encoder counts as broken [rad]."""
+"""An encoder counts as broken when the other arm turns by this angle without a single count of it [rad]."""
 
 
 class AngleValidator:
-    """Follows the angles of one session.
+    """Checks the angles of one session for plausibility.
 
     Args:
         bar: the linkage.
@@ -165,7 +165,7 @@ class AngleValidator:
         self._travel = [0.0, 0.0]
 
     def follow(self, angles: Pair, asked_at: float, now: float) -> Pair:
-        """Take over angles [rad], and give the tip [m, frame of the linkage].
+        """Accept angles [rad], and give the tip [m, frame of the linkage].
 
         They were measured some time between `asked_at` and `now` [s]: a host that stalls gets an answer late.
 
@@ -205,9 +205,9 @@ class AngleValidator:
 
 
 SETUP_S = 0.5
-"""How long a board may take for its first answer after it was set up."""
+"""Longest wait for the first answer after a setup [s]."""
 QUESTION_S = 0.05
-"""How long it may take while nothing moves by its answers."""
+"""Longest wait for an answer while no control depends on it [s]."""
 QUESTIONS = 3
 NEAR_HOME_DEG = 10.0
 RESTARTED = (
@@ -255,14 +255,14 @@ class HaplyExchange:
         self.start_afresh()
 
     def start_afresh(self) -> None:
-        """A new session: nothing is known of where the arms are."""
+        """Begin a new session with unknown angles."""
         first, second = self._board.encoders
         resolution = radians((360.0 / first.counts_per_turn, 360.0 / second.counts_per_turn))
         self._track = AngleValidator(self._version.bar, radians(self._board.home_deg), resolution)
         self._angles: Pair | None = None
 
     def open(self) -> DeviceReading:
-        """Zero torque comes first of all: a board holds that of a program which died.
+        """Connect, and command zero torque first: the board may still hold that of a program that died.
 
         The first time of a session a board may be set up, which makes this the starting place. Later on it must
         still be.
@@ -285,7 +285,7 @@ class HaplyExchange:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
 
     def close(self) -> None:
-        """Zero torque twice, each time with a while for the answer, which shows that it arrived."""
+        """Command zero torque twice and wait each time for the answer, which confirms it."""
         line, self._line = self._line, None
         if line is None:
             return
@@ -295,7 +295,7 @@ class HaplyExchange:
         line.close()
 
     def _known(self, line: HaplyLine) -> DeviceReading | None:
-        """Where the tip is, if the board has been set up just so and may stay so; None if it must be set up.
+        """The reading of a board that already has exactly this setup and may keep it; None if it must be set up.
 
         Raises:
             BadReply: no answer was good enough to tell.
@@ -343,7 +343,7 @@ class HaplyExchange:
         return DeviceReading(now, self._frame.position(tip))
 
     def _message(self, force: Vector) -> bytes:
-        """J^T F where the arms were last seen, within the limit; nothing where the linkage is singular."""
+        """J^T F in the last pose, within the limit; zero where the linkage is singular."""
         planar = HaplyFrame.planar(force)
         if planar == (0.0, 0.0) or self._angles is None:
             return self._zero

@@ -10,7 +10,7 @@ from weberlink.master.devices.contract import Quaternion
 from weberlink.master.devices.polhem.linkages import Angles, Jacobian, Linkage, Triple, Weight
 
 Counts = tuple[int, int, int]
-"""Of the encoders on the motors A, B and C, relative to the home pose."""
+"""Encoder counts of the motors A, B and C, relative to the home pose."""
 
 Signs = tuple[int, int, int]
 
@@ -63,7 +63,7 @@ class CableDrive:
 
     @property
     def radians_per_count(self) -> Triple:
-        """Of the bodies; negative where the encoder's direction is."""
+        """Angle of each body per count [rad]; negative where the encoder's direction is."""
         per_count: Triple = self._per_count  # type: ignore[attr-defined]
         return per_count
 
@@ -78,7 +78,7 @@ class CableDrive:
         return (a * (counts[0] + home_a), b * (counts[1] + home_b), c * (counts[2] + home_c))
 
     def counts(self, angles: Angles) -> Counts:
-        """The nearest ones."""
+        """The nearest counts for angles."""
         (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.home_counts
         return (round(angles[0] / a) - home_a, round(angles[1] / b) - home_b, round(angles[2] / c) - home_c)
 
@@ -106,7 +106,7 @@ class CableDrive:
 
 
 LEAST_DETERMINANT = 1e-5
-"""Of a Jacobian, below which a pose counts as singular [m^3]; in the middle of the workspace it is 100 times that."""
+"""A pose counts as singular below this determinant [m^3]; in the middle it is 100 times larger."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Mechanism:
     weight: Weight | None = None
 
     def position(self, counts: Sequence[int]) -> Vector:
-        """Of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
+        """Position of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
         return self.linkage.position(self._angles(counts))
 
     def jacobian(self, counts: Sequence[int]) -> Jacobian:
@@ -181,7 +181,7 @@ class Mechanism:
         return (fx, fy, fz)
 
     def counts_at(self, position: Vector) -> Counts:
-        """The nearest ones, or those of the nearest position within reach."""
+        """The nearest counts for a position; out of reach, those of the nearest one within."""
         return self.drive.counts(self.linkage.inverse(position))
 
     def orientation(self, counts: Sequence[int]) -> Quaternion | None:

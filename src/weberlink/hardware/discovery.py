@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from weberlink.hardware.fault import HardwareFault
 
 UDEV_RULES = "49-weberlink.rules"
-"""Shipped in the folder of configurations; gives whoever sits at the machine access to the devices."""
+"""Shipped with the configurations; gives the user at the machine access to the devices."""
 
 
 class UsbId(NamedTuple):
@@ -27,7 +27,7 @@ class UsbId(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PluggedDevice:
-    """Something plugged in.
+    """A device that is plugged in.
 
     Args:
         path: to open, for example /dev/ttyACM0.
@@ -90,7 +90,7 @@ def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list
 
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
-    """The one that is meant where the file names none.
+    """Choose the device when the file names none.
 
     Args:
         found: what is plugged in.
@@ -117,7 +117,7 @@ def _problem(path: str) -> str | None:
 
 
 def permission_advice(path: str) -> str:
-    """What to do where this user may not open a device."""
+    """Advice when this user may not open a device."""
     return (
         f"no permission to open {path}; install the shipped rules with: weberlink devices --install-rules, "
         "then unplug it and plug it in again"

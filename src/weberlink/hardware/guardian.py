@@ -19,15 +19,15 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian_process import BEATS, LEASE, WORDS_SIZE, WRITES
 
 LEASE_S = 0.05
-"""How long a force may stand after the loop commanded it."""
+"""Longest time that a force may stand after its command [s]."""
 START_S = 5.0
-"""How long the guardian may take to start."""
+"""Longest time for the guardian to start [s]."""
 END_S = 0.5
-"""How long it may take to end."""
+"""Longest time for the guardian to end [s]."""
 SILENT_S = 0.25
-"""How long it may give no sign of life while there is force; it gives one every 20 ms."""
+"""Longest time without a sign of life while there is force [s]; the guardian gives one every 20 ms."""
 DEAD_S = 0.04
-"""How long it must have given none before we ask whether it is dead."""
+"""Time without a sign of life before its process state is checked [s]."""
 DIED = "its guardian process died, and its board has no watchdog; start the session again"
 
 
@@ -61,7 +61,7 @@ class Guardian:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None while there is none."""
+        """Process id of the guardian; None while there is none."""
         return None if self._child is None else self._child.pid
 
     def watch(self, descriptor: int) -> None:
@@ -103,7 +103,7 @@ class Guardian:
         self._wait_for_start()
 
     def given(self, at: float, stale: float) -> None:
-        """Say when the loop gave the command that comes next, and how old it may be when it is written [s]."""
+        """Set the time of the next command, and its largest age when it is written [s]."""
         self._given_at, self._stale = at, stale
 
     def before(self, data: bytes) -> None:
@@ -136,12 +136,12 @@ class Guardian:
                 self._silent(monotonic())
 
     def has_written(self) -> bool:
-        """Whether it has written since this was last asked; the device may answer that too."""
+        """Whether the guardian has written since the last call; the device may answer that too."""
         known, self._writes = self._writes, self._words[WRITES]
         return known != self._writes
 
     def stop(self) -> None:
-        """End the process; if there is still force, it takes it off first. Any number of times."""
+        """End the process, which first takes off any force left; may be called again."""
         child, self._child = self._child, None
         if child is None:
             return
@@ -169,7 +169,7 @@ class Guardian:
         self._beats = (self._words[BEATS], monotonic())
 
     def _silent(self, now: float) -> float:
-        """How long it has given no sign of life, while this process ran [s]; raises HardwareFault where it is dead."""
+        """Time without a sign of life while this process ran [s]; raises HardwareFault if the guardian is dead."""
         beats, since = self._words[BEATS], self._beats[1]
         if self._child is None:
             raise HardwareFault(DIED)

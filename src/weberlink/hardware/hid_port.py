@@ -97,7 +97,7 @@ class HidPort:
 
 
 def _reason(path: str) -> str | None:
-    """What is in the way, where hidapi says "open failed" whatever it is; None where the path does not tell."""
+    """The reason why a device cannot be opened, which hidapi does not give; None if the path does not show it."""
     if not path.startswith("/"):  # of libusb
         return None
     try:

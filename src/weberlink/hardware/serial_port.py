@@ -18,9 +18,9 @@ from weberlink.hardware.guardian import Guardian
 
 CHUNK = 4096
 WRITING_S = 0.05
-"""How long a port may take nothing."""
+"""Longest time that a port may accept no data [s]."""
 LEAVING_S = 0.05
-"""How long what was written may take to leave, before the port is closed over it."""
+"""Longest wait for pending data before the port is closed [s]."""
 
 
 class SerialPort:
@@ -54,7 +54,7 @@ class SerialPort:
                 raise
 
     def write(self, data: bytes) -> None:
-        """Hand over all of it.
+        """Write all data.
 
         Raises:
             HardwareFault: it was unplugged, or takes nothing; or of the guardian, see `Guardian.before`.
@@ -107,14 +107,14 @@ class SerialPort:
         return data
 
     def drain(self) -> bytes:
-        """Everything that has come, without a wait."""
+        """Read everything that has come, without waiting."""
         parts = []
         while part := self.read(0.0):
             parts.append(part)
         return b"".join(parts)
 
     def close(self) -> None:
-        """Any number of times. What was written last still leaves, where the device takes it."""
+        """Close the port after pending data has left; may be called again."""
         self._descriptor = -1  # the number may be another file's by now
         if self._guardian is not None:
             self._guardian.stop()  # it has the port open too
@@ -124,7 +124,7 @@ class SerialPort:
             self._port.close()
 
     def _let_leave(self) -> None:
-        """The kernel would hold up the closing for half a minute for data that a device does not take."""
+        """Wait for pending data; the kernel would delay closing by half a minute if the device does not take it."""
         if not self._port.is_open:
             return
         until = monotonic() + LEAVING_S

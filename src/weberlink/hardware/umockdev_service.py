@@ -1,4 +1,4 @@
-"""Keeps the /sys of a testbed; runs in the system's Python under `umockdev-wrapper` and imports nothing of this package.
+"""Keeps the /sys of a testbed; runs in the system's Python under `umockdev-wrapper`, without this package.
 
 Reads and writes one line of JSON each. First it reports the testbed's root; then it takes `{"add": ..., "ioctls": ...}`
 and `{"remove": [...]}`. It ends with its input and removes everything.

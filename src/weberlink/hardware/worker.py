@@ -24,7 +24,7 @@ JOIN_S = 1.0
 
 
 class Exchange(Protocol[Command_contra, Sample_co]):
-    """What the thread does over and over. Every method blocks, but none without end."""
+    """The blocking operations on a device; each of them has a time limit."""
 
     def open(self) -> Sample_co:
         """Connect, and give the first sample.
@@ -46,16 +46,16 @@ class Exchange(Protocol[Command_contra, Sample_co]):
         ...
 
     def close(self) -> None:
-        """Leave it safe, as far as it still listens; never raises, any number of times."""
+        """Leave the device safe; never raises, may be called again."""
         ...
 
 
 @runtime_checkable
 class GuardedExchange(Protocol):
-    """An exchange with a device whose board keeps the last force when its host falls silent."""
+    """An exchange with a device whose board keeps the last force without a host."""
 
     guardian: Guardian | None
-    """None where the device is to have no force."""
+    """None if the device has no force."""
 
 
 class Worker(Generic[Command, Sample]):
@@ -111,7 +111,7 @@ class Worker(Generic[Command, Sample]):
         self._ramp = ramp
         self._clock = clock
         self._command: tuple[Command, float, int] = (rest, -inf, 0)
-        """The last one, when it was given, and how many gaps there were before it."""
+        """The last command, its time, and the number of gaps before it."""
         self._gaps_met = 0
         self._called_at = inf
         self._newest: tuple[Sample, float] | None = None
@@ -120,9 +120,9 @@ class Worker(Generic[Command, Sample]):
         self._thread: Thread | None = None
         self._left: tuple[Thread, int] | None = None
         self.fault: str | None = None
-        """Why there are no more samples; None while there are."""
+        """Why there are no more samples; None while they come."""
         self.trouble: str | None = None
-        """What was wrong with the last exchange; None if nothing."""
+        """The error of the last exchange; None if there was none."""
         self.round_trip = 0.0
         """Time that the last exchange took [s]."""
         self.bad_count = 0
@@ -134,7 +134,7 @@ class Worker(Generic[Command, Sample]):
 
     @property
     def guarded(self) -> bool:
-        """Whether another process takes the force off when this one stops."""
+        """Whether a guardian process takes the force off when this process stops."""
         return self._guardian is not None
 
     @property
@@ -174,7 +174,7 @@ class Worker(Generic[Command, Sample]):
         atexit.register(self.stop)
 
     def command(self, command: Command, now: float) -> None:
-        """Leave a command for the next exchange; returns at once. No effect when stopped."""
+        """Set the command for the next exchange; never blocks. No effect when stopped."""
         called_at, gaps = self._clock(), self._command[2]
         self._command = (command, now, gaps + (called_at - self._called_at > self._stale))
         self._called_at = called_at
@@ -182,7 +182,7 @@ class Worker(Generic[Command, Sample]):
             os.eventfd_write(wake, 1)
 
     def stop(self) -> None:
-        """End the exchange and leave the device safe; any number of times, also from within the exchange."""
+        """End the exchange and leave the device safe; may be called again, also from within the exchange."""
         thread, self._thread = self._thread, None
         if thread is None:
             self._hangs()
@@ -198,7 +198,7 @@ class Worker(Generic[Command, Sample]):
             atexit.register(thread.join, JOIN_S)
 
     def _hangs(self) -> bool:
-        """Whether the last thread has not ended yet; what it needs is only let go of after it."""
+        """Whether the last thread still runs; its resources are released once it has ended."""
         if self._left is None:
             return False
         thread, wake = self._left
@@ -230,7 +230,7 @@ class Worker(Generic[Command, Sample]):
             self.fault = self.fault or f"internal error: {error!r}"
 
     def _pause(self, wake: int, due: float) -> float:
-        """Wait for a command or for the time; returns when the one after this is due."""
+        """Wait for a command or until `due`; returns when the next exchange is due."""
         if self._on_command:
             select((wake,), (), (), self._period)
             self._clear(wake)
@@ -247,7 +247,7 @@ class Worker(Generic[Command, Sample]):
             os.eventfd_read(wake)
 
     def _once(self) -> None:
-        """One good exchange; on the way there, bad ones and a reconnection, all of them at rest."""
+        """Exchange until a reply is good, reconnecting if needed; retries send the rest command."""
         command, at, gaps = self._command
         began = self._clock()
         if began - at > self._stale or gaps != self._gaps_met:
@@ -284,14 +284,14 @@ class Worker(Generic[Command, Sample]):
             began = self._clock()
 
     def _faded(self, command: Command, now: float) -> Command:
-        """The share of a command that the ramp has come to; by little at a time, however long the last step was."""
+        """The command scaled by the ramp, whose steps are limited however long the last exchange took."""
         if self._scale is None or self._share == 1.0:
             return command
         self._share = min(1.0, self._share + min(now - self._began, self._period) / self._ramp)
         return self._scale(command, self._share)
 
     def _return(self, fault: HardwareFault, until: float) -> None:
-        """Look for the device until the patience is over; raises the fault then."""
+        """Reopen the device until the time is over; then raise the fault."""
         with suppress(Exception):  # the fault is what matters here
             self._exchange.close()
         while not self._stopping.is_set():
