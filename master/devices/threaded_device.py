@@ -1,6 +1,7 @@
 """A blocking device behind the non-blocking `Device` contract: its exchange runs in a thread."""
 
 from hashlib import sha256
+from typing import Protocol, runtime_checkable
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.hardware.fault import HardwareFault
@@ -11,6 +12,15 @@ STALE_S = 0.01
 """A force ends this long, or three ticks, after the last command [s]."""
 RAMP_S = 0.05
 """Duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]."""
+
+
+@runtime_checkable
+class SessionExchange(Protocol):
+    """An exchange with state that lasts over reconnections, but not over sessions."""
+
+    def start_afresh(self) -> None:
+        """Forget the last session; called before the first `open` of the next one."""
+        ...
 
 
 class ThreadedDevice:
@@ -38,6 +48,7 @@ class ThreadedDevice:
         reconnect: float = 0.0,
     ) -> None:
         self.spec = spec
+        self._exchange = exchange
         self._worker = Worker(
             exchange,
             rest=ZERO,
@@ -70,6 +81,8 @@ class ThreadedDevice:
 
     def open(self, now: float) -> None:  # noqa: ARG002
         self.close()
+        if isinstance(self._exchange, SessionExchange):
+            self._exchange.start_afresh()
         try:
             self._worker.start()
         except HardwareFault as fault:

@@ -20,7 +20,8 @@ torque off a motor, and no watchdog does.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from struct import Struct
 from typing import NamedTuple
@@ -74,11 +75,11 @@ class HaplyBoard:
     encoders: tuple[BoardEncoder, BoardEncoder]
     home_deg: Pair
     whole_counts: bool = True
-    id: int = field(init=False)
-    """Derived from all other fields: only a board with exactly this setup answers it with angles."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "id", LEAST_ID + crc32(self._setup(0)) % IDS)
+    @cached_property
+    def id(self) -> int:
+        """Derived from all fields: only a board with exactly this setup answers it with angles."""
+        return LEAST_ID + crc32(self._setup(0)) % IDS
 
     @property
     def setup(self) -> bytes:

@@ -97,7 +97,7 @@ class HaplyDevice(ThreadedDevice):
         frame = HaplyFrame(options.origin_m or version.center)
         armed = options.signs_checked == self.fingerprint(options)
         zero = version.board.torques(0.0, 0.0)
-        self._exchange = HaplyExchange(
+        exchange = HaplyExchange(
             self._port,
             version,
             frame,
@@ -109,7 +109,7 @@ class HaplyDevice(ThreadedDevice):
         )
         super().__init__(
             _spec(options, version, frame, 1.0 / tick_period, armed),
-            self._exchange,
+            exchange,
             tick_period,
             bad_replies=BAD_REPLIES,
             reconnect=options.reconnect_s,
@@ -126,11 +126,6 @@ class HaplyDevice(ThreadedDevice):
         board = _version(options).board
         turns = [each.direction for each in (*board.motors, *board.encoders)]
         return fingerprint(f"{NAME} {options.version} {turns} {board.home_deg}")
-
-    def open(self, now: float) -> None:
-        self.close()
-        self._exchange.start_afresh()
-        super().open(now)
 
     def _port(self) -> str:
         if self._options.port is not None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import copysign, cos, sin, tau
 
 from weberlink.geometry.quaternion import product
@@ -48,30 +49,19 @@ class CableDrive:
     gimbal_directions: Signs = (1, 1, 1)
     gimbal_home_counts: Counts = (0, 0, 0)
 
-    def __post_init__(self) -> None:
-        ratios = [c / b for c, b in zip(self.capstan_m, self.body_m, strict=True)]
-        a, b, c = (
-            d * tau / n * ratio
-            for d, n, ratio in zip(self.encoder_directions, self.counts_per_turn, ratios, strict=True)
-        )
-        object.__setattr__(self, "_per_count", (a, b, c))
-        a, b, c = (
-            d * ratio / constant * MA_PER_A
-            for d, ratio, constant in zip(self.motor_directions, ratios, self.torque_constant_n_m_a, strict=True)
-        )
-        object.__setattr__(self, "_ma_per_n_m", (a, b, c))
-
-    @property
+    @cached_property
     def radians_per_count(self) -> Triple:
         """Angle of each body per count [rad]; negative where the encoder's direction is."""
-        per_count: Triple = self._per_count  # type: ignore[attr-defined]
-        return per_count
+        rows = zip(self.encoder_directions, self.counts_per_turn, self.capstan_m, self.body_m, strict=True)
+        a, b, c = (direction * tau / counts * (capstan / body) for direction, counts, capstan, body in rows)
+        return (a, b, c)
 
-    @property
+    @cached_property
     def ma_per_n_m(self) -> Triple:
         """Current for a torque on the body [mA/(N m)]; negative where the motor's direction is."""
-        ma_per_n_m: Triple = self._ma_per_n_m  # type: ignore[attr-defined]
-        return ma_per_n_m
+        rows = zip(self.motor_directions, self.capstan_m, self.body_m, self.torque_constant_n_m_a, strict=True)
+        a, b, c = (direction * (capstan / body) / kt * MA_PER_A for direction, capstan, body, kt in rows)
+        return (a, b, c)
 
     def angles(self, counts: Counts) -> Angles:
         (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.home_counts
