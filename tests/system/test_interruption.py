@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import pytest
@@ -126,6 +127,7 @@ class WithButton(OperatorDevice):
         return super().latest(now)._replace(buttons=held << 1)
 
 
+@cache
 def with_button(*overrides: str) -> list[Step]:
     return list(steps(system("master.engage={button: 1}", *overrides, device=WithButton), 3.2))
 
