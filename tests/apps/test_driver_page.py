@@ -20,8 +20,7 @@ from tests.system.packages import install
 from tests.system.processes import document
 from tests.system.systems import CONFIGS
 from weberlink.apps.devices import survey
-from weberlink.hardware.emulator import WireFaults
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master import devices
 
 PAGE = (CONFIGS.parent / "docs" / "tutorial.md").read_text(encoding="utf-8")

@@ -1,13 +1,11 @@
-"""The text protocol of the devices on a serial port, `[...]` both ways; pure.
-
-Every message from the host, `[a,b,c]` with currents in mA, is answered by exactly one, `[model,e0,...,e5,error]`. An
-answer with an error of the message carries the counts of before, and the currents were not applied; one of
-`GIMBAL_ERRORS` comes after they were. A current beyond `CURRENT_LIMIT_MA` is not cut: that motor gets none. Read in
-firmware 2.0 and in its maker's host code.
-"""
+"""The bracket protocol of the devices on a serial port: currents out, encoder counts in."""
 
 import re
 from dataclasses import dataclass
+from itertools import repeat
+from time import monotonic
+
+from weberlink.hardware.serial_port import SerialPort
 
 CURRENT_LIMIT_MA = 6000
 """The firmware gives a motor no current at all beyond it."""
@@ -46,7 +44,7 @@ _COMMAND = re.compile(rb"\[(-?\d{1,10}),(-?\d{1,10}),(-?\d{1,10})\][\n\r\0]*")
 
 
 @dataclass(frozen=True, slots=True)
-class Status:
+class SerialStatus:
     """An answer of the device: its model, six encoder counts, and `ERRORS` or-ed together."""
 
     model: int
@@ -78,11 +76,11 @@ def decode_currents(message: bytes) -> Currents:
     return (a, b, c)
 
 
-def encode_status(status: Status) -> bytes:
+def encode_status(status: SerialStatus) -> bytes:
     return b"[%d,%d,%d,%d,%d,%d,%d,%d]\n" % (status.model, *status.counts, status.error)
 
 
-class StatusReader:
+class SerialStatusReader:
     """Answers out of a stream that may begin anywhere and be broken anywhere; never raises."""
 
     def __init__(self) -> None:
@@ -90,7 +88,7 @@ class StatusReader:
         self.malformed = 0
         """Ends of answers that did not make one."""
 
-    def feed(self, data: bytes) -> list[Status]:
+    def feed(self, data: bytes) -> list[SerialStatus]:
         """The answers that end in `data`, oldest first."""
         *ended, rest = (self._rest + data).split(b"]")
         self._rest = rest[-LONGEST:]
@@ -109,12 +107,12 @@ class StatusReader:
         return len(self._rest)
 
 
-def _status(message: bytes) -> Status | None:
+def _status(message: bytes) -> SerialStatus | None:
     match = _STATUS.fullmatch(message)
     if match is None:
         return None
     model, a, b, c, d, e, f, error = (int(part) for part in match[1].split(b","))
-    return Status(model, (a, b, c, d, e, f), error)
+    return SerialStatus(model, (a, b, c, d, e, f), error)
 
 
 def complaint(error: int) -> str:
@@ -122,3 +120,34 @@ def complaint(error: int) -> str:
     words = [words for bit, words in ERRORS.items() if error & bit]
     unknown = error & ~sum(ERRORS)
     return ", ".join([*words, *([f"error {unknown}"] if unknown else [])])
+
+
+class SerialLine:
+    """An open port; see `lock_step.Line`.
+
+    Raises:
+        HardwareFault: it cannot be opened.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._port = SerialPort(path)
+        self._reader = SerialStatusReader()
+
+    def send(self, message: Currents) -> None:
+        self._port.write(encode_currents(message))
+
+    def hear(self, until: float) -> list[SerialStatus | None]:
+        reader = self._reader
+        while data := self._port.read(until):
+            malformed = reader.malformed
+            good = reader.feed(data)
+            # Where in a burst the bad ones were does not matter: then there are too many anyway.
+            answers: list[SerialStatus | None] = [*repeat(None, reader.malformed - malformed), *good]
+            if answers:
+                return answers
+            if monotonic() > until:
+                break
+        return []
+
+    def close(self) -> None:
+        self._port.close()

@@ -4,8 +4,9 @@ Knows how this host lists its ports, and nothing of what the things found can do
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, NamedTuple
 
 from weberlink.hardware.fault import HardwareFault
@@ -28,7 +29,7 @@ class UsbId(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class PluggedDevice:
     """Something plugged in.
 
     Args:
@@ -48,14 +49,24 @@ class Found:
         return f"{self.path} {self.name}".strip() + number
 
 
-def serial_ports(ids: Iterable[UsbId]) -> list[Found]:
+def hidapi() -> Any:
+    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
+    try:
+        return import_module("hidraw")
+    except ImportError:
+        return import_module("hid")
+
+
+def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
     """Serial ports of USB devices with one of these identities, by path."""
     from serial.tools.list_ports import comports  # noqa: PLC0415 - a daemon without a serial device does without
 
     wanted = tuple(ids)
     return sorted(
         (
-            Found(port.device, port.product or port.description or "", port.serial_number or "", _problem(port.device))
+            PluggedDevice(
+                port.device, port.product or port.description or "", port.serial_number or "", _problem(port.device)
+            )
             for port in comports()
             if any(id_.matches(port.vid, port.pid) for id_ in wanted)
         ),
@@ -63,13 +74,11 @@ def serial_ports(ids: Iterable[UsbId]) -> list[Found]:
     )
 
 
-def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list[Found]:
+def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list[PluggedDevice]:
     """HID devices with one of these identities and one of these usage pages (0: not reported), by path.
 
     A composite device has several; the usage page tells which of them speaks.
     """
-    from weberlink.hardware.hid_port import hidapi  # noqa: PLC0415
-
     wanted = tuple(ids)
     found = []
     for entry in hidapi().enumerate():
@@ -77,11 +86,13 @@ def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list
             entry.get("usage_page", 0) in usage_pages
         ):
             path = entry["path"].decode(errors="replace")
-            found.append(Found(path, _text(entry, "product_string"), _text(entry, "serial_number"), _problem(path)))
+            found.append(
+                PluggedDevice(path, _text(entry, "product_string"), _text(entry, "serial_number"), _problem(path))
+            )
     return sorted(found, key=lambda each: each.path)
 
 
-def only(found: Sequence[Found], what: str, option: str) -> Found:
+def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
     """The one that is meant where the file names none.
 
     Args:
@@ -118,3 +129,38 @@ def permission_advice(path: str) -> str:
 
 def _text(entry: dict[str, Any], key: str) -> str:
     return entry.get(key) or ""
+
+
+class DeviceLocator:
+    """Finds the device of a driver, and notices by the serial number when another one is in its place.
+
+    Args:
+        name: of the driver.
+        port: path that the options name; None for the only device plugged in.
+        plugged: lists what is plugged in.
+    """
+
+    def __init__(self, name: str, port: str | None, plugged: Callable[[], Sequence[PluggedDevice]]) -> None:
+        self._name = name
+        self._port = port
+        self._plugged = plugged
+        self._serial_number = ""
+
+    def forget(self) -> None:
+        self._serial_number = ""
+
+    def locate(self) -> str:
+        """The path to open; that of the same device as last time.
+
+        Raises:
+            HardwareFault: none is there, several are, the one cannot be used, or it is another one.
+        """
+        there = list(self._plugged())
+        if self._port is None:
+            found = only(there, self._name, "master.device.port")
+        else:
+            found = next((each for each in there if each.path == self._port), PluggedDevice(self._port))
+        if self._serial_number not in ("", found.serial_number):
+            raise HardwareFault(f"{found} is another one than before, which had serial number {self._serial_number}")
+        self._serial_number = found.serial_number
+        return found.path

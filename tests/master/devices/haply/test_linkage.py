@@ -7,8 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.master.devices.haply.fivebar import FiveBar, Pair, Unreachable, degrees, radians
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.linkage import VERSIONS, Pair, PlanarFiveBar, Unreachable, degrees, radians
 
 every_version = pytest.mark.parametrize("name", sorted(VERSIONS))
 STEP = 1e-6
@@ -23,7 +22,7 @@ def point(name: str, share: Pair) -> Pair:
     return (version.center[0] + share[0] * version.reach[0], version.center[1] + share[1] * version.reach[1])
 
 
-def usable(name: str, share: Pair) -> tuple[FiveBar, Pair, Pair]:
+def usable(name: str, share: Pair) -> tuple[PlanarFiveBar, Pair, Pair]:
     """Linkage, tip and angles, where the linkage gets there and is not singular."""
     bar, tip = VERSIONS[name].bar, point(name, share)
     try:
@@ -78,22 +77,6 @@ def test_the_jacobian_is_the_derivative(name: str, share: Pair) -> None:
     assert tuple(jacobian) == pytest.approx((x1, x2, y1, y2), abs=1e-6 * near**3)
 
 
-def test_the_jacobian_is_within_a_millionth_where_the_device_is_used() -> None:
-    """On a grid over the middle of every workspace."""
-    for name, version in VERSIONS.items():
-        bar, worst = version.bar, 0.0
-        for i in range(-5, 6):
-            for j in range(-5, 6):
-                first, second = bar.angles(point(name, (i * 0.1, j * 0.1)))
-                jacobian = bar.jacobian((first, second))
-                for index, angles in enumerate((((STEP), 0.0), (0.0, STEP))):
-                    ahead = bar.tip((first + angles[0], second + angles[1]))
-                    behind = bar.tip((first - angles[0], second - angles[1]))
-                    x, y = ((a - b) / (2.0 * STEP) for a, b in zip(ahead, behind, strict=True))
-                    worst = max(worst, abs(x - jacobian[index]), abs(y - jacobian[2 + index]))
-        assert worst < 1e-6
-
-
 @every_version
 @examples(30)
 @given(share=shares, force=forces, turn=st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)))
@@ -118,16 +101,6 @@ def test_postures_that_follow_from_the_published_numbers() -> None:
     )
 
 
-def test_the_tip_is_the_upper_point_where_the_arms_cross_too() -> None:
-    bar = VERSIONS["v2"].bar
-    straight, crossed = bar.tip(radians((100.0, 80.0))), bar.tip(radians((80.0, 100.0)))
-    assert crossed == pytest.approx(straight)
-    assert straight[1] > 0.15
-    moved = bar.tip(radians((80.0, 100.01)))
-    jacobian = bar.jacobian(radians((80.0, 100.0)))
-    assert moved[1] - crossed[1] == pytest.approx(jacobian.y2 * radians((0.01, 0.0))[0], rel=1e-2)
-
-
 @every_version
 def test_the_starting_place_is_at_the_edge_toward_the_motors(name: str) -> None:
     version = VERSIONS[name]
@@ -137,33 +110,14 @@ def test_the_starting_place_is_at_the_edge_toward_the_motors(name: str) -> None:
     assert degrees(version.bar.angles((x, y))) == pytest.approx(version.board.home_deg)
 
 
-@every_version
-def test_the_workspace_holds_every_point_beyond_the_starting_place_that_the_tip_gets_to(name: str) -> None:
-    version = VERSIONS[name]
-    _, nearest = version.bar.tip(radians(version.board.home_deg))
-    reached = [0, 0]
-    for i in range(-100, 101):
-        for j in range(60):
-            tip = (version.center[0] + i * 0.002, nearest + j * 0.002)
-            try:
-                version.bar.jacobian(version.bar.angles(tip))
-            except Unreachable:
-                continue
-            for axis in (0, 1):
-                way = abs(tip[axis] - version.center[axis]) / version.reach[axis]
-                assert way <= 1.0
-                reached[axis] += way > 0.9
-    assert min(reached) > 0, "and it is no larger than it must be"
-
-
 def test_what_cannot_be_is_said() -> None:
     bar = VERSIONS["v3"].bar
     with pytest.raises(Unreachable, match=r"elbows are 178\.0 mm apart, the outer links reach 160 mm"):
-        FiveBar(0.07, 0.08, 0.038).tip(radians((180.0, 0.0)))
+        PlanarFiveBar(0.07, 0.08, 0.038).tip(radians((180.0, 0.0)))
     with pytest.raises(Unreachable, match="elbows"):
         VERSIONS["v2"].bar.tip((1.0, 1.0))  # both elbows in one place: any point around it will do
     with pytest.raises(Unreachable, match="in line"):
-        FiveBar(0.07, 0.09, 0.0399999).jacobian(radians((180.0, 0.0)))
+        PlanarFiveBar(0.07, 0.09, 0.0399999).jacobian(radians((180.0, 0.0)))
     for tip in ((0.2, 0.2), (0.0, 0.001)):
         with pytest.raises(Unreachable, match="out of reach"):
             bar.angles(tip)

@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 from math import pi, tau
 from typing import Literal, get_args
 
-from weberlink.master.devices.polhem.drive import Counts, Drive, Signs, Triple
+from weberlink.master.devices.polhem.linkages import Triple
+from weberlink.master.devices.polhem.mechanism import CableDrive, Counts, Signs
 
 Host = Literal["hfabapi", "haptikfabrikenapi", "woody_experimental"]
 Wire = Literal["serial", "hid14", "hid8"]
 
 
 @dataclass(frozen=True)
-class Built:
+class HostWiring:
     """A device as a host expects it.
 
     angle = encoder * (2 pi count / N) c / b + zero, and torque on the body = motor * torque of the motor * b / c.
@@ -43,7 +44,7 @@ class Built:
     gimbal: Signs = (1, 1, 1)
     gimbal_zero: Counts = (0, 0, 0)
 
-    def wire(self, drive: Drive) -> Drive:
+    def wire(self, drive: CableDrive) -> CableDrive:
         """A drive with these signs, which reads 0 counts in the home pose."""
         home = []
         for axis in range(3):
@@ -74,13 +75,13 @@ def _flagged(
     gimbal_zero: Counts = (0, 0, 0),
     *,
     negated: bool = False,
-) -> Built:
+) -> HostWiring:
     """By the flags of the newer hosts; `negated` where the host takes the counts with the other sign."""
     a, b, c = motor = _signs(flags)
-    return Built((-a, -b, -c) if negated else motor, motor, zero, gimbal=gimbal, gimbal_zero=gimbal_zero)
+    return HostWiring((-a, -b, -c) if negated else motor, motor, zero, gimbal=gimbal, gimbal_zero=gimbal_zero)
 
 
-BUILT: Mapping[tuple[Host, Wire], Mapping[str, Built]] = {
+HOST_WIRINGS: Mapping[tuple[Host, Wire], Mapping[str, HostWiring]] = {
     ("hfabapi", "serial"): {
         "woodenhaptics_2015": _flagged((0, 1, 1), (0, 0, -6000)),
         "woodenhaptics_2019": _flagged((0, 0, 0), (0, 0, 6000)),
@@ -102,9 +103,9 @@ BUILT: Mapping[tuple[Host, Wire], Mapping[str, Built]] = {
     ("haptikfabrikenapi", "hid8"): {"woodenhaptics_2015": _flagged((0, 0, 0), (0, 0, 6000), negated=True)},
     ("woody_experimental", "hid8"): {
         # tA = -a, tB = -b, tC = pi/2 - c; currents +A, -B, -C.
-        "woodenhaptics_2015": Built((-1, -1, -1), (1, -1, -1), zero_rad=(0.0, 0.0, 0.5 * pi)),
+        "woodenhaptics_2015": HostWiring((-1, -1, -1), (1, -1, -1), zero_rad=(0.0, 0.0, 0.5 * pi)),
         # With ALUHAPTICS: tA = +a, tB = pi/2 - b, tC = +c; currents +A, -B, +C.
-        "aluhaptics_v2": Built((1, -1, 1), (1, -1, 1), zero_rad=(0.0, 0.5 * pi, 0.0)),
+        "aluhaptics_v2": HostWiring((1, -1, 1), (1, -1, 1), zero_rad=(0.0, 0.5 * pi, 0.0)),
     },
 }
 
@@ -112,15 +113,19 @@ HOSTS: Mapping[Wire, Host] = {"serial": "hfabapi", "hid14": "haptikfabrikenapi",
 """The host of an emulated device where nothing else is said."""
 
 
-def built(name: str, wire: Wire, host: Host | None = None) -> Built:
+def host_wiring(name: str, wire: Wire, host: Host | None = None) -> HostWiring:
     """How a device with a set of parameters is wired on a kind of board.
 
     Raises:
         ValueError: no host is published for that.
     """
     expected = host or HOSTS[wire]
-    found = BUILT.get((expected, wire), {}).get(name)
+    found = HOST_WIRINGS.get((expected, wire), {}).get(name)
     if found is None:
-        known = [f"{each} for {', '.join(BUILT[each, wire])}" for each in get_args(Host) if (each, wire) in BUILT]
+        known = [
+            f"{each} for {', '.join(HOST_WIRINGS[each, wire])}"
+            for each in get_args(Host)
+            if (each, wire) in HOST_WIRINGS
+        ]
         raise ValueError(f"parameters: {expected} drives no {name} over {wire}; published are {'; '.join(known)}")
     return found

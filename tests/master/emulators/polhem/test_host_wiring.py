@@ -5,22 +5,17 @@ from typing import Any, get_args
 import pytest
 from pydantic import ValidationError
 
-from weberlink.geometry.vector import Vector, distance, norm
-from weberlink.master.devices.polhem.force_stage import ForceStage
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, decode_sensors, encode_command
 from weberlink.master.devices.polhem.options import PolhemHidOptions, PolhemSerialOptions
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
-from weberlink.master.devices.polhem.reports import LONG, SHORT, decode_sensors, encode_command
-from weberlink.master.emulators.polhem import (
-    PolhemHidEmulator,
-    PolhemHidEmulatorOptions,
-    PolhemSerialEmulator,
-    PolhemSerialEmulatorOptions,
-)
-from weberlink.master.emulators.polhem.built import BUILT, Host, Wire
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, MechanismParameters
+from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
+from weberlink.master.emulators.polhem.host_wiring import HOST_WIRINGS, Host, Wire
+from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 STILL = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0, "hand": {"stiffness_n_m": 3000.0}}
 FORCES: tuple[Vector, ...] = ((0.8, 0.0, 0.0), (0.0, 0.8, 0.0), (0.0, 0.0, 0.8))
-ALL = [(host, wire, name) for (host, wire), sets in BUILT.items() for name in sets]
+ALL = [(host, wire, name) for (host, wire), sets in HOST_WIRINGS.items() for name in sets]
 
 Device = PolhemHidEmulator | PolhemSerialEmulator
 
@@ -33,7 +28,7 @@ def device(host: Host, wire: Wire, name: str, **options: Any) -> Device:
     return PolhemHidEmulator(PolhemHidEmulatorOptions.model_validate(options))
 
 
-def driver(wire: Wire, name: str, **options: Any) -> Parameters:
+def driver(wire: Wire, name: str, **options: Any) -> MechanismParameters:
     """What a driver makes of the set where the file says nothing of signs."""
     if wire == "serial":
         return PolhemSerialOptions.model_validate({"parameters": name, **options}).wired("woodenhaptics")
@@ -77,11 +72,10 @@ def test_positions_are_those_of_the_hand(host: Host, wire: Wire, name: str, axis
     assert distance(driver(wire, name).mechanism.position(counts), (x, y, z)) < 5e-4
 
 
-def felt(emulator: Device, parameters: Parameters, force: Vector) -> Vector:
+def felt(emulator: Device, parameters: MechanismParameters, force: Vector) -> Vector:
     """What the hand feels when the driver is told to push with `force`."""
     now, counts = carried(emulator, 2, 0.0)
-    stage = ForceStage(parameters.mechanism, 5.0, 3000.0)
-    command(emulator, stage.currents_ma(force, counts, 1.0), now)
+    command(emulator, parameters.mechanism.limited_currents_ma(force, counts, 5.0, 3000.0), now)
     return emulator.force
 
 
@@ -126,8 +120,8 @@ def test_every_wiring_of_the_drivers_has_a_host_to_try_it_with() -> None:
 def test_what_no_host_drives_is_refused() -> None:
     with pytest.raises(ValidationError, match="woody_experimental drives no polhem_v3 over hid8; published are"):
         PolhemHidEmulatorOptions(report=8, parameters="polhem_v3")
-    assert {host for host, _ in BUILT} == set(get_args(Host))
-    assert set(MODEL_SETS.values()) <= set(BUILT["hfabapi", "serial"])
+    assert {host for host, _ in HOST_WIRINGS} == set(get_args(Host))
+    assert set(MODEL_SETS.values()) <= set(HOST_WIRINGS["hfabapi", "serial"])
 
 
 @pytest.mark.parametrize("name", [name for name, each in PARAMETERS.items() if each.mechanism.weight is not None])
@@ -138,8 +132,8 @@ def test_the_weight_of_the_links_is_carried(name: str) -> None:
     now, counts = carried(emulator, 0, 20.0)
     assert emulator.force[2] < -0.3
     for carry in (False, True):
-        stage = ForceStage(mechanism, 5.0, 3000.0, carry=carry)
-        now, _ = command(emulator, stage.currents_ma((0.0, 0.0, 0.0), counts, 1.0), now)
+        force = mechanism.carrying_force(counts) if carry else ZERO
+        now, _ = command(emulator, mechanism.limited_currents_ma(force, counts, 5.0, 3000.0), now)
         assert (norm(emulator.force) < 0.02) == carry
 
 

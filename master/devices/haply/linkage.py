@@ -1,11 +1,11 @@
-"""The planar five-bar linkage: angles to tip, forces to torques, and back. Pure; knows no board and no frame but one.
+"""The planar five-bar linkage of the Haply, its frame, and the published numbers of its versions."""
 
-Frame of the linkage: motor 1 at the origin, motor 2 at (spacing, 0), angles from +x toward +y [rad], lengths [m]. The
-inner links lead from the motors to the elbows A and B, the outer links from there to the tip E.
-"""
-
+from dataclasses import dataclass
 from math import acos, atan2, cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
+
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, BoardEncoder, BoardMotor, HaplyBoard
 
 Pair = tuple[float, float]
 
@@ -38,7 +38,7 @@ class Jacobian(NamedTuple):
         )
 
 
-class FiveBar(NamedTuple):
+class PlanarFiveBar(NamedTuple):
     """A symmetric linkage: inner and outer links, and the distance between the motors [m]; 0 for motors on one axis."""
 
     inner: float
@@ -79,7 +79,7 @@ class FiveBar(NamedTuple):
     def angles(self, tip: Pair) -> Pair:
         """Of the motors, with the elbows outward: A on the side of -x, B on the side of +x.
 
-        Motor 1 between 0 and 2 pi, motor 2 between -pi and pi, for a tip with y >= 0.
+        BoardMotor 1 between 0 and 2 pi, motor 2 between -pi and pi, for a tip with y >= 0.
 
         Raises:
             Unreachable: the point is too far or too near.
@@ -121,3 +121,95 @@ def degrees(angles: Pair) -> Pair:
 
 def radians(angles: Pair) -> Pair:
     return (angles[0] * pi / 180.0, angles[1] * pi / 180.0)
+
+
+class HaplyFrame(NamedTuple):
+    """x toward the operator, y to the operator's right, z up and always 0.
+
+    The linkage's y goes from the motors toward the operator, and its x to the left: the vendor's example programs
+    mirror it for the screen.
+
+    Args:
+        origin: of the device's frame, in that of the linkage [m].
+    """
+
+    origin: Pair
+
+    def position(self, tip: Pair) -> Vector:
+        return (tip[1] - self.origin[1], self.origin[0] - tip[0], 0.0)
+
+    def tip(self, position: Vector) -> Pair:
+        return (self.origin[0] - position[1], self.origin[1] + position[0])
+
+    @staticmethod
+    def force(force: Pair) -> Vector:
+        """Of the linkage's, in the device's frame."""
+        return (force[1], -force[0], 0.0)
+
+    @staticmethod
+    def planar(force: Vector) -> Pair:
+        """Of the device's, what lies in the plane, in the linkage's frame."""
+        return (-force[1], force[0])
+
+
+MOST_TORQUE_N_M = 0.123
+"""What the firmware cuts the torque of a motor to, and full duty stands for.
+
+The same in all that the vendor has published (HaplyHaptics/Haply-Arduino-Firmware-Versions, `MAX_TORQUE`): for the Due
+board (1.5 of July 2017), the M3 and the M0 (1.5 and 0.3 of December 2018).
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class HaplyVersion:
+    """A kind of the device.
+
+    Args:
+        bar: the linkage.
+        board: what hangs on which port, and the angles of the arms at the starting place.
+        center: middle of the workspace, in the frame of the linkage [m].
+        reach: half the workspace, along x and y [m]: until the linkage is stretched out, and toward the motors as far
+            as the starting place.
+    """
+
+    bar: PlanarFiveBar
+    board: HaplyBoard
+    center: Pair
+    reach: Pair
+
+
+_CW, _CCW = CLOCKWISE, COUNTER_CLOCKWISE
+
+VERSIONS = {
+    "v3": HaplyVersion(
+        bar=PlanarFiveBar(0.07, 0.09, 0.038),
+        board=HaplyBoard(
+            motors=(BoardMotor(2, _CCW), BoardMotor(1, _CCW)),
+            encoders=(BoardEncoder(2, _CCW, 4880.0), BoardEncoder(1, _CCW, 4880.0)),
+            home_deg=(168.0, 12.0),
+        ),
+        center=(0.019, 0.097),
+        reach=(0.138, 0.063),
+    ),
+    "v2": HaplyVersion(
+        bar=PlanarFiveBar(0.07, 0.09, 0.0),
+        board=HaplyBoard(
+            motors=(BoardMotor(2, _CCW), BoardMotor(1, _CW)),
+            encoders=(BoardEncoder(2, _CCW, 10752.0), BoardEncoder(1, _CW, 10752.0)),
+            home_deg=(241.0, -61.0),
+        ),
+        center=(0.0, 0.091),
+        reach=(0.16, 0.07),
+    ),
+    "pantograph": HaplyVersion(
+        bar=PlanarFiveBar(0.05, 0.07, 0.02),
+        board=HaplyBoard(
+            motors=(BoardMotor(1, _CW), BoardMotor(2, _CW)),
+            encoders=(BoardEncoder(1, _CW, 13824.0), BoardEncoder(2, _CW, 13824.0)),
+            home_deg=(180.0, 0.0),
+        ),
+        center=(0.01, 0.078),
+        reach=(0.105, 0.043),
+    ),
+}
+"""v3 of plastic, v2 with the metal plate, and their forerunner; from the vendor's libraries and example programs."""

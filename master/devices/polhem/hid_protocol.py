@@ -1,12 +1,13 @@
-"""The HID reports of the devices with an mbed board, 14 bytes or the older 8, told apart by length; pure.
+"""HID reports of the mbed boards, 14 bytes or the older 8."""
 
-After every 14-byte report the device waits for one from the host (lock-step); with 8 bytes it sends at its own rate.
-Encoders are counted in 32 bits but reported in 16: `Unwrapper` puts them together again. Read in firmware and in its
-maker's host code.
-"""
-
+from collections.abc import Callable
 from dataclasses import dataclass
 from struct import Struct
+from typing import Protocol
+
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.guardian import Guardian
+from weberlink.hardware.hid_port import HidPort
 
 WATCHDOG_S = 0.5
 """Without a report for so long the device switches its motors off [s]."""
@@ -129,3 +130,76 @@ class Unwrapper:
 
     def reset(self) -> None:
         self._counts = None
+
+
+LONGEST_REPORT = 64
+NO_CURRENT: Currents = (0, 0, 0)
+
+
+class ReportPort(Protocol):
+    """The part of `HidPort` that a `HidLine` uses."""
+
+    def write(self, report: bytes) -> None: ...
+
+    def read_all(self, until: float) -> list[bytes]: ...
+
+    def guard(self, guardian: Guardian) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class HidLine:
+    """An open device; see `lock_step.Line`.
+
+    Args:
+        path: of the device.
+        connect: opens it.
+
+    Raises:
+        HardwareFault: it cannot be opened.
+    """
+
+    def __init__(self, path: str, connect: Callable[[str], ReportPort] = HidPort) -> None:
+        self._port = connect(path)
+        self._number = 0
+        self.size = LONG
+        """Bytes in a report of this device; to be set to what `first_report` found."""
+
+    def send(self, message: Currents | SetCounters) -> None:
+        self._number += 1
+        self._port.write(encode_command(message, self.size, self._number))
+
+    def hear(self, until: float) -> list[Sensors | None]:
+        return [decode_sensors(report) if len(report) == self.size else None for report in self._port.read_all(until)]
+
+    def find_size(self, clock: Callable[[], float], patience: float, pause: float) -> None:
+        """Learn from the first report which kind of device it is; what it says may be of long ago.
+
+        Where none comes, zeros set a device in motion that waits for its host.
+
+        Args:
+            clock: monotonic [s].
+            patience: how long to try [s].
+            pause: how long to wait for a report [s].
+
+        Raises:
+            HardwareFault: no report comes, or one of another length.
+        """
+        gives_up = clock() + patience
+        while not (reports := self._port.read_all(clock() + pause)):
+            if clock() > gives_up:
+                raise HardwareFault("sends no reports; unplug it and plug it in again")
+            self.send(NO_CURRENT)
+        size = len(reports[-1])
+        if size not in (LONG, SHORT):
+            raise HardwareFault(f"sends reports of {size} bytes, expected {LONG} or {SHORT}: it is no such device")
+        self.size = size
+
+    def guard(self, guardian: Guardian) -> None:
+        """Have the currents taken off when this process stops; once the size is known."""
+        guardian.zero = b"\0" + encode_command(NO_CURRENT, self.size)
+        guardian.rests = (guardian.zero[:7],)  # the number of the report, and the currents
+        self._port.guard(guardian)
+
+    def close(self) -> None:
+        self._port.close()
