@@ -24,8 +24,8 @@ from tests.system.systems import CONFIGS
 from tests.system.work import reject, slowly
 from weberlink.cli import app
 from weberlink.studies.evaluate.command import run
-from weberlink.studies.evaluate.row import Row
-from weberlink.studies.evaluate.sweep import Recording, Study
+from weberlink.studies.evaluate.study import Row
+from weberlink.studies.evaluate.study import Recording, Study
 from weberlink.studies.evaluate.table import FEW, table_of
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
@@ -171,7 +171,7 @@ def test_compiling_without_numba_is_one_line() -> None:
 # --- a cluster
 
 pytest.importorskip("distributed", reason="needs distributed (extra: dask)")
-from weberlink.studies.evaluate.cluster import LostClusterError, spread_on_cluster  # noqa: E402 - of the extra
+from weberlink.studies.cluster import LostClusterError, spread_on_cluster  # noqa: E402 - of the extra
 
 
 @pytest.fixture(scope="module")

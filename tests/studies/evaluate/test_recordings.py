@@ -11,7 +11,7 @@ from weberlink.codec import force_channel
 from weberlink.codec.predictors import Trust
 from weberlink.master.trace import read_trace
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
-from weberlink.studies.evaluate.sweep import Recording, Study
+from weberlink.studies.evaluate.study import Recording, Study
 
 ROOT = Path(__file__).parents[3]
 RECORDED = ROOT.parent / "shared" / "traces"

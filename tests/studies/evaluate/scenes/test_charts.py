@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import distance
-from weberlink.studies.evaluate.scenes.charts import ball, bowl, level
+from weberlink.studies.evaluate.scenes import ball, bowl, level
 
 CENTER = (0.01, -0.02, 0.03)
 LENGTHS = st.floats(-0.04, 0.04)

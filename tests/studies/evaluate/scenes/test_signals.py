@@ -10,7 +10,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.settings import build
 from weberlink.studies.evaluate.replay import Array, Signal
 from weberlink.studies.evaluate.scenes import scene_names, scene_signal, scene_signals
-from weberlink.studies.evaluate.scenes.catalogue import HOLLOW_M, RADIUS_M, SCENES
+from weberlink.studies.evaluate.scenes import HOLLOW_M, RADIUS_M, SCENES
 
 DURATION_S = 10.0
 
