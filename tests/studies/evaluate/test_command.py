@@ -24,8 +24,7 @@ from tests.system.systems import CONFIGS
 from tests.system.work import reject, slowly
 from weberlink.cli import app
 from weberlink.studies.evaluate.command import run
-from weberlink.studies.evaluate.study import Row
-from weberlink.studies.evaluate.study import Recording, Study
+from weberlink.studies.evaluate.study import Recording, Row, Study
 from weberlink.studies.evaluate.table import FEW, table_of
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"

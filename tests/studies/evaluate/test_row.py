@@ -14,8 +14,7 @@ from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.studies.evaluate.replay import replay, signal_of
-from weberlink.studies.evaluate.study import Row, code
-from weberlink.studies.evaluate.study import Recording, Study
+from weberlink.studies.evaluate.study import Recording, Row, Study, code
 from weberlink.system.scoring.perception import Threshold
 
 PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")

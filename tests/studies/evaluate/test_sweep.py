@@ -7,8 +7,7 @@ from itertools import permutations
 import pytest
 
 from tests.studies.evaluate.signals import walk, wall
-from weberlink.studies.evaluate.study import Row
-from weberlink.studies.evaluate.study import Recording, Study, length, rows_of
+from weberlink.studies.evaluate.study import Recording, Row, Study, length, rows_of
 
 RECORDINGS = [Recording("wall", wall(150)), Recording("walk", walk(200, seed=1))]
 STUDY = Study(("plane", "zoh", "hybrid"), (0.20, 0.05))

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from weberlink.protocol.states import State
-from weberlink.system.scoring.felt import FeltError
-from weberlink.system.scoring.perception import Threshold
+from weberlink.system.scoring.perception import FeltError, Threshold
 from weberlink.telemetry.reader import DTYPE
 
 

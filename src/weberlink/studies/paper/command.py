@@ -22,8 +22,7 @@ from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
-from weberlink.system.scoring.felt import FeltError
-from weberlink.system.scoring.perception import Threshold
+from weberlink.system.scoring.perception import FeltError, Threshold
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation

@@ -4,8 +4,8 @@ from random import Random
 import pytest
 
 from weberlink.geometry.vector import distance
-from weberlink.studies.evaluate.scenes import ball, level
 from weberlink.studies.evaluate.exploration import Ground, exploration, home
+from weberlink.studies.evaluate.scenes import ball, level
 
 GROUND = Ground(level(0.0), 0.04, 0.005, (0.7, 4.5))
 ROUND = Ground(ball((0.0, 0.0, -0.05), 0.05), 0.04, 0.005, (0.7, 4.5))

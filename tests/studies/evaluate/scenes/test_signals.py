@@ -9,8 +9,7 @@ import pytest
 from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.settings import build
 from weberlink.studies.evaluate.replay import Array, Signal
-from weberlink.studies.evaluate.scenes import scene_names, scene_signal, scene_signals
-from weberlink.studies.evaluate.scenes import HOLLOW_M, RADIUS_M, SCENES
+from weberlink.studies.evaluate.scenes import HOLLOW_M, RADIUS_M, SCENES, scene_names, scene_signal, scene_signals
 
 DURATION_S = 10.0
 
