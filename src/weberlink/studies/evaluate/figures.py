@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.codec.predictors import PREDICTORS
-from weberlink.codec.predictors.plane import Plane
-from weberlink.codec.predictors.sphere import Sphere
 from weberlink.studies.curve_figures import QualityAxis, draw_curves
 from weberlink.studies.curves import Observation, curves
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
-from weberlink.studies.moments.moment_figures import draw_force, draw_model
-from weberlink.studies.moments.moments import Fit, fits, follow, longest
+from weberlink.studies.moments.figures import draw_force, draw_model
+from weberlink.studies.moments.moments import fits, follow, longest
 
 USUAL_WEBER = 0.10
 SHOWN = ("zoh", "linear", "hybrid")
@@ -66,7 +64,7 @@ def _draw_model(study: EvaluationStudy, traces: Sequence[NamedTrace], weber: flo
     for trace in traces:
         for name in fitting[:1]:
             channel = study.channel(name, weber)
-            fit = _longest_surface(fits(trace.trace, channel))
+            fit = longest(fits(trace.trace, channel))
             if fit is not None:
                 title = f"Fitted surface, {trace.name}, {name}, k = {weber:g}"
                 draw_model(trace.trace, channel, fit.newest.tick, stem, title=title, caption=caption)
@@ -75,8 +73,3 @@ def _draw_model(study: EvaluationStudy, traces: Sequence[NamedTrace], weber: flo
 
 def _fits_surfaces(predictor: str) -> bool:
     return predictor not in PREDICTORS or PREDICTORS[predictor].geometric
-
-
-def _longest_surface(candidates: Sequence[Fit]) -> Fit | None:
-    kinds = (longest(candidates, kind) for kind in (Plane, Sphere))
-    return max((fit for fit in kinds if fit is not None), key=lambda fit: fit.ticks, default=None)

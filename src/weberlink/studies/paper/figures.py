@@ -7,14 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec import Channel
-from weberlink.codec.predictors.plane import Plane
-from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.model import ModelKind
 from weberlink.master.trace import Trace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.studies.curve_figures import QualityAxis, draw_curves
 from weberlink.studies.curves import curves
-from weberlink.studies.moments.moment_figures import draw_force, draw_model
-from weberlink.studies.moments.moments import Fit, fits, follow
+from weberlink.studies.moments.figures import draw_force, draw_model
+from weberlink.studies.moments.moments import ModelFit, fits, follow, with_surface
 from weberlink.studies.paper.document import PaperCondition
 
 QUALITY = QualityAxis("force error, RMS [JND]", better="lower", column="error_rms_jnd")
@@ -56,8 +55,8 @@ def draw_moments(
     draw_force(runs, folder / "force", title="Force over time, hold and linear prediction", caption=caption)
     drawn = ["force"]
     candidates = fits(trace, channel("hybrid"))
-    for name, kind in (("plane", Plane), ("sphere", Sphere)):
-        touched = _longest_touch(trace, (fit for fit in candidates if isinstance(fit.model, kind)))
+    for name, kind in (("plane", ModelKind.PLANE), ("sphere", ModelKind.SPHERE)):
+        touched = _longest_touch(trace, with_surface(candidates, kind))
         if len(touched):
             title = f"The {name} that was felt longest, {len(touched)} ticks"
             middle = int(touched[len(touched) // 2])
@@ -66,7 +65,7 @@ def draw_moments(
     return drawn
 
 
-def _longest_touch(trace: Trace, candidates: Iterable[Fit]) -> NDArray[np.int64]:
+def _longest_touch(trace: Trace, candidates: Iterable[ModelFit]) -> NDArray[np.int64]:
     """The ticks in contact of the model with most of them; in free space a model stays in use and predicts 0."""
     contact = np.flatnonzero(trace.force_n.any(axis=1))
     touches = [contact[(contact >= fit.newest.tick) & (contact < fit.until)] for fit in candidates]
