@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.table import Table
 
-from weberlink.codec.deadband.shapes import ISOTROPIC, SHAPES
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.master.trace import TraceError, read_trace
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace, coded_samples, rows_of
@@ -208,7 +208,7 @@ def _names(option: str, text: str, known: Sequence[str]) -> list[str]:
 
 
 def _deadbands(text: str, floor: float, *, plots: bool) -> list[str]:
-    listed = _names("--deadband", text, tuple(SHAPES))
+    listed = _names("--deadband", text, tuple(DEADBANDS))
     if "level_crossing" in listed and floor == 0.0:
         raise ConfigurationError("--deadband level_crossing: needs --floor above 0, which is the lowest level")
     if plots and len(listed) > 1:

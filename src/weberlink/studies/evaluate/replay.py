@@ -8,8 +8,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec import Channel, Decoder, Encoder, Update
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.codec import Channel, Update
+from weberlink.codec.replay import code
+from weberlink.geometry.vector import Vector, distance
 from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
@@ -53,7 +54,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayResult:
     """The result of a coded signal.
 
     Args:
@@ -62,7 +63,7 @@ class Replay:
         deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
         updates: those sent.
         selected: index in the bank of the predictor of each update, shape (packets,).
-        paired: number of updates with the previous sample.
+        paired: number of updates with a payload beside the newest sample.
         tick_us: median run time of encode plus decode.
     """
 
@@ -76,7 +77,7 @@ class Replay:
 
     def payload_bytes(self, channel: Channel) -> int:
         """UDP payload of all updates on a secured link without delay control."""
-        layout, packets = UpdateLayout(channel.level_count), len(self.updates)
+        layout, packets = UpdateLayout(channel.grid.size), len(self.updates)
         return (
             self.paired * layout.size(with_previous=True)
             + (packets - self.paired) * layout.size(with_previous=False)
@@ -88,40 +89,30 @@ def signal_of(trace: Trace) -> Signal:
     return Signal(trace.force_n, trace.position_m, trace.period_s)
 
 
-def replay(signal: Signal, channel: Channel) -> Replay:
+def replay(signal: Signal, channel: Channel) -> ReplayResult:
     """Run a signal through the codec of a force channel, on a link without loss and delay."""
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    encode, apply, value = encoder.encode, decoder.apply, decoder.value
+    measure = channel.deadband.error
     errors: list[float] = []
     bounds: list[float] = []
-    measure = channel.deadband.error
     deviations: list[float] = errors if measure is distance else []
     updates: list[Update] = []
     times: list[float] = []
-    for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(signal.samples):
-        # Made here, as a daemon has just made them: a vector from afar would cost the tick its way to the processor.
-        force, position = (fx, fy, fz), (px, py, pz)
-        began = perf_counter()
-        update = encode(tick, force, position)
-        if update is not None:
-            apply(update)
-        held = value(tick, position)
-        times.append(perf_counter() - began)
-        # As the encoder computes it, to the last bit: an error on the bound must not count as one beyond it. At once,
-        # since vectors that are kept would make every tick take fresh memory, which no daemon does.
-        errors.append(distance(held or ZERO, force))
-        bounds.append(encoder.bound)
+    # Vectors of past ticks are not kept: fresh memory in every tick would slow down what is measured.
+    for (force, _), tick in zip(signal.samples, code(channel, signal.samples, stopwatch=perf_counter), strict=True):
+        times.append(tick.seconds)
+        errors.append(tick.error)
+        bounds.append(tick.bound)
         if deviations is not errors:
-            deviations.append(measure(held or ZERO, force))
-        if update is not None:
-            updates.append(update)
-    return Replay(
+            deviations.append(measure(tick.displayed, force))
+        if tick.update is not None:
+            updates.append(tick.update)
+    return ReplayResult(
         np.array(errors),
         np.array(bounds),
         np.array(deviations),
         updates,
         np.array([update.selector for update in updates], np.int64),
-        sum(bool(update.previous) for update in updates),
+        sum(update.payload is not None for update in updates),
         1e6 * float(np.median(times)),
     )
 

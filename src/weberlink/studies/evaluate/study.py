@@ -5,14 +5,13 @@ the perception threshold and most of the work of the clairvoyant bound.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from weberlink.codec import Channel, force_channel
-from weberlink.codec.deadband import VelocityDeadband
-from weberlink.codec.deadband.shapes import ISOTROPIC, SHAPES
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import HYBRID
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
@@ -107,12 +106,11 @@ class EvaluationStudy:
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
     ) -> Channel:
         """A force channel for a signal of this period, with the first deadband unless another is named."""
-        shape = SHAPES[deadband or self.deadbands[0]](weber, self.floor)
-        if isinstance(shape, VelocityDeadband):
-            shape = replace(shape, period=period_s)
+        shape = DEADBANDS[deadband or self.deadbands[0]]
+        defaults = {name: option.default for name, option in shape.options.items()}
         return force_channel(
             predictor=predictor,
-            deadband=shape,
+            deadband=shape.configured(weber, self.floor, "actual", period_s, defaults),
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,

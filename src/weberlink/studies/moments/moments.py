@@ -1,20 +1,21 @@
 """One signal through the codec tick by tick: displayed forces, sends, models in use, and a window worth drawing."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec import Channel
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, Model
 from weberlink.codec.predictors.model import ModelKind
+from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.trace import Trace
+from weberlink.studies.evaluate.replay import signal_of
 from weberlink.studies.moments.surfaces import FittedSurface
-from weberlink.update import PreviousSample, Update
+from weberlink.update import PreviousSample
 
 CONTACT_SHARE = 0.05
 """Of the largest force of the signal; smaller forces do not count as contact."""
@@ -88,18 +89,9 @@ class TickWindow(NamedTuple):
     until: int
 
 
-class _Tick(NamedTuple):
-    update: Update | None
-    predicted: Vector
-    displayed: Vector
-    bound: float
-    selected: int
-    model: Model | None
-
-
 def follow(trace: Trace, channel: Channel) -> CodedTrace:
     """Run a trace through a fresh encoder and decoder of `channel`, sample by sample as in a daemon."""
-    ticks = list(_run(trace, channel))
+    ticks = list(code(channel, signal_of(trace).samples))
     return CodedTrace(
         bank=channel.bank,
         time_s=trace.time_s,
@@ -116,9 +108,21 @@ def follow(trace: Trace, channel: Channel) -> CodedTrace:
 
 def fits(trace: Trace, channel: Channel) -> list[ModelFit]:
     """All models of a run, in order of time."""
-    sent = [(tick.update, tick.model) for tick in _run(trace, channel) if tick.update is not None]
-    begins = [update.tick for update, _ in sent] + [len(trace.time_s)]
-    return [_fit(channel, update, model, until) for (update, model), until in zip(sent, begins[1:], strict=True)]
+    found: list[ModelFit] = []
+    for tick in code(channel, signal_of(trace).samples):
+        update = tick.update
+        if update is None:
+            continue
+        if found:
+            found[-1] = found[-1]._replace(until=update.tick)
+        assert tick.model is not None
+        payload, grid = update.payload, channel.grid
+        previous = None
+        if isinstance(payload, PreviousSample):
+            previous = grid.sample(update.tick - payload.gap, payload.levels)
+        newest = grid.sample(update.tick, update.newest)
+        found.append(ModelFit(channel.bank[update.selector], tick.model, newest, previous, len(trace.time_s)))
+    return found
 
 
 def model_at(trace: Trace, channel: Channel, tick: int) -> ModelFit:
@@ -177,31 +181,6 @@ def interesting_window(coded: CodedTrace, seconds: float) -> TickWindow:
     spread = np.where(allowed, windows.max(axis=1) - windows.min(axis=1), -1.0)
     first = int(np.argmax(spread))
     return TickWindow(first, first + length)
-
-
-def _run(trace: Trace, channel: Channel) -> Iterator[_Tick]:
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    forces: list[list[float]] = trace.force_n.tolist()
-    positions: list[list[float]] = trace.position_m.tolist()
-    for tick, (f, p) in enumerate(zip(forces, positions, strict=True)):
-        position: Vector = (p[0], p[1], p[2])
-        predicted = decoder.value(tick, position) or ZERO
-        update = encoder.encode(tick, (f[0], f[1], f[2]), position)
-        if update is not None:
-            decoder.apply(update)
-        selected, model, *_ = decoder.state
-        yield _Tick(update, predicted, decoder.value(tick, position) or ZERO, encoder.bound, selected, model)
-
-
-def _fit(channel: Channel, update: Update, model: Model | None, until: int) -> ModelFit:
-    assert model is not None
-    payload = update.payload
-    previous = None
-    if isinstance(payload, PreviousSample):
-        previous = channel.grid.sample(update.tick - payload.gap, payload.levels)
-    return ModelFit(
-        channel.bank[update.selector], model, channel.grid.sample(update.tick, update.newest), previous, until
-    )
 
 
 def _sums(flags: NDArray[np.bool_], length: int) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ from weberlink.studies.evaluate.study import EvaluationStudy, NamedTrace, rows_o
 from weberlink.studies.paper.claims import CLAIMS, WEBER, WEBERS
 from weberlink.studies.paper.document import PREDICTORS, PaperCondition, document
 from weberlink.studies.parallel import parallel_map
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer

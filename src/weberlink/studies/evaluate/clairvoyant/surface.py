@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weberlink.codec.predictors import Trust
+from weberlink.codec.predictors import FitLimits
 from weberlink.studies.evaluate.clairvoyant.demand import ROUNDING, Array, Demand, Flags, lengths
 from weberlink.studies.evaluate.clairvoyant.stretch import Index, Ticks, reaches
 
@@ -54,27 +54,27 @@ class _ContactCone:
     high_from: Array
 
 
-def surface_reaches(demand: Demand, trust: Trust, resolution: int) -> tuple[Ticks, Ticks]:
+def surface_reaches(demand: Demand, limits: FitLimits, resolution: int) -> tuple[Ticks, Ticks]:
     """Reach of a plane and of a sphere, from the tick after a send at each tick, shape (n,) each."""
-    contact = _contact(demand, trust)
+    contact = _contact(demand, limits)
     stiffness = _stiffness_on_a_line if demand.collinear else _stiffness
 
     def pair(earlier: Index, later: Index, _distance: int) -> tuple[Array, Array]:
         return stiffness(contact, earlier, later)
 
     least = np.zeros((3, demand.ticks))
-    most = np.full_like(least, trust.stiffness[1] * (1.0 + ROUNDING))
+    most = np.full_like(least, limits.stiffness[1] * (1.0 + ROUNDING))
     found = reaches(least, most, pair, jointly=False, resolution=resolution)
     # At the tick of a send the decoder outputs the sample: the model begins at the next tick.
     found = np.column_stack((found[:, 1:], np.full(3, demand.ticks)))
     return found[PLANE], np.maximum(found[CONVEX], found[CONCAVE])
 
 
-def _contact(demand: Demand, trust: Trust) -> _ContactCone:
+def _contact(demand: Demand, limits: FitLimits) -> _ContactCone:
     size = lengths(demand.force)
-    extent = trust.radius[1] + float(np.abs(demand.position).max(initial=0.0))
+    extent = limits.radius[1] + float(np.abs(demand.position).max(initial=0.0))
     # Rounding of the depth of a stiff surface far from its centre.
-    slack = 16.0 * EPSILON * trust.stiffness[1] * extent
+    slack = 16.0 * EPSILON * limits.stiffness[1] * extent
     least, most = demand.magnitudes
     least, most = least - slack, most + slack
     touches = (least > 0.0) & ~demand.at_edge
