@@ -8,17 +8,17 @@ import pytest
 from weberlink.master.trace import Trace
 from weberlink.studies.adaptive.signals import CHOSEN_RECORDINGS, FULL, NOISE_N, QUICK, Half, Scope, recordings, scenes
 from weberlink.studies.adaptive.work import ABLATION, EQUAL, RATES, TUNING, length, tasks
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 
 TWELVE = [f"omega3_{n}" for n in (1, 13, 19, 7)] + [
     f"tue_{what}_{n}" for what in ("foam", "free", "rigid", "spring") for n in (1, 2)
 ]
 
 
-def given(*names: str) -> list[Recording]:
+def given(*names: str) -> list[NamedTrace]:
     time = np.arange(50.0) * 1e-3
     empty = np.zeros((50, 3))
-    return [Recording(name, Trace(time, empty, empty, np.zeros((0, 2)))) for name in names]
+    return [NamedTrace(name, Trace(time, empty, empty, np.zeros((0, 2)))) for name in names]
 
 
 def test_halves_are_disjoint_and_make_the_whole() -> None:

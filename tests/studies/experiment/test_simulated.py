@@ -13,7 +13,7 @@ from weberlink.studies.experiment.conduct import Conduct, ConductError, Elapsed,
 from weberlink.studies.experiment.ledger import Ledger, read
 from weberlink.studies.experiment.scale import REFERENCES
 from weberlink.studies.experiment.simulated import FELT, THRESHOLD, SimulatedSubject, level_of
-from weberlink.system.scoring.felt import FeltError
+from weberlink.system.scoring.perception import FeltError
 from weberlink.telemetry.reader import DTYPE
 
 ANCHORS = [(0.1, 5), (0.5, 3), (1.0, 1)]

@@ -22,9 +22,9 @@ from weberlink.studies.adaptive.signals import FULL, NOISE_N, QUICK, Scope, reco
 from weberlink.studies.adaptive.tables import MET
 from weberlink.studies.adaptive.verdict import targets
 from weberlink.studies.adaptive.work import Task, done, length, tasks
-from weberlink.studies.evaluate.command import read_recordings
-from weberlink.studies.evaluate.sweep import Recording
-from weberlink.studies.parallel import spread
+from weberlink.studies.evaluate.command import read_traces
+from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.parallel import parallel_map
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
@@ -81,7 +81,7 @@ def run(
     """
     if docs:
         need("matplotlib", "plots", "--docs")
-    given = read_recordings(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
+    given = read_traces(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
     scope = QUICK if quick else FULL
     began = perf_counter()
     results = _measured(tasks(given, scope), workers, progress)
@@ -103,16 +103,13 @@ def run(
 
 def _measured(work: Sequence[Task], workers: int | None, progress: Callable[[int, int, str], None]) -> Results:
     """Rows in the order of the work."""
-    found: dict[int, list[Rate | Match]] = {}
-    for index, rows in spread(done, work, workers, length):
-        found[index] = rows
-        progress(len(found), len(work), "signals")
-    rows = [row for index in range(len(work)) for row in found[index]]
+    found = parallel_map(done, work, workers, length, lambda count, total: progress(count, total, "signals"))
+    rows = [row for part in found for row in part]
     rates = [row for row in rows if isinstance(row, Rate)]
     return Results(rates, [row for row in rows if isinstance(row, Match)])
 
 
-def _costs(given: Sequence[Recording], scope: Scope) -> list[Cost]:
+def _costs(given: Sequence[NamedTrace], scope: Scope) -> list[Cost]:
     """Alone, now that all else is done."""
     judged = [
         source

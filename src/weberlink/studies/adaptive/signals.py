@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from weberlink.studies.evaluate.replay import Signal, signal_of
 from weberlink.studies.evaluate.scenes import scene_names, scene_signal
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 
 Half = Literal["chosen", "reported"]
 Kind = Literal["recording", "scene"]
@@ -104,7 +104,7 @@ QUICK = Scope(
 )
 
 
-def recordings(given: Iterable[Recording], scope: Scope) -> list[Source]:
+def recordings(given: Iterable[NamedTrace], scope: Scope) -> list[Source]:
     """Those of people."""
     return [
         Source(Key(name, name, "chosen" if name in CHOSEN_RECORDINGS else "reported", "recording", 0.0), recorded)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from weberlink.studies.curves import Curves, Point, curves
+from weberlink.studies.curves import CurvePoint, Curves, curves
 from weberlink.studies.experiment.answers import Answers
 from weberlink.studies.experiment.savings import Crossing, Saving, savings
 
@@ -141,7 +141,7 @@ def _all_savings(answers: Answers, level: float) -> Savings:
     return Savings(level, crossings, by_base)
 
 
-def _row(point: Point) -> dict[str, Any]:
+def _row(point: CurvePoint) -> dict[str, Any]:
     return {
         "predictor": point.predictor,
         "weber": point.weber,
