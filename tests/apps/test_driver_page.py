@@ -24,7 +24,7 @@ from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.pty_device import PtyDevice
 from weberlink.master import devices
 
-PAGE = (CONFIGS.parent / "docs" / "drivers.md").read_text(encoding="utf-8")
+PAGE = (CONFIGS.parent / "docs" / "tutorial.md").read_text(encoding="utf-8")
 SWING_M = 0.02
 YIELDS_M_N = 0.0003
 

@@ -20,8 +20,8 @@ from tests.system.processes import Program, document, until
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.configuration import ConfigurationError
-from weberlink.system.journal import Journal, LogFile
-from weberlink.system.journal.log_file import LONGEST_LINE
+from weberlink.system.journal import Journal
+from weberlink.system.log_file import LONGEST_LINE, LogFile
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 
@@ -317,7 +317,7 @@ def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
     """The limit on the size of a file stands for the disk: a write that meets it is cut off, then refused."""
     path = tmp_path / "log"
     script = (
-        "import resource, signal, sys; from pathlib import Path; from weberlink.journal import LogFile\n"
+        "import resource, signal, sys; from pathlib import Path; from weberlink.system.log_file import LogFile\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "log = LogFile(Path(sys.argv[1]))\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (25, resource.RLIM_INFINITY))\n"
@@ -332,7 +332,7 @@ def test_a_full_disk_tears_no_line_that_comes_later(tmp_path: Path) -> None:
 
 def test_standard_output_that_nobody_reads_any_more_does_not_hurt() -> None:
     script = (
-        "import sys; from pathlib import Path; from weberlink.journal import LogFile\n"
+        "import sys; from pathlib import Path; from weberlink.system.log_file import LogFile\n"
         "with LogFile(Path('-')) as log:\n"
         "    print('ready', file=sys.stderr, flush=True); sys.stdin.read()\n"
         "    log.write('line')\n"
@@ -355,7 +355,7 @@ def test_standard_output_that_nobody_reads_any_more_does_not_hurt() -> None:
 def test_standard_output_whose_reader_has_stopped_holds_up_nothing() -> None:
     """A pipe that waits, as that of a shell does: it is full after 64 kB."""
     script = (
-        "import sys; from pathlib import Path; from weberlink.journal import LogFile\n"
+        "import sys; from pathlib import Path; from weberlink.system.log_file import LogFile\n"
         "with LogFile(Path('-')) as log:\n"
         "    written = sum(log.write('x' * 1000) for _ in range(1000))\n"
         "sys.exit(not 0 < written < 1000)\n"

@@ -57,7 +57,7 @@ class Side:
 
 
 SIDES: Mapping[str, Side] = {
-    "master": Side(devices, "weberlink.apps.devices", "master.device"),
+    "master": Side(devices, "weberlink.devices", "master.device"),
     "slave": Side(robots, "weberlink.robots", "slave.robot"),
 }
 

@@ -334,7 +334,7 @@ class MasterLimits(Settings):
     force_n: float = Field(default=10.0, gt=0)
     """Largest force [N], on top of the device's own limit."""
     torque_nm: float = Field(default=0.5, gt=0)
-    """Largest torque [N m], on top of the device's own limit; with `weberlink.geometry.rotation`."""
+    """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
     slew_n_s: float | None = Field(default=None, gt=0)
     """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
     slew_nm_s: float | None = Field(default=None, gt=0)
@@ -419,7 +419,7 @@ class SlaveLimits(Settings):
     approach_speed_m_s: float = Field(default=0.25, gt=0)
     """Speed at which the robot approaches the operator's position after an engagement."""
     turn_rad_s: float = Field(default=10.0, gt=0)
-    """Largest angular speed while following; with `weberlink.geometry.rotation`."""
+    """Largest angular speed while following; with `codec.rotation`."""
     approach_turn_rad_s: float = Field(default=1.5, gt=0)
     """Angular speed at which the tool turns to the operator's orientation after an engagement."""
     on_silence: Literal["hold", "retract"] = "hold"

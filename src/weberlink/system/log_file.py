@@ -1,7 +1,7 @@
-"""Where lines of a log go: a file that is added to, or standard output. Losing a line is better than waiting for one.
+"""The target of a log: a file that is appended to, or standard output.
 
-Knows nothing of what the lines say. Nothing here blocks or raises once it is open: a full disk, a closed pipe and a
-reader that has stopped cost lines, which are counted.
+Nothing here blocks or raises once the target is open: a full disk, a closed pipe and a stopped reader cost lines, which
+are counted.
 """
 
 import os
@@ -15,11 +15,11 @@ from weberlink.system.configuration import ConfigurationError
 
 STANDARD_OUTPUT = "-"
 LONGEST_LINE = 4096
-"""A pipe that can be written to at all takes so much at once (PIPE_BUF of Linux, pipe(7))."""
+"""A pipe that accepts data takes so many bytes at once (PIPE_BUF of Linux, pipe(7))."""
 
 
 class LogFile:
-    """Takes lines; a context manager.
+    """Writes lines; a context manager.
 
     Args:
         target: a path, or "-" for standard output.
@@ -34,16 +34,16 @@ class LogFile:
         self._own = str(target) != STANDARD_OUTPUT
         self._torn = False
         try:
-            # Without waiting: a FIFO that nobody reads is refused.
+            # O_NONBLOCK: a FIFO without a reader is refused instead of waited for.
             flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NONBLOCK
             self._fd = os.open(target, flags, 0o640) if self._own else sys.stdout.fileno()
         except OSError as error:
             raise ConfigurationError(f"--log: {target}: {error.strerror}") from None
 
     def write(self, line: str) -> bool:
-        """Add a line, which has no end of line yet; returns whether it is there."""
+        """Append a line, given without its end; returns whether all of it was written."""
         data = line.encode() + b"\n"
-        if self._torn:  # part of an earlier line stands there
+        if self._torn:  # an earlier line was written in part
             data = b"\n" + data
         done = self._write(data)
         self._torn = (self._torn and done <= 0) or 0 < done < len(data)
@@ -62,7 +62,7 @@ class LogFile:
             return 0
 
     def close(self) -> None:
-        """Let go of it; may be repeated."""
+        """Close the file; may be repeated."""
         if self._own and self._fd >= 0:
             os.close(self._fd)
         self._fd = -1
