@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
-from weberlink.codec.adaptive.choice import DOUBT, PRESENT
-from weberlink.codec.adaptive.shadow import MEMORY
-from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID
+from weberlink.codec.adaptive import MEMORY, PRESENT
+from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PREDICTORS
 from weberlink.studies.adaptive import tables
 from weberlink.studies.adaptive.comparison import AdaptiveResults, RateRow
 from weberlink.studies.adaptive.signals import CHOSEN_RECORDINGS, AdaptiveScope, Half
@@ -58,8 +57,8 @@ github.com/xhtsansiro/A_Dynamical-System-Approach-to-Shared-Control), nothing fi
 """
 
 CHOSEN = f"""Chosen were the time constant of the record ({MEMORY:g} ticks), the weight of the present
-error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({DOUBT["trend"]:g}), and the filters of
-`codec/adaptive/trend.py`: least squares of the mean of the next 20
+error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({PREDICTORS["trend"].doubt:g}), and the filters of
+`codec/predictors/trend.py`: least squares of the mean of the next 20
 samples, and of the line through the next 40, on differences of the latest ones, over the recordings of that half
 alone (`studies/adaptive/filters.py` computes them again). The form of the candidates was developed on signals
 of both halves; only these numbers come from one half alone. Neighbours of the constants, on the half that chose

@@ -1,4 +1,4 @@
-"""Recomputes the filters of `weberlink.codec.adaptive.trend` from recorded signals by weighted least squares.
+"""Recomputes the filters of `weberlink.codec.predictors.trend` from recorded signals by weighted least squares.
 
 The regression predicts the future of a tick (its mean over a horizon, or the line through it), relative to the newest
 sample, from the differences of the newest sample to earlier ones. All axes share one filter, so that it turns with the
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.adaptive.trend import LAGS
+from weberlink.codec.predictors.trend import LAGS
 
 Array = NDArray[np.float64]
 

@@ -4,16 +4,19 @@ An ablation changes the live encoder from outside, because the codec has no swit
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import exp
 
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.adaptive.candidate import Candidate, Occasion
-from weberlink.codec.adaptive.choice import PRESENT, Choice
-from weberlink.codec.adaptive.shadow import MEMORY, Shadow
-from weberlink.codec.adaptive.surface import Moving, Rough, Smooth
+from weberlink.codec.adaptive import MEMORY, PRESENT, AdaptiveChoice, Shadow
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, HYBRID_BANK, Model
-from weberlink.codec.predictors.surface import Surface
+from weberlink.codec.predictors.contract import Candidate, EncodeContext
+from weberlink.codec.predictors.surface import (
+    FrictionalHypothesis,
+    FrictionlessHypothesis,
+    MovingHypothesis,
+    SurfacePatch,
+)
 from weberlink.codec.sample import Sample
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import Vector
@@ -50,9 +53,9 @@ class Alteration:
 
 ABLATIONS: dict[str, Alteration] = {
     **{f"no {name}": Alteration(bank=tuple(each for each in ADAPTIVE_BANK if each != name)) for name in ADAPTIVE_BANK},
-    "no friction": Alteration(without=(Rough,)),
-    "no motion": Alteration(without=(Moving,)),
-    "no still, frictionless surface": Alteration(without=(Smooth,)),
+    "no friction": Alteration(without=(FrictionalHypothesis,)),
+    "no motion": Alteration(without=(MovingHypothesis,)),
+    "no still, frictionless surface": Alteration(without=(FrictionlessHypothesis,)),
     "no curvature": Alteration(flat=True),
     "no record": Alteration(memory=None),
     "no present error": Alteration(present=0.0),
@@ -86,12 +89,12 @@ class AlteredEncoder(Encoder):
 
     __slots__ = ()
 
-    def __init__(self, channel: Channel, choice: Choice) -> None:
+    def __init__(self, channel: Channel, choice: AdaptiveChoice) -> None:
         super().__init__(channel)
         self._choice = choice
 
 
-class AlteredChoice(Choice):
+class AlteredChoice(AdaptiveChoice):
     """The choice of the live encoder, altered."""
 
     __slots__ = ("_alteration",)
@@ -104,8 +107,15 @@ class AlteredChoice(Choice):
         super().reset()
         part, rest = self._alteration, self._channel.rest
         self._shadows = [
-            TunedShadow(shadow.selector, shadow.candidate, rest, shadow.doubt if part.doubts else 1.0, part.memory)
+            TunedShadow(
+                shadow.selector,
+                Flat(shadow.candidate) if part.flat else shadow.candidate,
+                rest,
+                shadow.doubt if part.doubts else 1.0,
+                part.memory,
+            )
             for shadow in self._shadows
+            if type(shadow.candidate) not in part.without
         ]
 
     def choose(
@@ -121,12 +131,7 @@ class AlteredChoice(Choice):
             return record + (whole - record) * present / PRESENT
 
         best = min((shadow for shadow in self._shadows if shadow.selector in selectors), key=cost)
-        return best.selector, best.candidate.model(Occasion(newest, earlier, bound, self._history))
-
-    def _candidates(self, name: str) -> list[Candidate]:
-        part = self._alteration
-        kept = [each for each in super()._candidates(name) if type(each) not in part.without]
-        return [Flat(each) for each in kept] if part.flat else kept
+        return best.selector, best.candidate.model(EncodeContext(newest, earlier, bound, self._history))
 
 
 class Flat:
@@ -137,9 +142,9 @@ class Flat:
     def __init__(self, candidate: Candidate) -> None:
         self._candidate = candidate
 
-    def model(self, occasion: Occasion) -> Model | None:
-        model = self._candidate.model(occasion)
-        return model._replace(curvature=0.0) if isinstance(model, Surface) else model
+    def model(self, context: EncodeContext) -> Model | None:
+        model = self._candidate.model(context)
+        return replace(model, curvature=0.0) if isinstance(model, SurfacePatch) else model
 
 
 class TunedShadow(Shadow):

@@ -10,7 +10,7 @@ from typing import Any
 from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES, CodingCondition, TrialPlan
 from weberlink.studies.experiment.subjects import FELT, THRESHOLD
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session

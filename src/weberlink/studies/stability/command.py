@@ -17,7 +17,7 @@ from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, ce
 from weberlink.studies.stability.measured_wall import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict
 from weberlink.studies.stability.wall import SampledWall
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.model import ControlSettings
 from weberlink.system.environment import environment, footer
