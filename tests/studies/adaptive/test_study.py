@@ -25,7 +25,7 @@ from weberlink.studies.adaptive.signals import (
     scenes,
 )
 from weberlink.studies.adaptive.work import ABLATION, EQUAL, RATES, TUNING, length, tasks
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 TINY = QUICK._replace(duration_s=0.8, ticks=400, scenes=("plane_friction",))
@@ -34,15 +34,15 @@ TWELVE = [f"omega3_{n}" for n in (1, 13, 19, 7)] + [
 ]
 
 
-def given(*names: str) -> list[Recording]:
+def given(*names: str) -> list[NamedTrace]:
     time = np.arange(50.0) * 1e-3
     empty = np.zeros((50, 3))
-    return [Recording(name, Trace(time, empty, empty, np.zeros((0, 2)))) for name in names]
+    return [NamedTrace(name, Trace(time, empty, empty, np.zeros((0, 2)))) for name in names]
 
 
 @pytest.fixture(scope="module")
 def tiny() -> AdaptiveStudy:
-    return study([Recording("operator", read_trace(OPERATOR))], TINY, 1, lambda *_: None)
+    return study([NamedTrace("operator", read_trace(OPERATOR))], TINY, 1, lambda *_: None)
 
 
 def test_a_small_study_measures_every_part(tiny: AdaptiveStudy) -> None:

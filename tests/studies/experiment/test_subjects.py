@@ -19,7 +19,7 @@ from weberlink.studies.experiment.conduct import Conduct, ConductError, Elapsed,
 from weberlink.studies.experiment.ledger import Ledger, read
 from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES
 from weberlink.studies.experiment.subjects import FELT, THRESHOLD, Person, SimulatedSubject, level_of
-from weberlink.system.scoring.felt import FeltError
+from weberlink.system.scoring.perception import FeltError
 from weberlink.telemetry.reader import DTYPE
 
 WIDTH = 80

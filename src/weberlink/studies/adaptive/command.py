@@ -18,9 +18,9 @@ from weberlink.studies.adaptive.signals import FULL, NOISE_N, QUICK, AdaptiveSco
 from weberlink.studies.adaptive.tables import MET
 from weberlink.studies.adaptive.targets import targets
 from weberlink.studies.adaptive.work import SignalTask, done, length, tasks
-from weberlink.studies.evaluate.command import read_recordings
-from weberlink.studies.evaluate.sweep import Recording
-from weberlink.studies.parallel import spread
+from weberlink.studies.evaluate.command import read_traces
+from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.parallel import parallel_map
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
@@ -77,12 +77,12 @@ def run(
     """
     if docs:
         need("matplotlib", "plots", "--docs")
-    given = read_recordings(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
+    given = read_traces(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
     return study(given, QUICK if quick else FULL, workers, progress)
 
 
 def study(
-    given: Sequence[Recording], scope: AdaptiveScope, workers: int | None, progress: Callable[[int, int, str], None]
+    given: Sequence[NamedTrace], scope: AdaptiveScope, workers: int | None, progress: Callable[[int, int, str], None]
 ) -> AdaptiveStudy:
     """Measure recordings and scenes; arguments as of `run`."""
     began = perf_counter()
@@ -107,17 +107,14 @@ def _measured(
     work: Sequence[SignalTask], workers: int | None, progress: Callable[[int, int, str], None]
 ) -> AdaptiveResults:
     """Rows in the order of the tasks."""
-    found: dict[int, list[RateRow | MatchRow]] = {}
-    for index, rows in spread(done, work, workers, length):
-        found[index] = rows
-        progress(len(found), len(work), "signals")
-    rows = [row for index in range(len(work)) for row in found[index]]
+    found = parallel_map(done, work, workers, length, lambda count, total: progress(count, total, "signals"))
+    rows = [row for part in found for row in part]
     return AdaptiveResults(
         [row for row in rows if isinstance(row, RateRow)], [row for row in rows if isinstance(row, MatchRow)]
     )
 
 
-def _costs(given: Sequence[Recording], scope: AdaptiveScope) -> list[CostRow]:
+def _costs(given: Sequence[NamedTrace], scope: AdaptiveScope) -> list[CostRow]:
     """Run times, measured after all other work."""
     sources = recordings(given, scope) + scenes(scope, NOISE_N, [seed for seed in scope.seeds if seed == 2])
     signals = [source.signal().middle(scope.cost_ticks) for source in sources if source.key.half == "reported"]

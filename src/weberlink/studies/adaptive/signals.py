@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from weberlink.studies.evaluate.replay import Signal, signal_of
 from weberlink.studies.evaluate.scenes import scene_names, scene_signal
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 
 Half = Literal["chosen", "reported"]
 Kind = Literal["recording", "scene"]
@@ -100,7 +100,7 @@ QUICK = AdaptiveScope(
 )
 
 
-def recordings(given: Iterable[Recording], scope: AdaptiveScope) -> list[SignalSource]:
+def recordings(given: Iterable[NamedTrace], scope: AdaptiveScope) -> list[SignalSource]:
     """Sources of the recordings that are not empty."""
     return [
         SignalSource(SignalKey(name, name, _half(name in CHOSEN_RECORDINGS), "recording", 0.0), recorded)

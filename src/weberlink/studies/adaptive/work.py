@@ -22,7 +22,7 @@ from weberlink.studies.adaptive.variants import (
 )
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 from weberlink.system.scoring.perception import Threshold
 
 RATES, QUIET, ABLATION, TUNING, UNSEEN, LIMITS, EQUAL, SMOOTH = (
@@ -54,7 +54,7 @@ class Piece(NamedTuple):
 Rows = list[RateRow] | list[MatchRow]
 
 
-def tasks(given: list[Recording], scope: AdaptiveScope) -> list[SignalTask]:
+def tasks(given: list[NamedTrace], scope: AdaptiveScope) -> list[SignalTask]:
     """All of the work."""
     main = recordings(given, scope) + scenes(scope, NOISE_N)
     first = min((source.seed for source in main if source.key.half == "reported" and source.seed), default=0)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from weberlink.studies.curves import Curves, Point, curves
+from weberlink.studies.curves import CurvePoint, Curves, curves
 from weberlink.studies.experiment.answers import Answers
 from weberlink.studies.experiment.statistics import Crossing, Friedman, Saving, SignedRank, against, friedman, savings
 
@@ -133,7 +133,7 @@ def _all_savings(answers: Answers, level: float) -> Savings:
     return Savings(level, crossings, by_base)
 
 
-def _row(point: Point) -> dict[str, Any]:
+def _row(point: CurvePoint) -> dict[str, Any]:
     return {
         "predictor": point.predictor,
         "weber": point.weber,

@@ -14,7 +14,7 @@ from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session
-from weberlink.system.scoring.felt import FeltError
+from weberlink.system.scoring.perception import FeltError
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 

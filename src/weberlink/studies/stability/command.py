@@ -12,7 +12,7 @@ from typing import Any, get_args
 from rich.table import Table
 
 from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
-from weberlink.studies.parallel import spread
+from weberlink.studies.parallel import parallel_map
 from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, timing
 from weberlink.studies.stability.measured_wall import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict
@@ -102,11 +102,7 @@ def compute(
 ) -> tuple[list[WallRow], list[tuple[SystemCell, CellVerdict]]]:
     """Compute everything in `workers` processes; results in the given order."""
     tasks: list[Task] = [*surveyed, *mapped]
-    results: dict[int, Result] = {}
-    for index, result in spread(_work, tasks, workers, _length):
-        results[index] = result
-        progress(len(results), len(tasks))
-    ordered = [results[index] for index in range(len(tasks))]
+    ordered = parallel_map(_work, tasks, workers, _length, progress)
     rows = [result for result in ordered if isinstance(result, WallRow)]
     verdicts = [result for result in ordered if isinstance(result, CellVerdict)]
     return rows, list(zip(mapped, verdicts, strict=True))

@@ -1,27 +1,26 @@
-"""Where a hand means to go that explores a surface: strokes, loops, taps, presses, and reaches through the air.
+"""Random motion of a hand that explores a surface: strokes, loops, taps, presses, and moves through the air."""
 
-Owns the drawing of the motion; knows neither the hand nor the scene. Everything is drawn in the coordinates of a chart.
-"""
-
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 from random import Random
 
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.motion import Leg, minimum_jerk
-from weberlink.studies.evaluate.scenes.charts import Chart
+
+Chart = Callable[[Vector], Vector]
+"""Maps (u, v, height) to a point [m]: u and v are lengths along a surface; a negative height is the intended depth."""
 
 LIFTED_M = (0.006, 0.02)
-"""How high over the surface the hand goes when it lets go."""
+"""Range of heights over the surface after release."""
 HOME_ABOVE_M = 0.02
 BEYOND_S = 1.0
-"""The motion goes on so long after the signal, so that no signal ends in a rest."""
+"""The motion is so much longer than the signal, so that no signal ends at rest."""
 
 
 @dataclass(frozen=True, slots=True)
-class Over:
-    """By minimum jerk from one place to another of the chart; the same place twice is a rest."""
+class MinimumJerkLeg:
+    """From one place of the chart to another by minimum jerk; the same place twice is a rest."""
 
     chart: Chart
     start: Vector
@@ -35,8 +34,8 @@ class Over:
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
-    """Whole turns around `center` (u, v), beginning and ending at `start`."""
+class LoopLeg:
+    """Whole turns around `center` (u, v), from `start` to `start`."""
 
     chart: Chart
     start: Vector
@@ -53,30 +52,30 @@ class Loop:
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class ExploredSurface:
     """What is explored.
 
     Args:
         chart: of the surface.
-        reach_m: how far from u = v = 0 the hand goes.
-        yield_m_n: how much deeper the hand must mean to be for each newton: compliance of hand and surface together.
-        force_n: from the gentlest to the firmest touch.
+        reach_m: largest distance from u = v = 0.
+        compliance_m_n: intended depth for each newton: compliance of hand and surface together.
+        force_n: least and largest intended force.
     """
 
     chart: Chart
     reach_m: float
-    yield_m_n: float
+    compliance_m_n: float
     force_n: tuple[float, float]
 
 
-def home(ground: Ground) -> Vector:
-    """Where the hand is at first [m]."""
-    return ground.chart((0.0, 0.0, HOME_ABOVE_M))
+def home(surface: ExploredSurface) -> Vector:
+    """Initial position of the hand [m]."""
+    return surface.chart((0.0, 0.0, HOME_ABOVE_M))
 
 
-def exploration(ground: Ground, duration_s: float, random: Random) -> list[Leg]:
-    """Legs from `home` on that take `duration_s` and some more."""
-    explorer = Explorer(ground, random)
+def exploration(surface: ExploredSurface, duration_s: float, random: Random) -> list[Leg]:
+    """Legs from `home` on, for `duration_s` and `BEYOND_S` more."""
+    explorer = Explorer(surface, random)
     legs: list[Leg] = []
     elapsed = 0.0
     while elapsed < duration_s + BEYOND_S:
@@ -87,10 +86,10 @@ def exploration(ground: Ground, duration_s: float, random: Random) -> list[Leg]:
 
 
 class Explorer:
-    """Draws one episode after another, each from where the last one left the hand."""
+    """Draws random episodes; each begins where the last one ended."""
 
-    def __init__(self, ground: Ground, random: Random) -> None:
-        self._ground = ground
+    def __init__(self, surface: ExploredSurface, random: Random) -> None:
+        self._surface = surface
         self._random = random
         self._place: Vector = (0.0, 0.0, HOME_ABOVE_M)
 
@@ -101,7 +100,7 @@ class Explorer:
             yield from self._away()
 
     def _strokes(self) -> Iterator[Leg]:
-        """To and fro between two places, as firmly as each pass happens to be."""
+        """To and fro between two places, each pass with another force."""
         ends = self._spot(), self._spot()
         yield self._to((*ends[0], self._depth()), self._uniform(0.5, 0.9))
         for number in range(self._random.randint(1, 4)):
@@ -113,11 +112,11 @@ class Explorer:
         u, v = self._spot()
         yield self._to((u, v, self._depth()), self._uniform(0.5, 0.9))
         turns = self._random.choice((-2, -1, 1, 2))
-        radius, angle = self._uniform(0.2, 0.5) * self._ground.reach_m, self._uniform(0.0, 2.0 * pi)
+        radius, angle = self._uniform(0.2, 0.5) * self._surface.reach_m, self._uniform(0.0, 2.0 * pi)
         size = hypot(u, v)
         away = (cos(angle), sin(angle)) if size < radius else (-u / size, -v / size)
         center = (u + radius * away[0], v + radius * away[1])
-        yield Loop(self._ground.chart, self._place, center, turns, abs(turns) * self._uniform(0.9, 2.2))
+        yield LoopLeg(self._surface.chart, self._place, center, turns, abs(turns) * self._uniform(0.9, 2.2))
 
     def _taps(self) -> Iterator[Leg]:
         u, v = self._spot()
@@ -129,7 +128,7 @@ class Explorer:
             yield self._to((u, v, up), half)
 
     def _press(self) -> Iterator[Leg]:
-        """In at one place, firmer and softer there, with pauses."""
+        """Press at one place with changing force and pauses."""
         u, v = self._spot()
         yield self._to((u, v, self._depth()), self._uniform(0.6, 1.0))
         for _ in range(self._random.randint(1, 3)):
@@ -137,25 +136,25 @@ class Explorer:
             yield self._to(self._place, self._uniform(0.1, 0.4))
 
     def _away(self) -> Iterator[Leg]:
-        """Lets go, and perhaps goes through the air."""
+        """Release, and perhaps move through the air."""
         u, v, _ = self._place
         yield self._to((u, v, self._uniform(*LIFTED_M)), self._uniform(0.3, 0.6))
         if self._random.random() < 0.5:
             yield self._to((*self._spot(), self._uniform(*LIFTED_M)), self._uniform(0.3, 0.7))
 
     def _to(self, place: Vector, duration: float) -> Leg:
-        leg = Over(self._ground.chart, self._place, place, duration)
+        leg = MinimumJerkLeg(self._surface.chart, self._place, place, duration)
         self._place = place
         return leg
 
     def _spot(self) -> tuple[float, float]:
-        """Anywhere within reach."""
-        radius = self._ground.reach_m * self._random.random() ** 0.5
+        """A random (u, v) within reach."""
+        radius = self._surface.reach_m * self._random.random() ** 0.5
         angle = self._uniform(0.0, 2.0 * pi)
         return radius * cos(angle), radius * sin(angle)
 
     def _depth(self) -> float:
-        return -self._ground.yield_m_n * self._uniform(*self._ground.force_n)
+        return -self._surface.compliance_m_n * self._uniform(*self._surface.force_n)
 
     def _uniform(self, low: float, high: float) -> float:
         return self._random.uniform(low, high)

@@ -1,7 +1,4 @@
-"""Work spread over the workers of a Dask cluster, as `weberlink.studies.parallel` spreads it over processors.
-
-Knows nothing of what the work is. Needs distributed (extra: dask), which nothing else imports.
-"""
+"""Run a function on many tasks on the workers of a Dask cluster, as `parallel` does in processes. Extra: dask."""
 
 import logging
 from collections.abc import Callable, Iterator, Sequence
@@ -15,57 +12,69 @@ from distributed import Client
 from distributed.comm.addressing import resolve_address
 from distributed.scheduler import KilledWorker
 
+from weberlink.studies.parallel import Progress, in_order, longest_first
+
 Shared = TypeVar("Shared")
 Own = TypeVar("Own")
 Result = TypeVar("Result")
 
 PATIENCE_S = 5.0
-"""How long a scheduler, its first worker or an answer is waited for."""
-GLANCE_S = 1.0
-"""After so long without a result, the cluster is asked whether it is still there."""
-ALIKE = ("weberlink", "numpy")
-"""Packages whose versions make the results."""
+"""Timeout for the scheduler, its first worker and an answer."""
+POLL_S = 1.0
+"""After this time without a result, check whether the cluster is still alive."""
+COMPARED_PACKAGES = ("weberlink", "numpy")
+"""Packages whose versions must be the same on every worker."""
 
 
 class UnavailableClusterError(Exception):
-    """The cluster cannot do this work; nothing was computed. One line says why, and what to do."""
+    """The cluster cannot do this work; nothing was computed. The message is one line with a remedy."""
 
 
 class LostClusterError(Exception):
-    """The cluster went away, and what it had not given back with it. One line says how."""
+    """The cluster went away before the end. The message is one line."""
 
 
-def spread_on_cluster(
-    address: str,
+def cluster_map(
     work: Callable[[tuple[Shared, Own]], Result],
     tasks: Sequence[tuple[Shared, Own]],
-    length: Callable[[tuple[Shared, Own]], float] = lambda _: 1.0,
-) -> Iterator[tuple[int, Result]]:
-    """Each task's place and result, as they come.
+    address: str,
+    cost: Callable[[tuple[Shared, Own]], float] = lambda _: 1.0,
+    progress: Progress = lambda *_: None,
+) -> list[Result]:
+    """The results in the order of the tasks.
 
-    What several tasks share is sent to every worker once, not with every task; then any worker can be spared, and
-    what it had begun is begun again on another.
+    A part that several tasks share is sent to every worker once. Any worker can then be lost: its unfinished tasks run
+    again on another.
 
     Args:
-        address: of the scheduler, such as tcp://host:8786.
         work: a function of a module that the workers can import, called with each task on some worker.
-        tasks: pairs of a large part, the same object in several tasks, and a small one; both can be pickled.
-        length: a measure of what a task costs. The longest go first.
+        tasks: pairs of a large part, the same object in several tasks, and a small one; both picklable.
+        address: of the scheduler, such as tcp://host:8786.
+        cost: relative run time of a task. The longest tasks start first.
+        progress: called after every task.
 
     Raises:
-        UnavailableClusterError: if the scheduler does not answer, or its workers are none or other than this program.
-        LostClusterError: if no worker is left, or the scheduler, before the end.
+        UnavailableClusterError: the scheduler does not answer, has no workers, or a worker has another version.
+        LostClusterError: the scheduler or the last worker was lost before the end.
     """
+    return in_order(_as_completed(work, tasks, address, cost), len(tasks), progress)
+
+
+def _as_completed(
+    work: Callable[[tuple[Shared, Own]], Result],
+    tasks: Sequence[tuple[Shared, Own]],
+    address: str,
+    cost: Callable[[tuple[Shared, Own]], float],
+) -> Iterator[tuple[int, Result]]:
     with _quiet(), _connected(address) as client:
         _check_workers(client, address)
         done: SimpleQueue[Any] = SimpleQueue()
         try:
             shared = {id(part): part for part, _ in tasks}
             sent = dict(zip(shared, client.scatter(list(shared.values()), broadcast=True, hash=False), strict=True))
-            order = sorted(range(len(tasks)), key=lambda index: -length(tasks[index]))
             futures = {
                 client.submit(_call, work, sent[id(tasks[i][0])], tasks[i][1], pure=False, priority=-place): i
-                for place, i in enumerate(order)
+                for place, i in enumerate(longest_first(tasks, cost))
             }
             for future in futures:
                 future.add_done_callback(done.put)
@@ -81,14 +90,10 @@ def _call(work: Callable[[tuple[Shared, Own]], Result], shared: Shared, own: Own
 
 
 def _next(done: "SimpleQueue[Any]", client: Any, futures: Any) -> Any:
-    """The next future that is done.
-
-    Raises:
-        OSError: if there will be none.
-    """
+    """The next completed future; raises OSError if the cluster or a worker's data is lost."""
     while True:
         try:
-            return done.get(timeout=GLANCE_S)
+            return done.get(timeout=POLL_S)
         except Empty:
             if not _workers_left(client):
                 raise ConnectionError from None
@@ -97,18 +102,13 @@ def _next(done: "SimpleQueue[Any]", client: Any, futures: Any) -> Any:
 
 
 def _workers_left(client: Any) -> int:
-    """How many.
-
-    Raises:
-        OSError: if the scheduler does not answer.
-    """
+    """Number of workers; raises OSError if the scheduler does not answer."""
     if client.status != "running":
         raise ConnectionError("the scheduler is gone")
     return len(client.sync(client.scheduler.ncores, callback_timeout=PATIENCE_S))
 
 
 def _loss(client: Any, error: BaseException) -> str:
-    """What went away."""
     try:
         left = _workers_left(client)
     except OSError:
@@ -119,7 +119,7 @@ def _loss(client: Any, error: BaseException) -> str:
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
     try:
-        resolve_address(address)  # a client that cannot is left half made, and complains when it is thrown away
+        resolve_address(address)  # a client that fails at this logs an error when it is collected
         client = cast("Any", Client)(address, timeout=PATIENCE_S, set_as_default=False, name="weberlink")
     except (OSError, ValueError) as error:
         raise UnavailableClusterError(
@@ -129,7 +129,7 @@ def _connected(address: str) -> Iterator[Any]:
         yield client
     finally:
         with suppress(OSError):  # the cluster may be gone
-            client.close(timeout=PATIENCE_S)  # forgets the futures, and so the scheduler forgets the work
+            client.close(timeout=PATIENCE_S)  # releases the futures, so the scheduler cancels the work
 
 
 def _check_workers(client: Any, address: str) -> None:
@@ -141,7 +141,7 @@ def _check_workers(client: Any, address: str) -> None:
         ) from None
     try:
         found = client.run(_versions)
-    except Exception as error:  # whatever a worker that lacks this program makes of being called
+    except Exception as error:  # a worker without this program may raise anything
         raise UnavailableClusterError(
             f"{address}: a worker cannot run this program ({_reason(error)}); install weberlink there"
         ) from None
@@ -154,7 +154,7 @@ def _check_workers(client: Any, address: str) -> None:
 
 
 def _versions() -> dict[str, str]:
-    return {name: version(name) for name in ALIKE}
+    return {name: version(name) for name in COMPARED_PACKAGES}
 
 
 def _listed(versions: dict[str, str]) -> str:
@@ -162,13 +162,12 @@ def _listed(versions: dict[str, str]) -> str:
 
 
 def _reason(error: BaseException) -> str:
-    """In one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Without the library's own log on standard error: what matters of it is raised."""
+    """Disable logging: the library logs errors that are raised here anyway."""
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
