@@ -159,12 +159,12 @@ def experiment(
 
     An interrupted study continues where it stopped.
     """
-    from weberlink.studies.experiment.command import Request  # noqa: PLC0415
+    from weberlink.studies.experiment.command import ExperimentRequest  # noqa: PLC0415
     from weberlink.studies.experiment.command import run as conduct  # noqa: PLC0415
     from weberlink.studies.experiment.conduct import ConductError  # noqa: PLC0415
 
     overrides = tuple(set_ or ())
-    request = Request(file, overrides, out, subject, seed, duration, simulate, record)
+    request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
     # Progress would tell a subject about the conditions.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
     with errors(), shown as progress:

@@ -1,26 +1,33 @@
-"""One integrator on one problem with one step: how wrong it is and how long it takes."""
+"""Error and run time of one integrator with one step; orders of convergence; the Pareto front."""
 
 import gc
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, log
 from statistics import median_low
 from time import process_time
 from typing import Any
 
 from weberlink.geometry.vector import Vector, distance, is_finite
 from weberlink.slave.integrators.contract import Motion, Scheme
-from weberlink.studies.precision.problem import TICK, Problem
-from weberlink.studies.precision.reference import Reference
+from weberlink.studies.precision.problems import TICK, Problem
+from weberlink.studies.precision.reference import ReferenceSolution
 
 DIVERGED = 1.0
-"""A position error beyond the whole extent of the motion has nothing to do with it any more."""
-
+"""Position error, relative to the extent of the motion, from which a run counts as diverged."""
 ENOUGH = 0.1
-"""CPU time [s] of all repeats after which there are no more of them: length averages what disturbs a short run."""
+"""CPU time [s] after which a run is not repeated again: a long run needs no average."""
+COARSE = 0.03
+"""Relative errors above it are not asymptotic yet."""
+POINTS_LEAST = 3
+POINTS_MOST = 4
+
+Point = tuple[float, float]
+"""Two figures to be small, such as run time and error; infinite where there is none."""
 
 
 @dataclass(frozen=True, order=True)
-class Step:
+class StepSize:
     """A step of `ticks` ticks, or of a tick divided into `substeps`; one of the two is 1."""
 
     ticks: int = 1
@@ -37,12 +44,12 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Row:
-    """The figures of one combination. Errors are the largest over the ticks; infinite where nothing finite came out."""
+class IntegratorRow:
+    """One integrator on one problem with one step. Errors are the largest over the ticks; infinite if not finite."""
 
     problem: str
     integrator: str
-    step: Step
+    step: StepSize
     position_error: float
     """Relative to the extent of the motion."""
     force_error: float
@@ -80,8 +87,10 @@ def finite_or_none(value: float) -> float | None:
     return value if isfinite(value) else None
 
 
-def measured(problem: Problem, name: str, scheme: Scheme, step: Step, known: Reference, repeats: int) -> Row:
-    """Runs it up to `repeats` times from fresh, and holds it against the reference."""
+def measured(
+    problem: Problem, name: str, scheme: Scheme, step: StepSize, known: ReferenceSolution, repeats: int
+) -> IntegratorRow:
+    """Run it up to `repeats` times and compare it with the reference."""
     times: list[float] = []
     motions: list[Motion] = []
     while len(times) < repeats and sum(times) * problem.duration < ENOUGH:
@@ -93,7 +102,7 @@ def measured(problem: Problem, name: str, scheme: Scheme, step: Step, known: Ref
     position_error_m = largest_error(positions, known.trajectory.positions[stride - 1 :: stride])
     force_error_n = largest_error(forces, known.trajectory.forces[stride - 1 :: stride])
     middle = median_low(times)
-    return Row(
+    return IntegratorRow(
         problem=problem.name,
         integrator=name,
         step=step,
@@ -107,7 +116,7 @@ def measured(problem: Problem, name: str, scheme: Scheme, step: Step, known: Ref
     )
 
 
-def simulated(problem: Problem, scheme: Scheme, step: Step, start_force: Vector) -> tuple[list[Motion], float]:
+def simulated(problem: Problem, scheme: Scheme, step: StepSize, start_force: Vector) -> tuple[list[Motion], float]:
     """The motion after each tick (or step, if that is longer), and the CPU time [s] of integrating it."""
     integrator = scheme.build(problem.body, problem.scene())
     motion = Motion(problem.position, problem.velocity, start_force)
@@ -137,3 +146,43 @@ def largest_error(values: list[Vector], expected: list[Vector]) -> float:
             return inf
         worst = max(worst, distance(value, right))
     return worst
+
+
+def fitted_order(steps: Sequence[float], errors: Sequence[float | None], floor: float) -> float | None:
+    """Least squares over the finest four of the steps whose errors are asymptotic.
+
+    Args:
+        steps: lengths, in any order and unit.
+        errors: relative; None where the run diverged.
+        floor: errors below it are rounding, or the reference's own.
+
+    Returns:
+        The order; None where fewer than three errors lie between `floor` and 3 %.
+    """
+    usable = [
+        (log(step), log(error))
+        for step, error in sorted(zip(steps, errors, strict=True), key=lambda pair: pair[0])
+        if error is not None and floor < error < COARSE
+    ][:POINTS_MOST]
+    if len(usable) < POINTS_LEAST:
+        return None
+    mean_x = sum(x for x, _ in usable) / len(usable)
+    mean_y = sum(y for _, y in usable) / len(usable)
+    covariance = sum((x - mean_x) * (y - mean_y) for x, y in usable)
+    return covariance / sum((x - mean_x) ** 2 for x, _ in usable)
+
+
+def dominates(a: Point, b: Point) -> bool:
+    """Whether neither figure of `a` is larger than that of `b`, and one is smaller."""
+    return a[0] <= b[0] and a[1] <= b[1] and a != b
+
+
+def front(points: Sequence[Point]) -> list[bool]:
+    """Whether each point is on the Pareto front: finite, and dominated by no other."""
+    return [isfinite(point[1]) and not any(dominates(other, point) for other in points) for point in points]
+
+
+def cheapest_as_good(points: Sequence[Point], error: float) -> int | None:
+    """The index of the point with the smallest first figure whose error is at most `error`."""
+    good = [index for index, point in enumerate(points) if point[1] <= error]
+    return min(good, key=lambda index: points[index][0], default=None)

@@ -1,27 +1,34 @@
-"""Reference solver two: Radau IIA collocation of order 17, implicit and L-stable, with its own step control and events.
+"""Two independent reference solvers for a stretch of smooth motion: DOP853 of scipy, and Radau IIA collocation.
 
-Hairer, Wanner, "Solving Ordinary Differential Equations II", IV.5. The derivative over a step is one Legendre series
-through nine nodes. The step is accepted when the tail of that series has vanished, so the series is as exact inside the
-step as at its end, and guards are followed on it. Shares nothing with the other solver.
+`dop853` is the explicit method of order 8 by Dormand and Prince (Hairer, Norsett, Wanner, "Solving Ordinary
+Differential Equations I"). `collocation` is the implicit, L-stable Radau IIA method of order 17 (Hairer, Wanner,
+"Solving Ordinary Differential Equations II", IV.5): the derivative over a step is one Legendre series through nine
+nodes. A step is accepted when the tail of the series has vanished; the series is then as exact inside the step as at
+its end, and guards are evaluated on it. The solvers share no code. scipy's own Radau method has order 5 and would need
+far too many steps for this accuracy.
 """
 
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from weberlink.studies.precision.smooth import Outcome, Stretch
+from weberlink.studies.precision.equations import MotionState
+
+RELATIVE = 3e-14  # the smallest tolerance that scipy accepts is 100 roundings
+ABSOLUTE = (1e-17, 1e-17, 1e-17, 1e-15, 1e-15, 1e-15)  # [m], [m/s]
 
 STAGES = 9
 TAIL = 1e-13
-"""Largest share of the last Legendre coefficients in a step's change, against the size of the state."""
+"""Largest last Legendre coefficients of a step, relative to the size of the state."""
 SIZE_LEAST = (1e-5, 1e-5, 1e-5, 1e-2, 1e-2, 1e-2)
-"""[m], [m/s] what is smaller counts as this large; a motion that dies out is not followed into its rounding."""
+"""Smallest size of the state [m], [m/s], so that a motion that dies out is not followed into its rounding."""
 ITERATIONS = 12
 LOOKS = 24
-"""Points per step at which the guards are read."""
+"""Points per step at which the guards are evaluated."""
 NUDGE = (1e-5, 1e-5, 1e-5, 1e-3, 1e-3, 1e-3)  # [m], [m/s] for the Jacobian; exact where the field is linear
 GROWTH = 3.0
 LEAST_STEP = 1e-16  # [s]
@@ -29,8 +36,81 @@ LEAST_STEP = 1e-16  # [s]
 Array = NDArray[np.floating[Any]]
 
 
+class Stretch(NamedTuple):
+    """An initial value problem between two events.
+
+    Args:
+        field: d(state)/dt.
+        guards: functions of the state; the stretch ends where the first of them falls below zero.
+        state: at `begin`.
+        begin: [s].
+        end: [s], more than `begin`.
+        ticks: times in (begin, end] at which the state is wanted, ascending [s].
+    """
+
+    field: Callable[[MotionState], list[float]]
+    guards: Sequence[Callable[[MotionState], float]]
+    state: MotionState
+    begin: float
+    end: float
+    ticks: Sequence[float]
+
+
+class Outcome(NamedTuple):
+    """States at the ticks reached; time [s], state and guard of the end (None: no guard fell)."""
+
+    samples: list[list[float]]
+    at: float
+    state: list[float]
+    fallen: int | None
+
+
+class Solver(Protocol):
+    def __call__(self, stretch: Stretch) -> Outcome:
+        """Solve one stretch.
+
+        Raises:
+            ArithmeticError: if the accuracy cannot be reached.
+        """
+        ...
+
+
+def dop853(stretch: Stretch) -> Outcome:
+    """Solve with the explicit method of order 8; see `Solver`."""
+    from scipy.integrate import solve_ivp  # noqa: PLC0415 - an extra, imported where it is needed
+
+    answer = solve_ivp(
+        lambda _, state: stretch.field(state.tolist()),
+        (stretch.begin, stretch.end),
+        np.array(stretch.state),
+        method="DOP853",
+        t_eval=[*stretch.ticks, *([] if stretch.end in stretch.ticks else [stretch.end])],
+        events=[falling(guard) for guard in stretch.guards],
+        rtol=RELATIVE,
+        atol=ABSOLUTE,
+    )
+    if answer.status < 0:
+        raise ArithmeticError(f"DOP853: {answer.message}")
+    samples = np.transpose(answer.y).tolist()  # scipy returns an empty list before the first tick
+    for index, (times, states) in enumerate(zip(answer.t_events or (), answer.y_events or (), strict=True)):
+        if len(times):
+            return Outcome(samples, float(times[0]), states[0].tolist(), index)
+    return Outcome(samples[: len(stretch.ticks)], stretch.end, samples[-1], None)
+
+
+def falling(guard: Callable[[MotionState], float]) -> Callable[[float, Array], float]:
+    """The guard as a terminal event of scipy."""
+
+    def event(_: float, state: Array) -> float:
+        return guard(state.tolist())
+
+    event.terminal = True  # type: ignore[attr-defined]
+    event.direction = -1.0  # type: ignore[attr-defined]
+    return event
+
+
 class Tableau(NamedTuple):
-    """Of the step from 0 to 1.
+    """Matrices of the method for the step from 0 to 1.
 
     Args:
         weights: integrate values at the nodes up to each node.
@@ -43,7 +123,7 @@ class Tableau(NamedTuple):
     looks: Array
 
 
-class Step(NamedTuple):
+class CollocationStep(NamedTuple):
     """An accepted step: state at its start, its length [s], and the Legendre coefficients of the derivative."""
 
     state: Array
@@ -55,8 +135,8 @@ class Step(NamedTuple):
         return self.state + self.length * (integrals(share) @ self.coefficients)
 
 
-def solve(stretch: Stretch) -> Outcome:
-    """As `Solver`."""
+def collocation(stretch: Stretch) -> Outcome:
+    """Solve with Radau IIA collocation of order 17; see `Solver`."""
     now, state = stretch.begin, np.array(stretch.state, dtype=float)
     scale = np.maximum(np.abs(state), SIZE_LEAST)
     samples: list[list[float]] = []
@@ -85,7 +165,7 @@ def solve(stretch: Stretch) -> Outcome:
     return Outcome(samples, now, state.tolist(), None)
 
 
-def collocated(stretch: Stretch, state: Array, length: float, scale: Array) -> tuple[Step, float]:
+def collocated(stretch: Stretch, state: Array, length: float, scale: Array) -> tuple[CollocationStep, float]:
     """One step by simplified Newton iteration, and its tail in units of what is allowed; infinite if it failed."""
     weights, series, _ = tableau()
     field = stretch.field
@@ -104,11 +184,11 @@ def collocated(stretch: Stretch, state: Array, length: float, scale: Array) -> t
         smallest = size
     largest = np.max(np.abs(slopes), axis=0)
     if not np.all(np.abs(correction) <= 1e-9 * (largest + 1e-12)):
-        return Step(state, length, slopes), np.inf
+        return CollocationStep(state, length, slopes), np.inf
     coefficients = series @ slopes
     allowed = TAIL * np.maximum(scale, length * largest)
     tail = length * np.max(np.abs(coefficients[-2:]), axis=0)
-    return Step(state, length, coefficients), float(np.max(tail / allowed))
+    return CollocationStep(state, length, coefficients), float(np.max(tail / allowed))
 
 
 def jacobian(stretch: Stretch, state: Array) -> Array:
@@ -122,7 +202,7 @@ def jacobian(stretch: Stretch, state: Array) -> Array:
     return np.stack(columns, axis=1)
 
 
-def first_fall(stretch: Stretch, step: Step) -> tuple[float, int] | None:
+def first_fall(stretch: Stretch, step: CollocationStep) -> tuple[float, int] | None:
     """Where in the step (as a share of it) the first guard falls below zero, and which; None if all of them hold."""
     if not stretch.guards:
         return None
@@ -141,7 +221,7 @@ def first_fall(stretch: Stretch, step: Step) -> tuple[float, int] | None:
     return None
 
 
-def bisected(stretch: Stretch, step: Step, index: int, low: float, high: float) -> float:
+def bisected(stretch: Stretch, step: CollocationStep, index: int, low: float, high: float) -> float:
     """The share between `low` (guard holds) and `high` (guard has fallen) where it falls, to the last digit."""
     guard = stretch.guards[index]
     while True:

@@ -1,18 +1,13 @@
-"""What the codec costs and what it is worth: felt error against packets and against run time, a curve per predictor.
-
-Owns the study over predictors and Weber factors, the Pareto front, and its figure. Packets, coding error and run time
-are those of `weberlink.studies.evaluate`; where the traces come from it does not know.
+"""Felt error of the force channel against packets and run time, over predictors and Weber factors.
 
 The felt error is that of an operator whose position is known at once, but who feels an update only `latency_ticks`
 after it was sent: the force of the model that had arrived by then, against the force measured in the same tick. Without
-latency it is the coding error, which is within the deadband by law; with it a predictor that is wrong about the next
-ticks is felt, and one that sends more is felt more often.
+latency it is the coding error, which is within the deadband by law.
 """
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -24,17 +19,18 @@ from weberlink.codec.predictors import HYBRID, FitLimits
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.replay import replay, signal_of
+from weberlink.studies.precision.measurement import Point, dominates, front
 from weberlink.system.scoring.perception import in_units, longest_run, rms
 
 PREDICTORS = ("zoh", "linear", "plane", "sphere", HYBRID)
 WEBERS = (0.025, 0.05, 0.10, 0.20, 0.30)
 RECOMMENDED = (HYBRID, 0.10)
-"""What the shipped configurations choose."""
+"""The choice of the shipped configurations."""
 POOLED = "all"
-"""The name of the rows that sum up all traces."""
+"""Name of the rows of all traces together."""
 
 MakeChannel = Callable[[str, float], Channel]
-"""Of a predictor and a Weber factor."""
+"""Makes the channel of a predictor and a Weber factor."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +45,11 @@ class CodingRow:
     packets: int
     packets_per_s: float
     reduction: float
-    """Against one packet per sample."""
+    """Relative to one packet per sample."""
     coding_rms_n: float
-    """Without latency: what the encoder lets stand."""
+    """Error without latency."""
     error_rms_n: float
-    """Felt, as is all that follows."""
+    """Felt, as are the next figures."""
     error_max_n: float
     error_rms_jnd: float
     """In units of the deadband of each tick."""
@@ -63,27 +59,21 @@ class CodingRow:
     tick_us: float
     """Median run time of encode plus decode."""
     pareto: bool = False
-    """No row of this trace has fewer packets and less felt error."""
+    """Whether it is on the Pareto front of packets and felt error of its trace."""
     pareto_at_weber: bool = False
-    """Nor has one of the same Weber factor."""
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+    """Whether it is on the front of its Weber factor."""
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Where the recommended choice stands among the predictors at its Weber factor."""
+class ParetoVerdict:
+    """The place of the recommended predictor among those of its Weber factor."""
 
     trace: str
     on_front: bool
     dominated_by: tuple[str, ...]
-    """Predictors with no more packets and no more felt error, and less of one."""
+    """Predictors that are better in packets or felt error and worse in neither."""
     excess: float
-    """By which both its packets and its felt error would have to shrink, as a share, to be on the front."""
-
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+    """Share by which both its packets and its felt error would have to shrink to be on the front."""
 
 
 @dataclass(frozen=True)
@@ -100,32 +90,21 @@ class CodingStudy:
     pooled: tuple[CodingRow, ...]
     latency_ticks: int
 
-    def verdicts(self, recommended: tuple[str, float] = RECOMMENDED) -> list[Verdict]:
+    def verdicts(self, recommended: tuple[str, float] = RECOMMENDED) -> list[ParetoVerdict]:
         """On each trace, and on all together last; empty if the study does not hold the recommended choice."""
         groups = [[row for row in self.rows if row.trace == name] for name in dict.fromkeys(r.trace for r in self.rows)]
         verdicts = (_judge(rows, *recommended) for rows in [*groups, list(self.pooled)])
         return [verdict for verdict in verdicts if verdict is not None]
 
-    def draw(self, path: Path, caption: str) -> None:
-        """Write the figure of the pooled rows; needs matplotlib.
-
-        Args:
-            path: of the picture; its suffix names the format.
-            caption: the environment in which the rows were made, printed below.
-        """
-        from weberlink.studies.precision.coding_figure import draw  # noqa: PLC0415 - heavy, and only wanted with --plots
-
-        draw(self, path, caption)
-
     def as_json(self) -> dict[str, Any]:
         return {
             "latency_ticks": self.latency_ticks,
-            "rows": [row.as_json() for row in self.rows],
-            "pooled": [row.as_json() for row in self.pooled],
+            "rows": [asdict(row) for row in self.rows],
+            "pooled": [asdict(row) for row in self.pooled],
             "recommended": {
                 "predictor": RECOMMENDED[0],
                 "weber": RECOMMENDED[1],
-                "verdicts": [verdict.as_json() for verdict in self.verdicts()],
+                "verdicts": [asdict(verdict) for verdict in self.verdicts()],
             },
         }
 
@@ -203,15 +182,6 @@ def felt_errors(trace: Trace, channel: Channel, latency_ticks: int) -> tuple[NDA
     return np.array(errors), np.array(bounds)
 
 
-def front(points: Sequence[tuple[float, float]]) -> list[bool]:
-    """Which points are on the Pareto front: no other has both coordinates as small, and one smaller."""
-    return [not any(_dominates(other, point) for other in points) for point in points]
-
-
-def _dominates(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    return a[0] <= b[0] and a[1] <= b[1] and a != b
-
-
 def _check_range(name: str, trace: Trace, channel: Channel) -> None:
     quantities = [
         ("position", "m", trace.position_m, channel.position_quantizer),
@@ -282,25 +252,25 @@ def _mark(rows: Sequence[CodingRow]) -> list[CodingRow]:
         replace(
             row,
             pareto=on,
-            pareto_at_weber=not any(_dominates(_point(o), _point(row)) for o in rows if o.weber == row.weber),
+            pareto_at_weber=not any(dominates(_point(o), _point(row)) for o in rows if o.weber == row.weber),
         )
         for row, on in zip(rows, on_front, strict=True)
     ]
 
 
-def _point(row: CodingRow) -> tuple[float, float]:
+def _point(row: CodingRow) -> Point:
     return row.packets_per_s, row.error_rms_n
 
 
-def _judge(rows: Sequence[CodingRow], predictor: str, weber: float) -> Verdict | None:
+def _judge(rows: Sequence[CodingRow], predictor: str, weber: float) -> ParetoVerdict | None:
     alike = [row for row in rows if row.weber == weber]
     chosen = next((row for row in alike if row.predictor == predictor), None)
     if chosen is None:
         return None
-    better = [row for row in alike if _dominates(_point(row), _point(chosen))]
+    better = [row for row in alike if dominates(_point(row), _point(chosen))]
     excess = max((_excess(_point(chosen), _point(row)) for row in better), default=0.0)
-    return Verdict(chosen.trace, not better, tuple(row.predictor for row in better), excess)
+    return ParetoVerdict(chosen.trace, not better, tuple(row.predictor for row in better), excess)
 
 
-def _excess(point: tuple[float, float], dominating: tuple[float, float]) -> float:
+def _excess(point: Point, dominating: Point) -> float:
     return min(1.0 - best / mine if mine > 0.0 else 0.0 for mine, best in zip(point, dominating, strict=True))

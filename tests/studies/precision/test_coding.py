@@ -1,31 +1,23 @@
-"""The codec's work-precision study: felt errors worked out by hand, the laws of a Pareto front, and the figure."""
+"""The work-precision study of the codec."""
 
 import json
-import subprocess
-import sys
 from math import sin, sqrt
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.replay import replay, signal_of
-from weberlink.studies.precision.coding_precision import (
+from weberlink.studies.precision.coding import (
     PREDICTORS,
     RECOMMENDED,
     CodingRow,
     CodingStudy,
     felt_errors,
-    front,
     shipped_channel,
     study,
 )
-
-coordinates = st.integers(0, 6).map(float)
-points = st.tuples(coordinates, coordinates)
 
 
 def trace(forces: list[float], depths: list[float]) -> Trace:
@@ -64,13 +56,13 @@ def row(predictor: str, packets_per_s: float, error: float, *, weber: float = 0.
     )
 
 
-def test_an_update_is_felt_as_late_as_the_link_makes_it() -> None:
+def test_an_update_is_felt_after_the_latency() -> None:
     errors, bounds = felt_errors(STEP, shipped_channel("zoh", 0.10), latency_ticks=3)
     assert errors.tolist() == [0.0] * 10 + [2.0] * 3 + [0.0] * 7
     assert bounds.tolist() == pytest.approx([0.02] * 10 + [0.2] * 10)
 
 
-def test_figures_of_a_step_are_those_worked_out_by_hand() -> None:
+def test_figures_of_a_step_match_the_formulas() -> None:
     (found,) = study({"step": STEP}, ["zoh"], [0.10], latency_ticks=3).rows
     assert (found.trace, found.predictor, found.weber) == ("step", "zoh", 0.10)
     assert (found.samples, found.packets, found.duration_s) == (20, 1, pytest.approx(0.02))
@@ -97,7 +89,7 @@ def test_packets_are_those_of_the_evaluation(predictor: str) -> None:
     assert found.packets == len(replay(signal_of(signal), shipped_channel(predictor, 0.10)).updates) > 0
 
 
-def test_every_combination_has_a_row_and_traces_are_pooled_by_their_samples() -> None:
+def test_traces_are_pooled_by_their_samples() -> None:
     result = study({"long": wall(900), "short": wall(300, stiffness=900.0)}, ["zoh", "plane"], [0.05, 0.20])
     combinations = [(p, k) for p in ("zoh", "plane") for k in (0.05, 0.20)]
     assert [(r.trace, r.predictor, r.weber) for r in result.rows] == [
@@ -111,21 +103,7 @@ def test_every_combination_has_a_row_and_traces_are_pooled_by_their_samples() ->
         assert pooled.violation_fraction == pytest.approx(0.75 * a.violation_fraction + 0.25 * b.violation_fraction)
 
 
-@given(st.lists(points, min_size=1, max_size=12))
-def test_what_is_on_the_front_is_beaten_by_none_and_what_is_off_it_by_one_that_is_on(
-    candidates: list[tuple[float, float]],
-) -> None:
-    def beats(a: tuple[float, float], b: tuple[float, float]) -> bool:
-        return a[0] <= b[0] and a[1] <= b[1] and a != b
-
-    marks = front(candidates)
-    on = [point for point, mark in zip(candidates, marks, strict=True) if mark]
-    assert on
-    for point, mark in zip(candidates, marks, strict=True):
-        assert any(beats(other, point) for other in on) is not mark
-
-
-def test_rows_are_marked_among_all_and_among_those_of_their_weber_factor() -> None:
+def test_front_marks_count_all_and_equal_factors() -> None:
     result = study({"wall": wall()}, ["zoh", "plane"], [0.10, 0.30])
     for found in result.rows:
         better = [r for r in result.rows if r.packets <= found.packets and r.error_rms_n < found.error_rms_n]
@@ -134,7 +112,7 @@ def test_rows_are_marked_among_all_and_among_those_of_their_weber_factor() -> No
     assert {r.predictor for r in result.rows if r.pareto_at_weber} == {"plane"}
 
 
-def test_the_verdict_says_who_does_better_and_by_how_much() -> None:
+def test_the_verdict_names_dominating_predictors() -> None:
     rows = (
         row("zoh", 40.0, 0.05),
         row("plane", 9.0, 0.08),
@@ -147,14 +125,14 @@ def test_the_verdict_says_who_does_better_and_by_how_much() -> None:
     assert verdict.excess == pytest.approx(0.1)
 
 
-def test_the_verdict_on_a_choice_that_none_beats() -> None:
+def test_an_undominated_choice_is_on_the_front() -> None:
     rows = (row("zoh", 40.0, 0.05), row("hybrid", 10.0, 0.10), row("plane", 0.0, 0.11))
     (verdict, _) = CodingStudy(rows, rows, 1).verdicts()
     assert (verdict.on_front, verdict.dominated_by, verdict.excess) == (True, (), 0.0)
     assert CodingStudy(rows[:1], rows[:1], 1).verdicts() == []
 
 
-def test_refuses_what_it_cannot_study() -> None:
+def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one"):
         study({})
     with pytest.raises(ValueError, match="latency_ticks"):
@@ -165,7 +143,7 @@ def test_refuses_what_it_cannot_study() -> None:
         study({"hard": trace([0.0, 40.0], [0.0, 0.0])})
 
 
-def test_the_document_is_json_and_names_the_recommended_choice() -> None:
+def test_the_document_is_json() -> None:
     result = study({"wall": wall(200)}, ["plane", "hybrid"], [0.10])
     document = json.loads(json.dumps(result.as_json()))
     assert document["latency_ticks"] == 1
@@ -175,17 +153,12 @@ def test_the_document_is_json_and_names_the_recommended_choice() -> None:
 
 
 @pytest.mark.parametrize("predictors", [["zoh", "hybrid"], ["linear"]])
-def test_the_figure_is_a_picture_with_or_without_the_recommended_choice(tmp_path: Path, predictors: list[str]) -> None:
+def test_the_figure_is_drawn(tmp_path: Path, predictors: list[str]) -> None:
     pytest.importorskip("matplotlib")
+    from weberlink.studies.precision.figures import coding_figure  # noqa: PLC0415
+
     path = tmp_path / "coding.png"
-    study({"wall": wall(200)}, predictors, [0.05, 0.10]).draw(path, "made by a test")
+    coding_figure(study({"wall": wall(200)}, predictors, [0.05, 0.10]), path, "made by a test")
     header = path.read_bytes()[:24]
     assert header[:8] == b"\x89PNG\r\n\x1a\n"
     assert (int.from_bytes(header[16:20]), int.from_bytes(header[20:24])) == (2200, 1200)
-
-
-def test_matplotlib_is_not_imported_for_figures_that_nobody_wants() -> None:
-    script = "import sys, evaluation.coding_precision; print('matplotlib' in sys.modules)"
-    assert (
-        subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout == "False\n"
-    )
