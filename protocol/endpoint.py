@@ -41,8 +41,8 @@ from weberlink.protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS,
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 TAKEN_OVER = "taken over by "
 """How the farewell to a master begins that another one has replaced; its name follows."""
-ATTESTED_S = 0.02
-ATTESTED_TICKS = 10
+ENCODING_REPORT_S = 0.02
+ENCODING_REPORT_TICKS = 10
 """An encoder counts as running for so long, or for so many ticks, after its owner last said so."""
 MOST_TICKS = 1 << TICK_BITS - 1
 """Ticks that the silence limit may span."""
@@ -70,9 +70,9 @@ class Endpoint:
     __slots__ = (
         "_address",
         "_agreement",
-        "_attested_at",
         "_dialer",
         "_due",
+        "_encoding_reported_at",
         "_entropy",
         "_former",
         "_is_encoding",
@@ -177,7 +177,7 @@ class Endpoint:
         self._former: Session | None = None
         self.liveness = Liveness(epoch, silence, 0.0, -inf)
         self._path: Path | None = None
-        self._attested_at: float | None = None
+        self._encoding_reported_at: float | None = None
         self._is_encoding = True
         self._due: float | None = None  # asked for several times a tick; None when it may have changed
         self._mailbox = Mailbox(self.statistics)
@@ -249,12 +249,12 @@ class Endpoint:
         """By how much few datagrams of either direction exceed their least delay [s]."""
         return 0.0 if self._session is None else self._session.clock.jitter
 
-    def heard_time(self, now: float) -> float | None:
+    def latest_receivable_peer_time(self, now: float) -> float | None:
         """The part of the peer's clock that can have been heard by now [s]: its time less the least delay to here.
 
         What the peer did not send before then it had no need to send; what it does later is not known yet.
         """
-        return None if self._session is None else self._session.clock.heard_time(now)
+        return None if self._session is None else self._session.clock.latest_receivable_peer_time(now)
 
     def next_event(self) -> Event | None:
         """The oldest event not yet taken."""
@@ -279,13 +279,13 @@ class Endpoint:
         else:
             self._turn(Trigger.LISTEN)
 
-    def attest(self, now: float, *, is_encoding: bool) -> None:
+    def report_encoding(self, now: float, *, is_encoding: bool) -> None:
         """Say in every tick whether the encoder of this end runs, which every datagram tells the peer.
 
         An owner that has once said so and stops saying it, as one whose ticks have stopped, counts as not encoding. One
         that never does counts as encoding.
         """
-        self._attested_at = now
+        self._encoding_reported_at = now
         if is_encoding is not self._is_encoding:
             self._is_encoding = is_encoding
             self._tell_encoding()
@@ -299,10 +299,10 @@ class Endpoint:
             sender.heartbeats.asked()
             self._due = None
 
-    def forget(self) -> None:
+    def request_full_state(self) -> None:
         """The owner holds none of the peer's updates any more; the peer is told to send complete ones."""
         if self._session is not None:
-            self._session.forget()
+            self._session.request_full_state()
 
     def send_update(
         self,
@@ -354,16 +354,16 @@ class Endpoint:
         """
         if not 1 <= len(body) <= LONGEST_CHANGE:
             raise ValueError(f"a change takes 1 to {LONGEST_CHANGE} bytes, not {len(body)}")
-        if self._session is None or self.state is not State.ENGAGED or self._session.sender.accord.is_proposing:
+        if self._session is None or self.state is not State.ENGAGED or self._session.sender.negotiation.is_proposing:
             return False
-        self._session.sender.accord.propose(tick, body, now)
+        self._session.sender.negotiation.propose(tick, body, now)
         self._due = None
         return True
 
-    def answer_change(self, why_not: str | None) -> None:
+    def answer_change(self, refusal: str | None) -> None:
         """Answer the change that the peer has proposed last: None to make it at its tick, or in short why not."""
         if self._session is not None:
-            self._session.sender.accord.answer(why_not)
+            self._session.sender.negotiation.answer(refusal)
             self._due = None
 
     def close(self, now: float, reason: str) -> None:
@@ -424,7 +424,7 @@ class Endpoint:
             return
         if now >= self.silent_at:
             self._turn(Trigger.FALL_SILENT)
-            self._session.forget()
+            self._session.request_full_state()
             self._mailbox.tell(PeerSilent(now - self.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
             if self._role is Role.INITIATOR:
                 self._call(now)
@@ -435,8 +435,8 @@ class Endpoint:
             self.connect(now)
 
     def _watch_encoder(self, now: float) -> None:
-        limit = max(ATTESTED_S, ATTESTED_TICKS * self._parameters.tick_period)
-        if self._attested_at is not None and now - self._attested_at > limit:
+        limit = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * self._parameters.tick_period)
+        if self._encoding_reported_at is not None and now - self._encoding_reported_at > limit:
             self._is_encoding = False
 
     def _call(self, now: float) -> None:

@@ -116,12 +116,12 @@ class ChangeAnswered(NamedTuple):
     Args:
         tick: of ours, as proposed.
         body: as proposed.
-        why_not: None if it makes the change.
+        refusal: None if it makes the change.
     """
 
     tick: int
     body: bytes
-    why_not: str | None
+    refusal: str | None
 
 
 class DatagramDropped(NamedTuple):

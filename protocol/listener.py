@@ -243,13 +243,13 @@ class Listener:
         return Reply(header.pack_answer() + message, None)
 
     def _refuse(
-        self, header: HelloHeader, exchange: Incoming, why_not: str, size: int, now: float
+        self, header: HelloHeader, exchange: Incoming, refusal: str, size: int, now: float
     ) -> Reply | DropReason:
         if now < self._refused_at + REFUSAL_PACE:
             return DropReason.OVERLOADED
         self._refused_at = now
         room = size - WELCOME_HEADER - self._security.overhead
-        return self._reply(header, exchange, pack_refusal(why_not, room), why_not)
+        return self._reply(header, exchange, pack_refusal(refusal, room), refusal)
 
     def _reply(
         self, header: HelloHeader, exchange: Incoming, payload: bytes, refusal: str | None = None

@@ -6,12 +6,12 @@ what the receiving half tells it: what was delivered, what was acknowledged, and
 
 from math import inf
 
-from weberlink.protocol.accord import Accord
 from weberlink.protocol.credit import Credit
 from weberlink.protocol.direction import Direction
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.loss import LossMeter, copies_needed
+from weberlink.protocol.negotiation import ParameterNegotiation
 from weberlink.protocol.security import Protection
 from weberlink.protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
 from weberlink.protocol.statistics import Statistics
@@ -45,7 +45,7 @@ class Sender:
 
     Attributes:
         heartbeats: when one is due.
-        accord: the changes that this end proposes and answers.
+        negotiation: the changes that this end proposes and answers.
         delivered: by stream of the peer, number of the newest update that came of it, which every datagram
             acknowledges.
         is_confirmed: whether the peer was heard under the keys of this session.
@@ -66,10 +66,10 @@ class Sender:
         "_silence",
         "_statistics",
         "_streams",
-        "accord",
         "delivered",
         "heartbeats",
         "is_confirmed",
+        "negotiation",
         "said_encoding",
     )
 
@@ -116,7 +116,7 @@ class Sender:
         self._rekey_at = now + REKEY_AFTER_S
         self._rekey_from = first_sequence + REKEY_AFTER
         self.heartbeats = heartbeats
-        self.accord = Accord()
+        self.negotiation = ParameterNegotiation()
         self._next_sequence = first_sequence
         self.delivered = [0] * (1 + outgoing.further_acks)
         self.is_confirmed = False
@@ -191,7 +191,7 @@ class Sender:
 
     def send_change(self, now: float) -> bytes:
         rtt = self._clock.rtt
-        change = self.accord.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
+        change = self.negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
         sequence = self._number(now)
         clear = pack_change(
             sequence & SEQUENCE_MASK,
@@ -254,7 +254,7 @@ class Sender:
         if is_encoding:
             for stream in self._streams:
                 due = min(due, -inf if stream.is_forgotten else self._repeat_due(stream))
-        return min(due, self.accord.due)
+        return min(due, self.negotiation.due)
 
     def handle_timer(self, now: float, *, is_engaged: bool, is_encoding: bool) -> bytes | None:
         """The next datagram that is due, if any; a peer that has fallen silent gets nothing but heartbeats."""
@@ -262,7 +262,7 @@ class Sender:
             for stream in self._streams if is_encoding else ():
                 if now >= self._repeat_due(stream):
                     return self._send_repeat(stream, now)
-            if now >= self.accord.due:
+            if now >= self.negotiation.due:
                 return self.send_change(now)
         if now < self.heartbeats.due(is_engaged=is_engaged):
             return None

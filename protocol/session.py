@@ -200,7 +200,7 @@ class Session:
         if self.clock.is_plausible(departure, now):
             self.clock.record(departure, now)
 
-    def forget(self) -> None:
+    def request_full_state(self) -> None:
         """The peer's updates are held no more: acknowledge none, so that it sends complete ones."""
         self.sender.delivered = [0] * len(self.sender.delivered)
         self._held_ticks = [0] * len(self._held_ticks)
@@ -338,14 +338,14 @@ class Session:
     def _deliver_change(
         self, head: Head, departure: float, body: bytes
     ) -> ChangeProposed | ChangeAnswered | DropReason | None:
-        accord, (low_tick, content) = self.sender.accord, unpack_change(body)
+        negotiation, (low_tick, content) = self.sender.negotiation, unpack_change(body)
         if head.has_previous:
-            return accord.heard_answer(head.selector, content)
+            return negotiation.heard_answer(head.selector, content)
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(low_tick, CHANGE_TICK_BITS, int(sent_tick))
         if abs(tick - sent_tick) * self._parameters.tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
-        return accord.heard_proposal(head.selector, tick, content)
+        return negotiation.heard_proposal(head.selector, tick, content)
 
     def _take_report(self, sequence: int, report: Report) -> bool:
         if sequence < self._newest_report:

@@ -180,7 +180,7 @@ class Clock:
         """The peer's clock now [s]."""
         return None if self._offset is None else now - self._epoch + self._offset
 
-    def heard_time(self, now: float) -> float | None:
+    def latest_receivable_peer_time(self, now: float) -> float | None:
         """The peer's clock at the departure of a datagram that comes now by the fastest way [s]."""
         return None if self._offset is None else now - self._epoch - self._inward.value
 

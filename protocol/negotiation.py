@@ -25,7 +25,7 @@ class Change(NamedTuple):
     is_answer: bool
 
 
-class Accord:
+class ParameterNegotiation:
     """One end's part in the changes of a session."""
 
     __slots__ = ("_answer", "_answer_due", "_answering", "_due", "_number", "_proposal")
@@ -61,10 +61,10 @@ class Accord:
         self._proposal = Change(self._number, tick, body, is_answer=False)
         self._due = now
 
-    def answer(self, why_not: str | None) -> None:
+    def answer(self, refusal: str | None) -> None:
         """Answer the newest proposal of the peer: None to agree, or why not."""
         assert self._answering is not None
-        body = ACCEPTED if why_not is None else REFUSED + why_not.encode(errors="replace")
+        body = ACCEPTED if refusal is None else REFUSED + refusal.encode(errors="replace")
         self._answer = Change(self._answering[0], 0, body, is_answer=True)
         self._answer_due = True
 
@@ -92,5 +92,5 @@ class Accord:
         if proposal is None or number != proposal.number or not body:
             return None
         self._proposal, self._due = None, inf
-        why_not = None if body[:1] == ACCEPTED else body[1:].decode(errors="replace")
-        return ChangeAnswered(proposal.tick, proposal.body, why_not)
+        refusal = None if body[:1] == ACCEPTED else body[1:].decode(errors="replace")
+        return ChangeAnswered(proposal.tick, proposal.body, refusal)
