@@ -26,7 +26,6 @@ from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.session import FADE_SHARE
 from weberlink.protocol.wire import kind_of
 
 MASTER: Address = ("192.0.2.1", 40_000)
@@ -35,7 +34,7 @@ KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
 SILENCE = 0.1
-INTERVAL = HeartbeatSchedule(0.0, fade=FADE_SHARE * SILENCE, silence=SILENCE, tick_period=TICK).interval
+INTERVAL = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).interval
 """Of heartbeats over a path without delay [s]."""
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from tests.protocol.harness import MASTER, Pair, make_endpoint, update_fields
 from weberlink.protocol import Connected, DropReason, Role
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.credit import HEARTBEAT_BITS, UPDATE_BITS, Credit
+from weberlink.protocol.counters import Credit
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import HEARTBEAT_CREDIT_BITS, UPDATE_CREDIT_BITS, Kind, kind_of
 
 CARRIED = {"carries_credit": True, "incoming_values": (3,), "outgoing_values": (3,)}
 STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2, duplicate=0.2, corrupt=0.05)
@@ -32,7 +32,7 @@ def sendings(largest: int) -> st.SearchStrategy[list[Sending]]:
         st.builds(
             Sending,
             st.integers(0, largest),
-            st.sampled_from([UPDATE_BITS, HEARTBEAT_BITS]),
+            st.sampled_from([UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS]),
             st.floats(0.0, 50.0),
             st.integers(0, 2),
         ),
@@ -59,18 +59,18 @@ def test_never_more_is_known_than_was_handed_over(sent: list[Sending]) -> None:
         largest = max(largest, count)
         assert known <= credit.known <= largest
         known = credit.known
-        if bits == HEARTBEAT_BITS and sequence > newest:
+        if bits == HEARTBEAT_CREDIT_BITS and sequence > newest:
             assert known == count, "the long field makes up for what the short one could not tell"
         newest = max(newest, sequence)
 
 
-@given(sendings(2**UPDATE_BITS // 40 - 1), st.integers(0, 2**36))
+@given(sendings(2**UPDATE_CREDIT_BITS // 40 - 1), st.integers(0, 2**36))
 def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int) -> None:
     """If less than the range of its field was handed over unheard; near any wrap of either field."""
     credit = Credit()
     counts = [*range(0, start, 2**31), start]
     for sequence, count in enumerate(counts):
-        credit.learn(sequence, count % 2**HEARTBEAT_BITS, HEARTBEAT_BITS)
+        credit.learn(sequence, count % 2**HEARTBEAT_CREDIT_BITS, HEARTBEAT_CREDIT_BITS)
     newest = 0
     for sequence, count, bits in arrivals(sent):
         credit.learn(len(counts) + sequence, (start + count) % 2**bits, bits)
@@ -80,12 +80,12 @@ def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int)
 
 def test_what_was_handed_over_cannot_be_taken_back() -> None:
     credit = Credit()
-    credit.handed = 5
+    credit.granted = 5
     with pytest.raises(ValueError, match="fall from 5 to 4"):
-        credit.handed = 4
-    assert credit.handed == 5
+        credit.granted = 4
+    assert credit.granted == 5
     with pytest.raises(ValueError, match="-1"):
-        Credit().handed = -1
+        Credit().granted = -1
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -11,8 +11,8 @@ from tests.protocol.harness import INTERVAL, SILENCE, Pair, Side, update_fields
 from weberlink.protocol import PeerSilent, State
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.heartbeat import ASK_PACE
-from weberlink.protocol.repetition import EARLY_PER_S, SHORTEST_PACE
-from weberlink.protocol.session import FADE_SHARE
+from weberlink.protocol.liveness import FADE_SHARE
+from weberlink.protocol.retransmission import EARLY_PER_S, SHORTEST_PACE
 from weberlink.protocol.wire import Kind, kind_of
 
 MENDED_WITHIN = 0.15

@@ -10,18 +10,17 @@ from tests.protocol.cost import engaged
 from tests.protocol.fuzz import sessions
 from tests.protocol.harness import MASTER, SLAVE, suites, update_fields
 from weberlink.protocol import Endpoint, Role, State
-from weberlink.protocol.direction import Direction
 from weberlink.protocol.security import Security
-from weberlink.protocol.wire import CLEAR_BYTES, Kind
+from weberlink.protocol.wire import CLEAR_BYTES, DirectionLayout, Kind
 
 DATAGRAMS = st.one_of(
     st.binary(max_size=100),
     st.builds(
         lambda first, rest: bytes([first]) + rest,
         st.integers(0, 255),
-        st.sampled_from(sorted({low for low, _ in Direction([3, 6], further_acks=1).lengths(8).values()})).flatmap(
-            lambda size: st.binary(min_size=size - 1, max_size=size - 1)
-        ),
+        st.sampled_from(
+            sorted({low for low, _ in DirectionLayout([3, 6], further_acks=1).lengths(8).values()})
+        ).flatmap(lambda size: st.binary(min_size=size - 1, max_size=size - 1)),
     ),
     st.builds(
         lambda kind, body: bytes([kind, 1]) + body,

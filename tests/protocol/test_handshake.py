@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import AGREEMENT
+from weberlink.protocol import Role
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     LARGEST_STAMP,
@@ -25,7 +26,6 @@ from weberlink.protocol.handshake import (
     read_welcome,
     version_mismatch,
 )
-from weberlink.protocol.roles import Role
 from weberlink.protocol.wire import Kind
 
 HELLO = Hello(pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True)

@@ -5,22 +5,20 @@ from itertools import pairwise
 import pytest
 
 from tests.protocol.harness import exchanged, suites, update_fields
+from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.direction import Direction
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.heartbeat import INTRODUCTIONS
-from weberlink.protocol.reasons import DropReason
 from weberlink.protocol.security import Security
 from weberlink.protocol.sending import REKEY_AFTER_S
 from weberlink.protocol.session import Parameters, Session
-from weberlink.protocol.statistics import Statistics
-from weberlink.protocol.wire import PHASE, pack_word
+from weberlink.protocol.wire import PHASE, DirectionLayout, pack_word
 
 
 def pair(
     security: Security, first_sequence: int = 1, silence: float = 0.1
 ) -> tuple[Session, Session, Statistics, Statistics]:
-    parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, silence)
+    parameters = Parameters(DirectionLayout([3]), DirectionLayout([3]), 0.0, 0.001, silence)
     made: list[Session] = []
     counted: list[Statistics] = []
     for side, protection in enumerate(exchanged(security)):
@@ -127,7 +125,7 @@ def test_who_is_asked_answers_at_once() -> None:
 
 
 def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
-    parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, 0.1)
+    parameters = Parameters(DirectionLayout([3]), DirectionLayout([3]), 0.0, 0.001, 0.1)
     protections = exchanged(Checksum())
     sender = Session(protections[0], parameters, Statistics(), 0.0, 0.0)
     receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
@@ -138,7 +136,7 @@ def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
 
 def test_an_update_that_contradicts_itself_is_malformed() -> None:
     """A previous sample at no distance; no owner can send it, a peer with a fault can."""
-    direction = Direction([3])
+    direction = DirectionLayout([3])
     layout = direction.updates[0]
     parameters = Parameters(direction, direction, 0.0, 0.001, 0.1)
     protections = exchanged(Checksum())

@@ -6,12 +6,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import KEY
-from weberlink.protocol import wire
+from weberlink.protocol import DropReason, wire
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.direction import Direction
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.wire import Kind, Report, UpdateLayout
+from weberlink.protocol.wire import DirectionLayout, Kind, Report, UpdateLayout
 
 LEVEL = st.integers(-32_768, 32_767)
 PSK_TAG = PresharedKey(KEY).tag_size
@@ -38,7 +36,7 @@ def documented(values: int) -> dict[str, int]:
 @pytest.mark.parametrize("values", [1, 2, 3, 6])
 def test_the_table_is_the_code(values: int, carries_credit: bool, streams: int) -> None:
     sizes = documented(values)
-    direction = Direction((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
+    direction = DirectionLayout((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
     lengths = direction.lengths(0)
     levels, acks = tuple(range(values)), (7,) * (streams - 1)
     assert set(sizes) == {
@@ -76,7 +74,7 @@ def test_a_three_axis_force_update_with_tag_fits_the_budget(
 ) -> None:
     """A force is not made longer by a torque; what ends its datagram is the acknowledgement of the other stream."""
     acks = (1,) * (streams - 1)
-    for layout in Direction((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
+    for layout in DirectionLayout((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
         assert len(layout.pack(1, 2, 5, (1,) * 6, 0, (), 0, acks)) + PSK_TAG == plain
         assert len(layout.pack(1, 2, 5, (1,) * 6, 6, (1,) * 6, 0, acks)) + PSK_TAG == paired
 
@@ -121,10 +119,11 @@ def test_an_update_survives_the_wire(
     assert head == wire.read_head(data[0] | wire.PHASE, data[wire.CLEAR_BYTES :])
     assert head == wire.Head(Kind.UPDATE, bool(previous), selector, ack, sent, tick, echo)
     assert head.is_encoding
-    assert layout.unpack(data[wire.CLEAR_BYTES :], head.has_previous) == (tuple(newest), gap, tuple(previous))
-    assert wire.length_fault(data, Direction([6], carries_credit=credit is not None).lengths(0)) is None
+    assert layout.unpack(data[wire.CLEAR_BYTES :], head.mark) == (tuple(newest), gap, tuple(previous))
+    assert wire.length_fault(data, DirectionLayout([6], carries_credit=credit is not None).lengths(0)) is None
     if credit is not None:
-        assert wire.unpack_credit(Kind.UPDATE, data[wire.CLEAR_BYTES :]) == (credit % 2**16, 16)
+        direction = DirectionLayout([6], carries_credit=True)
+        assert direction.read_credit(Kind.UPDATE, data[wire.CLEAR_BYTES :]) == (credit % 2**16, 16)
 
 
 @given(
@@ -139,7 +138,8 @@ def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: 
     word = wire.pack_word(6, 7, 8)
     data = wire.pack_heartbeat(5, word, report, credit)
     if credit is not None:
-        assert wire.unpack_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
+        direction = DirectionLayout([6], carries_credit=True)
+        assert direction.read_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
     assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
     head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
     assert head == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0, 8)
@@ -185,4 +185,4 @@ def test_a_reason_is_cut_at_a_character(reason: str) -> None:
     ],
 )
 def test_each_shape_has_its_length(data: bytes, fault: DropReason | None) -> None:
-    assert wire.length_fault(data, Direction([3]).lengths(8)) is fault
+    assert wire.length_fault(data, DirectionLayout([3]).lengths(8)) is fault

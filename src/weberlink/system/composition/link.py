@@ -10,9 +10,9 @@ from weberlink.codec.predictors import Trust
 from weberlink.codec.smoothing import Smoothing
 from weberlink.control.contract import Settings as ControlSettings
 from weberlink.control.table import SCHEMES
+from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
-from weberlink.protocol.roles import Role
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
 from weberlink.system.composition.deadband import force_deadband

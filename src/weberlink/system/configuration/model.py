@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
-from weberlink.protocol.endpoint import MOST_TICKS
+from weberlink.protocol.conversation import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
