@@ -1,6 +1,6 @@
 """The conversation with the peer: its state, its present session, and what the owner reads and says in it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf
 
 from weberlink.protocol.events import Address, Connected, Event, UpdateLost
@@ -11,6 +11,7 @@ from weberlink.protocol.sending import Parameters
 from weberlink.protocol.session import LONGEST_SILENCE, Session
 from weberlink.protocol.states import Role, State, Trigger, next_state
 from weberlink.protocol.wire import LONGEST_CHANGE, TICK_BITS, DirectionLayout
+from weberlink.update import Update
 
 ENCODING_REPORT_S = 0.02
 ENCODING_REPORT_TICKS = 10
@@ -26,6 +27,7 @@ def session_parameters(
     outgoing_values: Sequence[int],
     incoming_values: Sequence[int],
     *,
+    incoming_parametric: Sequence[Collection[int]],
     carries_credit: bool,
     epoch: float,
     tick_period: float,
@@ -41,8 +43,11 @@ def session_parameters(
     if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
         raise ValueError(f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}")
     outgoing, incoming = (
-        DirectionLayout(values, carries_credit=carries_credit, further_acks=len(others) - 1)
-        for values, others in ((outgoing_values, incoming_values), (incoming_values, outgoing_values))
+        DirectionLayout(values, carries_credit=carries_credit, further_acks=len(others) - 1, parametric=parametric)
+        for values, others, parametric in (
+            (outgoing_values, incoming_values, ()),
+            (incoming_values, outgoing_values, incoming_parametric),
+        )
     )
     return Parameters(outgoing, incoming, epoch, tick_period, silence)
 
@@ -157,26 +162,14 @@ class Conversation:
 
     # --- what the owner says
 
-    def send_update(
-        self,
-        now: float,
-        tick: int,
-        selector: int,
-        newest: tuple[int, ...],
-        gap: int,
-        previous: tuple[int, ...],
-        stream: int = 0,
-    ) -> bool:
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
         """Send a new state of a stream to the peer, and repeat it until it arrives.
 
         To a peer that has fallen silent the update is sent as well, and is repeated once the peer is back.
 
         Args:
-            tick: when the newest sample was taken, counted from the epoch.
-            selector: 0..7.
-            newest: int16 levels.
-            gap: ticks between the two samples, 1..65535; 0 without a previous one.
-            previous: int16 levels of the sample before, or ().
+            now: [s].
+            update: its tick is counted from the epoch.
             stream: which it belongs to, from 0.
 
         Returns:
@@ -189,7 +182,7 @@ class Conversation:
             return False
         self._due = None
         self._is_encoding = True
-        self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous, stream))
+        self._post(self._session.sender.send_update(now, update, stream))
         return True
 
     def report_encoding(self, now: float, *, is_encoding: bool) -> None:

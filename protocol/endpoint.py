@@ -4,7 +4,7 @@ Its owner drives it with `now` as an argument: by `receive_datagram`, `handle_ti
 It answers through `datagrams_to_send`, `next_timer` and `next_event`. A peer's fault is an event, never an exception.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf
 
 from weberlink.protocol.conversation import Conversation, session_parameters
@@ -60,6 +60,7 @@ class Endpoint(Conversation):
         agreement: Mapping[str, object],
         outgoing_values: Sequence[int],
         incoming_values: Sequence[int],
+        incoming_parametric: Sequence[Collection[int]] = (),
         security: Security,
         entropy: Callable[[int], bytes],
         epoch: float,
@@ -79,6 +80,7 @@ class Endpoint(Conversation):
             role: the initiator calls `peer`; the responder answers whoever proves the key.
             agreement: dotted path to value; must be the same at both ends.
             outgoing_values, incoming_values: levels in a sample of each stream of each direction; one stream or two.
+            incoming_parametric: by stream, the selectors whose updates carry model parameters.
             security: the suite, with its key.
             entropy: returns that many random bytes, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
@@ -102,6 +104,7 @@ class Endpoint(Conversation):
         parameters = session_parameters(
             outgoing_values,
             incoming_values,
+            incoming_parametric=incoming_parametric,
             carries_credit=carries_credit,
             epoch=epoch,
             tick_period=tick_period,

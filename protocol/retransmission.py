@@ -5,10 +5,10 @@ Only the newest update is ever repeated: it carries the whole state, so an older
 
 from collections import deque
 from math import ceil, inf, log
-from typing import NamedTuple
 
 from weberlink.protocol.counters import ACKNOWLEDGEMENT_MASK
 from weberlink.protocol.wire import UpdateLayout
+from weberlink.update import Update
 
 SHORTEST_PACE = 0.005
 LONGEST_PACE = 0.1
@@ -135,16 +135,6 @@ class Retransmission:
         return self.sent_at + (pace if self._evidence else max(pace, fallback))
 
 
-class PendingUpdate(NamedTuple):
-    """The update that the peer should hold; fields as in `weberlink.protocol.events.UpdateReceived`."""
-
-    tick: int
-    selector: int
-    newest: tuple[int, ...]
-    gap: int
-    previous: tuple[int, ...]
-
-
 class OutgoingStream:
     """One stream of our updates.
 
@@ -157,7 +147,7 @@ class OutgoingStream:
 
     def __init__(self, layout: UpdateLayout) -> None:
         self.layout = layout
-        self.update: PendingUpdate | None = None
+        self.update: Update | None = None
         self.retransmission = Retransmission()
         self.is_forgotten = False
         self._last_ack = 0

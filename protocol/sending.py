@@ -8,7 +8,7 @@ from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Statistics
 from weberlink.protocol.negotiation import ParameterNegotiation
-from weberlink.protocol.retransmission import OutgoingStream, PendingUpdate, copies_needed
+from weberlink.protocol.retransmission import OutgoingStream, copies_needed
 from weberlink.protocol.security import Protection
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
@@ -23,6 +23,7 @@ from weberlink.protocol.wire import (
     pack_path,
     pack_word,
 )
+from weberlink.update import Update
 
 SLACK = 0.001
 """Added to the measured bound on delays, because both ends work in ticks [s]."""
@@ -101,28 +102,19 @@ class Sender:
         self.is_confirmed = False
         self.said_encoding = False
 
-    def send_update(
-        self,
-        now: float,
-        tick: int,
-        selector: int,
-        newest: tuple[int, ...],
-        gap: int,
-        previous: tuple[int, ...],
-        stream: int = 0,
-    ) -> bytes:
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
         """The datagram of a new update, which replaces any older one of its stream.
 
         Raises:
             ValueError: naming the field that cannot be sent; nothing has changed then.
         """
-        if tick < 0:
-            raise ValueError(f"tick must not be negative, not {tick}")
+        if update.tick < 0:
+            raise ValueError(f"tick must not be negative, not {update.tick}")
         own = self._streams[stream]
-        own.layout.check(selector, newest, gap, previous)
+        own.layout.check(update)
         own.is_forgotten = False
-        own.update = PendingUpdate(tick, selector, newest, gap, previous)
-        sequence, datagram = self._seal_update(own, own.update, now)
+        own.update = update
+        sequence, datagram = self._seal_update(own, update, now)
         own.retransmission.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
         self.said_encoding = True
         self._statistics.updates_sent[stream] += 1
@@ -136,17 +128,14 @@ class Sender:
         self._statistics.repeats += 1
         return datagram
 
-    def _seal_update(self, stream: OutgoingStream, update: PendingUpdate, now: float) -> tuple[int, bytes]:
+    def _seal_update(self, stream: OutgoingStream, update: Update, now: float) -> tuple[int, bytes]:
         while stream.is_ambiguous(self._next_sequence):
             self._next_sequence += 1
         sequence = self._number(now)
         clear = stream.layout.pack(
             sequence & SEQUENCE_MASK,
             self._word(now, update.tick),
-            update.selector,
-            update.newest,
-            update.gap,
-            update.previous,
+            update,
             self._credit.granted,
             self._further_acks(),
         )

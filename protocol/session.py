@@ -260,11 +260,11 @@ class Session:
         stream = stream_of(head.kind)
         if sequence < self.sender.delivered[stream]:
             return DropReason.SUPERSEDED
-        newest, gap, previous = self._incoming.updates[stream].unpack(body, head.mark)
-        if head.mark and not gap:
-            return DropReason.MALFORMED
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
+        update = self._incoming.updates[stream].unpack(body, head, tick)
+        if update is None:
+            return DropReason.MALFORMED
         lead = (tick - sent_tick) * self._parameters.tick_period
         if lead > TICK_LEAD:
             return DropReason.IMPLAUSIBLE
@@ -272,7 +272,7 @@ class Session:
             return DropReason.STALE
         self.sender.delivered[stream] = sequence
         self._held_ticks[stream] = tick
-        return UpdateReceived(tick, head.selector, newest, gap, previous, age, stream)
+        return UpdateReceived(update, age, stream)
 
     def _deliver_change(
         self, head: Head, departure: float, body: bytes

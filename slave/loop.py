@@ -11,7 +11,7 @@ from math import ceil, nan
 from typing import TYPE_CHECKING
 
 from weberlink.codec import Decoder, Encoder, Update
-from weberlink.codec.fitted import UNFITTED, fitted
+from weberlink.codec.predictors.model import UNFITTED
 from weberlink.control.contract import LinkQuality, SlaveControl
 from weberlink.control.tuning import Tuning
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -259,8 +259,7 @@ class SlaveLoop:
     def _take(self, event: Event) -> None:
         match event:
             case UpdateReceived():
-                update = Update(event.tick, event.selector, event.newest, event.gap, event.previous)
-                self._apply(update, event.stream)
+                self._apply(event.update, event.stream)
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
@@ -441,11 +440,11 @@ class SlaveLoop:
             newest = self.encoder.mirror.newest
             assert newest is not None
             self._held = newest.value
-            self.endpoint.send_update(now, *update)
+            self.endpoint.send_update(now, update)
             self._sent = 1
-            self._fitted = fitted(self.encoder.mirror.state[1])
+            self._fitted = self.encoder.mirror.record
         if turned is not None:
-            self.endpoint.send_update(now, *turned, stream=1)
+            self.endpoint.send_update(now, turned, stream=1)
 
     def _shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once position and orientation are where the operator's are."""

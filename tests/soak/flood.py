@@ -24,7 +24,7 @@ from tests.soak.processes import cpu_seconds
 from tests.soak.rig import SIDES, Rig, RigError
 from tests.soak.volley import volley
 from weberlink.protocol.keys import load as load_key
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.environment import environment, footer
 from weberlink.system.scoring.session import Records, SessionScore

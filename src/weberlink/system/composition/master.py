@@ -14,6 +14,7 @@ from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
+from weberlink.system.composition.channels import streams
 from weberlink.system.composition.guardian import check_force_ends
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -25,7 +26,6 @@ from weberlink.system.composition.link import (
     construct,
     control_settings,
     located,
-    streams,
 )
 from weberlink.system.composition.live import build_master_tuning
 from weberlink.system.composition.mapping import build_mapping

@@ -13,6 +13,7 @@ from weberlink.slave.robots.contract import Robot
 from weberlink.slave.safety import CommandGuard, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
+from weberlink.system.composition.channels import streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -23,7 +24,6 @@ from weberlink.system.composition.link import (
     construct,
     control_settings,
     located,
-    streams,
 )
 from weberlink.system.composition.live import build_slave_tuning
 from weberlink.system.configuration import Configuration, ConfigurationError, System
