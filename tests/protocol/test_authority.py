@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, MASTER, Pair, Side, make_endpoint, suites, update_fields
+from tests.protocol.harness import AGREEMENT, MASTER, Pair, Side, make_endpoint, sample_update, suites
 from weberlink.protocol import Address, Connected, DropReason, PeerClosed, Refused, Role, State, TakenOver
 from weberlink.protocol.dialer import Answer, Dialer
 from weberlink.protocol.emulation import Emulation
@@ -209,10 +209,10 @@ def test_recorded_calls_of_another_configuration_change_nothing() -> None:
     assert not pair.slave.of(Refused)
     assert set(pair.slave.faults()) == {DropReason.REFUSED}
     assert pair.slave.endpoint.state is pair.master.endpoint.state is State.ENGAGED
-    fields = update_fields(pair.ticks)
-    assert pair.master.endpoint.send_update(pair.now, *fields)
+    update = sample_update(pair.ticks)
+    assert pair.master.endpoint.send_update(pair.now, update)
     pair.run(0.05)
-    assert pair.slave.updates()[-1][:5] == fields
+    assert pair.slave.updates()[-1].update == update
 
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import MASTER, Pair, make_endpoint, update_fields
+from tests.protocol.harness import MASTER, Pair, make_endpoint, sample_update
 from weberlink.protocol import Connected, DropReason, Role
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.counters import Credit
@@ -88,8 +88,7 @@ def test_what_was_handed_over_cannot_be_taken_back() -> None:
         Credit().granted = -1
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("step", [7, 1000])
+@pytest.mark.parametrize(("seed", "step"), [(0, 7), (1, 1000)])
 def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, step: int) -> None:
     """30 % loss in bursts, reordering, duplicates and bit errors; then peace, in which all is known."""
     handed = {Role.INITIATOR: 0, Role.RESPONDER: 0}
@@ -97,16 +96,16 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for side, other in (pair.sides, pair.sides[::-1]):
             assert side.endpoint.peer_credit <= handed[other.endpoint.role]
-        if now > 11.0:  # a storm may end with a new session, whose counts begin at 0
+        if now > 6.0:  # a storm may end with a new session, whose counts begin at 0
             return
         for side in pair.sides:
             side.endpoint.credit += step
             handed[side.endpoint.role] = max(handed[side.endpoint.role], side.endpoint.credit)
             if tick % 10 == 0:
-                side.endpoint.send_update(now, *update_fields(tick))
+                side.endpoint.send_update(now, sample_update(tick))
 
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=CARRIED, slave=CARRIED, on_tick=on_tick)
-    pair.connect().run(10.0)
+    pair.connect().run(5.0)
     pair.forward, pair.backward = pair.link(None), pair.link(None)
     pair.run(2.0)
     for side, other in (pair.sides, pair.sides[::-1]):
@@ -116,7 +115,7 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
 def test_updates_repeats_and_heartbeats_carry_the_credit_of_the_moment() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 70_000
-    pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks))
+    pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
     pair.swallow = lambda side, data: kind_of(data) == Kind.UPDATE
     pair.run(0.003)
     assert pair.slave.endpoint.peer_credit == 0
@@ -138,11 +137,11 @@ def test_late_news_are_still_true(reason: DropReason) -> None:
     """A stale update is the newest news; one that was superseded by a repeat of what is newer tells nothing more."""
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 5
-    pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks))
+    pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
     (held, _) = pair.master.endpoint.datagrams_to_send()[0]
     if reason is DropReason.SUPERSEDED:
         pair.master.endpoint.credit = 6
-        pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks + 1))
+        pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks + 1))
         pair.run(0.01)
     else:
         pair.swallow = lambda side, data: side is pair.master
@@ -157,7 +156,7 @@ def test_what_cannot_be_true_is_not_believed() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 5
     for at, tick in ((pair.now + 60.0, 0), (pair.now, 10**6)):
-        pair.master.endpoint.send_update(at, *update_fields(tick))
+        pair.master.endpoint.send_update(at, sample_update(tick))
         (data, _) = pair.master.endpoint.datagrams_to_send()[0]
         pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
     pair.slave.collect(pair.now)
@@ -193,7 +192,7 @@ def test_a_session_without_credit_is_byte_for_byte_the_same_whatever_is_handed_o
             for side in pair.sides:
                 side.endpoint.credit += step
                 if tick % 5 == 0 and tick > 200:
-                    side.endpoint.send_update(now, *update_fields(tick))
+                    side.endpoint.send_update(now, sample_update(tick))
 
         changes = {"security": Checksum(), "incoming_values": (3,), "outgoing_values": (3,)}
         pair = Pair(master=changes, slave=changes, on_tick=on_tick).connect().run(1.0)
