@@ -14,7 +14,7 @@ from weberlink.codec.predictors.model import UNFITTED
 from weberlink.control.contract import LinkQuality, MasterControl
 from weberlink.control.tuning import Tuning
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.master.devices.contract import Device, DeviceFault, Explaining
+from weberlink.master.devices.contract import Device, DeviceFault, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -393,7 +393,7 @@ class MasterLoop:
         if reading.ended:
             self.stop(now, "completed")
         if self._watchdog.expired(now):
-            trouble = self.device.trouble if isinstance(self.device, Explaining) else None
+            trouble = self.device.trouble if isinstance(self.device, ReportsTrouble) else None
             why = f": {trouble}" if trouble else ""
             self._lose_device(f"{self.device.spec.name} {complaint}{why}", now)
 

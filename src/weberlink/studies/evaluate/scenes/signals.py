@@ -13,7 +13,7 @@ import numpy as np
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.hand import HandOptions
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import Motion
+from weberlink.master.devices.motion import LegSequence
 from weberlink.slave.scenes.settings import build
 from weberlink.studies.evaluate.replay import Signal
 from weberlink.studies.evaluate.scenes.catalogue import SCENES, Explored
@@ -60,7 +60,7 @@ def _hand(explored: Explored, random: Random, seed: int, duration_s: float) -> H
     hand = HandOptions()
     compliance = 1.0 / hand.stiffness_n_m + 1.0 / explored.thing.stiffness_n_m
     ground = Ground(explored.chart, explored.reach_m, compliance, explored.force_n)
-    motion = Motion(exploration(ground, duration_s, random), repeat=False)
+    motion = LegSequence(exploration(ground, duration_s, random), repeat=False)
     options = HandDeviceOptions(hand=hand, seed=seed, home_m=home(ground))
     return HandDevice("exploring", options, motion.at, PERIOD_S)
 
