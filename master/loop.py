@@ -341,7 +341,7 @@ class MasterLoop:
             and self._faults.active is not Fault.DEVICE
         )
         is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
-        endpoint.attest(now, is_encoding=encodes)
+        endpoint.report_encoding(now, is_encoding=encodes)
         if encodes is self._encodes and is_engaged is self._is_engaged and not self._pace.stalled:
             return
         begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
@@ -426,9 +426,11 @@ class MasterLoop:
         endpoint, step = self.endpoint, self._pace.step
         liveness = endpoint.liveness
         known_at = liveness.encoder_heard_at
-        heard_time = endpoint.heard_time(min(now, known_at + self._horizon)) if known_at > -inf else None
-        if heard_time is not None:  # a session that is over leaves its last force, which fades
-            self._heard_tick = heard_time / self._tick_period
+        peer_time = (
+            endpoint.latest_receivable_peer_time(min(now, known_at + self._horizon)) if known_at > -inf else None
+        )
+        if peer_time is not None:  # a session that is over leaves its last force, which fades
+            self._heard_tick = peer_time / self._tick_period
         tick = self._heard_tick
         began = self._stopwatch()
         decoded = self.decoder.value(tick, self._position)

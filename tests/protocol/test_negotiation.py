@@ -4,8 +4,8 @@ import pytest
 
 from tests.protocol.harness import TICK, Pair
 from weberlink.protocol import ChangeAnswered, ChangeProposed
-from weberlink.protocol.accord import Accord
 from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.negotiation import ParameterNegotiation
 from weberlink.protocol.wire import LONGEST_CHANGE, Kind, kind_of
 
 BODY = b'{"weber":0.2}'
@@ -99,8 +99,8 @@ def test_both_may_propose_at_once() -> None:
     pair.slave.endpoint.answer_change("busy")
     pair.master.endpoint.answer_change("busy")
     pair.run(0.02)
-    assert [event.why_not for event in pair.slave.of(ChangeAnswered)] == ["busy"]
-    assert [event.why_not for event in answers(pair)] == ["busy"]
+    assert [event.refusal for event in pair.slave.of(ChangeAnswered)] == ["busy"]
+    assert [event.refusal for event in answers(pair)] == ["busy"]
 
 
 def test_clocks_that_differ_do_not_move_the_tick() -> None:
@@ -132,10 +132,10 @@ def test_a_change_far_from_the_time_of_its_datagram_is_not_believed() -> None:
 
 
 def test_an_answer_to_nothing_is_nothing() -> None:
-    accord = Accord()
-    assert accord.heard_answer(3, b"\x01") is None
-    accord.propose(10, BODY, 0.0)
-    assert accord.heard_answer(7, b"\x01") is None
-    assert accord.heard_answer(1, b"") is None
-    assert accord.heard_answer(1, b"\x01") == ChangeAnswered(10, BODY, None)
-    assert accord.heard_answer(1, b"\x00late") is None
+    negotiation = ParameterNegotiation()
+    assert negotiation.heard_answer(3, b"\x01") is None
+    negotiation.propose(10, BODY, 0.0)
+    assert negotiation.heard_answer(7, b"\x01") is None
+    assert negotiation.heard_answer(1, b"") is None
+    assert negotiation.heard_answer(1, b"\x01") == ChangeAnswered(10, BODY, None)
+    assert negotiation.heard_answer(1, b"\x00late") is None
