@@ -1,18 +1,29 @@
 """A point mass under position control: a robot with inertia, lag and contact dynamics, and nothing else."""
 
 from math import ceil, sqrt
-from typing import Literal
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.slave.integrators import INTEGRATORS, Body, Integrator, Motion
-from weberlink.slave.integrators.choice import SUBSTEPS_MOST, chosen
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass, Integrator, MassState, integration_scheme
+from weberlink.slave.integrators.choice import AUTO, SUBSTEPS_MOST, chosen
 from weberlink.slave.robots.contract import RobotFault, RobotReading
 from weberlink.slave.robots.virtual import VirtualOptions, saturated, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 
 LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence is not made up for
+
+
+def _check_integrator(name: str) -> str:
+    if name != AUTO:
+        integration_scheme(name)
+    return name
+
+
+IntegratorName = Annotated[
+    str, AfterValidator(_check_integrator), WithJsonSchema({"enum": [AUTO, *INTEGRATORS], "type": "string"})
+]
 
 
 class SimulatedOptions(VirtualOptions):
@@ -23,7 +34,7 @@ class SimulatedOptions(VirtualOptions):
         default=50_000.0, gt=0.0, le=1e7, description="proportional gain of its position control"
     )
     damping_n_s_m: float | None = Field(default=None, gt=0.0, description="derivative gain; critical if not given")
-    integrator: Literal["auto", "semi_implicit", "implicit", "exact"] = Field(
+    integrator: IntegratorName = Field(
         default="auto", description="how its motion is solved; auto picks by stiffness, mass, damping and scene"
     )
     substeps: int | None = Field(
@@ -48,24 +59,24 @@ class SimulatedRobot:
         self._tick_period = tick_period
         critical = 2.0 * sqrt(options.stiffness_n_m * options.mass_kg)
         damping = critical if options.damping_n_s_m is None else options.damping_n_s_m
-        self._body = Body(options.mass_kg, options.stiffness_n_m, damping)
+        self._body = ControlledMass(options.mass_kg, options.stiffness_n_m, damping)
         choice = chosen(self._body, scene, tick_period, options.integrator, options.substeps)
         self.integrator = choice.integrator
         """Its name in the table of integrators."""
         self.substeps = choice.substeps
         """Integration steps per tick period."""
         self._reason = choice.reason
-        self._solver: Integrator = INTEGRATORS[self.integrator].build(self._body, scene)
+        self._solver: Integrator = integration_scheme(self.integrator).build(self._body, scene)
         self._commanded = options.home_m
-        self._motion = Motion(options.home_m, ZERO, ZERO)
+        self._motion = MassState(options.home_m, ZERO, ZERO)
         self._reading: RobotReading | None = None
 
     def open(self, now: float) -> None:
         if self._scene is not None:
             self._scene.reset()
-        self._solver = INTEGRATORS[self.integrator].build(self._body, self._scene)
+        self._solver = integration_scheme(self.integrator).build(self._body, self._scene)
         self._commanded = self._options.home_m
-        self._motion = Motion(self._commanded, ZERO, ZERO)
+        self._motion = MassState(self._commanded, ZERO, ZERO)
         self._reading = RobotReading(now, self._commanded, ZERO)
 
     def command(self, position: Vector, now: float) -> None:  # noqa: ARG002

@@ -16,7 +16,7 @@ from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOpti
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 GROUND = 500.0  # [N/m]
@@ -55,7 +55,7 @@ class Bench:
 
 
 def ground() -> Scene:
-    return Scene([SceneObject(Plane(ZERO, (0.0, 0.0, 1.0)), GROUND)])
+    return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), GROUND)])
 
 
 @contextmanager

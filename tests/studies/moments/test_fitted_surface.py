@@ -12,10 +12,10 @@ from weberlink.codec.predictors import sphere as fitted_sphere
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import Vector, dot, norm, scale, unit
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.sphere import Sphere, SphereCavity
+from weberlink.slave.scenes.sphere import SphereShape
 from weberlink.studies.moments.fitted_surface import (
     Frame,
     angle_deg,
@@ -35,22 +35,22 @@ def scene(*shapes: Shape) -> Scene:
 
 
 def test_a_plane_is_flat_a_ball_convex_and_a_hollow_concave() -> None:
-    flat = scene_surface(scene(Plane((0.0, 0.0, 0.002), (0.0, 0.0, 2.0))), (0.01, 0.02, -0.001))
+    flat = scene_surface(scene(PlaneShape((0.0, 0.0, 0.002), (0.0, 0.0, 2.0))), (0.01, 0.02, -0.001))
     assert flat is not None
     assert flat.point == pytest.approx((0.01, 0.02, 0.002))
     assert (flat.normal, flat.stiffness_n_m, flat.radii_m) == (UP, 400.0, (inf, inf))
-    ball = scene_surface(scene(Sphere((0.0, 0.0, -0.03), 0.03)), (0.0, 0.0, -0.002))
+    ball = scene_surface(scene(SphereShape((0.0, 0.0, -0.03), 0.03)), (0.0, 0.0, -0.002))
     assert ball is not None
     assert ball.point == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
     assert ball.radii_m == pytest.approx((0.03, 0.03), rel=1e-4)
-    bowl = scene_surface(scene(SphereCavity((0.0, 0.0, 0.03), 0.03)), (0.0, 0.0, -0.002))
+    bowl = scene_surface(scene(SphereShape((0.0, 0.0, 0.03), 0.03, inside=True)), (0.0, 0.0, -0.002))
     assert bowl is not None
     assert bowl.normal == pytest.approx(UP)
     assert bowl.radii_m == pytest.approx((-0.03, -0.03), rel=1e-4)
 
 
 def test_of_several_objects_the_one_that_holds_the_probe_counts() -> None:
-    both = scene(Plane((0.0, 0.0, 0.0), UP), Sphere((0.0, 0.0, 0.0), 0.02))
+    both = scene(PlaneShape((0.0, 0.0, 0.0), UP), SphereShape((0.0, 0.0, 0.0), 0.02))
     on_ball, on_plane = scene_surface(both, (0.0, 0.0, 0.018)), scene_surface(both, (0.09, 0.0, -0.001))
     assert on_ball is not None
     assert on_plane is not None
@@ -65,14 +65,14 @@ def test_an_empty_scene_has_no_surface() -> None:
 
 
 def test_a_surface_too_far_away_or_turned_away_is_none() -> None:
-    far = scene(Plane((0.0, 0.0, 0.5), UP))
+    far = scene(PlaneShape((0.0, 0.0, 0.5), UP))
     assert isnan(scene_height(far, FLAT, 0.0, 0.0, 0.1))
     assert scene_height(far, FLAT, 0.0, 0.0, 1.0) == pytest.approx(0.5)
-    assert isnan(scene_height(scene(Plane((0.0, 0.0, 0.01), (0.0, 0.0, -1.0))), FLAT, 0.0, 0.0, 0.1))
+    assert isnan(scene_height(scene(PlaneShape((0.0, 0.0, 0.01), (0.0, 0.0, -1.0))), FLAT, 0.0, 0.0, 0.1))
 
 
 def test_a_steep_surface_is_found_exactly() -> None:
-    steep = scene(Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.1)))
+    steep = scene(PlaneShape((0.0, 0.0, 0.0), (1.0, 0.0, 0.1)))
     assert scene_height(steep, FLAT, -0.001, 0.0, 0.1) == pytest.approx(0.01, abs=2e-6)
 
 

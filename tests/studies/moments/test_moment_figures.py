@@ -43,7 +43,7 @@ def run(predictor: str) -> Coded:
 
 def scene() -> Scene:
     """The parts of the trace's scene that its probe reaches."""
-    parts = plane.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), sphere.Sphere((-0.035, 0.015, -0.01), 0.025)
+    parts = plane.PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), sphere.SphereShape((-0.035, 0.015, -0.01), 0.025)
     return Scene([SceneObject(part, 500.0) for part in parts])
 
 

@@ -20,9 +20,9 @@ from weberlink.studies.moments.moments import Fit, fits, longest
 from weberlink.studies.moments.portrait import Portrait, portrait
 
 FINE = {"force_step": 1e-6, "position_step": 1e-9, "saturates": False}
-TABLE = plane.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-BALL = sphere.Sphere((0.0, 0.0, -0.03), 0.03)
-BOWL = sphere.SphereCavity((0.0, 0.0, 0.03), 0.03)
+TABLE = plane.PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+BALL = sphere.SphereShape((0.0, 0.0, -0.03), 0.03)
+BOWL = sphere.SphereShape((0.0, 0.0, 0.03), 0.03, inside=True)
 
 
 def scene(*shapes: Shape) -> Scene:

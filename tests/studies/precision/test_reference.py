@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.precision.equations import beginning
 from weberlink.studies.precision.problem import TICK, Ball, Friction, HalfSpace, Problem, Surface
 from weberlink.studies.precision.problems import PROBLEMS
@@ -17,7 +17,7 @@ UP = (0.0, 0.0, 1.0)
 FLOOR = HalfSpace((0.0, 0.0, 0.0), UP)
 
 
-def oscillation(body: Body, goal: float, start: float, velocity: float, at: float) -> float:
+def oscillation(body: ControlledMass, goal: float, start: float, velocity: float, at: float) -> float:
     """m a = k (goal - x) - c v, underdamped."""
     decay = body.damping / (2.0 * body.mass)
     omega = sqrt(body.stiffness / body.mass - decay * decay)
@@ -65,7 +65,7 @@ def test_goals_change_at_whole_multiples_of_the_coarsest_step() -> None:
 
 
 def test_free_motion_is_the_oscillation_that_it_is_in_closed_form(solver: str) -> None:
-    body = Body(0.3, 900.0, 2.0)
+    body = ControlledMass(0.3, 900.0, 2.0)
     problem = Problem("free", "", body, (), ((0.0, (0.0, 0.0, 0.02)),), (0.0, 0.0, 0.05), (0.0, 0.0, 0.4), 0.2)
     for tick, position in enumerate(solution(problem, solver).positions, start=1):
         expected = oscillation(body, 0.02, 0.05, 0.4, tick * TICK)
@@ -73,10 +73,10 @@ def test_free_motion_is_the_oscillation_that_it_is_in_closed_form(solver: str) -
 
 
 def test_linear_contact_is_an_oscillation_about_its_own_equilibrium(solver: str) -> None:
-    body, wall, damping, goal = Body(0.2, 3000.0, 6.0), 20_000.0, 5.0, -0.01
+    body, wall, damping, goal = ControlledMass(0.2, 3000.0, 6.0), 20_000.0, 5.0, -0.01
     surfaces, goals = (Surface(FLOOR, wall, damping),), ((0.0, (0.0, 0.0, goal)),)
     problem = Problem("wall", "", body, surfaces, goals, (0.0,) * 3, (0.0, 0.0, -0.3), 0.05)
-    joined = Body(0.2, body.stiffness + wall, body.damping + damping)
+    joined = ControlledMass(0.2, body.stiffness + wall, body.damping + damping)
     rest = body.stiffness * goal / joined.stiffness
     found = solution(problem, solver)
     for tick, position in enumerate(found.positions, start=1):
@@ -89,7 +89,7 @@ def test_a_bounce_is_two_free_flights_about_half_an_oscillation(solver: str) -> 
     mass, wall, speed = 0.2, 1e7, 0.3
     start = 0.01
     surfaces, goals = (Surface(FLOOR, wall),), ((0.0, (0.0, 0.0, 0.0)),)
-    free = Body(mass, 0.0, 0.0)
+    free = ControlledMass(mass, 0.0, 0.0)
     problem = Problem("bounce", "", free, surfaces, goals, (0.0, 0.0, start), (0.0, 0.0, -speed), 0.06)
     found = solution(problem, solver)
     left = start / speed + 3.141592653589793 * sqrt(mass / wall)
@@ -100,7 +100,7 @@ def test_a_bounce_is_two_free_flights_about_half_an_oscillation(solver: str) -> 
 def test_a_sliding_body_rests_where_the_drive_balances_the_dynamic_friction(solver: str) -> None:
     """Critically damped, so that it never turns back: m x'' = k (goal - x) - c x' - mu_dynamic k_wall depth."""
     wall, depth, dynamic = 5000.0, 1e-3, 0.4
-    body = Body(0.1, 2000.0, 28.3)
+    body = ControlledMass(0.1, 2000.0, 28.3)
     goal = -depth * (1.0 + wall / body.stiffness)
     surface = Surface(FLOOR, wall, friction=Friction(0.5, dynamic))
     goals = ((0.0, (0.0, 0.0, goal)), (0.1, (0.05, 0.0, goal)))
@@ -115,7 +115,7 @@ def test_an_oblique_corner_holds_the_body_where_both_surfaces_meet() -> None:
     """At rest deep in the corner the push is along what leads back to the edge: projection, not a sum of depths."""
     half = sqrt(0.5)
     surfaces = (Surface(FLOOR, 1e4), Surface(HalfSpace((0.0, 0.0, 0.0), (half, 0.0, half)), 1e4))
-    problem = Problem("edge", "", Body(1.0, 0.0, 0.0), surfaces, ((0.0, (0.0,) * 3),), (0.0,) * 3)
+    problem = Problem("edge", "", ControlledMass(1.0, 0.0, 0.0), surfaces, ((0.0, (0.0,) * 3),), (0.0,) * 3)
     state = [-3e-3, 0.0, -1e-3, 0.0, 0.0, 0.0]
     phase = beginning(problem)
     while fallen := [guard for guard in phase.guards if guard.value(state) < 0.0]:
@@ -126,6 +126,6 @@ def test_an_oblique_corner_holds_the_body_where_both_surfaces_meet() -> None:
 
 def test_friction_on_a_ball_is_refused() -> None:
     surface = Surface(Ball((0.0,) * 3, 0.01), 1e3, friction=Friction(0.5, 0.4))
-    problem = Problem("ball", "", Body(1.0, 0.0, 0.0), (surface,), ((0.0, (0.0,) * 3),), (0.0, 0.0, 0.02))
+    problem = Problem("ball", "", ControlledMass(1.0, 0.0, 0.0), (surface,), ((0.0, (0.0,) * 3),), (0.0, 0.0, 0.02))
     with pytest.raises(ValueError, match="half-space"):
         reference(problem)

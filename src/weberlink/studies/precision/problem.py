@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import Sphere, SphereCavity
+from weberlink.slave.scenes.sphere import SphereShape
 
 TICK = 1e-3  # [s] what the recommendation is made for, and how often errors are looked at
 
@@ -75,7 +75,7 @@ class Problem:
 
     name: str
     about: str
-    body: Body
+    body: ControlledMass
     surfaces: tuple[Surface, ...]
     goals: tuple[tuple[float, Vector], ...]
     position: Vector
@@ -101,13 +101,13 @@ class Problem:
 
 def scene_object(surface: Surface) -> SceneObject:
     solid = surface.solid
-    shape: Plane | Sphere | SphereCavity
+    shape: PlaneShape | SphereShape
     if isinstance(solid, HalfSpace):
-        shape = Plane(solid.point, solid.normal)
+        shape = PlaneShape(solid.point, solid.normal)
     elif solid.hollow:
-        shape = SphereCavity(solid.center, solid.radius)
+        shape = SphereShape(solid.center, solid.radius, inside=True)
     else:
-        shape = Sphere(solid.center, solid.radius)
+        shape = SphereShape(solid.center, solid.radius)
     friction = surface.friction
     return SceneObject(
         shape,

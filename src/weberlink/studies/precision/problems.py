@@ -6,12 +6,12 @@ between ticks, as in life.
 
 from math import exp, pi, sqrt
 
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.precision.problem import Ball, Friction, HalfSpace, Problem, Quantity, Surface
 
 UP = (0.0, 0.0, 1.0)
 BOTH: frozenset[Quantity] = frozenset({"position", "force"})
-ROBOT = Body(mass=0.2, stiffness=50_000.0, damping=200.0)
+ROBOT = ControlledMass(mass=0.2, stiffness=50_000.0, damping=200.0)
 """The simulated robot's defaults: critically damped."""
 
 
@@ -21,7 +21,7 @@ def floor(stiffness: float, damping: float = 0.0, height: float = 0.0, friction:
 
 def grazing() -> Problem:
     """The floor is where an underdamped body turns: z = goal - (start - goal) exp(-pi zeta / sqrt(1 - zeta^2))."""
-    body = Body(mass=0.5, stiffness=2000.0, damping=10.0)
+    body = ControlledMass(mass=0.5, stiffness=2000.0, damping=10.0)
     start, goal = 0.010, 0.005
     zeta = body.damping / (2.0 * sqrt(body.stiffness * body.mass))
     lowest = goal - (start - goal) * exp(-pi * zeta / sqrt(1.0 - zeta * zeta))
@@ -72,7 +72,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "light_1g",
         "1 g on 2000 N/m, contact from the start",
-        Body(mass=0.001, stiffness=500.0, damping=1.4),
+        ControlledMass(mass=0.001, stiffness=500.0, damping=1.4),
         (floor(2000.0),),
         ((0.0, (0.0, 0.0, -0.005)),),
         (0.0, 0.0, 0.0),
@@ -83,7 +83,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "heavy_10kg",
         "10 kg falls onto 1e5 N/m and rebounds",
-        Body(mass=10.0, stiffness=50_000.0, damping=100.0),
+        ControlledMass(mass=10.0, stiffness=50_000.0, damping=100.0),
         (floor(1e5),),
         ((0.0, (0.0, 0.0, -0.001)),),
         (0.0, 0.0, 0.0053),
@@ -102,7 +102,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "impact_2m_s",
         "2 m/s into 2e4 N/m with 30 N s/m: the force jumps",
-        Body(mass=0.2, stiffness=2000.0, damping=10.0),
+        ControlledMass(mass=0.2, stiffness=2000.0, damping=10.0),
         (floor(2e4, 30.0),),
         ((0.0, (0.0, 0.0, -0.001)), (0.032, (0.0, 0.0, 0.006))),
         (0.0, 0.0, 0.0047),
@@ -113,7 +113,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "stick_slip",
         "friction 0.8 / 0.3, dragged by a soft drive in steps",
-        Body(mass=0.05, stiffness=2000.0, damping=4.0),
+        ControlledMass(mass=0.05, stiffness=2000.0, damping=4.0),
         (floor(5000.0, friction=Friction(static=0.8, dynamic=0.3)),),
         (
             (0.0, (0.0, 0.0, -0.002)),
@@ -129,7 +129,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "rough_1e6",
         "friction 0.8 / 0.3 on 1e6 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=50.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=50.0),
         (floor(1e6, friction=Friction(static=0.8, dynamic=0.3)),),
         ((0.0, (0.0, 0.0, -0.002)), (0.024, (0.003, 0.0, -0.002)), (0.052, (0.0, 0.0, -0.002))),
         (0.0, 0.0, 0.0004),
@@ -139,7 +139,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "sphere",
         "slides over a ball of 20 mm, 2e4 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (Surface(Ball((0.0, 0.0, -0.02), 0.02), 2e4),),
         ((0.0, (0.006, 0.003, -0.004)),),
         (0.0, 0.0, 0.0),
@@ -151,7 +151,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "hollow",
         "slides in a hollow of 30 mm, 2e4 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (Surface(Ball((0.0, 0.0, 0.03), 0.03, hollow=True), 2e4),),
         ((0.0, (0.006, 0.003, -0.004)),),
         (0.0, 0.0, 0.0),
@@ -163,7 +163,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "hollow_1e6",
         "bounces along a hollow of 30 mm, 1e6 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (Surface(Ball((0.0, 0.0, 0.03), 0.03, hollow=True), 1e6),),
         ((0.0, (0.006, 0.003, -0.004)),),
         (0.0, 0.0, 0.0),
@@ -185,7 +185,7 @@ PROBLEMS: tuple[Problem, ...] = (
     Problem(
         "oblique",
         "floor, then a wall at 120 degrees to it",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (floor(2e4), Surface(HalfSpace((0.003, 0.0, 0.0), (-sqrt(0.75), 0.0, 0.5)), 3e4)),
         ((0.0, (0.01, 0.001, -0.004)),),
         (0.0, 0.0, 0.0011),

@@ -9,7 +9,7 @@ from math import inf
 from typing import Any
 
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import Scheme
+from weberlink.slave.integrators.contract import IntegrationScheme
 from weberlink.studies.precision.convergence import fitted_order
 from weberlink.studies.precision.pareto import Point, cheapest_as_good, front
 from weberlink.studies.precision.problem import Problem, Quantity
@@ -166,7 +166,7 @@ class Result:
 def study(
     effort: Effort = DEFAULT,
     problems: Sequence[Problem] = PROBLEMS,
-    schemes: Mapping[str, Scheme] = INTEGRATORS,
+    schemes: Mapping[str, IntegrationScheme] = INTEGRATORS,
     chooser: Chooser | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[Result]:
@@ -187,7 +187,9 @@ def study(
     return results
 
 
-def studied(problem: Problem, effort: Effort, schemes: Mapping[str, Scheme], chooser: Chooser | None) -> Result:
+def studied(
+    problem: Problem, effort: Effort, schemes: Mapping[str, IntegrationScheme], chooser: Chooser | None
+) -> Result:
     known = reference(problem)
     name, substeps = chooser(problem) if chooser is not None else (None, None)
     rows = [
@@ -212,7 +214,7 @@ def resolved(known: Reference) -> float:
 
 
 def convergence(
-    problem: Problem, name: str, scheme: Scheme, quantity: Quantity, rows: Sequence[Row], floor: float
+    problem: Problem, name: str, scheme: IntegrationScheme, quantity: Quantity, rows: Sequence[Row], floor: float
 ) -> Order:
     mine = [row for row in rows if row.integrator == name]
     errors = [row.position_error if quantity == "position" else row.force_error for row in mine]

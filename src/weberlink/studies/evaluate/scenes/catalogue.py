@@ -2,16 +2,8 @@
 
 from dataclasses import dataclass
 
-from weberlink.slave.scenes.settings import (
-    BoxObject,
-    BumpSettings,
-    FrictionSettings,
-    HeightFieldObject,
-    MotionSettings,
-    ObjectSettings,
-    PlaneObject,
-    SphereObject,
-)
+from weberlink.slave.scenes.height_field import BumpSettings
+from weberlink.slave.scenes.settings import FrictionSettings, MotionSettings, ObjectSettings, object_settings
 from weberlink.studies.evaluate.scenes.charts import Chart, ball, bowl, level
 
 RADIUS_M = 0.05
@@ -47,12 +39,14 @@ def plane(
     friction: FrictionSettings | None = None,
     damping: float | None = None,
     motion: MotionSettings | None = None,
-) -> PlaneObject:
-    return PlaneObject(shape="plane", stiffness_n_m=stiffness, friction=friction, damping_n_s_m=damping, motion=motion)
+) -> ObjectSettings:
+    return object_settings(
+        shape="plane", stiffness_n_m=stiffness, friction=friction, damping_n_s_m=damping, motion=motion
+    )
 
 
-def sphere(friction: FrictionSettings | None = None) -> SphereObject:
-    return SphereObject(
+def sphere(friction: FrictionSettings | None = None) -> ObjectSettings:
+    return object_settings(
         shape="sphere", center_m=(0.0, 0.0, -RADIUS_M), radius_m=RADIUS_M, stiffness_n_m=800.0, friction=friction
     )
 
@@ -64,16 +58,18 @@ SCENES: dict[str, Explored] = {
     "plane": Explored(plane(500.0), FLAT),
     "sphere": Explored(sphere(), ROUND),
     "sphere_cavity": Explored(
-        SphereObject(
+        object_settings(
             shape="sphere", center_m=(0.0, 0.0, HOLLOW_M), radius_m=HOLLOW_M, side="inside", stiffness_n_m=600.0
         ),
         bowl((0.0, 0.0, HOLLOW_M), HOLLOW_M),
     ),
     "box": Explored(
-        BoxObject(shape="box", center_m=(0.0, 0.0, -0.02), size_m=(0.06, 0.06, 0.04), stiffness_n_m=700.0), FLAT, 0.036
+        object_settings(shape="box", center_m=(0.0, 0.0, -0.02), size_m=(0.06, 0.06, 0.04), stiffness_n_m=700.0),
+        FLAT,
+        0.036,
     ),
     "height_field": Explored(
-        HeightFieldObject(
+        object_settings(
             shape="height_field", bumps=BumpSettings(amplitude_m=BUMP_M, wavelength_m=0.02), stiffness_n_m=700.0
         ),
         level(BUMP_M / 4.0),
