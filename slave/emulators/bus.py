@@ -20,7 +20,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     SYNC_WRITE,
     Packet,
     PacketReader,
-    Status,
+    StatusPacket,
     encode_status,
 )
 
@@ -102,7 +102,7 @@ class Bus:
         self._requests.clear()
         self._replies.clear()
 
-    def _answers(self, packet: Packet, now: float) -> list[tuple[Servo, Status]]:
+    def _answers(self, packet: Packet, now: float) -> list[tuple[Servo, StatusPacket]]:
         """What the servos say, in the order in which they do."""
         hearing = [servo for servo in self._servos if servo.id not in self.dead and servo.hears(now)]
         if packet.id != BROADCAST:
@@ -121,10 +121,10 @@ class Bus:
                 self._counted(servo.answer(packet, now))
         return []
 
-    def _sync_read(self, parameters: bytes, hearing: Sequence[Servo]) -> list[tuple[Servo, Status]]:
+    def _sync_read(self, parameters: bytes, hearing: Sequence[Servo]) -> list[tuple[Servo, StatusPacket]]:
         """Each servo waits for the one before it in the list: behind one that is silent, all are."""
         by_id = {servo.id: servo for servo in hearing}
-        answers: list[tuple[Servo, Status]] = []
+        answers: list[tuple[Servo, StatusPacket]] = []
         for id_ in parameters[4:]:
             servo = by_id.get(id_)
             status = None
@@ -146,6 +146,6 @@ class Bus:
                 if parameters[at] == servo.id and size:
                     self.errors += bool(servo.write(address, parameters[at + 1 : at + 1 + size]))
 
-    def _counted(self, status: Status | None) -> Status | None:
+    def _counted(self, status: StatusPacket | None) -> StatusPacket | None:
         self.errors += status is not None and status.error & ~ALERT != 0
         return status

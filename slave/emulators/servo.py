@@ -34,7 +34,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     SYNC_READ,
     WRITE,
     Packet,
-    Status,
+    StatusPacket,
 )
 
 CENTRE, TURN = 2048, 4096
@@ -111,7 +111,7 @@ class Servo:
         """Not while it reboots."""
         return now >= self._deaf_until
 
-    def answer(self, packet: Packet, now: float) -> Status | None:
+    def answer(self, packet: Packet, now: float) -> StatusPacket | None:
         """Carry out an instruction that is for this servo; None where it does not answer."""
         if packet.instruction == REBOOT:
             status = self.status(REBOOT, 0)
@@ -125,13 +125,13 @@ class Servo:
             return self.status(READ, *self.read(word(packet.parameters, 0), word(packet.parameters, 2)))
         return self.status(packet.instruction, self._changed(packet))
 
-    def status(self, instruction: int, error: int, data: bytes = b"") -> Status | None:
+    def status(self, instruction: int, error: int, data: bytes = b"") -> StatusPacket | None:
         """What it says about an instruction, if its status return level lets it."""
         level = self.registers["status_return_level"]
         if instruction != PING and level < (1 if instruction in READING else 2):
             return None
         alert = ALERT if self.registers["hardware_error_status"] else 0
-        return Status(self.id, error | alert, data)
+        return StatusPacket(self.id, error | alert, data)
 
     def read(self, address: int, size: int) -> tuple[int, bytes]:
         """Error number, and the bytes where that is 0."""

@@ -1,7 +1,7 @@
-"""The control table of Dynamixel X-series motors: what of it is used, its units, and what its alarms mean.
+"""Registers of Dynamixel X-series motors that the driver uses, their units, and the meaning of alarms.
 
 Source: ROBOTIS e-Manual, pages "XM430-W350" and "Bus Watchdog". Registers below 64 are EEPROM: writable only with the
-torque off. Knows no packets.
+torque off.
 """
 
 from math import pi
@@ -9,12 +9,11 @@ from typing import Final, NamedTuple
 
 
 class Register(NamedTuple):
-    """Where a value lies; `unit` says what one count is, empty for a plain number."""
+    """Address and size of a value [bytes]."""
 
     address: int
     size: int
     signed: bool = False
-    unit: str = ""
 
     def encode(self, value: int) -> bytes:
         """Raises OverflowError for a value that does not fit."""
@@ -27,46 +26,37 @@ class Register(NamedTuple):
 MODEL_NUMBER: Final = Register(0, 2)
 ID: Final = Register(7, 1)
 BAUD_RATE: Final = Register(8, 1)
-RETURN_DELAY_TIME: Final = Register(9, 1, unit="2 us")
+RETURN_DELAY_TIME: Final = Register(9, 1)
 DRIVE_MODE: Final = Register(10, 1)
 OPERATING_MODE: Final = Register(11, 1)
-HOMING_OFFSET: Final = Register(20, 4, signed=True, unit="1/4096 rev")
-CURRENT_LIMIT: Final = Register(38, 2, unit="2.69 mA")
+HOMING_OFFSET: Final = Register(20, 4, signed=True)
+CURRENT_LIMIT: Final = Register(38, 2)
 TORQUE_ENABLE: Final = Register(64, 1)
 HARDWARE_ERROR: Final = Register(70, 1)
-BUS_WATCHDOG: Final = Register(98, 1, signed=True, unit="20 ms")
-GOAL_CURRENT: Final = Register(102, 2, signed=True, unit="2.69 mA")
-GOAL_POSITION: Final = Register(116, 4, signed=True, unit="1/4096 rev")
-PRESENT_CURRENT: Final = Register(126, 2, signed=True, unit="2.69 mA")
-PRESENT_VELOCITY: Final = Register(128, 4, signed=True, unit="0.229 rpm")
-PRESENT_POSITION: Final = Register(132, 4, signed=True, unit="1/4096 rev")
+BUS_WATCHDOG: Final = Register(98, 1, signed=True)
+GOAL_CURRENT: Final = Register(102, 2, signed=True)
+GOAL_POSITION: Final = Register(116, 4, signed=True)
+PRESENT_CURRENT: Final = Register(126, 2, signed=True)
+PRESENT_VELOCITY: Final = Register(128, 4, signed=True)
+PRESENT_POSITION: Final = Register(132, 4, signed=True)
 
 PRESENT_ADDRESS: Final = PRESENT_CURRENT.address
 PRESENT_SIZE: Final = 10
-"""Current, velocity and position lie side by side: one read of 10 bytes."""
+"""Current, velocity and position are contiguous: one read of 10 bytes."""
 
 MODE_CURRENT: Final = 0
 MODE_CURRENT_BASED_POSITION: Final = 5
 
 DRIVE_MODE_REVERSE: Final = 0x01
-"""Bit of the drive mode: counts, velocity and current run the other way round."""
+"""Bit of the drive mode: position, velocity and current have the opposite sign."""
 
 WATCHDOG_TRIPPED: Final = -1
 """Read from the bus watchdog: goals are read-only until 0 is written to it."""
 WATCHDOG_UNIT_S: Final = 0.020
 WATCHDOG_MOST: Final = 127
 
-BAUD_RATES: Final = {
-    0: 9_600,
-    1: 57_600,
-    2: 115_200,
-    3: 1_000_000,
-    4: 2_000_000,
-    5: 3_000_000,
-    6: 4_000_000,
-    7: 4_500_000,
-}
-"""Value of the register to rate [bit/s]; 1 as delivered."""
+BAUD_RATES: Final = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""By the value of the register [bit/s]; delivered with 1."""
 
 COUNTS_PER_TURN: Final = 4096
 CENTRE: Final = 2048
@@ -82,35 +72,23 @@ HARDWARE_ERRORS: Final = {
     4: "electrical shock or too little power: check supply and cables",
     5: "overload: it pushed too hard for too long",
 }
-"""Bit of the hardware error register to what it means."""
-
-
-class Model(NamedTuple):
-    """A kind of motor.
-
-    Args:
-        name: as sold.
-        current_control: whether its current can be set and is measured.
-    """
-
-    name: str
-    current_control: bool
+"""By the bit of the hardware error register."""
 
 
 MODELS: Final = {
-    1000: Model("XH430-W350", True),
-    1020: Model("XM430-W350", True),
-    1060: Model("XL430-W250", False),
-    1080: Model("XC430-W240", False),
-    1160: Model("2XC430-W250", False),
+    1000: "XH430-W350",
+    1020: "XM430-W350",
+    1060: "XL430-W250",
+    1080: "XC430-W240",
+    1160: "2XC430-W250",
 }
-"""By model number, those that the vendor's own software lists; 1020 is in every OpenMANIPULATOR-X."""
-
+"""By model number, those of the vendor's own software."""
+WITHOUT_CURRENT_CONTROL: Final = {1060, 1080, 1160}
 OPENMANIPULATOR_X_MODEL: Final = 1020
 
 
 def angle(counts: int) -> float:
-    """Of a joint [rad], from the position of its motor."""
+    """Angle of a joint [rad] from the position of its motor."""
     return (counts - CENTRE) * RAD_PER_COUNT
 
 
@@ -119,6 +97,6 @@ def counts_of_current(amperes: float) -> int:
 
 
 def hardware_error_text(value: int) -> str:
-    """What a hardware error register means."""
+    """Meaning of the hardware error register."""
     names = [HARDWARE_ERRORS.get(bit, f"alarm bit {bit}") for bit in range(8) if value >> bit & 1]
     return "; ".join(names) if names else "none"

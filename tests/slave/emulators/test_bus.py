@@ -8,7 +8,14 @@ from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
 from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import ACCESS_ERROR, BROADCAST, Packet, Status, StatusReader, encode_packet
+from weberlink.slave.robots.dynamixel.packet import (
+    ACCESS_ERROR,
+    BROADCAST,
+    Packet,
+    StatusPacket,
+    StatusPacketReader,
+    encode_packet,
+)
 
 READ_POSITION = packet.read(11, 132, 4)  # 14 bytes, answered with 15
 
@@ -74,7 +81,10 @@ def test_behind_one_that_is_silent_all_are(host: Host) -> None:
 
 
 def test_a_refused_sync_read_is_answered_all_the_same(host: Host) -> None:
-    assert host.ask(packet.sync_read(14, 1, (11, 12))) == [Status(11, ACCESS_ERROR), Status(12, ACCESS_ERROR)]
+    assert host.ask(packet.sync_read(14, 1, (11, 12))) == [
+        StatusPacket(11, ACCESS_ERROR),
+        StatusPacket(12, ACCESS_ERROR),
+    ]
 
 
 def test_sync_write_reaches_those_named_and_nobody_answers(host: Host) -> None:
@@ -157,7 +167,7 @@ def test_a_value_that_looks_like_a_header_comes_through(host: Host) -> None:
 )
 def test_no_bytes_upset_it(chunks: list[bytes]) -> None:
     emulator = DynamixelEmulator(DynamixelOptions(held=False))
-    reader, now = StatusReader(), 5.0
+    reader, now = StatusPacketReader(), 5.0
     for chunk in chunks:
         now += 0.004
         emulator.receive(chunk, now)

@@ -11,14 +11,14 @@ from weberlink.slave.emulators.dynamics import STEP, STILL, Arm
 from weberlink.slave.emulators.links import COULOMB, JOINTS, LINK_3, LINK_4, LINK_5, ROTOR_INERTIA, VISCOUS, Link
 from weberlink.slave.emulators.pose import Joints, Pose
 from weberlink.slave.emulators.tip_contact import along
-from weberlink.slave.robots.dynamixel.arm import posture
-from weberlink.slave.scenes.settings import FrictionSettings, PlaneObject, SphereObject, build
+from weberlink.slave.robots.dynamixel.arm import arm_pose
+from weberlink.slave.scenes.settings import FrictionSettings, build, object_settings
 
 POSE: Joints = (0.3, -0.6, 0.5, 0.8)
 NO_FRICTION = [0.0] * 4
 SETTLES: dict[str, Any] = {"rotor_inertia": 0.005, "viscous": (0.02, 0.02, 0.02, 0.02)}
 """An arm that comes to rest soon."""
-WALL = PlaneObject(shape="plane", point_m=(0.19, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), stiffness_n_m=1000.0)
+WALL = object_settings(shape="plane", point_m=(0.19, 0.0, 0.0), normal=(-1.0, 0.0, 0.0), stiffness_n_m=1000.0)
 
 
 def drawn(random: Random, reach: float = 0.8) -> Joints:
@@ -34,7 +34,7 @@ def servoed(arm: Arm, goal: Joints, time: float, stiffness: float = 8.0) -> list
     """Holds the arm at a goal by springs and dampers and the driver's idea of its weight; gives the last torques."""
     torques = [0.0] * 4
     for _ in range(round(time / STEP)):
-        gravity = posture(arm.angles).gravity
+        gravity = arm_pose(arm.angles).gravity
         torques = [
             g + stiffness * (there - q) - 0.3 * v
             for g, there, q, v in zip(gravity, goal, arm.angles, arm.velocities, strict=True)
@@ -47,7 +47,7 @@ def test_kinematics_and_weight_are_those_of_the_driver() -> None:
     random = Random(1)
     for _ in range(50):
         q = drawn(random)
-        pose, other = Pose(q), posture(q)
+        pose, other = Pose(q), arm_pose(q)
         assert pose.tip == pytest.approx(other.tip, abs=1e-12)
         for mine, theirs in zip(pose.jacobian(), other.jacobian(), strict=True):
             assert mine == pytest.approx(theirs, abs=1e-12)
@@ -159,7 +159,7 @@ def test_energy_never_grows_in_a_passive_arm() -> None:
 @pytest.mark.parametrize("stiffness", [300.0, 1e5, 1e7])
 def test_a_dropped_arm_comes_to_rest_on_a_table(stiffness: float) -> None:
     cone = FrictionSettings(static=0.5, dynamic=0.4)
-    table = PlaneObject(shape="plane", point_m=(0.0, 0.0, 0.05), stiffness_n_m=stiffness, friction=cone)
+    table = object_settings(shape="plane", point_m=(0.0, 0.0, 0.05), stiffness_n_m=stiffness, friction=cone)
     arm = Arm(build([table]), (0.0, -0.2, 0.3, 0.4), **SETTLES)
     for _ in range(5500):
         arm.step(STILL)
@@ -180,8 +180,8 @@ def test_statics_motors_and_wall_hold_the_weight() -> None:
     torques = servoed(arm, (start[0], start[1] + 0.3, start[2], start[3] - 0.3), 1.5)
     assert arm.force[0] < -1.0
     assert arm.force[1:] == (0.0, 0.0)
-    held = posture(arm.angles).torques(arm.force)
-    for torque, pressed, weight, sticks in zip(torques, held, posture(arm.angles).gravity, COULOMB, strict=True):
+    held = arm_pose(arm.angles).torques(arm.force)
+    for torque, pressed, weight, sticks in zip(torques, held, arm_pose(arm.angles).gravity, COULOMB, strict=True):
         assert abs(torque + pressed - weight) <= sticks + 1e-6
 
 
@@ -192,20 +192,20 @@ def test_statics_with_friction_on_the_wall() -> None:
     torques = servoed(arm, (POSE[0] + 0.15, POSE[1] + 0.3, POSE[2], POSE[3] - 0.3), 0.8)
     assert max(map(abs, arm.velocities)) < 1e-3
     assert abs(arm.force[1]) > 0.3
-    held = posture(arm.angles).torques(arm.force)
-    for torque, pressed, weight, sticks in zip(torques, held, posture(arm.angles).gravity, COULOMB, strict=True):
+    held = arm_pose(arm.angles).torques(arm.force)
+    for torque, pressed, weight, sticks in zip(torques, held, arm_pose(arm.angles).gravity, COULOMB, strict=True):
         assert abs(torque + pressed - weight) <= sticks + 1e-5
 
 
 def test_without_dry_friction_statics_is_exact() -> None:
-    ball = SphereObject(shape="sphere", center_m=(0.25, 0.04, 0.09), radius_m=0.05, stiffness_n_m=800.0)
+    ball = object_settings(shape="sphere", center_m=(0.25, 0.04, 0.09), radius_m=0.05, stiffness_n_m=800.0)
     arm = Arm(build([ball]), POSE, **SETTLES)
     arm._coulomb = NO_FRICTION
     torques = servoed(arm, (0.2, -0.2, 0.5, 0.3), 3.0)
     assert max(map(abs, arm.velocities)) < 1e-6
     force: Vector = arm.force
     assert max(map(abs, force)) > 0.5
-    here = posture(arm.angles)
+    here = arm_pose(arm.angles)
     held = [weight - pressed for weight, pressed in zip(here.gravity, here.torques(force), strict=True)]
     assert torques == pytest.approx(held, abs=1e-5)
 
@@ -213,9 +213,9 @@ def test_without_dry_friction_statics_is_exact() -> None:
 def test_a_joint_sticks_below_its_dry_friction_and_not_above() -> None:
     arm = Arm(None, POSE)
     for _ in range(200):
-        arm.step([0.036, *posture(POSE).gravity[1:]])
+        arm.step([0.036, *arm_pose(POSE).gravity[1:]])
     assert arm.angles == POSE
-    arm.step([0.038, *posture(POSE).gravity[1:]])
+    arm.step([0.038, *arm_pose(POSE).gravity[1:]])
     assert arm.velocities[0] > 0.0
     assert arm.angles[1:] == POSE[1:]
 
@@ -231,7 +231,7 @@ def test_stops_hold() -> None:
 
 @pytest.mark.parametrize("damping", [None, 50.0])
 def test_contact_takes_energy_away(damping: float | None) -> None:
-    surface = PlaneObject(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=2000.0, damping_n_s_m=damping)
+    surface = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=2000.0, damping_n_s_m=damping)
     arm = Arm(build([surface]), (0.0, 0.1, 0.3, 0.0), coulomb=STILL, viscous=STILL)
     assert arm.tip[2] > 0.1
     arm.velocities = (0.0, 0.8, 0.4, 0.2)

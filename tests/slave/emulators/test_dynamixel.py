@@ -19,13 +19,13 @@ from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOpti
 from weberlink.slave.emulators.links import ROTOR_INERTIA
 from weberlink.slave.emulators.pose import Pose
 from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.arm import posture
-from weberlink.slave.robots.dynamixel.packet import Packet, Status, StatusReader, encode_packet
-from weberlink.slave.scenes.settings import PlaneObject
+from weberlink.slave.robots.dynamixel.arm import arm_pose
+from weberlink.slave.robots.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
+from weberlink.slave.scenes.settings import object_settings
 
 HOME = (0.0, -1.05, 0.35, 0.70)
 RAD_PER_COUNT = 2.0 * pi / 4096.0
-FLOOR = PlaneObject(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
+FLOOR = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
 PATIENCE_S = 5.0
 
 
@@ -64,7 +64,7 @@ def test_it_measures_where_it_stands() -> None:
     statuses = host.ask(packet.sync_read(132, 4, IDS))
     counts = [int.from_bytes(status.parameters, "little", signed=True) for status in statuses]
     assert [(count - 2048) * RAD_PER_COUNT for count in counts] == pytest.approx([0.5, -1.0, 0.4, 0.6, 0.0], abs=1e-3)
-    assert host.emulator.tip == pytest.approx(posture((0.5, -1.0, 0.4, 0.6)).tip)
+    assert host.emulator.tip == pytest.approx(arm_pose((0.5, -1.0, 0.4, 0.6)).tip)
 
 
 def test_somebody_holds_it_until_all_torque_is_on() -> None:
@@ -82,7 +82,7 @@ def test_somebody_holds_it_until_all_torque_is_on() -> None:
 def test_nobody_holds_it() -> None:
     host = arm(held=False)
     host.wait(0.5)
-    assert host.emulator.tip[2] < posture(HOME).tip[2] - 0.05
+    assert host.emulator.tip[2] < arm_pose(HOME).tip[2] - 0.05
 
 
 def test_a_current_turns_its_joint_with_the_ratio_of_stall_torque_to_stall_current() -> None:
@@ -274,10 +274,10 @@ def test_a_long_silence_is_not_made_up_for() -> None:
     assert len(host.ask(packet.ping(11))) == 1
 
 
-def asked(port: SerialPort, request: Packet, count: int) -> list[Status]:
-    reader = StatusReader()
+def asked(port: SerialPort, request: Packet, count: int) -> list[StatusPacket]:
+    reader = StatusPacketReader()
     port.write(encode_packet(request))
-    statuses: list[Status] = []
+    statuses: list[StatusPacket] = []
     until = monotonic() + PATIENCE_S
     while len(statuses) < count and monotonic() < until:
         statuses += reader.feed(port.read(monotonic() + 0.1))
@@ -292,12 +292,12 @@ def test_over_a_real_pty(tmp_path: Path) -> None:
             assert [status.id for status in asked(port, Packet(packet.BROADCAST, packet.PING), 5)] == list(IDS)
             statuses = asked(port, packet.sync_read(126, 10, IDS), 5)
             assert [(status.id, len(status.parameters)) for status in statuses] == [(id_, 10) for id_ in IDS]
-            assert asked(port, packet.write(11, 98, b"\x01"), 1) == [Status(11, 0)]
-            assert asked(port, packet.write(11, 64, b"\x01"), 1) == [Status(11, 0)]
+            assert asked(port, packet.write(11, 98, b"\x01"), 1) == [StatusPacket(11, 0)]
+            assert asked(port, packet.write(11, 64, b"\x01"), 1) == [StatusPacket(11, 0)]
             until = monotonic() + PATIENCE_S
             while not emulator.watchdog_trips and monotonic() < until:
                 sleep(0.005)
-            assert asked(port, packet.read(11, 98, 1), 1) == [Status(11, 0, b"\xff")]
+            assert asked(port, packet.read(11, 98, 1), 1) == [StatusPacket(11, 0, b"\xff")]
         finally:
             port.close()
 

@@ -15,7 +15,7 @@ from weberlink.slave.robots.dynamixel.packet import (
     INSTRUCTION_ERROR,
     RESULT_FAIL,
     Packet,
-    Status,
+    StatusPacket,
 )
 from weberlink.slave.robots.dynamixel.registers import Register
 
@@ -48,7 +48,7 @@ def test_values_as_delivered(host: Host, address: int, size: int, value: int) ->
 
 
 def test_ping_gives_model_and_firmware(host: Host) -> None:
-    assert host.ask(packet.ping(12)) == [Status(12, 0, b"\xfc\x03\x2d")]
+    assert host.ask(packet.ping(12)) == [StatusPacket(12, 0, b"\xfc\x03\x2d")]
     assert host.ask(packet.ping(42)) == []
 
 
@@ -62,7 +62,7 @@ def test_written_values_are_read_back(host: Host) -> None:
 def test_several_registers_in_one_write(host: Host) -> None:
     host.current_control(11)
     data = (7).to_bytes(2, "little") + (100).to_bytes(4, "little")
-    assert host.ask(packet.write(11, 102, data)) == [Status(11, 0)]
+    assert host.ask(packet.write(11, 102, data)) == [StatusPacket(11, 0)]
     assert (host.read(11, 102, 2), host.read(11, 104, 4)) == (7, 100)
 
 
@@ -101,7 +101,7 @@ def test_goals_are_limited_by_what_the_limits_say_now(host: Host) -> None:
 
 def test_one_bad_register_of_a_write_spoils_it_all(host: Host) -> None:
     data = (7).to_bytes(2, "little") + (1000).to_bytes(4, "little")
-    assert host.ask(packet.write(11, 102, data)) == [Status(11, DATA_LIMIT_ERROR)]
+    assert host.ask(packet.write(11, 102, data)) == [StatusPacket(11, DATA_LIMIT_ERROR)]
     assert host.read(11, 102, 2) == 0
 
 
@@ -113,15 +113,15 @@ def test_eeprom_is_locked_while_the_torque_is_on(host: Host) -> None:
 
 
 def test_reads_of_nothing_are_refused(host: Host) -> None:
-    assert host.ask(packet.read(11, 14, 1)) == [Status(11, ACCESS_ERROR)]
-    assert host.ask(packet.read(11, 132, 60_000)) == [Status(11, ACCESS_ERROR)]
-    assert host.ask(packet.read(11, 132, 0)) == [Status(11, ACCESS_ERROR)]
-    assert host.ask(Packet(11, packet.READ, b"\x00")) == [Status(11, DATA_LENGTH_ERROR)]
+    assert host.ask(packet.read(11, 14, 1)) == [StatusPacket(11, ACCESS_ERROR)]
+    assert host.ask(packet.read(11, 132, 60_000)) == [StatusPacket(11, ACCESS_ERROR)]
+    assert host.ask(packet.read(11, 132, 0)) == [StatusPacket(11, ACCESS_ERROR)]
+    assert host.ask(Packet(11, packet.READ, b"\x00")) == [StatusPacket(11, DATA_LENGTH_ERROR)]
 
 
 def test_unknown_instructions_are_named_as_such(host: Host) -> None:
-    assert host.ask(Packet(11, 0x77)) == [Status(11, INSTRUCTION_ERROR)]
-    assert host.ask(Packet(11, packet.ACTION)) == [Status(11, INSTRUCTION_ERROR)]
+    assert host.ask(Packet(11, 0x77)) == [StatusPacket(11, INSTRUCTION_ERROR)]
+    assert host.ask(Packet(11, packet.ACTION)) == [StatusPacket(11, INSTRUCTION_ERROR)]
 
 
 def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
@@ -132,11 +132,11 @@ def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
 
 
 def test_reg_write_waits_for_action(host: Host) -> None:
-    assert host.ask(Packet(11, packet.REG_WRITE, b"\x41\x00\x01")) == [Status(11, 0)]
+    assert host.ask(Packet(11, packet.REG_WRITE, b"\x41\x00\x01")) == [StatusPacket(11, 0)]
     assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (0, 1)
-    assert host.ask(Packet(11, packet.ACTION)) == [Status(11, 0)]
+    assert host.ask(Packet(11, packet.ACTION)) == [StatusPacket(11, 0)]
     assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (1, 0)
-    assert host.ask(Packet(11, packet.REG_WRITE, b"\x7e\x00\x01\x00")) == [Status(11, ACCESS_ERROR)]
+    assert host.ask(Packet(11, packet.REG_WRITE, b"\x7e\x00\x01\x00")) == [StatusPacket(11, ACCESS_ERROR)]
 
 
 @pytest.mark.parametrize(("level", "answers"), [(0, (1, 0, 0)), (1, (1, 1, 0)), (2, (1, 1, 1))])
@@ -153,11 +153,11 @@ def test_an_alarm_lets_go_and_stays_until_a_reboot(host: Host) -> None:
     host.emulator.inject("overload", 2)
     host.wait(0.001)
     assert host.ask(packet.ping(12))[0].error == ALERT
-    assert host.ask(packet.read(12, 70, 1)) == [Status(12, ALERT, b"\x20")]
-    assert host.ask(packet.read(12, 64, 1)) == [Status(12, ALERT, b"\x00")]
+    assert host.ask(packet.read(12, 70, 1)) == [StatusPacket(12, ALERT, b"\x20")]
+    assert host.ask(packet.read(12, 64, 1)) == [StatusPacket(12, ALERT, b"\x00")]
     assert host.write(12, 64, 1, 1) == ALERT | RESULT_FAIL
     assert host.read(11, 64, 1) == 1
-    assert host.ask(Packet(12, packet.REBOOT)) == [Status(12, ALERT)]
+    assert host.ask(Packet(12, packet.REBOOT)) == [StatusPacket(12, ALERT)]
     assert host.ask(packet.ping(12)) == []
     host.wait(0.3)
     assert host.read(12, 70, 1) == 0
@@ -170,7 +170,7 @@ def test_a_shutdown_that_is_masked_only_alerts(host: Host) -> None:
     assert host.write(11, 64, 1, 1) == 0
     host.emulator.inject("overload", 1)
     host.wait(0.001)
-    assert host.ask(packet.read(11, 64, 1)) == [Status(11, ALERT, b"\x01")]
+    assert host.ask(packet.read(11, 64, 1)) == [StatusPacket(11, ALERT, b"\x01")]
 
 
 class TestBusWatchdog:

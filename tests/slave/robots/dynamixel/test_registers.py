@@ -61,7 +61,6 @@ def test_alarms_are_named_by_their_bits() -> None:
 
 
 def test_the_motor_of_the_arm_is_known_and_controls_its_current() -> None:
-    model = registers.MODELS[registers.OPENMANIPULATOR_X_MODEL]
-    assert model.name == "XM430-W350"
-    assert model.current_control
-    assert not registers.MODELS[1060].current_control
+    assert registers.MODELS[registers.OPENMANIPULATOR_X_MODEL] == "XM430-W350"
+    assert registers.OPENMANIPULATOR_X_MODEL not in registers.WITHOUT_CURRENT_CONTROL
+    assert registers.WITHOUT_CURRENT_CONTROL < registers.MODELS.keys()

@@ -76,7 +76,7 @@ try:
     driver(options, None, 0.001)
 except ValueError as error:
     print(error)
-print(sorted(name for name in sys.modules if name.startswith(("mujoco.", "numpy", "slave.robots.mjcf."))))
+print(sorted(name for name in sys.modules if name.startswith(("mujoco.", "numpy", "weberlink.slave.robots.mjcf."))))
 """
 
 
