@@ -147,6 +147,10 @@ class ArmPose(NamedTuple):
             m24 * q2 + m34 * q3 + (m44 + rotor) * q4,
         )
 
+    def coriolis(self, rates: Joints) -> Joints:
+        """Torques of Coriolis and centrifugal forces [N m]."""
+        return _coriolis(self.joints, rates)
+
     def jacobian(self) -> tuple[Joints, Joints, Joints]:
         """dx/dq, dy/dq and dz/dq of the tip [m/rad]."""
         c, s = self.cos_yaw, self.sin_yaw
@@ -213,6 +217,36 @@ def _inertia(
     turning = LINKS[0].moment + link3.moment * sa * sa + link4.moment * cb * cb + link5.moment * cc * cc
     m11 = turning + link3.mass * r3 * r3 + link4.mass * (elbow_r + r4) ** 2 + link5.mass * (elbow_r + wrist_r + r5) ** 2
     return (m11, _S2 + m33 + 2.0 * (ab + ac), m33 + ab + ac, m34 + ac, m33, m34, _S4)
+
+
+def _coriolis(joints: Joints, rates: Joints) -> Joints:
+    """From Lagrange's equations in the absolute angles; derivatives of a vector (r, z) of a link are (z, -r)."""
+    _, q2, q3, q4 = joints
+    ca, sa, cb, sb, cc, sc = cos(q2), sin(q2), cos(q2 + q3), sin(q2 + q3), cos(q2 + q3 + q4), sin(q2 + q3 + q4)
+    _, link3, link4, link5 = LINKS
+    elbow_r, elbow_z = ELBOW_X_M * ca + ELBOW_Z_M * sa, ELBOW_Z_M * ca - ELBOW_X_M * sa
+    wrist_r, wrist_z = FOREARM_M * cb, -FOREARM_M * sb
+    r3, z3 = link3.centre_x * ca + link3.centre_z * sa, link3.centre_z * ca - link3.centre_x * sa
+    r4, z4 = link4.centre_x * cb, -link4.centre_x * sb
+    r5, z5 = link5.centre_x * cc + link5.centre_z * sc, link5.centre_z * cc - link5.centre_x * sc
+    hand_r, hand_z = link5.mass * r5, link5.mass * z5
+    fore_r, fore_z = link4.mass * r4 + link5.mass * wrist_r, link4.mass * z4 + link5.mass * wrist_z
+    # Derivatives of the moment of inertia about joint 1 by the absolute angles.
+    out4, out5 = link4.mass * (elbow_r + r4), link5.mass * (elbow_r + wrist_r + r5)
+    by_a = 2.0 * (link3.moment * sa * ca + link3.mass * r3 * z3 + (out4 + out5) * elbow_z)
+    by_b = 2.0 * (out4 * z4 + out5 * wrist_z - link4.moment * cb * sb)
+    by_c = 2.0 * (out5 * z5 - link5.moment * cc * sc)
+    turn, rate_a = rates[0], rates[1]
+    rate_b = rate_a + rates[2]
+    rate_c = rate_b + rates[3]
+    half, aa, bb, square_c = 0.5 * turn * turn, rate_a * rate_a, rate_b * rate_b, rate_c * rate_c
+    ab = elbow_r * fore_z - elbow_z * fore_r
+    ac = elbow_r * hand_z - elbow_z * hand_r
+    bc = wrist_r * hand_z - wrist_z * hand_r
+    on_c = -aa * ac - bb * bc - half * by_c
+    on_b = on_c + square_c * bc - aa * ab - half * by_b
+    on_a = on_b + bb * ab + square_c * ac - half * by_a
+    return (turn * (by_a * rate_a + by_b * rate_b + by_c * rate_c), on_a, on_b, on_c)
 
 
 def potential_energy(joints: Joints) -> float:

@@ -1,13 +1,10 @@
 """Mechanics against numerical differentiation, round trips, energy and the emulated arm, which was written apart."""
 
-from itertools import pairwise
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, distance, dot
-from weberlink.slave.emulators.pose import Pose
 from weberlink.slave.robots.dynamixel import arm
 from weberlink.slave.robots.dynamixel.arm import (
     LOWER,
@@ -119,24 +116,6 @@ def test_the_mass_matrix_is_symmetric_and_kinetic_energy_positive(joints: Joints
             assert columns[i][k] == pytest.approx(columns[k][i], abs=1e-15)
     energy = sum(p * q for p, q in zip(here.momentum(rates, ROTOR), rates, strict=True))
     assert energy >= ROTOR * sum(q * q for q in rates)
-
-
-@given(poses)
-def test_an_arm_that_others_wrote_is_the_same_arm(joints: Joints) -> None:
-    """The emulator has its own mechanics, of full inertia tensors; ours are those of rods about the vertical."""
-    here, other = arm_pose(joints), Pose(joints)
-    assert here.tip == pytest.approx(other.tip, abs=1e-12)
-    inertia, gravity = other.equations((0.0, 0.0, 0.0, 0.0), ROTOR)
-    assert here.gravity == pytest.approx(gravity, abs=1e-9)
-    for column, unit in enumerate(((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0))):
-        theirs = [inertia[max(row, column) * (max(row, column) + 1) // 2 + min(row, column)] for row in range(4)]
-        assert here.momentum(unit, ROTOR) == pytest.approx(theirs, abs=5e-4 if column == 0 else 1e-6)
-
-
-def test_no_joint_limit_is_beyond_a_turn() -> None:
-    for low, high in zip(LOWER, UPPER, strict=True):
-        assert -3.2 < low < 0.0 < high < 3.2
-    assert all(a < b for a, b in pairwise(sorted(UPPER)))
 
 
 def _differences(a: Joints, b: Joints) -> list[float]:

@@ -8,7 +8,7 @@ import pytest
 from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
 from weberlink.geometry.vector import Vector, distance, norm, subtract
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.emulators.dynamixel import DynamixelOptions as EmulatedOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulatorOptions as EmulatedOptions
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.arm import Joints, arm_pose
 from weberlink.slave.robots.dynamixel.exchange import WATCH_EVERY

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import options as of
 from weberlink.slave.robots.dynamixel import packet, registers
 from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
@@ -103,7 +103,7 @@ class Bench:
     """
 
     options: of.DynamixelOptions = field(default_factory=of.DynamixelOptions)
-    emulated: DynamixelOptions = field(default_factory=DynamixelOptions)
+    emulated: DynamixelEmulatorOptions = field(default_factory=DynamixelEmulatorOptions)
     latency: float = 0.0
 
     def __post_init__(self) -> None:
