@@ -5,8 +5,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from weberlink.slave.scenes.height_field import bumps
-from weberlink.slave.scenes.settings import read_heights
+from weberlink.slave.scenes.height_field import bumps, read_heights
 
 MOST_HEIGHTS = 161
 """Rows or columns of a height field that are sent to be drawn."""

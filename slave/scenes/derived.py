@@ -1,12 +1,35 @@
-"""A shape turned about a pivot; only built where a scene asks for a rotation."""
+"""Shapes made of other shapes: carved, turned, displaced."""
 
+from collections.abc import Sequence
 from math import cos, sin
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import ZERO, Vector, subtract
 from weberlink.slave.scenes.shape import Shape, Tangent
 
 
-class Turned:
+class CarvedShape:
+    """`base` with hollows cut out of it, such as a bowl in a table: phi = max(phi_base, phi_cavity, ...).
+
+    A cavity is the complement of what is cut out, so this is max(phi_base, -phi_cut). The largest distance is never
+    more than the true one, and its surface is the one that holds the proxy: where two of them cross, the edge is
+    convex.
+    """
+
+    __slots__ = ("_parts",)
+
+    flat = False
+
+    def __init__(self, base: Shape, cavities: Sequence[Shape]) -> None:
+        self._parts: tuple[Shape, ...] = (base, *cavities)
+
+    def clearance(self, point: Vector) -> float:
+        return max([part.clearance(point) for part in self._parts])
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        return max(self._parts, key=lambda part: part.clearance(point)).linearise(point)
+
+
+class TurnedShape:
     """`shape` turned about `pivot` by roll, pitch, yaw [rad], R = Rz(yaw) Ry(pitch) Rx(roll), scene axes."""
 
     __slots__ = ("_pivot", "_rows", "_shape", "flat")
@@ -47,3 +70,20 @@ class Turned:
             pivot[1] + a[1] * x + b[1] * y + c[1] * z,
             pivot[2] + a[2] * x + b[2] * y + c[2] * z,
         )
+
+
+class DisplacedShape:
+    """`shape` displaced by `offset` [m], which may change."""
+
+    __slots__ = ("_shape", "flat", "offset")
+
+    def __init__(self, shape: Shape) -> None:
+        self._shape = shape
+        self.flat = shape.flat
+        self.offset: Vector = ZERO
+
+    def clearance(self, point: Vector) -> float:
+        return self._shape.clearance(subtract(point, self.offset))
+
+    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
+        return self._shape.linearise(subtract(point, self.offset))
