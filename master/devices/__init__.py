@@ -20,8 +20,8 @@ COMPUTED = frozenset({"operator", "replay"})
 
 
 def drivers() -> dict[str, str]:
-    """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.apps.devices`."""
-    return {entry.name: entry.value for entry in entry_points(group="weberlink.apps.devices")} | BUILT_IN
+    """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.devices`."""
+    return {entry.name: entry.value for entry in entry_points(group="weberlink.devices")} | BUILT_IN
 
 
 def load(name: str) -> DeviceDriver:

@@ -1,13 +1,14 @@
-"""A machine made up of files and answers, on which everything is right until a test says otherwise."""
+"""An emulated machine for the checks, on which everything is right unless a test changes it."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from weberlink.apps.doctor import Finding, Host, Needs
-from weberlink.apps.doctor.finding import Check
-from weberlink.apps.doctor.host import Unreadable
-from weberlink.apps.doctor.trial import Request, Trial
+from weberlink.apps.doctor import Finding, Machine, Needs
+from weberlink.apps.doctor.findings import Check
+from weberlink.apps.doctor.machine import Unreadable
+from weberlink.apps.doctor.report import run
+from weberlink.apps.doctor.trial import RightsRequest, RightsTrial
 
 CPU = "sys/devices/system/cpu"
 CLOCK = "sys/devices/system/clocksource/clocksource0"
@@ -20,7 +21,7 @@ GRANTS: dict[str, dict[str, bool | str]] = {
     "timer_slack": {"granted": True, "detail": "timer slack 1 ns"},
     "wakeful": {"granted": True, "detail": "processors awake"},
 }
-TRIAL = Trial(
+TRIAL = RightsTrial(
     grants=GRANTS,
     memory_bytes=65_000_000,
     lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0},
@@ -59,21 +60,21 @@ FILES: Mapping[str, str] = {
 }
 
 
-def machine(tmp_path: Path, files: Mapping[str, str | None] | None = None, **answers: Any) -> Host:
-    """A host in a folder; a file that is None is not there."""
+def machine(tmp_path: Path, files: Mapping[str, str | None] | None = None, **answers: Any) -> Machine:
+    """A machine in a folder; a file that is None does not exist."""
     for name, text in {**FILES, **(files or {})}.items():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if text is not None:
             path.write_text(text, encoding="utf-8")
-    return Host(root=tmp_path, **{**_answers(), **answers})
+    return Machine(root=tmp_path, **{**_answers(), **answers})
 
 
 def _answers() -> dict[str, Any]:
-    def trial(_request: Request) -> Trial:
+    def trial(_request: RightsRequest) -> RightsTrial:
         return TRIAL
 
-    def run(*command: str) -> tuple[int, str]:
+    def run_tool(*command: str) -> tuple[int, str]:
         raise Unreadable(f"{command[0]} is not there")
 
     return {
@@ -83,7 +84,7 @@ def _answers() -> dict[str, Any]:
         "resolution_ns": lambda: 1.0,
         "trial": trial,
         "which": lambda _name: None,
-        "run": run,
+        "run": run_tool,
         "bind": lambda _host, _port: None,
         "resolve": lambda _name: ["10.1.2.3"],
         "route": lambda _address: "10.1.2.1",
@@ -93,15 +94,10 @@ def _answers() -> dict[str, Any]:
     }
 
 
-def look(check: Check, host: Host, needs: Needs | None = None) -> list[Finding]:
-    return list(check(host, needs or Needs()))
-
-
-def only(check: Check, host: Host, needs: Needs | None = None) -> Finding:
-    (finding,) = look(check, host, needs)
-    return finding
+def look(check: Check, here: Machine, needs: Needs | None = None) -> list[Finding]:
+    return list(run(check, here, needs or Needs()))
 
 
 def graded(findings: list[Finding]) -> dict[str, str]:
-    """Each check's grade, in words."""
+    """Grade of each check."""
     return {each.check: each.grade.value for each in findings}

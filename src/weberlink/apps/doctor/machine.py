@@ -1,7 +1,4 @@
-"""The machine as the checks see it: a tree of files, and the few questions that no file answers.
-
-Tests hand in a tree and answers of their own. Knows no check.
-"""
+"""Access of the checks to this machine: a file tree and a few system calls, all replaceable in tests."""
 
 import ctypes
 import os
@@ -9,7 +6,6 @@ import resource
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +13,7 @@ from pathlib import Path
 from time import CLOCK_MONOTONIC, clock_getres
 from typing import Any
 
-from weberlink.apps.doctor.trial import Request, Trial, run_trial
+from weberlink.apps.doctor.trial import RightsRequest, RightsTrial, run_trial
 
 LOOK_UP_LIMIT_S = 3.0
 """For a name service that does not answer."""
@@ -26,8 +22,8 @@ CLOCK_UNSYNCHRONISED = 5  # TIME_ERROR of <sys/timex.h>
 TIMEX_BYTES = 1024  # more than struct timex has anywhere
 
 
-class Unreadable(Exception):  # noqa: N818 - an answer, and no fault of the program
-    """Something of the machine cannot be read; the text is why, in a few words."""
+class Unreadable(Exception):  # noqa: N818 - a result, not a fault of the program
+    """A part of the machine cannot be read; the text says why."""
 
 
 def _affinity() -> frozenset[int]:
@@ -35,7 +31,7 @@ def _affinity() -> frozenset[int]:
 
 
 def _clock_is_synchronised() -> bool:
-    """Asks the kernel and sets nothing: no bit of `modes`, the first word, is set."""
+    """Ask the kernel without changing anything: no bit of `modes`, the first word, is set."""
     state = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES))
     if state < 0:
         raise Unreadable(os.strerror(ctypes.get_errno()))
@@ -58,10 +54,10 @@ def _bind(host: str, port: int) -> None:
 
 
 def _resolve(host: str) -> list[str]:
-    """Addresses of a name, the one that a session would take first.
+    """Addresses of a name, in the order in which a session tries them.
 
     Raises:
-        OSError: there is none.
+        OSError: the name has no address.
         Unreadable: the name service does not answer in time.
     """
     answer: list[Any] = []
@@ -72,7 +68,7 @@ def _resolve(host: str) -> list[str]:
         except OSError as error:
             answer.append(error)
 
-    # Nothing can call off a look-up; a thread that is left behind does not hold up the end of the program.
+    # A look-up cannot be cancelled; a daemon thread does not delay the end of the program.
     thread = threading.Thread(target=ask, daemon=True)
     thread.start()
     thread.join(LOOK_UP_LIMIT_S)
@@ -85,11 +81,7 @@ def _resolve(host: str) -> list[str]:
 
 
 def _route(address: str) -> str:
-    """Own address towards another; nothing is sent.
-
-    Raises:
-        OSError: there is no way.
-    """
+    """Own address on the route to another; sends nothing. Raises OSError if there is no route."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         probe.connect((address, 9))
@@ -97,11 +89,7 @@ def _route(address: str) -> str:
 
 
 def _run(*command: str) -> tuple[int, str]:
-    """Exit status and output of a tool that only shows something.
-
-    Raises:
-        Unreadable: it cannot be run, or does not end.
-    """
+    """Exit status and output of a read-only tool. Raises Unreadable if it cannot be run or does not end."""
     try:
         done = subprocess.run(  # noqa: S603 - the names are those of the checks
             command, capture_output=True, text=True, timeout=TOOL_LIMIT_S, check=False, stdin=subprocess.DEVNULL
@@ -112,8 +100,8 @@ def _run(*command: str) -> tuple[int, str]:
 
 
 @dataclass(frozen=True)
-class Host:
-    """What is asked of this machine.
+class Machine:
+    """The machine; the defaults read this one.
 
     Args:
         root: the folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`.
@@ -121,14 +109,14 @@ class Host:
         affinity: processors that it may run on.
         limit: soft limit of a resource by its number in `resource`; -1 for none.
         resolution_ns: of the kernel's timers.
-        trial: what a daemon would be granted, tried in a child process.
+        trial: what the kernel grants a daemon, tried in a child process.
         which: path of a program, None if there is none.
-        run: a program that only shows something: exit status, output.
-        bind: claims a UDP port and lets go of it; OSError if it cannot.
+        run: run a read-only program: exit status, output.
+        bind: bind a UDP port and release it; OSError if that fails.
         resolve: addresses of a name.
-        route: own address towards another.
-        space: bytes of a file system, in all and free.
-        clock_is_synchronised: whether something keeps the wall clock right.
+        route: own address on the route to another.
+        space: total and free bytes of a file system.
+        clock_is_synchronised: whether NTP or PTP sets the wall clock.
         variables: of the environment.
     """
 
@@ -137,7 +125,7 @@ class Host:
     affinity: Callable[[], frozenset[int]] = _affinity
     limit: Callable[[int], int] = lambda which: resource.getrlimit(which)[0]
     resolution_ns: Callable[[], float] = _resolution_ns
-    trial: Callable[[Request], Trial] = run_trial
+    trial: Callable[[RightsRequest], RightsTrial] = run_trial
     which: Callable[[str], str | None] = shutil.which
     run: Callable[..., tuple[int, str]] = _run
     bind: Callable[[str, int], None] = _bind
@@ -148,11 +136,7 @@ class Host:
     variables: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
 
     def read(self, path: str) -> str:
-        """The text of a small file, without white space around it.
-
-        Raises:
-            Unreadable: it cannot be read.
-        """
+        """The text of a file, stripped. Raises Unreadable."""
         try:
             return (self.root / path.lstrip("/")).read_text(encoding="utf-8", errors="replace").strip()
         except FileNotFoundError:
@@ -163,11 +147,7 @@ class Host:
             raise Unreadable(f"{path} cannot be read: {error.strerror}") from None
 
     def number(self, path: str) -> int:
-        """The number in a file.
-
-        Raises:
-            Unreadable: it cannot be read or holds something else.
-        """
+        """The number in a file. Raises Unreadable if it cannot be read or holds something else."""
         text = self.read(path)
         try:
             return int(text)
@@ -181,18 +161,12 @@ class Host:
             return False
 
     def find(self, pattern: str) -> list[str]:
-        """Paths that match, from the root of the machine, in the order of their names and numbers."""
+        """Paths that match, from the root, in natural order."""
         return sorted((f"/{path.relative_to(self.root)}" for path in self.root.glob(pattern.lstrip("/"))), key=_natural)
 
     @property
     def in_container(self) -> bool:
         return self.has("/.dockerenv") or self.has("/run/.containerenv")
-
-    @property
-    def program(self) -> str:
-        """How another user, as root with sudo, calls this program: sudo does not look into a virtual environment."""
-        beside = Path(sys.executable).with_name("weberlink")
-        return str(beside) if beside.exists() else f"{sys.executable} -m weberlink"
 
 
 def _natural(path: str) -> list[tuple[int, str]]:
