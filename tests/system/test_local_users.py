@@ -20,7 +20,7 @@ from pathlib import Path
 from weberlink.telemetry.ring import RingWriter
 from tests.strangers import *
 from tests.system.processes import Program, document
-from weberlink.apps.monitor.finding import find
+from weberlink.apps.monitor.rings import find_rings
 
 shared = Path("/dev/shm")
 as_stranger(squat_directory, shared / "weberlink-0")
@@ -34,11 +34,11 @@ for folder in ("weberlink-0", "."):
     as_stranger(squat_large, shared / folder / "weberlink-777-master.json")
 with Program("loopback", "--duration", "2", "--json", "-") as program:
     program.engaged("master")
-    assert list(find(None)) == [str(program.pid)]
+    assert list(find_rings(None)) == [str(program.pid)]
     status, output, errors = program.finish()
 assert (status, errors) == (0, ""), errors
 assert document(output)["outcome"] == "completed"
-assert find(None) == {}
+assert find_rings(None) == {}
 """
 
 

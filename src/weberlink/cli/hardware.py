@@ -62,7 +62,7 @@ def emulate(
     command: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is replaced by the port. Required for HID devices."
+            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} stands for the port. A HID device needs one."
         ),
     ] = None,
     link: Annotated[

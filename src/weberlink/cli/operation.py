@@ -10,7 +10,7 @@ from weberlink.system.configuration import SIDES, load
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
 
 Side = Annotated[
-    Literal["master", "slave"] | None, typer.Option("--side", help="Check only what this side needs; default: both sides.")
+    Literal["master", "slave"] | None, typer.Option("--side", help="Check what this side needs; default: both.")
 ]
 
 

@@ -43,7 +43,7 @@ def test_the_link_needs_a_key_and_an_address(option: str, tmp_path: Path) -> Non
 
 
 def test_a_key_without_a_link_is_a_mistake(tmp_path: Path) -> None:
-    assert "--share and --from" in complaint("--key-file", tmp_path / "key")
+    assert "--share or --from" in complaint("--key-file", tmp_path / "key")
 
 
 def test_a_port_is_a_port() -> None:

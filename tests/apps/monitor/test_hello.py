@@ -7,8 +7,7 @@ import pytest
 
 from tests.apps.monitor.feeds import description
 from tests.system.systems import CONFIGS
-from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.scene import MOST_HEIGHTS, drawn
+from weberlink.apps.monitor.hello import MOST_HEIGHTS, drawn, hello
 
 
 def test_a_greeting_says_what_a_page_draws_and_offers() -> None:

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tests.apps.monitor.feeds import BANK, RATE, HandFeed, description, pieces, records
-from weberlink.apps.monitor.session import BACKLOG_S, Session
+from weberlink.apps.monitor.session import BACKLOG_S, WatchedSession
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
 
 
-def both() -> tuple[HandFeed, HandFeed, Session]:
+def both() -> tuple[HandFeed, HandFeed, WatchedSession]:
     slave, master = HandFeed("slave"), HandFeed("master")
-    session = Session("7", slave)
+    session = WatchedSession("7", slave)
     session.admit(master)
     return master, slave, session
 
@@ -105,7 +105,7 @@ def test_the_settings_that_a_daemon_says_stand_before_those_of_its_file() -> Non
 def test_a_side_whose_description_is_missing_still_has_figures() -> None:
     feed = HandFeed("slave")
     feed.description = None
-    session = Session("7", feed)
+    session = WatchedSession("7", feed)
     made = records(10)
     made["sent"], made["selected"] = 1, 3
     feed.put(made)
@@ -118,7 +118,7 @@ def test_a_side_whose_description_is_missing_still_has_figures() -> None:
 def test_rows_have_the_rotation_where_the_session_has_it(file: str) -> None:
     feed = HandFeed("slave")
     feed.description = description("slave", file)
-    session = Session("7", feed)
+    session = WatchedSession("7", feed)
     feed.put(records(10))
     (told,) = session.look()
     assert ("rotation_raw" in told["columns"]) is (file == "rotation.yaml")

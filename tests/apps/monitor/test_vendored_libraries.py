@@ -7,7 +7,7 @@ from pathlib import Path
 
 import weberlink.apps.monitor
 
-VENDOR = Path(weberlink.monitor.__file__).parent / "page" / "vendor"
+VENDOR = Path(weberlink.apps.monitor.__file__).parent / "page" / "vendor"
 FETCH = runpy.run_path(str(VENDOR / "fetch.py"))
 
 
