@@ -24,14 +24,18 @@ from typer.testing import CliRunner
 
 from tests.system.processes import PATIENCE
 from tests.system.systems import CONFIGS
-from weberlink.apps.device_test import DeviceTestError, Dialog, Request, run
-from weberlink.apps.device_test.dialog import Left
-from weberlink.apps.device_test.force_check import GIVES_WAY_M, PUSH_N
-from weberlink.apps.device_test.gauge import Gauge
-from weberlink.apps.device_test.master import try_master
-from weberlink.apps.device_test.outcome import uninterrupted
+from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run
+from weberlink.apps.device_test.dialog import SampleRate, StoppedByUser, uninterrupted
+from weberlink.apps.device_test.master import (
+    FRAME,
+    GIVES_WAY_M,
+    LEAST_M,
+    PUSH_N,
+    ObservedMotion,
+    classify_motion,
+    try_master,
+)
 from weberlink.apps.device_test.robot import WAY_M, RobotView, try_robot
-from weberlink.apps.device_test.sense import FRAME, LEAST_M, Sense, sense
 from weberlink.cli import app
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
 from weberlink.hardware.found import Found
@@ -301,7 +305,7 @@ def test_a_handle_that_gives_way_ends_the_push_at_once() -> None:
 def test_a_device_that_moves_by_itself_has_no_handle_to_check() -> None:
     screen = io.StringIO()
     dialog, _ = sitting(Clock(), screen, "", "yes", "", "y", "", "y", "", "y")
-    run(Request("operator"), dialog)
+    run(DeviceTestRequest("operator"), dialog)
     assert "no sign to check" in screen.getvalue()
     assert screen.getvalue().endswith("The force is right.\n")
 
@@ -341,7 +345,7 @@ def test_a_motion_that_says_nothing_is_asked_for_again() -> None:
 def test_a_position_that_never_follows_one_axis_is_another_fault() -> None:
     askew = (moved(0.04, 0.04, 0.0), "")
     _, error = at_the_bench(*OPEN, *((CENTRE, askew) * 3))
-    assert "no motion along x could be told" in str(error)
+    assert "no clear motion along x" in str(error)
     assert_safe()
 
 
@@ -350,14 +354,14 @@ def test_a_position_that_never_follows_one_axis_is_another_fault() -> None:
 def test_the_sense_of_a_motion_is_its_greatest_component(axis: int, way: float) -> None:
     components = [0.2 * way] * 3
     components[axis] = way
-    found = sense("x", (components[0], components[1], components[2]), FRAME)
-    assert found == Sense("x", "xyz"[axis], way)
+    found = classify_motion("x", (components[0], components[1], components[2]), FRAME)
+    assert found == ObservedMotion("x", "xyz"[axis], way)
     assert found.right == (axis == 0 and way > 0.0)
 
 
 def test_a_motion_below_the_threshold_says_nothing() -> None:
-    assert isinstance(sense("z", (0.0, 0.0, LEAST_M * 0.99), FRAME), str)
-    assert isinstance(sense("z", (0.0, 0.0, LEAST_M * 1.01), FRAME), Sense)
+    assert isinstance(classify_motion("z", (0.0, 0.0, LEAST_M * 0.99), FRAME), str)
+    assert isinstance(classify_motion("z", (0.0, 0.0, LEAST_M * 1.01), FRAME), ObservedMotion)
 
 
 def test_a_driver_may_have_axes_that_lead_elsewhere() -> None:
@@ -420,7 +424,7 @@ ALL = (*OPEN, *SIGNS, *PUSHES)
 
 @pytest.mark.parametrize("lines", range(1, len(ALL)))
 def test_the_end_of_input_at_any_question_leaves_nothing_switched_on(lines: int) -> None:
-    with pytest.raises(Left):
+    with pytest.raises(StoppedByUser):
         at_the_bench(*ALL[:lines])
     assert_safe()
 
@@ -553,7 +557,7 @@ class Emulated:
 
         dialog = Dialog(keyboard, screen, clock=clock, pause=self.pause, poll=0.02)
         try:
-            run(Request(name, None, [f"port={port}", *overrides]), dialog)
+            run(DeviceTestRequest(name, None, [f"port={port}", *overrides]), dialog)
         except DeviceTestError as error:
             return screen.getvalue(), str(error)
         return screen.getvalue(), ""
@@ -625,7 +629,7 @@ def test_a_phantom_that_is_unplugged_ends_it_in_one_line(tmp_path: Path) -> None
             wire.unplug()
             sleep(0.5)
 
-        said = complaint(Request("polhem_serial", None, [f"port={wire.path}"]), "", (unplug, ""), "")
+        said = complaint(DeviceTestRequest("polhem_serial", None, [f"port={wire.path}"]), "", (unplug, ""), "")
     assert said == f"polhem_serial: {wire.path}: unplugged"
 
 
@@ -757,14 +761,14 @@ def test_an_arm_of_250_hz_is_not_said_to_be_faster(tmp_path: Path) -> None:
 
 def test_point_is_a_robot_too() -> None:
     screen = io.StringIO()
-    run(Request("point"), sitting(Clock(), screen, "", "yes")[0])
+    run(DeviceTestRequest("point"), sitting(Clock(), screen, "", "yes")[0])
     assert screen.getvalue().endswith("The motion is right.\n")
 
 
 # --- the command
 
 
-def complaint(request: Request, *lines: Any) -> str:
+def complaint(request: DeviceTestRequest, *lines: Any) -> str:
     dialog, _ = sitting(Clock(), io.StringIO(), *lines)
     with pytest.raises((ConfigurationError, DeviceTestError)) as caught:
         run(request, dialog)
@@ -773,31 +777,36 @@ def complaint(request: Request, *lines: Any) -> str:
 
 
 def test_wrong_names_and_options_are_one_line() -> None:
-    assert complaint(Request("phantom")).startswith("phantom: there is no such driver; there are ")
-    assert complaint(Request("operator", None, ["foce_n=1"])) == "operator.foce_n: unknown key; did you mean force_n?"
-    assert "greater than 0" in complaint(Request("operator", None, ["force_n=0"]))
-    assert "is operator, not replay" in complaint(Request("replay", CONFIGS / "loopback.yaml"))
-    assert "no such file" in complaint(Request("operator", CONFIGS / "none.yaml"))
-    assert complaint(Request("replay")) == "replay.trace: is missing"
+    assert complaint(DeviceTestRequest("phantom")).startswith("phantom: there is no such driver; there are ")
+    assert (
+        complaint(DeviceTestRequest("operator", None, ["foce_n=1"]))
+        == "operator.foce_n: unknown key; did you mean force_n?"
+    )
+    assert "greater than 0" in complaint(DeviceTestRequest("operator", None, ["force_n=0"]))
+    assert "is operator, not replay" in complaint(DeviceTestRequest("replay", CONFIGS / "loopback.yaml"))
+    assert "no such file" in complaint(DeviceTestRequest("operator", CONFIGS / "none.yaml"))
+    assert complaint(DeviceTestRequest("replay")) == "replay.trace: is missing"
 
 
 def test_options_come_from_the_file_and_then_from_the_command_line() -> None:
     screen = io.StringIO()
-    request = Request("operator", CONFIGS / "loopback.yaml", ["force_n=2.5", "master.device.workspace_m=0.05"])
+    request = DeviceTestRequest(
+        "operator", CONFIGS / "loopback.yaml", ["force_n=2.5", "master.device.workspace_m=0.05"]
+    )
     run(request, sitting(Clock(), screen, "", "no")[0])
     assert "operator: axes xyz, workspace 100 x 100 x 100 mm, at most 2.5 N" in screen.getvalue()
 
 
 def test_who_stops_is_told_that_the_force_is_off() -> None:
-    assert complaint(Request("operator"), "") == "operator: stopped before the end; the force is off"
-    assert complaint(Request("point"), "") == "point: stopped before the end"
+    assert complaint(DeviceTestRequest("operator"), "") == "operator: stopped before the end; the force is off"
+    assert complaint(DeviceTestRequest("point"), "") == "point: stopped before the end"
 
 
 # --- rate and age
 
 
 def test_the_rate_is_that_of_new_samples_and_the_age_the_greatest_of_the_last_second() -> None:
-    gauge = Gauge()
+    gauge = SampleRate()
     for tick in range(3000):
         now = tick * 0.001
         at = (tick // 4) * 0.004
@@ -809,7 +818,7 @@ def test_the_rate_is_that_of_new_samples_and_the_age_the_greatest_of_the_last_se
 
 def test_interpolated_readings_count_once_per_sample() -> None:
     """A loop of 1 kHz looks at an arm of 250 Hz, whose readings are of every moment."""
-    gauge = Gauge()
+    gauge = SampleRate()
     for tick in range(3000):
         now = tick * 0.001
         gauge.note(now, now - 0.006, sampled_at=(tick // 4) * 0.004)
@@ -818,7 +827,7 @@ def test_interpolated_readings_count_once_per_sample() -> None:
 
 
 def test_before_anything_is_known_the_gauge_says_zero() -> None:
-    gauge = Gauge()
+    gauge = SampleRate()
     assert gauge.in_words() == "0/s, age 0.0 ms"
     gauge.note(1.0, 0.9)
     assert gauge.rate_hz == 0.0

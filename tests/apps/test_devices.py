@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
 from weberlink.apps import rules
-from weberlink.apps.devices import Host, Row, Side, Survey, survey
+from weberlink.apps.devices import DeviceAccess, DriverFamily, DriverStatus, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.cli import app
 from weberlink.hardware.found import UDEV_RULES, Found, UsbId
@@ -52,14 +52,14 @@ class Table:
         return found
 
 
-def surveyed(host: Host | None = None, **drivers: Any) -> Survey:
+def surveyed(host: DeviceAccess | None = None, **drivers: Any) -> Survey:
     """Of a master with these drivers, on a host without rules where everything may be opened."""
-    here = host or Host(accessible=lambda path: True, rules=())
-    return survey(here, {"master": Side(Table(**drivers), "weberlink.none", "master.device")})
+    here = host or DeviceAccess(accessible=lambda path: True, rules=())
+    return survey(here, {"master": DriverFamily(Table(**drivers), "weberlink.none", "master.device")})
 
 
-def row(host: Host | None = None, **drivers: Any) -> Row:
-    (only,) = surveyed(host, **drivers).rows
+def row(host: DeviceAccess | None = None, **drivers: Any) -> DriverStatus:
+    (only,) = surveyed(host, **drivers).drivers
     return only
 
 
@@ -74,7 +74,7 @@ def shown(found: Survey) -> str:
 
 
 def test_every_driver_of_both_sides_is_listed_and_the_virtual_ones_are_ready() -> None:
-    rows = {(each.side, each.driver): each for each in survey().rows}
+    rows = {(each.side, each.driver): each for each in survey().drivers}
     assert {name for side, name in rows if side == "master"} == set(devices.drivers())
     assert {name for side, name in rows if side == "slave"} == set(robots.drivers())
     for virtual in (("master", "operator"), ("master", "replay"), ("slave", "point"), ("slave", "simulated")):
@@ -115,7 +115,7 @@ def test_drivers_of_other_packages_are_marked_and_a_broken_one_is_one_line(
     )
     monkeypatch.syspath_prepend(str(tmp_path))
     found = survey()
-    rows = {each.driver: each for each in found.rows if each.driver.startswith("others")}
+    rows = {each.driver: each for each in found.drivers if each.driver.startswith("others")}
     assert {each.package for each in rows.values()} == {"others-things"}
     assert [rows[name].state for name in ("others_good", "others_bad", "others_none", "others_odd")] == [
         "ready", "broken", "broken", "broken",
@@ -124,7 +124,7 @@ def test_drivers_of_other_packages_are_marked_and_a_broken_one_is_one_line(
         "cannot be loaded: ModuleNotFoundError: No module named 'others_things_missing'",
     )
     assert "Traceback" not in shown(found)
-    assert all(each.package is None for each in found.rows if not each.driver.startswith("others"))
+    assert all(each.package is None for each in found.drivers if not each.driver.startswith("others"))
 
 
 def test_a_missing_extra_is_the_line_that_installs_it() -> None:
@@ -147,8 +147,8 @@ def test_a_listing_that_fails_hides_no_other_driver() -> None:
         raise OSError("no\nbus")
 
     found = surveyed(paddle=driver(plugged=classmethod(fails)), other=driver())
-    assert {each.driver: each.state for each in found.rows} == {"paddle": "broken", "other": "nothing plugged in"}
-    assert list(found.advice) == ["what is plugged in cannot be listed: OSError: no bus"]
+    assert {each.driver: each.state for each in found.drivers} == {"paddle": "broken", "other": "nothing plugged in"}
+    assert list(found.advice) == ["plugged devices cannot be listed: OSError: no bus"]
 
 
 def test_two_alike_are_told_apart_by_names_that_last(tmp_path: Path) -> None:
@@ -158,7 +158,7 @@ def test_two_alike_are_told_apart_by_names_that_last(tmp_path: Path) -> None:
     first.touch()
     second.touch()
     (links / "usb-Paddle_17").symlink_to(second)
-    host = Host(accessible=lambda path: True, rules=(), links=links)
+    host = DeviceAccess(accessible=lambda path: True, rules=(), links=links)
     found = row(host, paddle=driver(Found(str(first)), Found(str(second))))
     assert found.state == "ready"
     assert found.advice == (
@@ -181,18 +181,18 @@ def node(tmp_path: Path) -> Path:
     return path
 
 
-def refused(tmp_path: Path, *, installed: bool, groups: frozenset[int] = frozenset()) -> Host:
+def refused(tmp_path: Path, *, installed: bool, groups: frozenset[int] = frozenset()) -> DeviceAccess:
     """A host on which this user may open nothing."""
     if installed:
         (tmp_path / UDEV_RULES).write_text(RULES, encoding="utf-8")
-    return Host(accessible=lambda path: False, rules=(tmp_path,), groups=groups)
+    return DeviceAccess(accessible=lambda path: False, rules=(tmp_path,), groups=groups)
 
 
 def test_no_permission_without_the_rules_is_the_line_that_installs_them(node: Path, tmp_path: Path) -> None:
     found = surveyed(
         refused(tmp_path, installed=False), paddle=driver(Found(str(node))), other=driver(Found(str(node)))
     )
-    assert [each.state for each in found.rows] == ["rules not installed"] * 2
+    assert [each.state for each in found.drivers] == ["rules not installed"] * 2
     (line,) = found.advice
     assert re.fullmatch(r"sudo \S*.*weberlink devices --install-rules", line)
     assert shown(found).splitlines()[-1] == f"other, paddle: {line}"
@@ -208,7 +208,7 @@ def test_no_permission_with_the_rules_is_an_older_node(node: Path, tmp_path: Pat
     node.chmod(0o600)
     found = row(refused(tmp_path, installed=True), paddle=driver(Found(str(node))))
     assert found.state == "no permission"
-    assert found.advice == (f"unplug {node} and plug it in again: it has been there for longer than the rules",)
+    assert found.advice == (f"unplug {node} and plug it in again: it was plugged in before the rules were installed",)
 
 
 def foreign_group() -> grp.struct_group:
@@ -243,7 +243,7 @@ def test_who_was_added_to_the_group_since_is_told_to_log_in_again(node: Path) ->
     os.chown(node, 0, group.gr_gid)
     node.chmod(0o660)
     assert rules.group_line(str(node), (), user=group.gr_mem[0]) == (
-        f"log out and in again: you are in the group {group.gr_name}, but this session began before"
+        f"log out and in again: you are in the group {group.gr_name}, but this login began before that"
     )
 
 
@@ -251,15 +251,15 @@ def test_the_rules_are_not_blamed_for_the_device_of_another_package(
     node: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = (
-        "from hardware.found import Found\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
+        "from weberlink.hardware.found import Found\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
         f"        return [Found({str(node)!r})]\n"
     )
     install(tmp_path, "odd-device", {"odd_device": source}, "[weberlink.devices]\nodd_device = odd_device:Odd\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     node.chmod(0o600)
-    (found,) = (each for each in survey(refused(tmp_path, installed=False)).rows if each.driver == "odd_device")
+    (found,) = (each for each in survey(refused(tmp_path, installed=False)).drivers if each.driver == "odd_device")
     assert found.state == "no permission"
-    assert found.advice == (f"no permission to open {node}; odd-device says which udev rule it takes",)
+    assert found.advice == (f"no permission to open {node}; odd-device documents the udev rule that it needs",)
 
 
 @pytest.mark.parametrize(
@@ -272,11 +272,11 @@ def test_a_slow_latency_timer_is_said_with_what_makes_it_fast(
     timer.parent.mkdir(parents=True)
     timer.write_text("16\n")
     (tmp_path / UDEV_RULES).write_text(RULES if installed else "", encoding="utf-8")
-    host = Host(accessible=lambda path: True, rules=(tmp_path,), ttys=tmp_path)
+    host = DeviceAccess(accessible=lambda path: True, rules=(tmp_path,), ttys=tmp_path)
     plugged = driver(Found("/dev/ttyUSB0"), Found("/dev/ttyACM0"))
     found = row(host, arm=plugged)
     assert found.state == "ready"
-    assert found.advice[0].startswith("/dev/ttyUSB0 holds replies back for 16 ms (latency timer): ")
+    assert found.advice[0].startswith("/dev/ttyUSB0 delays replies by 16 ms (latency timer): ")
     assert found.advice[0].endswith(ends)
     timer.write_text("1\n")
     assert len(row(host, arm=plugged).advice) == 1
@@ -373,7 +373,7 @@ def test_a_device_that_no_rule_names_would_be_found() -> None:
 
 def test_the_rules_are_part_of_the_package() -> None:
     project = tomllib.loads((CONFIGS.parent / "pyproject.toml").read_text(encoding="utf-8"))
-    patterns = project["tool"]["setuptools"]["package-data"]["configs"]
+    patterns = project["tool"]["setuptools"]["package-data"]["weberlink.configs"]
     assert any(fnmatchcase(UDEV_RULES, pattern) for pattern in patterns)
 
 
@@ -418,7 +418,7 @@ def test_installing_copies_the_rules_and_lets_udev_apply_them(tmp_path: Path) ->
     program, log = udevadm_at(tmp_path)
     folder = tmp_path / "etc" / "rules.d"
     assert not rules.installed([folder])
-    assert rules.install(folder, program) == [f"{folder / UDEV_RULES}: installed, and applied to what is plugged in"]
+    assert rules.install(folder, program) == [f"{folder / UDEV_RULES}: installed, and applied to plugged devices"]
     assert rules.installed([tmp_path / "none", folder])
     assert [path.name for path in folder.iterdir()] == [UDEV_RULES]
     assert stat.S_IMODE((folder / UDEV_RULES).stat().st_mode) == 0o644

@@ -147,7 +147,7 @@ def test_a_fault_ends_it_with_a_reason_and_without_force(fault: str, bench: Benc
 
 
 def test_it_is_listed_with_its_package(driver: Any) -> None:
-    (row,) = (row for row in survey().rows if row.driver == "paddle")
+    (row,) = (row for row in survey().drivers if row.driver == "paddle")
     assert (row.side, row.package, row.kind) == ("master", "paddle-for-weberlink", "hardware")
     assert row.state in ("ready", "nothing plugged in", "no permission")  # whatever hangs on this machine
 

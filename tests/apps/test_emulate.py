@@ -17,7 +17,7 @@ import pytest
 
 from tests.system.processes import PATIENCE, ROOT, until
 from weberlink.apps.emulate import names, run
-from weberlink.apps.emulate.fault_lines import WIRE_FAULTS, FaultLines
+from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.umockdev import missing
@@ -237,10 +237,10 @@ def test_what_is_wrong_from_the_start_is_one_line_and_leaves_nothing(tmp_path: P
     assert "'polhem_seral'; nearest is 'polhem_serial'" in refused("polhem_seral")
     assert "--set handle.sed: unknown key; did you mean seed?" in refused("polhem_serial", overrides=["handle.sed=1"])
     assert "--set model: " in refused("polhem_serial", overrides=["model=falcon"])
-    assert "there: is there already; take another with --link" in refused("polhem_serial", link=there)
-    assert "cannot be made: No such file" in refused("polhem_serial", link=tmp_path / "no" / "port")
+    assert "there: exists already; choose another with --link" in refused("polhem_serial", link=there)
+    assert "cannot be created: No such file" in refused("polhem_serial", link=tmp_path / "no" / "port")
     assert "nowhere: cannot be run" in refused("polhem_serial", link=port, command=["nowhere"])
-    assert "is there already and is no FIFO" in refused("polhem_serial", link=port, faults=there)
+    assert "exists already and is no FIFO" in refused("polhem_serial", link=port, faults=there)
     assert "-- COMMAND" in refused("polhem_hid")
     assert "--link" in refused("polhem_hid", link=port, command=["true"])
     assert list(tmp_path.iterdir()) == [there]
@@ -264,14 +264,14 @@ def test_every_device_of_both_sides_can_be_told_and_asked(name: str, tmp_path: P
     emulator_class = table.load(name)
     emulator = emulator_class(emulator_class.Options())
     wire, out = Wire(), io.StringIO()
-    lines = FaultLines(name, emulator, wire, out)
-    lines.obey("help")
+    lines = FaultCommands(name, emulator, wire, out)
+    lines.execute("help")
     for word in emulator_class.OWN_FAULTS:
         assert f"\n{word} " in out.getvalue()
     out.truncate(0)
     for word in emulator_class.OWN_FAULTS:
-        lines.obey(word)
-    lines.obey("")
+        lines.execute(word)
+    lines.execute("")
     assert out.getvalue() == ""
     emulator.advance(1.0)
     status = lines.status()

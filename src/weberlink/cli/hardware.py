@@ -14,9 +14,7 @@ Options = Annotated[
     list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
 ]
 
-device = typer.Typer(
-    name="device", cls=OneLineErrors, help="Work with a single device or robot.", no_args_is_help=True
-)
+device = typer.Typer(name="device", cls=OneLineErrors, help="Work with a single device or robot.", no_args_is_help=True)
 
 
 def devices(
@@ -62,7 +60,7 @@ def emulate(
     command: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} stands for the port. A HID device needs one."
+            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is the port. HID devices need one."
         ),
     ] = None,
     link: Annotated[

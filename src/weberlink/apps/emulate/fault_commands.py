@@ -1,7 +1,4 @@
-"""What a person tells an emulated device while it runs, and what is answered to that.
-
-Owns the words and the status. Knows no transport: the device is on its port already.
-"""
+"""Commands to an emulated device while it runs: faults, status, help."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -13,18 +10,18 @@ from typing import Any, Protocol, TextIO
 from weberlink.hardware.fault import HardwareFault
 
 WIRE_FAULTS = {
-    "garble": "so many of the next answers arrive with a byte changed",
-    "late": "every answer leaves so many seconds later; 0: in time again",
+    "garble": "as many of the next answers arrive with a byte changed",
+    "late": "every answer is delayed by as many seconds; 0: no delay",
     "silent": "answers are lost",
-    "ok": "no more of these three",
-    "unplug": "the device is taken off; what has power of its own goes on",
-    "plug": "it is put on again",
+    "ok": "end these three faults",
+    "unplug": "disconnect the device; one with its own power goes on",
+    "plug": "connect it again",
 }
-WORDS = {"status": "print what it does, as JSON", "help": "print these words"}
+WORDS = {"status": "print the state of the device as JSON", "help": "list the commands"}
 
 
-class Wire(Protocol):
-    """Of the device; see `weberlink.hardware.pty_device`."""
+class Pluggable(Protocol):
+    """A device that can be unplugged; see `weberlink.hardware.pty_device`."""
 
     @property
     def plugged(self) -> bool: ...
@@ -34,25 +31,25 @@ class Wire(Protocol):
     def unplug(self) -> None: ...
 
 
-class FaultLines:
-    """What is typed while it runs, and what it says to that.
+class FaultCommands:
+    """Interprets lines of commands.
 
     Args:
         name: of the device.
-        emulator: of it.
-        device: its wire.
-        out: for answers.
+        emulator: of the device.
+        device: its connection.
+        out: stream for answers.
     """
 
-    def __init__(self, name: str, emulator: Any, device: Wire, out: TextIO) -> None:
+    def __init__(self, name: str, emulator: Any, device: Pluggable, out: TextIO) -> None:
         self._name = name
         self._emulator = emulator
         self._device = device
         self._out = out
         self._own: Mapping[str, str] = emulator.OWN_FAULTS
 
-    def obey(self, line: str) -> None:
-        """Do what a line says; a line that says nothing known is answered, and nothing else happens."""
+    def execute(self, line: str) -> None:
+        """Execute a command; a wrong one is answered with the reason."""
         word, *values = line.split() or [""]
         try:
             self._do(word, _number(values))
@@ -61,7 +58,7 @@ class FaultLines:
             self.say(said if said.startswith(f"{word}:") else f"{word}: {said}")
 
     def say(self, text: str) -> None:
-        with suppress(BrokenPipeError):  # nobody wants to know
+        with suppress(BrokenPipeError):  # nobody reads the answers
             self._out.write(text + "\n")
             self._out.flush()
 
@@ -99,11 +96,11 @@ class FaultLines:
         words = {**WIRE_FAULTS, **self._own, **WORDS}
         width = max(map(len, words))
         self.say("\n".join(f"{word:{width}}  {what}" for word, what in words.items()))
-        self.say("a number may follow a fault; without one it is 1")
+        self.say("a number may follow a fault; the default is 1")
 
     def status(self) -> dict[str, Any]:
-        """What can be seen of the device now."""
-        if not self._device.plugged:  # nobody else moves it on
+        """State of the device."""
+        if not self._device.plugged:  # its port does not advance it
             self._emulator.advance(monotonic())
         faults = self._emulator.faults
         return {
@@ -142,7 +139,5 @@ def _is_plain(value: Any) -> bool:
 def _at_least_0(value: float | None, default: float | None) -> float:
     given = default if value is None else value
     if given is None or not 0.0 <= given < 1e9:
-        raise ValueError(
-            "expected a number from 0 on" if given is None else f"expected a number from 0 on, got {given}"
-        )
+        raise ValueError("expected a number >= 0" if given is None else f"expected a number >= 0, got {given}")
     return given

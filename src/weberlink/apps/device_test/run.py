@@ -1,4 +1,4 @@
-"""From a name and options to the test of one driver, and to its end in one line."""
+"""Builds a driver from its name and options, and runs its test."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,9 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from weberlink.apps.device_test.dialog import Dialog, Left
+from weberlink.apps.device_test.dialog import DeviceTestError, Dialog, StoppedByUser
 from weberlink.apps.device_test.master import try_master
-from weberlink.apps.device_test.outcome import DeviceTestError
 from weberlink.apps.device_test.robot import try_robot
 from weberlink.apps.devices import SIDES
 from weberlink.master.devices.contract import DeviceFault
@@ -22,17 +21,17 @@ from weberlink.system.configuration.paths import settle
 from weberlink.system.extras import need
 
 RATE_HZ = 1000.0
-"""Of the loop that the driver is built for, where no file says another."""
+"""Rate of the loop that the driver is built for, if there is no file."""
 
 
 @dataclass(frozen=True)
-class Request:
-    """What was asked for on the command line.
+class DeviceTestRequest:
+    """Arguments of the command.
 
     Args:
-        name: of the driver.
-        file: a configuration that names it; None for its defaults.
-        overrides: "key=value" each, of the options of the driver; the whole path of the key will do too.
+        name: driver to test.
+        file: configuration that names it; None for its defaults.
+        overrides: "key=value" each, for options of the driver; keys may have the full path.
     """
 
     name: str
@@ -41,8 +40,8 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A driver of one side, with what it is built from."""
+class _DriverUnderTest:
+    """A driver and the arguments to build it."""
 
     side: str
     driver: Any
@@ -50,12 +49,12 @@ class Part:
     tick_period: float
 
 
-def run(request: Request, dialog: Dialog) -> None:
+def run(request: DeviceTestRequest, dialog: Dialog) -> None:
     """Test a device or a robot.
 
     Raises:
         ConfigurationError: there is no such driver, or its options are wrong.
-        DeviceTestError: it failed, cannot be used, or the person stopped; force at zero, device closed.
+        DeviceTestError: the test failed, or the person stopped. The force is zero and the device closed.
     """
     part = _part(request)
     where = SIDES[part.side].section
@@ -70,13 +69,13 @@ def run(request: Request, dialog: Dialog) -> None:
             try_robot(part.driver, lambda: build(part.options, None), dialog)
     except (DeviceFault, RobotFault) as fault:
         raise DeviceTestError(str(fault)) from None
-    except (Left, KeyboardInterrupt):
+    except (StoppedByUser, KeyboardInterrupt):
         dialog.tell("")
         left = "; the force is off" if part.side == MASTER else ""
         raise DeviceTestError(f"{request.name}: stopped before the end{left}") from None
 
 
-def _part(request: Request) -> Part:
+def _part(request: DeviceTestRequest) -> _DriverUnderTest:
     side = next((name for name, each in SIDES.items() if request.name in each.table.drivers()), None)
     if side is None:
         known = ", ".join(name for each in SIDES.values() for name in sorted(each.table.drivers()))
@@ -90,12 +89,12 @@ def _part(request: Request) -> Part:
         assert part is not None
         if settings.driver != request.name:
             raise ConfigurationError(f"{request.file}: {section}.driver: is {settings.driver}, not {request.name}")
-        return Part(side, part.driver, part.options, loaded.system.tick_period)
+        return _DriverUnderTest(side, part.driver, part.options, loaded.system.tick_period)
     return _alone(request.name, side, overrides)
 
 
-def _alone(name: str, side: str, overrides: Sequence[str]) -> Part:
-    """A driver with its defaults and what the command line says."""
+def _alone(name: str, side: str, overrides: Sequence[str]) -> _DriverUnderTest:
+    """A driver with its defaults and the overrides."""
     try:
         driver: Any = SIDES[side].table.load(name)
     except ImportError as error:
@@ -107,15 +106,11 @@ def _alone(name: str, side: str, overrides: Sequence[str]) -> Part:
         options = driver.Options.model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(describe(error, driver.Options, (name,))) from None
-    return Part(side, driver, settle(options, Path.cwd(), overridden), 1.0 / RATE_HZ)
+    return _DriverUnderTest(side, driver, settle(options, Path.cwd(), overridden), 1.0 / RATE_HZ)
 
 
 def need_of(driver: Any, name: str) -> None:
-    """Make sure of the optional package of a driver.
-
-    Raises:
-        ConfigurationError: it is not installed.
-    """
+    """Raise ConfigurationError if the optional package of a driver is not installed."""
     if hasattr(driver, "NEEDS"):
         package, extra = driver.NEEDS
         need(package, extra, name)
