@@ -67,7 +67,10 @@ def machine(tmp_path: Path, files: Mapping[str, str | None] | None = None, **ans
         path.parent.mkdir(parents=True, exist_ok=True)
         if text is not None:
             path.write_text(text, encoding="utf-8")
-    return Machine(root=tmp_path, **{**_answers(), **answers})
+    here = Machine(tmp_path)
+    for name, answer in {**_answers(), **answers}.items():
+        setattr(here, name, answer)
+    return here
 
 
 def _answers() -> dict[str, Any]:

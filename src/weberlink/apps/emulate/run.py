@@ -1,12 +1,12 @@
 """Runs an emulated device: builds its emulator, connects it to a port, and reads commands until the end."""
 
+import asyncio
 import os
 import selectors
 import signal
 import stat
-import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Coroutine, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -71,26 +71,38 @@ def run(
     Raises:
         ConfigurationError: an argument is wrong, or umockdev is missing for a HID device.
     """
+    # The default selector cannot wait for a regular file, such as a redirected standard input.
+    with asyncio.Runner(loop_factory=lambda: asyncio.SelectorEventLoop(selectors.SelectSelector())) as runner:
+        return runner.run(_emulate(name, link, overrides, command, out, source, faults))
+
+
+async def _emulate(
+    name: str,
+    link: Path | None,
+    overrides: Sequence[str],
+    command: Sequence[str],
+    out: TextIO,
+    source: TextIO | None,
+    faults: Path | None,
+) -> int:
     section, emulator = _build(name, overrides)
     if emulator.transport == "hid" and not command:
         raise ConfigurationError(f"{name}: a HID device is visible to one command only; give it: -- COMMAND...")
+    stop = _stop_signals()
     with ExitStack() as stack:
-        signals = stack.enter_context(stop_signals())
         device, port, environment = _put_on(stack, name, emulator, link)
-        sources = []
-        if faults is not None:
-            sources.append(stack.enter_context(fifo(faults)))
+        commands = FaultCommands(name, emulator, device, out)
+        sources = [] if faults is None else [stack.enter_context(fifo(faults))]
         if source is not None and not command:
             # Reading from a terminal in the background must not stop this process.
             before = signal.signal(signal.SIGTTIN, signal.SIG_IGN)
             stack.callback(signal.signal, signal.SIGTTIN, before)
             sources.append(source.fileno())
-        commands = FaultCommands(name, emulator, device, out)
         settings = yaml.safe_dump({"driver": name, "port": port}, default_flow_style=True, width=sys.maxsize).strip()
         commands.say(f"{name} is at {port}; configure it as {section}: {settings}")
         arguments = [argument.replace(PORT, port) for argument in command]
-        child = stack.enter_context(child_process(arguments, environment)) if command else None
-        return EmulationLoop(device, commands, signals, sources, child).run()
+        end = _run_command(arguments, environment, stop) if command else _until_stopped(stop)
+        return await _first([end, _until_failed(device), *(_execute_lines(each, commands) for each in sources)])
 
 
 def _hurry() -> None:
@@ -160,122 +172,96 @@ def fifo(path: Path) -> Iterator[int]:
             path.unlink(missing_ok=True)
 
 
-@contextmanager
-def stop_signals() -> Iterator[int]:
-    """A descriptor that gives the number of each stop signal as a byte."""
-    reading, writing = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
-    before = signal.set_wakeup_fd(writing)
-    # A signal that is ignored already, by nohup for example, stays ignored.
-    handlers = {each: signal.getsignal(each) for each in STOP_SIGNALS if signal.getsignal(each) is not signal.SIG_IGN}
-    for number in handlers:
-        signal.signal(number, lambda *_: None)
+def _stop_signals() -> asyncio.Queue[int]:
+    """A queue of stop signals; those that are ignored already, by nohup for example, stay ignored."""
+    loop = asyncio.get_running_loop()
+    numbers: asyncio.Queue[int] = asyncio.Queue()
+    for number in STOP_SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            loop.add_signal_handler(number, numbers.put_nowait, number)
+    return numbers
+
+
+async def _first(running: Sequence[Coroutine[Any, Any, int]]) -> int:
+    """The result of the first to end; the others are cancelled."""
+    tasks = [asyncio.ensure_future(each) for each in running]
     try:
-        yield reading
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        return max(task.result() for task in done)
     finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        signal.set_wakeup_fd(before)
-        os.close(reading)
-        os.close(writing)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
-@contextmanager
-def child_process(command: Sequence[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that ends with the `with` block."""
-    try:
-        child = subprocess.Popen(command, env=environment)  # noqa: S603 - the user's own
-    except OSError as error:
-        raise ConfigurationError(f"{command[0]}: cannot be run: {error.strerror}") from None
-    try:
-        yield child
-    finally:
-        if child.poll() is None:
-            child.terminate()
-            try:
-                child.wait(STOP_LIMIT_S)
-            except subprocess.TimeoutExpired:
-                child.kill()
-                child.wait()
+async def _until_stopped(stop: asyncio.Queue[int]) -> int:
+    await stop.get()
+    return COMPLETED
 
 
-class EmulationLoop:
-    """Waits for commands, signals and the end of the child.
+async def _until_failed(device: PtyDevice) -> int:
+    while not device.plugged or device.serving:
+        await asyncio.sleep(LOOK_S)
+    return FAILED
 
-    Args:
-        device: on its port.
-        commands: executes lines.
-        signals: descriptor of stop signals.
-        sources: descriptors of lines.
-        child: the process of the command, if there is one.
-    """
 
-    def __init__(
-        self,
-        device: PtyDevice,
-        commands: FaultCommands,
-        signals: int,
-        sources: Sequence[int],
-        child: subprocess.Popen[bytes] | None,
-    ) -> None:
-        self._device = device
-        self._commands = commands
-        self._signals = signals
-        self._rests = dict.fromkeys(sources, b"")
-        self._child = child
-        self._interrupts = 0
+async def _execute_lines(descriptor: int, commands: FaultCommands) -> int:
+    """Execute the commands that arrive; the end of input does not end the emulation."""
+    loop, pieces, rest = asyncio.get_running_loop(), asyncio.Queue[bytes](), b""
 
-    def run(self) -> int:
-        # The default selector cannot wait for a regular file.
-        with selectors.SelectSelector() as selector, ExitStack() as stack:
-            for descriptor in (self._signals, *self._rests):
-                selector.register(descriptor, selectors.EVENT_READ)
-            if self._child is not None:
-                ended = os.pidfd_open(self._child.pid)
-                stack.callback(os.close, ended)
-                selector.register(ended, selectors.EVENT_READ)
-            while (status := self._once(selector)) is None:
-                pass
-        return status
-
-    def _once(self, selector: selectors.BaseSelector) -> int | None:
-        for key, _ in selector.select(LOOK_S):
-            if key.fd == self._signals:
-                if self._child is None:
-                    return COMPLETED
-                self._pass_on(self._child)
-            elif key.fd not in self._rests:
-                assert self._child is not None
-                status = self._child.wait()
-                return status if status >= 0 else 128 - status
-            elif not self._read(key.fd):
-                selector.unregister(key.fd)
-        return FAILED if self._device.plugged and not self._device.serving else None
-
-    def _read(self, descriptor: int) -> bool:
-        """Execute the lines received; False at the end of input."""
+    def read() -> None:
         try:
             data = os.read(descriptor, CHUNK)
         except BlockingIOError:
-            return True
+            return
         except OSError:  # a terminal, while this runs in the background
-            return False
-        *lines, rest = (self._rests[descriptor] + data).split(b"\n")
-        self._rests[descriptor] = rest[-CHUNK:]
-        for line in lines:
-            self._commands.execute(line.decode(errors="replace"))
-        return bool(data)
+            data = b""
+        if not data:
+            loop.remove_reader(descriptor)
+        pieces.put_nowait(data)
 
-    def _pass_on(self, child: subprocess.Popen[bytes]) -> None:
-        """Forward signals to the command; the second Ctrl-C terminates it."""
-        for number in os.read(self._signals, 64):
-            if number != signal.SIGINT:
-                child.send_signal(number)
-                continue
-            self._interrupts += 1
-            if self._interrupts > 1:
-                child.terminate()
-            elif not _in_foreground():  # otherwise the terminal has sent it too
-                child.send_signal(number)
+    loop.add_reader(descriptor, read)
+    try:
+        while True:
+            *lines, rest = (rest + await pieces.get()).split(b"\n")
+            rest = rest[-CHUNK:]
+            for line in lines:
+                commands.execute(line.decode(errors="replace"))
+    finally:
+        loop.remove_reader(descriptor)
+
+
+async def _run_command(arguments: Sequence[str], environment: Mapping[str, str], stop: asyncio.Queue[int]) -> int:
+    """Exit status of the command, which does not outlive this."""
+    try:
+        child = await asyncio.create_subprocess_exec(*arguments, env=environment)
+    except OSError as error:
+        raise ConfigurationError(f"{arguments[0]}: cannot be run: {error.strerror}") from None
+    forwarding = asyncio.ensure_future(_forward(stop, child))
+    try:
+        status = await child.wait()
+    finally:
+        forwarding.cancel()
+        if child.returncode is None:
+            child.terminate()
+            try:
+                await asyncio.wait_for(child.wait(), STOP_LIMIT_S)
+            except TimeoutError:
+                child.kill()
+                await child.wait()
+    return status if status >= 0 else 128 - status
+
+
+async def _forward(stop: asyncio.Queue[int], child: asyncio.subprocess.Process) -> None:
+    """Forward signals to the command; the second Ctrl-C terminates it."""
+    interrupts = 0
+    while True:
+        number = await stop.get()
+        interrupts += number == signal.SIGINT
+        if number != signal.SIGINT or (interrupts == 1 and not _in_foreground()):  # else the terminal has sent it too
+            child.send_signal(number)
+        elif interrupts > 1:
+            child.terminate()
 
 
 def _in_foreground() -> bool:

@@ -3,12 +3,14 @@
 import asyncio
 import os
 import sys
-from collections.abc import AsyncIterator, Iterable
-from contextlib import asynccontextmanager
+import webbrowser
+from collections.abc import Coroutine, Iterable
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from errno import EADDRINUSE, EADDRNOTAVAIL
 from signal import SIGHUP, SIGINT, SIGTERM
 from time import monotonic
+from typing import Any
 
 import uvloop
 from aiohttp import web
@@ -73,57 +75,51 @@ async def _serve(settings: MonitorSettings) -> None:
     site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
-    try:
+    async with AsyncExitStack() as stack:
+        stack.push_async_callback(runner.cleanup)
         url = await _bind(runner, settings)
         tell(f"{url} (Ctrl-C ends it)")
-        if settings.browse:
-            _browse(url)
-        async with _shared(settings):
-            watch.look(monotonic())
-            if not watch.sessions and settings.source is None:
-                tell("waiting for a daemon; start weberlink loopback")
-            tasks = [loop.create_task(watch.run())]
-            if settings.source is not None:
-                assert settings.security is not None
-                following = Following(settings.security, settings.source, watch, None, tell)
-                tasks.append(loop.create_task(following.run()))
-            await _until(tasks, over)
-    finally:
-        await runner.cleanup()
+        if settings.browse and not webbrowser.open(url):
+            tell(f"no browser found; open {url} yourself")
+        if settings.share is not None:
+            stack.push_async_callback((await _share(settings)).close)
+        watch.look(monotonic())
+        if not watch.sessions and settings.source is None:
+            tell("waiting for a daemon; start weberlink loopback")
+        running = [watch.run(), over.wait()]
+        if settings.source is not None:
+            assert settings.security is not None
+            running.append(Following(settings.security, settings.source, watch, None, tell).run())
+        await _first(running)
 
 
-@asynccontextmanager
-async def _shared(settings: MonitorSettings) -> AsyncIterator[None]:
-    """Share the telemetry meanwhile, if asked for."""
-    if settings.share is None:
-        yield
-        return
+async def _share(settings: MonitorSettings) -> Sharing:
+    """Start sharing the telemetry of this host."""
+    assert settings.share is not None
     assert settings.security is not None
     sharing = Sharing(settings.security, None, settings.session, tell)
     try:
         host, port = await sharing.open(*settings.share)
     except OSError as error:
         where = ":".join(map(str, settings.share))
-        raise MonitorError(f"--share {where}: cannot be served ({error.strerror or error}); give another") from None
+        raise MonitorError(
+            f"--share {where}: cannot be served ({error.strerror or error}); choose another address or port"
+        ) from None
     tell(f"sharing the telemetry of this host on {host}:{port} with holders of the key")
-    try:
-        yield
-    finally:
-        await sharing.close()
+    return sharing
 
 
-async def _until(tasks: Iterable[asyncio.Task[None]], over: asyncio.Event) -> None:
-    """Wait for the signal to end, or for a task to fail; raises its error and cancels the others."""
-    waiting = asyncio.get_running_loop().create_task(over.wait())
-    everything = {waiting, *tasks}
+async def _first(running: Iterable[Coroutine[Any, Any, Any]]) -> None:
+    """Run until the first one ends; raises its error and cancels the others."""
+    tasks = [asyncio.ensure_future(each) for each in running]
     try:
-        done, _ = await asyncio.wait(everything, return_when=asyncio.FIRST_COMPLETED)
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in done:
             task.result()
     finally:
-        for task in everything:
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*everything, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _bind(runner: web.AppRunner, settings: MonitorSettings) -> str:
@@ -144,13 +140,6 @@ def _complaint(error: OSError, settings: MonitorSettings) -> str:
     if error.errno == EADDRNOTAVAIL:
         return f"--listen {settings.listen}: not an address of this host; omit it to serve this host only"
     return f"--listen {settings.listen}, --port {settings.port}: cannot be served ({error.strerror or error})"
-
-
-def _browse(url: str) -> None:
-    import webbrowser  # noqa: PLC0415 - for those who ask
-
-    if not webbrowser.open(url):
-        tell(f"no browser found; open {url} yourself")
 
 
 def tell(text: str) -> None:

@@ -28,6 +28,22 @@ class MessageKind(Enum):
     ANSWER = auto()
 
 
+MOST_BEFORE = {
+    MessageKind.HELLO: {
+        MessageKind.ROWS: 0,
+        MessageKind.FIGURES: 0,
+        MessageKind.HELLO: GREETINGS_WAITING - 1,
+        MessageKind.FINAL: GREETINGS_WAITING - 1,
+    },
+    MessageKind.AGAIN: {MessageKind.AGAIN: 0},
+    MessageKind.ROWS: {MessageKind.ROWS: ROWS_WAITING - 1},
+    MessageKind.FIGURES: {MessageKind.FIGURES: 0},
+    MessageKind.FINAL: {MessageKind.FIGURES: 0},
+    MessageKind.ANSWER: {MessageKind.ANSWER: ANSWERS_WAITING - 1},
+}
+"""For a new message of a kind: how many waiting messages of which kinds may stay; the oldest are dropped."""
+
+
 class Viewer:
     """The messages of one page.
 
@@ -48,19 +64,11 @@ class Viewer:
 
     def put(self, kind: MessageKind, text: str) -> None:
         """Queue a message and drop outdated ones."""
-        if kind is MessageKind.HELLO:
-            self._drop(MessageKind.ROWS, 0)
-            self._drop(MessageKind.FIGURES, 0)
-            self._drop(MessageKind.HELLO, GREETINGS_WAITING - 1)
-            self._drop(MessageKind.FINAL, GREETINGS_WAITING - 1)
-        elif kind is MessageKind.AGAIN:
-            self._drop(MessageKind.AGAIN, 0)
-        elif kind in (MessageKind.FIGURES, MessageKind.FINAL):
-            self._drop(MessageKind.FIGURES, 0)
-        elif kind is MessageKind.ROWS:
-            self.lost_rows += self._drop(MessageKind.ROWS, ROWS_WAITING - 1)
-        else:
-            self._drop(MessageKind.ANSWER, ANSWERS_WAITING - 1)
+        for outdated, most in MOST_BEFORE[kind].items():
+            while self._counts[outdated] > most:
+                self._waiting.remove(next(message for message in self._waiting if message[0] is outdated))
+                self._counts[outdated] -= 1
+                self.lost_rows += outdated is kind is MessageKind.ROWS
         self._waiting.append((kind, text))
         self._counts[kind] += 1
         self._came.set()
@@ -83,12 +91,3 @@ class Viewer:
 
     def __len__(self) -> int:
         return len(self._waiting)
-
-    def _drop(self, kind: MessageKind, most: int) -> int:
-        """Drop the oldest messages of a kind until there are at most `most`; returns how many."""
-        dropped = 0
-        while self._counts[kind] > most:
-            self._waiting.remove(next(message for message in self._waiting if message[0] is kind))
-            self._counts[kind] -= 1
-            dropped += 1
-        return dropped
