@@ -32,7 +32,7 @@ from weberlink.apps.monitor.access import Admission, origin
         (None, False),
     ],
 )
-def test_a_page_of_this_host_is_asked_for_by_a_name_of_this_host(host: str | None, expected: bool) -> None:
+def test_loopback_server_accepts_only_local_host_names(host: str | None, expected: bool) -> None:
     assert access.host_allowed(host, access.names("127.0.0.1")) is expected
 
 
@@ -40,19 +40,19 @@ def test_a_page_of_this_host_is_asked_for_by_a_name_of_this_host(host: str | Non
     ("host", "expected"),
     [("192.0.2.1:8765", True), ("[2001:db8::1]", True), ("localhost", True), ("evil.example:8765", False)],
 )
-def test_served_on_every_address_any_address_will_do_but_no_foreign_name(host: str, expected: bool) -> None:
+def test_public_server_accepts_addresses_but_no_foreign_name(host: str, expected: bool) -> None:
     assert access.host_allowed(host, access.names("0.0.0.0")) is expected
     assert access.host_allowed(host, access.names("::")) is expected
 
 
-def test_one_address_that_is_served_is_the_only_one() -> None:
+def test_single_served_address_is_the_only_host() -> None:
     allowed = access.names("192.0.2.7")
     assert access.host_allowed("192.0.2.7:8765", allowed)
     assert not access.host_allowed("127.0.0.1:8765", allowed)
 
 
 @given(st.text())
-def test_no_header_breaks_the_guard(text: str) -> None:
+def test_arbitrary_headers_never_raise(text: str) -> None:
     access.host_allowed(text, access.names("127.0.0.1"))
     assert access.origin_allowed(text, "127.0.0.1:1") is (text.lower() == "http://127.0.0.1:1")
 
@@ -69,13 +69,13 @@ def test_no_header_breaks_the_guard(text: str) -> None:
         ("null", False),
     ],
 )
-def test_only_pages_of_this_server_are_answered(header: str | None, expected: bool) -> None:
+def test_foreign_origins_are_refused(header: str | None, expected: bool) -> None:
     assert access.origin_allowed(header, "127.0.0.1:8765") is expected
     assert not access.origin_allowed("http://127.0.0.1:8765", None)
 
 
 @pytest.mark.parametrize(("family", "address"), [(socket.AF_INET, "127.0.0.1"), (socket.AF_INET6, "::1")])
-def test_the_kernel_says_whose_a_connection_is(family: socket.AddressFamily, address: str, tmp_path: Path) -> None:
+def test_owner_of_a_local_connection_is_found(family: socket.AddressFamily, address: str, tmp_path: Path) -> None:
     with socket.socket(family) as server, socket.socket(family) as client:
         try:
             server.bind((address, 0))
@@ -99,19 +99,19 @@ def test_the_kernel_says_whose_a_connection_is(family: socket.AddressFamily, add
     assert access.is_own(os.getuid()) and access.is_own(0) and not access.is_own(12345) and not access.is_own(None)
 
 
-def test_another_host_is_nobody_here(tmp_path: Path) -> None:
+def test_owner_of_a_remote_connection_is_unknown(tmp_path: Path) -> None:
     assert access.user_of(("192.0.2.1", 5), ("192.0.2.2", 6)) is None
     assert access.user_of(None, None) is None
     assert access.user_of(("127.0.0.1", 5), ("127.0.0.1", 6), tmp_path / "missing") is None
 
 
-def test_the_oldest_of_a_full_group_leaves() -> None:
+def test_full_group_loses_its_oldest_guest() -> None:
     admission: Admission[int] = Admission(10, 2)
     assert [admission.admit(guest, "a") for guest in range(4)] == [None, None, 0, 1]
     assert admission.admit(4, "b") is None
 
 
-def test_without_room_the_largest_group_gives_way() -> None:
+def test_full_house_expels_from_the_largest_group() -> None:
     admission: Admission[int] = Admission(4, 3)
     assert [admission.admit(guest, "many") for guest in range(3)] == [None] * 3
     assert [admission.admit(guest, f"one {guest}") for guest in range(3, 5)] == [None, 0]
@@ -121,7 +121,7 @@ def test_without_room_the_largest_group_gives_way() -> None:
 
 
 @given(st.lists(st.tuples(st.booleans(), st.integers(0, 5)), max_size=60))
-def test_a_newcomer_always_gets_in_and_no_limit_is_passed(steps: list[tuple[bool, int]]) -> None:
+def test_newcomer_always_enters_within_the_limits(steps: list[tuple[bool, int]]) -> None:
     admission: Admission[int] = Admission(6, 3)
     inside: dict[int, int] = {}
     for guest, (leaves, group) in enumerate(steps):
@@ -140,7 +140,7 @@ def test_a_newcomer_always_gets_in_and_no_limit_is_passed(steps: list[tuple[bool
         assert [admission.count(each) for each in range(6)] == counts
 
 
-def test_a_host_is_known_by_its_network() -> None:
+def test_origin_is_address_or_ipv6_network() -> None:
     assert origin("192.0.2.1") == origin("::ffff:192.0.2.1") != origin("192.0.2.2")
     assert origin("2001:db8::1") == origin("2001:db8::2") != origin("2001:db8:0:1::1")
     assert origin("fe80::1%eth0") == origin("fe80::2")

@@ -32,7 +32,7 @@ def thinned(made: np.ndarray, cuts: list[int]) -> list[int]:
 
 
 @given(st.lists(st.integers(0, 2000), max_size=12))
-def test_every_fourth_tick_and_all_that_matter_however_they_come_in_pieces(cuts: list[int]) -> None:
+def test_every_fourth_tick_and_all_events_are_shown(cuts: list[int]) -> None:
     made = records(2000)
     made["sent"][[7, 501, 502, 503]] = 1
     made["fault"][801:1203] = Fault.SILENCE
@@ -40,14 +40,14 @@ def test_every_fourth_tick_and_all_that_matter_however_they_come_in_pieces(cuts:
     assert thinned(made, cuts) == sorted({*range(0, 2000, 4), 7, 501, 502, 503, 801, 1203, 1301})
 
 
-def test_no_more_rows_a_second_than_are_promised() -> None:
+def test_rows_per_second_are_limited() -> None:
     for rate in (10.0, 250.0, 251.0, 1000.0, 4000.0):
         shown = Thinning(rate).choose(records(int(10 * rate)))
         assert len(shown) <= 10 * min(rate, ROWS_PER_S) + 1
     assert len(Thinning(200.0).choose(records(100))) == 100
 
 
-def test_a_message_has_a_value_for_every_row_and_none_for_what_is_not_known() -> None:
+def test_unknown_values_are_null_in_json() -> None:
     rows = records(3)
     rows["position"] = [[0.1, 0.2, 0.3]] * 3
     rows["tank"] = [0.5, np.nan, np.inf]
@@ -59,7 +59,7 @@ def test_a_message_has_a_value_for_every_row_and_none_for_what_is_not_known() ->
     assert told["columns"]["state"] == [4, 4, 4]
 
 
-def test_a_packet_of_the_rotation_alone_is_a_row_and_its_columns_are_told_where_there_is_one() -> None:
+def test_rotation_packets_are_rows_with_their_columns() -> None:
     made = records(100)
     made["rotation_sent"][[3, 41]] = 1
     rows = Thinning(RATE).choose(made)
@@ -71,7 +71,7 @@ def test_a_packet_of_the_rotation_alone_is_a_row_and_its_columns_are_told_where_
 
 
 @pytest.mark.parametrize("columns", [COLUMNS, ROTATION])
-def test_every_column_is_one_of_a_record(columns: dict[str, int | None]) -> None:
+def test_columns_exist_in_the_record(columns: dict[str, int | None]) -> None:
     assert set(columns) < set(DTYPE.names or ())
     integers = {name for name, digits in columns.items() if digits is None}
     assert integers == {name for name in columns if DTYPE[name].kind == "u"}
@@ -83,7 +83,7 @@ def test_every_column_is_one_of_a_record(columns: dict[str, int | None]) -> None
     st.lists(st.integers(0, 900), min_size=3, max_size=3),
     st.sampled_from((0.0, 2e-4, 4.9e-4, 5.1e-4, 8e-4)),
 )
-def test_pairs_are_those_of_the_figures(cuts: list[int], others: list[int], phase: float) -> None:
+def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase: float) -> None:
     master, slave = records(900, phase=phase, seed=1), records(900, seed=2)
     slave["state"][200:300] = State.SILENT.value
     master["ramping"][400:450] = 1
@@ -101,12 +101,12 @@ def test_pairs_are_those_of_the_figures(cuts: list[int], others: list[int], phas
     assert np.mean(np.array(errors) > 1.5) == pytest.approx(force["violation_fraction"], abs=2 / len(errors))
 
 
-def test_a_bound_of_zero_is_no_unit() -> None:
+def test_zero_bound_has_no_jnd() -> None:
     master, slave = records(10), records(10)
     assert felt_message(*FeltError(RATE).add(master, slave), origin=10.0)["jnd"] == [None] * 9
 
 
-def test_a_side_that_runs_alone_for_long_is_let_go() -> None:
+def test_rows_waiting_for_the_other_side_are_bounded() -> None:
     felt = FeltError(RATE)
     for first in range(0, 20_000, 1000):
         assert not len(felt.add(records(0), records(1000, first=first))[0])
@@ -114,7 +114,7 @@ def test_a_side_that_runs_alone_for_long_is_let_go() -> None:
     assert (pairs["tick"][0], pairs["tick"][-1]) == (20_000 - LONGEST_WAIT, 17_998)
 
 
-def test_only_the_last_second_counts() -> None:
+def test_pace_covers_the_last_second() -> None:
     pace = Pace()
     assert pace.packets_per_s is None and pace.reduction is None
     made = records(5000)
@@ -130,7 +130,7 @@ def test_only_the_last_second_counts() -> None:
     assert pace.reduction == pytest.approx(0.99, abs=0.002)
 
 
-def test_without_a_session_there_is_nothing_to_reduce() -> None:
+def test_reduction_is_unknown_without_a_session() -> None:
     pace, made = Pace(), records(100)
     made["state"] = 2
     pace.add(made)

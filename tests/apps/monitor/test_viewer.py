@@ -18,7 +18,7 @@ def drained(viewer: Viewer) -> list[str]:
 
 
 @given(st.lists(st.sampled_from(list(MessageKind)), max_size=600))
-def test_the_queue_is_bounded_and_the_newest_of_a_kind_is_in_it(kinds: list[MessageKind]) -> None:
+def test_queue_is_bounded_and_keeps_the_newest(kinds: list[MessageKind]) -> None:
     viewer = Viewer(None, may_change=False)
     for number, kind in enumerate(kinds):
         viewer.put(kind, f"{kind.name} {number}")
@@ -32,7 +32,7 @@ def test_the_queue_is_bounded_and_the_newest_of_a_kind_is_in_it(kinds: list[Mess
             assert f"{kind.name} {put[-1]}" in left
 
 
-def test_a_slow_page_loses_rows_and_no_figures() -> None:
+def test_slow_page_loses_rows_but_no_figures() -> None:
     viewer = Viewer(None, may_change=False)
     viewer.put(MessageKind.HELLO, "hello")
     for number in range(1000):
@@ -46,7 +46,7 @@ def test_a_slow_page_loses_rows_and_no_figures() -> None:
     assert viewer.lost_rows == 1000 - ROWS_WAITING
 
 
-def test_the_final_figures_of_a_session_come_before_the_next_one() -> None:
+def test_final_figures_precede_the_next_greeting() -> None:
     viewer = Viewer(None, may_change=False)
     for kind, text in (
         (MessageKind.ROWS, "old"),
@@ -58,14 +58,14 @@ def test_the_final_figures_of_a_session_come_before_the_next_one() -> None:
     assert drained(viewer) == ["final", "next", "new"]
 
 
-def test_a_greeting_of_the_same_session_takes_no_rows_away() -> None:
+def test_repeated_greeting_keeps_the_rows() -> None:
     viewer = Viewer(None, may_change=False)
     for kind, text in ((MessageKind.HELLO, "one side"), (MessageKind.ROWS, "rows"), (MessageKind.AGAIN, "both sides")):
         viewer.put(kind, text)
     assert drained(viewer) == ["one side", "rows", "both sides"]
 
 
-def test_what_comes_later_wakes_the_sender() -> None:
+def test_new_message_wakes_the_sender() -> None:
     async def run() -> str:
         viewer = Viewer(None, may_change=False)
         messages = viewer.messages()

@@ -34,7 +34,7 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
     return messages
 
 
-def test_sessions_come_and_go_and_a_page_follows_to_the_next(tmp_path: Path) -> None:
+def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
     said: list[str] = []
 
     async def run() -> None:
@@ -72,7 +72,7 @@ def test_sessions_come_and_go_and_a_page_follows_to_the_next(tmp_path: Path) -> 
     assert said[-1] == "session 8: over"
 
 
-def test_a_page_that_asked_for_one_session_stays_with_it(tmp_path: Path) -> None:
+def test_pinned_page_stays_with_its_session(tmp_path: Path) -> None:
     async def run() -> None:
         watch = SessionWatcher(tmp_path, None, lambda _: None)
         feeds = {name: HandFeed("slave") for name in ("1", "2")}
@@ -95,7 +95,7 @@ def test_a_page_that_asked_for_one_session_stays_with_it(tmp_path: Path) -> None
     asyncio.run(run())
 
 
-def test_a_page_that_asked_for_a_session_that_is_not_there_sees_the_newest_until_it_is() -> None:
+def test_page_pinned_to_a_later_session_waits() -> None:
     async def run() -> None:
         watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
         viewer = Viewer("9", may_change=True)
@@ -113,7 +113,7 @@ def test_a_page_that_asked_for_a_session_that_is_not_there_sees_the_newest_until
     asyncio.run(run())
 
 
-def test_only_the_session_that_was_asked_for_is_opened(tmp_path: Path) -> None:
+def test_only_the_requested_session_is_opened(tmp_path: Path) -> None:
     with ring(tmp_path, 7, "slave"), ring(tmp_path, 8, "slave"):
         watch = SessionWatcher(tmp_path, "8", lambda _: None)
         watch.look(0.0)
@@ -121,7 +121,7 @@ def test_only_the_session_that_was_asked_for_is_opened(tmp_path: Path) -> None:
         watch.sessions["8"].close()
 
 
-def test_what_is_no_ring_of_ours_is_said_once_and_passed_over(tmp_path: Path) -> None:
+def test_foreign_file_is_reported_once(tmp_path: Path) -> None:
     said: list[str] = []
     (tmp_path / "weberlink-9-slave.ring").write_bytes(b"x" * 500)
     watch = SessionWatcher(tmp_path, None, said.append)
@@ -131,7 +131,7 @@ def test_what_is_no_ring_of_ours_is_said_once_and_passed_over(tmp_path: Path) ->
     assert len(said) == 1 and "not a telemetry ring" in said[0]
 
 
-def test_rings_that_dead_daemons_left_are_no_sessions(tmp_path: Path) -> None:
+def test_rings_of_dead_daemons_are_ignored(tmp_path: Path) -> None:
     writer = ring(tmp_path, 7, "slave")
     writer.close(unlink=False)
     watch = SessionWatcher(tmp_path, None, lambda _: None)
@@ -139,7 +139,7 @@ def test_rings_that_dead_daemons_left_are_no_sessions(tmp_path: Path) -> None:
     assert watch.sessions == {}
 
 
-def test_sessions_that_are_over_are_forgotten_in_time() -> None:
+def test_ended_sessions_are_forgotten() -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     feeds = []
     for number in range(ENDED_KEPT + 3):
@@ -167,14 +167,14 @@ def test_sessions_that_are_over_are_forgotten_in_time() -> None:
         ({"type": "change", "weber": 0.1}, "no session"),
     ],
 )
-def test_what_cannot_be_changed_is_answered_with_the_reason(request_: object, why: str) -> None:
+def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
     watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     answer = asyncio.run(watch.change(Viewer(None, may_change=True), request_))
     assert answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
 
 
-def test_a_page_that_may_only_look_changes_nothing() -> None:
+def test_read_only_page_changes_nothing() -> None:
     async def run() -> dict[str, Any]:
         watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
         watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
@@ -186,7 +186,7 @@ def test_a_page_that_may_only_look_changes_nothing() -> None:
     assert "look only" in asyncio.run(run())["why"]
 
 
-def test_rings_are_paired_by_launcher_and_the_newest_is_last(tmp_path: Path) -> None:
+def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
     for name in (
         "weberlink-7-master.ring",
         "weberlink-7-slave.ring",

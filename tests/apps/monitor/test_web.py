@@ -56,7 +56,7 @@ async def status(client: aiohttp.ClientSession, url: str, **headers: str) -> int
         return response.status
 
 
-def test_the_page_and_its_files_are_served_and_nothing_else_of_this_host() -> None:
+def test_only_files_of_the_page_are_served() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, _watch: SessionWatcher) -> None:
         url = f"http://{where}"
         async with client.get(url) as response:
@@ -100,7 +100,7 @@ def test_no_path_leads_out_of_the_page(path: str) -> None:
     visit(visitor)
 
 
-def test_foreign_names_and_foreign_pages_are_refused_everywhere() -> None:
+def test_foreign_hosts_and_origins_are_refused() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, _watch: SessionWatcher) -> None:
         for path in ("", "ws", "metrics", "api/sessions"):
             url = f"http://{where}/{path}"
@@ -120,7 +120,7 @@ async def heard(page: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
     return json.loads((await page.receive()).data)
 
 
-def test_a_page_is_greeted_shown_and_answered() -> None:
+def test_page_gets_greeting_rows_and_answers() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
         feed = HandFeed("slave")
         feed.description = None
@@ -149,7 +149,7 @@ def test_a_page_is_greeted_shown_and_answered() -> None:
     visit(visitor)
 
 
-def test_a_page_that_does_not_read_does_not_hold_up_the_end() -> None:
+def test_stalled_page_does_not_delay_the_end() -> None:
     async def run() -> None:
         async with asyncio.timeout(PATIENCE):
             async with served() as (where, watch):
@@ -171,7 +171,7 @@ def test_a_page_that_does_not_read_does_not_hold_up_the_end() -> None:
     asyncio.run(run())
 
 
-def test_there_is_room_for_so_many_pages() -> None:
+def test_number_of_pages_is_limited() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
         pages = [await client.ws_connect(f"http://{where}/ws") for _ in range(MOST_PAGES)]
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
@@ -188,7 +188,7 @@ def test_there_is_room_for_so_many_pages() -> None:
 
 
 @needs_root
-def test_pages_of_another_user_take_no_place_of_the_owner() -> None:
+def test_other_users_take_no_place_of_the_owner() -> None:
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:
         host, port = where.split(":")
         attack = (hold_connections, host, int(port), 16, upgrade(where), len(b"HTTP/1.1 101"))
@@ -207,7 +207,7 @@ def test_pages_of_another_user_take_no_place_of_the_owner() -> None:
     visit(visitor)
 
 
-def test_a_page_that_does_not_read_loses_rows_but_no_figures_and_holds_up_nobody() -> None:
+def test_stalled_page_loses_rows_but_no_figures() -> None:
     looks = 160
 
     async def visitor(client: aiohttp.ClientSession, where: str, watch: SessionWatcher) -> None:

@@ -24,7 +24,7 @@ def block(made: Records, lost: int = 0) -> RecordBlock:
     return RecordBlock("slave", 0 if not len(made) else int(made["tick"][-1]) + 1, lost, made)
 
 
-def test_after_a_lost_connection_what_comes_again_counts_once() -> None:
+def test_repeated_records_count_once() -> None:
     source = RemoteSide(INTRODUCTION)
     tap = source.feed()
     made = records(1000)
@@ -36,7 +36,7 @@ def test_after_a_lost_connection_what_comes_again_counts_once() -> None:
     assert (tap.lost, tap.written) == (0, 1000)
 
 
-def test_what_never_came_is_lost_but_a_deadline_without_a_tick_is_not() -> None:
+def test_gaps_are_lost_but_missed_ticks_are_not() -> None:
     source = RemoteSide(INTRODUCTION)
     made = records(1000)
     made["ticks_missed"][500:] = 20
@@ -50,7 +50,7 @@ def test_what_never_came_is_lost_but_a_deadline_without_a_tick_is_not() -> None:
     assert source.lost == 150
 
 
-def test_a_feed_that_begins_later_has_the_last_seconds() -> None:
+def test_new_feed_begins_with_recent_records() -> None:
     source = RemoteSide(INTRODUCTION)
     for part in np.split(records(12_000), 60):
         source.push(block(part))
@@ -59,7 +59,7 @@ def test_a_feed_that_begins_later_has_the_last_seconds() -> None:
     assert late["tick"][-1] == 11_999
 
 
-def test_a_feed_that_nobody_reads_is_bounded_and_says_so() -> None:
+def test_unread_feed_is_bounded_and_counts_losses() -> None:
     source = RemoteSide(INTRODUCTION)
     tap = source.feed()
     for part in np.split(records(30_000), 150):
@@ -96,7 +96,7 @@ def test_feed_is_drained_after_its_last_record() -> None:
         ("state", 7),
     ],
 )
-def test_what_no_daemon_writes_is_refused(column: str, value: Any) -> None:
+def test_impossible_records_are_refused(column: str, value: Any) -> None:
     made = records(10)
     made[column][5] = value
     with pytest.raises(StreamError, match="no daemon writes"):
@@ -124,7 +124,7 @@ def moved(clock: MasterClock, made: list[Records]) -> Records:
 
 @examples(40)
 @given(st.lists(st.integers(0, 2000), max_size=8), st.integers(0, 500))
-def test_every_record_is_dated_once_in_order_however_they_come(cuts: list[int], unheard: int) -> None:
+def test_every_record_is_dated_once_in_order(cuts: list[int], unheard: int) -> None:
     made = slave_records(2000, unheard=unheard, early=0.3)
     clock = MasterClock(RATE, TICK_0)
     clock.learn(records(50, first=7))
@@ -144,7 +144,7 @@ def test_records_wait_until_both_clocks_are_known() -> None:
     assert len(clock.move(made[200:])) == 300
 
 
-def test_a_slave_that_waits_for_days_holds_no_more_than_seconds() -> None:
+def test_waiting_records_are_bounded() -> None:
     clock = MasterClock(RATE, TICK_0)
     clock.learn(records(1))
     made = slave_records(30_000, unheard=29_990, early=29.0)
@@ -154,7 +154,7 @@ def test_a_slave_that_waits_for_days_holds_no_more_than_seconds() -> None:
     assert dated["updates_sent"][0] == 1  # of this session only
 
 
-def test_what_an_earlier_master_was_told_is_left_out() -> None:
+def test_records_of_an_earlier_master_are_dropped() -> None:
     made = slave_records(1000)
     made["peer_at"][:400] += 500.0
     clock = MasterClock(RATE, TICK_0)
@@ -165,7 +165,7 @@ def test_what_an_earlier_master_was_told_is_left_out() -> None:
     assert dated["updates_sent"][0] == 1
 
 
-def test_the_next_master_is_the_end() -> None:
+def test_next_master_ends_the_session() -> None:
     made = slave_records(1000)
     made["peer_at"][700:] = made["peer_at"][:300]
     clock = MasterClock(RATE, TICK_0)
@@ -175,7 +175,7 @@ def test_the_next_master_is_the_end() -> None:
     assert clock.lost
 
 
-def test_time_does_not_go_back_where_the_estimate_does() -> None:
+def test_time_is_monotonic_when_the_estimate_is_not() -> None:
     made = slave_records(1000)
     made["peer_at"][500:] -= 0.005
     clock = MasterClock(RATE, TICK_0)

@@ -119,7 +119,7 @@ def ticks(session: WatchedSession | None, side: str) -> int:
     return 0 if session is None else session.score.summary()["ticks"][side]["count"]
 
 
-def test_every_record_arrives_and_the_figures_are_those_of_the_rings(robot: Host, operator: Host) -> None:
+def test_shared_session_has_the_figures_of_its_rings(robot: Host, operator: Host) -> None:
     made = {"master": records(3000, seed=1), "slave": records(3000, phase=3e-4, seed=2)}
 
     async def test() -> None:
@@ -150,7 +150,7 @@ def test_every_record_arrives_and_the_figures_are_those_of_the_rings(robot: Host
     assert "127.0.0.1 connected" in robot.said
 
 
-def test_another_key_is_told_nothing_and_says_so_in_one_line(robot: Host, operator: Host) -> None:
+def test_wrong_key_is_one_line_and_sees_nothing(robot: Host, operator: Host) -> None:
     async def test() -> None:
         robot.ring(7, "slave")
         async with robot.sharing() as port, operator.looking(port, bytes(32)) as watch:
@@ -199,7 +199,7 @@ async def viewer(port: int) -> tuple[SecureStream, asyncio.StreamWriter]:
     return stream, writer
 
 
-def test_there_is_room_for_so_many_callers(robot: Host) -> None:
+def test_number_of_callers_is_limited(robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
             viewers = [await viewer(port) for _ in range(MOST_CALLERS)]
@@ -214,7 +214,7 @@ def test_there_is_room_for_so_many_callers(robot: Host) -> None:
 
 
 @pytest.mark.parametrize("count", [16, MOST_UNPROVEN + 1])
-def test_callers_who_say_nothing_lock_nobody_out(count: int, robot: Host) -> None:
+def test_silent_callers_lock_nobody_out(count: int, robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
             idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(count)]
@@ -288,7 +288,7 @@ async def proxy(port: int, tamper: Tamper, outgoing: Tamper = lambda _, data: da
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def test_a_stream_that_was_tampered_with_is_given_up_and_no_record_of_it_counts(robot: Host, operator: Host) -> None:
+def test_tampered_stream_is_dropped_without_losing_records(robot: Host, operator: Host) -> None:
     is_bad = True
 
     def flip(_: int, data: bytes) -> bytes:
@@ -313,7 +313,7 @@ def test_a_stream_that_was_tampered_with_is_given_up_and_no_record_of_it_counts(
     run(test())
 
 
-def test_it_calls_again_and_the_session_goes_on(robot: Host, operator: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_session_continues_after_a_reconnection(robot: Host, operator: Host, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(following_module, "INTRODUCE_S", 0.1)
 
     async def test() -> None:
@@ -361,7 +361,7 @@ def of_the_robot(made: Records, tick_0: float) -> Records:
     return shifted
 
 
-def test_two_hosts_sides_are_one_session_on_one_clock(robot: Host, operator: Host) -> None:
+def test_sides_of_two_hosts_become_one_session(robot: Host, operator: Host) -> None:
     """The figures are those of the same records on one host."""
     ours, theirs = operator.ring(5, "master"), robot.ring(7, "slave")
     master = of_this_moment(records(3000, phase=3e-4, seed=1))
@@ -396,7 +396,7 @@ def test_two_hosts_sides_are_one_session_on_one_clock(robot: Host, operator: Hos
     assert any("are one session" in said for said in operator.said)
 
 
-def test_another_master_of_this_host_is_not_taken_for_its_counterpart(robot: Host, operator: Host) -> None:
+def test_foreign_master_is_not_joined(robot: Host, operator: Host) -> None:
     """It began at another time than the one that the slave hears."""
     stranger = records(1000, first=60_000)
     slave = records(1000)
@@ -434,9 +434,7 @@ RECORDS = RecordBlock("slave", 10, 0, records(10))
         ),
     ],
 )
-def test_a_host_that_proves_the_key_and_talks_nonsense_is_given_up(
-    sent: list[tuple[int, bytes]], complaint: str, operator: Host
-) -> None:
+def test_invalid_messages_end_the_connection(sent: list[tuple[int, bytes]], complaint: str, operator: Host) -> None:
     async def called(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError):
             stream = await accept(reader, writer, telemetry_key(KEY), PATIENCE)
@@ -456,7 +454,7 @@ def test_a_host_that_proves_the_key_and_talks_nonsense_is_given_up(
 
 
 @pytest.mark.parametrize(("kind", "payload"), [(LinkMessage.ALIVE, b"more"), (LinkMessage.BEGIN, b""), (77, b"change")])
-def test_who_looks_can_ask_for_nothing(kind: int, payload: bytes, robot: Host) -> None:
+def test_viewer_requests_end_the_connection(kind: int, payload: bytes, robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
             stream, writer = await viewer(port)
