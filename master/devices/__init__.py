@@ -15,7 +15,7 @@ DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.device
 COMPUTED = frozenset({"operator", "replay"})
 """Drivers that move nothing real. All others count as hardware, those of other distributions included."""
 
-drivers = DEVICES.entries
+drivers = DEVICES.places
 
 
 def load(name: str) -> DeviceDriver:

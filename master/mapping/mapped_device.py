@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import IDENTITY, Quaternion
+from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 from weberlink.master.devices.contract import Device, DeviceReading, DeviceSpec, ReportsTrouble, TorqueDevice
 from weberlink.master.mapping.frame import FrameMap, Walls

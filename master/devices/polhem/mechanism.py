@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import copysign, cos, sin, tau
 
-from weberlink.geometry.quaternion import product
+from weberlink.geometry.rotation import product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
 from weberlink.master.devices.contract import Quaternion
 from weberlink.master.devices.polhem.linkages import Angles, Jacobian, Linkage, Triple, Weight

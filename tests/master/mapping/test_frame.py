@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.quaternion import turned
+from weberlink.geometry.rotation import turned
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 from weberlink.master.mapping import FrameMap
 
