@@ -121,28 +121,28 @@ def test_spec_is_known_before_opening(bench: Bench) -> None:
 
 
 def test_only_an_open_device_is_read(bench: Bench) -> None:
-    contract.test_only_an_open_device_is_read_and_closing_is_idempotent("paddle", bench)
+    contract.test_only_open_device_is_read_close_is_idempotent("paddle", bench)
 
 
 def test_readings_advance_without_jumps(bench: Bench) -> None:
-    contract.test_readings_move_on_in_time_and_do_not_jump(bench)
+    contract.test_readings_advance_without_jumps(bench)
 
 
 def test_force_that_is_no_number_is_refused(bench: Bench) -> None:
-    contract.test_a_force_that_is_no_number_is_our_own_error(bench)
+    contract.test_force_that_is_not_finite_raises(bench)
 
 
 def test_motor_follows_commands_within_the_limit(bench: Bench) -> None:
-    contract.test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(bench)
+    contract.test_motors_follow_commands_within_limit_until_close(bench)
 
 
 def test_silent_loop_ends_the_force(bench: Bench) -> None:
-    contract.test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench)
+    contract.test_silent_loop_ends_the_force(bench)
 
 
 @pytest.mark.parametrize("fault", ["unplug", "silent", "late", "garbled"])
 def test_fault_ends_the_session_without_force(fault: str, bench: Bench) -> None:
-    contract.test_a_fault_ends_it_with_a_reason_and_without_force("paddle", fault, bench)
+    contract.test_fault_ends_session_with_reason_without_force("paddle", fault, bench)
 
 
 def test_driver_is_listed_with_its_package(driver: Any) -> None:

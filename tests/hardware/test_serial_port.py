@@ -80,7 +80,7 @@ def test_what_is_no_port_is_said(tmp_path: Path) -> None:
         SerialPort(str(tmp_path / "link"))
 
 
-def test_a_port_belongs_to_one_process_until_it_is_closed(wire: Wire) -> None:
+def test_port_belongs_to_one_process_until_closed(wire: Wire) -> None:
     program = (
         "import sys; from weberlink.hardware.serial_port import SerialPort\n"
         "port = SerialPort(sys.argv[1]); print('open', flush=True); sys.stdin.read()"
@@ -122,7 +122,7 @@ def test_an_unplugged_port_says_so_in_every_direction(wire: Wire, port: SerialPo
             use()
 
 
-def test_a_write_to_a_device_that_takes_nothing_is_a_fault_and_no_hang(wire: Wire, port: SerialPort) -> None:
+def test_write_to_blocked_device_is_a_fault(wire: Wire, port: SerialPort) -> None:
     with pytest.raises(HardwareFault, match="takes no more data"):
         port.write(b"x" * 1_000_000)
     os.set_blocking(wire.near, False)
@@ -138,7 +138,7 @@ def test_what_was_written_last_still_arrives(wire: Wire, port: SerialPort) -> No
     assert os.read(wire.near, 100) == b"zero force"
 
 
-def test_a_port_that_cannot_be_opened_keeps_no_descriptor(wire: Wire, tmp_path: Path) -> None:
+def test_failed_open_leaves_no_descriptor(wire: Wire, tmp_path: Path) -> None:
     taken = SerialPort(wire.path)
     files = descriptors()
     (tmp_path / "file").touch()

@@ -1,22 +1,17 @@
 """Emulated HID devices: the nodes of a testbed, and the real hidapi in a process that sees them."""
 
 import json
-import os
-import random
 import re
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from select import select
-from time import monotonic, sleep
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from tests.hardware.test_emulator import Echo
-from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev import (
     ADVICE,
@@ -26,93 +21,6 @@ from weberlink.hardware.umockdev import (
     Testbed,
     missing,
 )
-
-SIZE = 14
-IDENTITY = HidIdentity(0x1234, 6, "HID DEVICE", b"", SIZE)
-PATIENCE = 20.0
-
-
-class Recorder:
-    """Sends what it is told to, and remembers what came."""
-
-    def __init__(self) -> None:
-        self.faults = WireFaults()
-        self.received: list[bytes] = []
-        self.to_send: list[bytes] = []
-
-    def receive(self, data: bytes, now: float) -> None:
-        self.received.append(data)
-
-    def advance(self, now: float) -> None:
-        pass
-
-    def replies(self, now: float) -> list[bytes]:
-        sending, self.to_send = self.to_send, []
-        return sending
-
-    def next_timer(self) -> float | None:
-        return None
-
-
-class Folder:
-    """Takes the place of a testbed: its nodes are in a folder, and nobody is told."""
-
-    def __init__(self, root: Path) -> None:
-        self.root = root
-        self.log: list[str] = []
-
-    def free_number(self) -> int:
-        return 5
-
-    def path(self, number: int) -> Path:
-        return self.root / f"hidraw{number}"
-
-    def plug(self, identity: HidIdentity, number: int) -> None:
-        assert self.path(number).exists()
-        self.log.append("plug")
-
-    def unplug(self, number: int) -> None:
-        self.log.append("unplug")
-
-
-@contextmanager
-def node_in(folder: Path) -> Iterator[tuple[Recorder, HidNode, int]]:
-    recorder, bed = Recorder(), Folder(folder)
-    with HidNode(cast(Testbed, bed), recorder, IDENTITY) as node:
-        descriptor = os.open(node.path, os.O_RDWR | os.O_NOCTTY)
-        try:
-            yield recorder, node, descriptor
-        finally:
-            os.close(descriptor)
-    assert bed.log == ["plug", "unplug"]
-
-
-def read(descriptor: int) -> bytes:
-    assert select((descriptor,), (), (), PATIENCE)[0]
-    return os.read(descriptor, 64)
-
-
-def test_one_read_gives_one_report_whatever_bytes_it_has(tmp_path: Path) -> None:
-    chance = random.Random(5)
-    reports = [bytes(range(start, start + SIZE)) for start in range(0, 256 - SIZE, SIZE)]
-    reports += [bytes([value]) * SIZE for value in (0, 3, 4, 10, 13, 17, 19, 22, 26, 28, 127, 255)]
-    reports += [chance.randbytes(SIZE) for _ in range(30)]
-    with node_in(tmp_path) as (recorder, node, descriptor):
-        assert node.node == "/dev/hidraw5"
-        recorder.to_send = list(reports)
-        assert [read(descriptor) for _ in reports] == reports
-
-
-def test_reports_from_the_host_lose_their_number_and_are_told_apart(tmp_path: Path) -> None:
-    reports = [bytes([number]) * SIZE for number in range(1, 9)]
-    with node_in(tmp_path) as (recorder, _, descriptor):
-        os.write(descriptor, b"".join(b"\0" + report for report in reports))
-        deadline = monotonic() + PATIENCE
-        while len(recorder.received) < len(reports):
-            assert monotonic() < deadline
-            sleep(0.001)
-        assert recorder.received == reports
-
 
 REASON = missing()
 needs_umockdev = pytest.mark.skipif(REASON is not None, reason=str(REASON))
@@ -184,7 +92,7 @@ def host_that_sees(bed: Testbed) -> Iterator[Host]:
 
 
 @needs_umockdev
-def test_two_alike_are_found_talk_apart_and_one_comes_back_after_it_was_unplugged() -> None:
+def test_two_equal_devices_are_found_and_replugged() -> None:
     with Testbed() as bed, HidNode(bed, Echo(), identity("one")) as one, HidNode(bed, Echo(), identity("two")) as two:
         root = bed.root
         with host_that_sees(bed) as host:
@@ -212,9 +120,7 @@ def test_two_alike_are_found_talk_apart_and_one_comes_back_after_it_was_unplugge
     assert not root.exists()
 
 
-def test_without_umockdev_there_is_one_line_that_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_missing_umockdev_gives_installation_advice(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(HardwareFault, match=re.escape(ADVICE)), Testbed():
         pass
@@ -228,7 +134,7 @@ def test_without_umockdev_there_is_one_line_that_says_what_to_install(
         ("echo cannot bear it >&2; exit 1", "umockdev: cannot bear it"),
     ],
 )
-def test_what_umockdev_lacks_or_complains_of_is_one_line(
+def test_umockdev_error_is_one_line(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, script: str, complaint: str
 ) -> None:
     wrapper = tmp_path / WRAPPER

@@ -52,7 +52,7 @@ def in_turn(*outcomes: Exception | int) -> Callable[[str], int]:
     return deed
 
 
-def test_a_command_gets_through_and_a_sample_comes_back() -> None:
+def test_command_arrives_and_sample_returns() -> None:
     exchange, before = Scripted(), monotonic()
     with working(exchange) as worker:
         assert before <= worker.connected_at <= worker.newest[1]
@@ -95,7 +95,7 @@ def test_a_command_of_the_last_session_is_forgotten() -> None:
         assert set(exchange.commands) == {REST}
 
 
-def test_after_a_bad_reply_the_device_rests_until_a_good_one() -> None:
+def test_bad_reply_rests_until_a_good_one() -> None:
     exchange = Scripted()
     with working(exchange) as worker:
         command_until(worker, "push", lambda: "push" in exchange.commands)
@@ -108,7 +108,7 @@ def test_after_a_bad_reply_the_device_rests_until_a_good_one() -> None:
         assert "close" not in exchange.calls
 
 
-def test_bad_replies_in_a_row_are_a_fault_and_leave_it_closed() -> None:
+def test_bad_replies_in_a_row_close_with_fault() -> None:
     exchange = Scripted(in_turn(1, BadReply("torn 1"), BadReply("torn 2"), 2, BadReply("torn 3")))
     with working(exchange) as worker:
         command_until(worker, "push", lambda: worker.fault is not None)
@@ -123,7 +123,7 @@ def test_bad_replies_in_a_row_are_a_fault_and_leave_it_closed() -> None:
         assert len(exchange.calls) == done, "nothing more is asked of it"
 
 
-def test_a_device_that_is_gone_is_a_fault_at_once() -> None:
+def test_gone_device_is_a_fault_at_once() -> None:
     exchange = Scripted(gone)
     with working(exchange) as worker:
         wait_for(lambda: worker.fault == "gone")
@@ -132,7 +132,7 @@ def test_a_device_that_is_gone_is_a_fault_at_once() -> None:
         assert exchange.calls.count("open") == 1
 
 
-def test_a_device_that_is_back_in_time_goes_on_from_rest() -> None:
+def test_device_back_in_time_continues_from_rest() -> None:
     def opening(number: int) -> int:
         if 0 < number < 3:
             raise HardwareFault(f"not there yet: {number}")
@@ -148,7 +148,7 @@ def test_a_device_that_is_back_in_time_goes_on_from_rest() -> None:
         assert exchange.calls[back + 3] == REST
 
 
-def test_a_device_that_opens_but_never_answers_does_not_come_back_for_ever() -> None:
+def test_reconnection_ends_when_device_never_answers() -> None:
     """Patience counts from the last good reply, not from the last time that the port opened."""
     exchange = Scripted(in_turn(1, HardwareFault("mute")))
     with working(exchange, reconnect=0.2) as worker:
@@ -159,7 +159,7 @@ def test_a_device_that_opens_but_never_answers_does_not_come_back_for_ever() -> 
 
 
 @pytest.mark.parametrize("mistake", [KeyError("oops"), SystemExit(3)])
-def test_a_mistake_of_ours_in_the_thread_ends_the_session_too(mistake: BaseException) -> None:
+def test_exception_in_the_thread_is_a_fault(mistake: BaseException) -> None:
     def deed(command: str) -> int:
         raise mistake
 
@@ -170,7 +170,7 @@ def test_a_mistake_of_ours_in_the_thread_ends_the_session_too(mistake: BaseExcep
         wait_for(lambda: not exchange.is_open)
 
 
-def test_a_device_that_cannot_be_opened_leaves_nothing_behind() -> None:
+def test_failed_open_leaves_nothing_behind() -> None:
     def opening(number: int) -> int:
         if number == 0:
             raise HardwareFault("taken")
@@ -200,7 +200,7 @@ def test_a_device_that_cannot_be_opened_leaves_nothing_behind() -> None:
 
 @pytest.mark.parametrize("period", [0.0, 60.0])
 @pytest.mark.parametrize("on_command", [False, True])
-def test_a_stop_does_not_wait_for_the_next_exchange(period: float, on_command: bool) -> None:
+def test_stop_does_not_wait_for_exchange(period: float, on_command: bool) -> None:
     for _ in range(3):
         exchange = Scripted()
         with working(exchange, period=period, on_command=on_command):
@@ -221,7 +221,7 @@ class Hanging:
         return 1
 
 
-def test_a_hanging_exchange_does_not_keep_a_stop_and_is_closed_when_it_comes_back() -> None:
+def test_hanging_exchange_is_closed_when_it_returns() -> None:
     files, hanging = descriptors(), Hanging()
     exchange = Scripted(hanging)
     worker = worker_of(exchange)
@@ -287,7 +287,7 @@ def test_a_program_that_ends_leaves_the_device_safe(hang: str, end: str) -> None
     assert "Fatal" not in done.stderr
 
 
-def test_what_a_stall_made_it_miss_is_not_made_up_for() -> None:
+def test_missed_exchanges_are_not_made_up_for() -> None:
     """Every fifth exchange takes ten periods; making up for them would need no pause at all."""
     ahead, number = [0.0], count(1)
     starts: list[float] = []

@@ -57,7 +57,7 @@ def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
     return [(reading.position, reading.ended) for reading in readings]
 
 
-def test_it_reaches_the_point_and_says_that_it_ended() -> None:
+def test_reach_arrives_and_ends() -> None:
     steps = run(3.0, script=[{"motion": "reach", "to_m": [0.03, 0.01, 0.0], "duration_s": 1.0}], repeat=False)
     assert steps[-1][0] == pytest.approx((0.03, 0.01, 0.0), abs=1e-5)
     assert [ended for _, ended in steps].index(True) in (999, 1000)

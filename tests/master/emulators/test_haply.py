@@ -31,7 +31,7 @@ def answers(device: Emulator, data: bytes, now: float = 0.0) -> bytes:
 
 
 @every_version
-def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
+def test_setup_takes_present_angles_as_offsets(version: str) -> None:
     board, device = VERSIONS[version].board, emulator(version)
     zero = board.torques(0.0, 0.0)
     assert answers(device, zero) == board.bare_reply
@@ -46,7 +46,7 @@ def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
     assert board.angles(answers(device, board.setup + zero, 0.5)) == pytest.approx(board.home_deg, abs=0.08)
 
 
-def test_a_message_in_pieces_is_one_message_and_what_is_never_finished_is_dropped() -> None:
+def test_message_in_pieces_is_joined_or_dropped() -> None:
     device = emulator()
     whole = BOARD.setup + BOARD.torques(0.1, 0.0)
     for number, byte in enumerate(whole):
@@ -107,7 +107,7 @@ def test_a_wrong_direction_turns_the_sign_round(flipped: str) -> None:
 
 
 @pytest.mark.parametrize("which", [1, 2])
-def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> None:
+def test_injected_stuck_encoder_keeps_its_angle(which: int) -> None:
     device, zero = emulator(), BOARD.torques(0.0, 0.0)
     answers(device, BOARD.setup)
     device.inject("stuck_encoder", which)

@@ -39,7 +39,7 @@ def exchange(far: Far) -> Iterator[HaplyExchange]:
     made.close()
 
 
-def test_a_board_that_knows_us_is_left_as_it_is(far: Far, exchange: HaplyExchange) -> None:
+def test_known_board_keeps_its_setup(far: Far, exchange: HaplyExchange) -> None:
     far.deeds = [lambda: far.say(at(160.0, 20.0))]
     reading = exchange.open()
     x, y = HaplyFrame(V3.center).tip(reading.position)
@@ -55,7 +55,7 @@ def test_a_board_that_does_not_is_set_up(far: Far, exchange: HaplyExchange) -> N
     assert far.messages == [ZERO, ZERO, RESET, BOARD.setup, ZERO]
 
 
-def test_a_board_that_answers_something_else_than_it_was_set_up_to_is_refused(far: Far) -> None:
+def test_unexpected_angles_after_setup_are_refused(far: Far) -> None:
     far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
     far.rest = lambda: far.say(at(150.0, 30.0))
     exchange = HaplyExchange(lambda: far.path, V3, HaplyFrame(V3.center), reply=10.0)
@@ -64,9 +64,7 @@ def test_a_board_that_answers_something_else_than_it_was_set_up_to_is_refused(fa
     exchange.close()
 
 
-def test_angles_that_cannot_be_are_followed_by_zero_torque_and_then_a_new_question(
-    far: Far, exchange: HaplyExchange
-) -> None:
+def test_implausible_angles_cause_zero_torque(far: Far, exchange: HaplyExchange) -> None:
     far.deeds = [lambda: far.say(HOME), lambda: far.say(at(-400.0, 12.0))]
     exchange.open()
     with pytest.raises(BadReply, match=r"arm 1 .* out of its range"):
@@ -118,7 +116,7 @@ def test_what_came_before_the_question_is_no_answer(far: Far, line: HaplyLine) -
     assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
 
 
-def test_a_late_answer_is_not_taken_for_the_next_one(far: Far, line: HaplyLine) -> None:
+def test_late_answer_is_not_the_next_one(far: Far, line: HaplyLine) -> None:
     """It comes with that to the zero torque which is sent first; only then is there another question."""
     far.deeds = [lambda: None, lambda: far.say(answer(1) + answer(2)), lambda: far.say(answer(3))]
     with pytest.raises(BadReply, match="no answer within 1 ms"):
@@ -127,21 +125,21 @@ def test_a_late_answer_is_not_taken_for_the_next_one(far: Far, line: HaplyLine) 
     assert far.messages == [PUSH, ZERO, PUSH]
 
 
-def test_a_lost_answer_is_waited_for_and_then_forgotten(far: Far, line: HaplyLine) -> None:
+def test_lost_owed_answer_is_forgotten(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda: None, lambda: far.say(answer(2)), lambda: far.say(answer(3))]
     with pytest.raises(BadReply, match="no answer"):
         line.ask(PUSH, 0.001)
     assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
 
 
-def test_a_torn_answer_is_bad_and_the_next_is_good_again(far: Far, line: HaplyLine) -> None:
+def test_torn_answer_is_bad_and_next_good(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda: far.say(answer(1)[:-1]), lambda: far.say(answer(2)), lambda: far.say(answer(3))]
     with pytest.raises(BadReply, match="8 bytes of 9"):
         line.ask(PUSH, 0.2)
     assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
 
 
-def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: HaplyLine) -> None:
+def test_slow_board_stays_bad(far: Far, line: HaplyLine) -> None:
     """But for an answer that waits already when this machine, after a stall, begins to look for one."""
 
     def slowly() -> None:
@@ -158,7 +156,7 @@ def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: HaplyLine) -> N
     assert all("answered after" in each or "no answer" in each for each in complaints)
 
 
-def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: HaplyLine) -> None:
+def test_forgotten_setup_differs_from_torn_answer(far: Far, line: HaplyLine) -> None:
     far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
     with pytest.raises(BadReply, match="1 bytes of 9"):
         line.ask(PUSH, 0.2)
@@ -167,7 +165,7 @@ def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: Haply
     assert far.messages == [PUSH, ZERO]
 
 
-def test_a_mute_board_is_given_up_and_was_told_to_rest_each_time(far: Far, line: HaplyLine) -> None:
+def test_mute_board_is_told_to_rest_and_given_up(far: Far, line: HaplyLine) -> None:
     for _ in range(2):
         with pytest.raises(BadReply, match="no answer"):
             line.ask(PUSH, 0.001)
@@ -195,7 +193,7 @@ def track() -> Prompt:
     return Prompt(V3.bar, HOME_RAD, (COUNT, COUNT))
 
 
-def test_a_jump_is_not_and_what_came_before_still_counts() -> None:
+def test_jump_is_rejected_and_earlier_angles_count() -> None:
     following = track()
     following.at(UP, 10.0)
     with pytest.raises(BadReply, match=r"arm 2 jumped by 0\.20 rad within 1\.0 ms"):
@@ -204,7 +202,7 @@ def test_a_jump_is_not_and_what_came_before_still_counts() -> None:
     following.at((UP[0], UP[1] + 0.01 + 0.9 * FASTEST * 0.01), 10.012)  # it may have moved while nothing came
 
 
-def test_a_host_that_stalled_before_it_read_an_answer_does_not_take_the_next_for_a_jump() -> None:
+def test_stalled_host_does_not_see_a_jump() -> None:
     """The first was measured long before it was read, so the arm had time to turn."""
     following = track()
     following.follow(UP, 10.0, 10.1)
@@ -229,7 +227,7 @@ def test_postures_that_cannot_be_are_bad_replies(angles: Pair, complaint: str) -
 
 
 @pytest.mark.parametrize("stuck", [0, 1])
-def test_an_encoder_that_stands_still_while_the_other_arm_turns_is_a_fault(stuck: int) -> None:
+def test_stuck_encoder_is_a_fault(stuck: int) -> None:
     following = track()
     following.at(UP, 0.0)
     travel, angles = 0.0, list(UP)

@@ -47,7 +47,7 @@ def test_angles_and_tip_undo_each_other(name: str, share: Pair) -> None:
 @every_version
 @examples(30)
 @given(share=shares)
-def test_the_tip_is_one_outer_link_from_either_elbow_and_the_upper_such_point(name: str, share: Pair) -> None:
+def test_tip_closes_the_linkage_at_upper_point(name: str, share: Pair) -> None:
     bar, _, angles = usable(name, share)
     x, y = bar.tip(angles)
     (ax, ay), (bx, by) = bar._elbows(angles)

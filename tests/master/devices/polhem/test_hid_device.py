@@ -107,7 +107,7 @@ def test_reports_of_the_other_length_are_refused(device_on: Make, said: int, sen
     assert not any(any(command) for command in board.commands if isinstance(command, tuple))
 
 
-def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:
+def test_homing_at_open_sets_the_counters(device_on: Make) -> None:
     board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     device = device_on(board, homing="at_open")
     device.open(monotonic())
@@ -122,14 +122,14 @@ def test_counters_may_hold_the_home_counts(device_on: Make) -> None:
     assert SetCounters((8, 9, 10, 0, 30, 0)) in board.commands
 
 
-def test_the_gimbal_of_a_polhem_is_wired_last_to_first(device_on: Make) -> None:
+def test_polhem_gimbal_is_reversed_over_hid(device_on: Make) -> None:
     mechanism = PARAMETERS["polhem_v1"].on("hid14").mechanism
     device = device_on(ScriptedHidBoard((*mechanism.counts_at(ZERO), 256, 128, 0)), parameters="polhem_v1")
     device.open(monotonic())
     assert device.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 128, 256))
 
 
-def test_a_board_that_does_not_set_its_counters_is_refused(device_on: Make) -> None:
+def test_board_that_ignores_set_counters_is_refused(device_on: Make) -> None:
     board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     board.sets_counters = False
     with pytest.raises(DeviceFault, match="does not set its counters"):
@@ -147,7 +147,7 @@ def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
         device_on(board, homing="button", report_bytes=8).open(monotonic())
 
 
-def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) -> None:
+def test_old_button_press_does_not_count(device_on: Make) -> None:
     board = ScriptedHidBoard(MIDDLE)
     board.calibrate = True
 
@@ -166,7 +166,7 @@ def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) 
     ]
 
 
-def test_a_lost_report_is_followed_by_zeros_and_many_are_a_fault(device_on: Make) -> None:
+def test_lost_report_causes_zeros_and_many_a_fault(device_on: Make) -> None:
     board = ScriptedHidBoard(MIDDLE)
     device = device_on(board)
     device.open(monotonic())

@@ -73,7 +73,7 @@ def test_counts_come_back_from_their_position(parameters: MechanismParameters) -
 
 
 @every_set
-def test_virtual_work_is_the_same_at_the_hand_and_at_the_motors(parameters: MechanismParameters) -> None:
+def test_virtual_work_agrees_at_hand_and_motors(parameters: MechanismParameters) -> None:
     """F.dx = tau.dtheta, with the torque taken from the currents and the angle from the counts."""
     drive = replace(parameters.mechanism.drive, motor_directions=parameters.mechanism.drive.encoder_directions)
     mechanism, random = replace(parameters.mechanism, drive=drive), Random(3)
@@ -118,7 +118,7 @@ def test_every_pose_is_finite_and_bounded(parameters: MechanismParameters) -> No
 
 
 @every_set
-def test_out_of_reach_is_the_end_of_the_reach(parameters: MechanismParameters) -> None:
+def test_inverse_out_of_reach_stays_finite(parameters: MechanismParameters) -> None:
     linkage = parameters.mechanism.linkage
     for far in ((10.0, 0.0, 0.0), (0.0, -10.0, 10.0), (0.0, 0.0, -10.0), tuple(-o for o in linkage_origin(linkage))):
         angles = linkage.inverse((far[0], far[1], far[2]))
@@ -160,7 +160,7 @@ def published_forearm(t2: float, t3: float) -> float:
     return t2 - first - second - third
 
 
-def test_the_five_bar_is_built_as_its_makers_build_it() -> None:
+def test_five_bar_matches_makers_formula() -> None:
     compared = 0
     for t2, t3 in product(range(30, 126, 8), range(100, 240, 10)):
         angles = (0.0, radians(t2), radians(t3))
@@ -186,7 +186,7 @@ def turned(by: Quaternion, vector: Vector) -> Vector:
 
 
 @pytest.mark.parametrize("name", ["polhem_v1", "polhem_v3", "vintage_phantom"])
-def test_with_the_gimbal_straight_the_handle_points_along_the_forearm(name: str) -> None:
+def test_straight_gimbal_points_along_the_forearm(name: str) -> None:
     parameters = PARAMETERS[name]
     mechanism = parameters.mechanism
     home = mechanism.drive.gimbal_home_counts
@@ -201,7 +201,7 @@ def test_with_the_gimbal_straight_the_handle_points_along_the_forearm(name: str)
         assert turned(orientation, (1.0, 0.0, 0.0)) == pytest.approx(ahead, abs=1e-12)
 
 
-def test_the_last_axis_of_the_gimbal_rolls_the_handle() -> None:
+def test_last_gimbal_axis_rolls_the_handle() -> None:
     """By +count in the API of 2026, by -count in that of 2021: a quarter turn either way."""
     boards: tuple[tuple[Board, float], ...] = (("serial", 1.0), ("hid14", -1.0))
     for board, sign in boards:
@@ -258,7 +258,7 @@ def test_currents_are_limited_at_the_dead_point() -> None:
 
 
 @pytest.mark.parametrize(("b", "c"), [(0.0, 1.6), (0.4, 1.2), (0.9, 0.5), (-0.2, 2.0)])
-def test_the_parallelogram_is_carried_by_the_derivative_of_its_height(b: float, c: float) -> None:
+def test_parallelogram_weight_is_derivative_of_energy(b: float, c: float) -> None:
     weight = PARAMETERS["woodenhaptics_2015"].mechanism.weight
     assert weight is not None
 
@@ -301,7 +301,7 @@ def links_meet(angles: Angles) -> bool:
     return abs(hypot(across, up) - 0.190) < 1e-9
 
 
-def test_the_five_bar_is_carried_as_its_makers_carry_it() -> None:
+def test_five_bar_weight_matches_makers_formula() -> None:
     weight = PARAMETERS["polhem_v3"].mechanism.weight
     assert weight is not None
     compared, step = 0, 1e-4

@@ -75,7 +75,7 @@ def press_until(device: PolhemSerialDevice, force: Vector, condition: Callable[[
     until(pressed)
 
 
-def test_a_force_becomes_its_currents_ramps_up_and_ends_with_the_commands(device_of: Make, board: PtyDevice) -> None:
+def test_force_ramps_up_and_ends_with_commands(device_of: Make, board: PtyDevice) -> None:
     device = device_of()
     device.open(monotonic())
     force = (1.0, -2.0, 0.5)
@@ -87,7 +87,7 @@ def test_a_force_becomes_its_currents_ramps_up_and_ends_with_the_commands(device
     until(lambda: teensy(board).currents[-1] == (0, 0, 0))  # no commands any more: stale
 
 
-def test_without_a_sign_check_positions_come_and_no_current_ever_goes(device_of: Make, board: PtyDevice) -> None:
+def test_no_sign_check_gives_positions_without_current(device_of: Make, board: PtyDevice) -> None:
     device = device_of(signs_checked="a0000000")
     device.open(monotonic())
     count = len(teensy(board).currents)
@@ -172,7 +172,7 @@ def test_garbled_answers_rest_the_motors_and_are_survived(device_of: Make, board
 
 
 @pytest.mark.parametrize("error", [8, 1024, 1 | 8])
-def test_an_error_that_stays_is_a_fault_and_no_current_goes(device_of: Make, board: PtyDevice, error: int) -> None:
+def test_lasting_error_is_a_fault_without_current(device_of: Make, board: PtyDevice, error: int) -> None:
     device = device_of()
     device.open(monotonic())
     teensy(board).error = error
@@ -190,7 +190,7 @@ def polhem(tmp_path: Path) -> Iterator[tuple[PolhemSerialEmulator, Path]]:
         yield emulator, pty.path
 
 
-def test_a_broken_gimbal_costs_the_orientation_and_not_the_force(polhem: tuple[PolhemSerialEmulator, Path]) -> None:
+def test_broken_gimbal_loses_orientation_not_force(polhem: tuple[PolhemSerialEmulator, Path]) -> None:
     emulator, path = polhem
     exchange = BracketExchange(PolhemSerialOptions(port=str(path), model="polhem"), 5.0)
     force = (0.0, 0.0, 1.0)
@@ -232,7 +232,7 @@ class Jammed(PolhemSerialEmulator):
         super().receive(data, now)
 
 
-def test_two_messages_at_once_cost_an_exchange_and_no_more(device_of: Make, tmp_path: Path) -> None:
+def test_two_messages_at_once_cost_one_exchange(device_of: Make, tmp_path: Path) -> None:
     """A message that was held up comes together with the zeros that follow it: the board answers 8, then 256."""
     still = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
     emulator = Jammed(PolhemSerialEmulatorOptions.model_validate({"model": "polhem", "handle": still}))
@@ -252,7 +252,7 @@ def test_two_messages_at_once_cost_an_exchange_and_no_more(device_of: Make, tmp_
         device.close()
 
 
-def test_the_weight_is_carried_while_the_loop_commands_and_not_longer(device_of: Make, tmp_path: Path) -> None:
+def test_weight_is_carried_only_while_loop_commands(device_of: Make, tmp_path: Path) -> None:
     handle = {"script": [{"motion": "rest", "duration_s": 100.0}], "tremor_m": 0.0}
     options = PolhemSerialEmulatorOptions.model_validate({"model": "polhem", "handle": handle, "weight": True})
     emulator = PolhemSerialEmulator(options)
@@ -272,7 +272,7 @@ def test_the_weight_is_carried_while_the_loop_commands_and_not_longer(device_of:
         assert emulator.currents_ma == (0.0, 0.0, 0.0)
 
 
-def test_plugged_in_again_with_power_it_goes_on_and_the_force_comes_up_anew(device_of: Make, board: PtyDevice) -> None:
+def test_replugged_with_power_ramps_force_from_zero(device_of: Make, board: PtyDevice) -> None:
     device = device_of(reconnect_s=PATIENCE)
     device.open(monotonic())
     force = (0.0, 0.0, 4.0)
@@ -291,7 +291,7 @@ def test_plugged_in_again_with_power_it_goes_on_and_the_force_comes_up_anew(devi
     device.latest(monotonic())
 
 
-def test_plugged_in_again_after_a_loss_of_power_it_has_lost_its_home(device_of: Make, board: PtyDevice) -> None:
+def test_replugged_without_power_has_lost_home(device_of: Make, board: PtyDevice) -> None:
     device = device_of(reconnect_s=0.3)
     device.open(monotonic())
     board.unplug()
@@ -306,7 +306,7 @@ def test_plugged_in_again_after_a_loss_of_power_it_has_lost_its_home(device_of: 
     assert norm(device.latest(monotonic()).position) < 1e-4
 
 
-def test_a_restart_that_swallows_answers_is_no_motion_either(device_of: Make, board: PtyDevice) -> None:
+def test_restart_that_swallows_answers_loses_home(device_of: Make, board: PtyDevice) -> None:
     """However fast a hand may be: in the time of the silence it could have gone there."""
     device = device_of()
     device.open(monotonic())
