@@ -167,7 +167,7 @@ class HaplyEmulator:
         return min(moves, self._replies[0][0]) if self._replies else moves
 
     def _length(self, message: bytes) -> int:
-        """How many bytes the message that begins here has; one more than there are where that is not known yet."""
+        """Length of the message that begins here [bytes]; one more than there are while it is unknown."""
         setup, more = self._setup, len(message) + 1
         if len(message) < 2:
             return more
@@ -175,24 +175,14 @@ class HaplyEmulator:
             case 0:
                 return 2
             case 1:
-                return self._setup_length(message, more)
+                sections, end = _sections(message)
+                return end + _ENCODER.size * len(_ports(sections[1][0])) if len(sections) == 4 else more
             case 2 if setup is not None and setup.id == message[1]:
                 return 2 + setup.pwms + 4 * len(setup.motors)
             case 2:
                 return 2
             case _:
                 return 1
-
-    @staticmethod
-    def _setup_length(message: bytes, more: int) -> int:
-        at, encoders = 2, 0
-        for part in ("motors", "encoders", "analogs", "pwms"):
-            if at >= len(message):
-                return more
-            items = message[at] if part in ("analogs", "pwms") else len(_ports(message[at]))
-            encoders = items if part == "encoders" else encoders
-            at += 1 + items
-        return at + _ENCODER.size * encoders
 
     def _take(self, message: bytes, now: float) -> None:
         match message[0]:
@@ -205,15 +195,9 @@ class HaplyEmulator:
                 self._replies.append((now + self._answer, self._reply(message[1])))
 
     def _set_up(self, message: bytes) -> None:
-        motors = _ports(message[2])
-        at = 3 + len(motors)
-        encoders = _ports(message[at])
-        turns, spins = message[3:at], message[at + 1 : at + 1 + len(encoders)]
-        at += 1 + len(encoders)
-        analogs = message[at + 1 : at + 1 + message[at]]
-        at += 1 + len(analogs)
-        pwms = message[at + 1 : at + 1 + message[at]]
-        at += 1 + len(pwms)
+        sections, at = _sections(message)
+        (motor_bits, turns), (encoder_bits, spins), (_, analogs), (_, pwms) = sections
+        motors, encoders = _ports(motor_bits), _ports(encoder_bits)
         board, true_deg = self._version.board, degrees(self._angles)
         wired = {each.port: each.direction for each in board.motors}
         counters = {}
@@ -280,6 +264,19 @@ class HaplyEmulator:
             self.force = self._frame.force(self._version.bar.jacobian(self._angles).force(torques))
         except Unreachable:
             self.force = ZERO
+
+
+def _sections(message: bytes) -> tuple[list[tuple[int, bytes]], int]:
+    """Head and items of the sections of a setup (motors, encoders, analog inputs, PWM outputs), and where they end."""
+    sections, at = [], 2
+    for is_count in (False, False, True, True):
+        if at >= len(message):
+            break
+        head = message[at]
+        size = head if is_count else len(_ports(head))
+        sections.append((head, message[at + 1 : at + 1 + size]))
+        at += 1 + size
+    return sections, at
 
 
 def _ports(bits: int) -> list[int]:

@@ -5,7 +5,6 @@ The device's frame: x towards the operator, y to the right, z up, in metres from
 
 from dataclasses import dataclass
 from math import acos, atan2, copysign, cos, hypot, pi, sin
-from typing import Protocol
 
 from weberlink.geometry.vector import Vector
 
@@ -17,22 +16,6 @@ Angles = Triple
 
 Jacobian = tuple[Vector, Vector, Vector]
 """Rows x, y, z; columns A, B, C [m/rad]."""
-
-
-class Linkage(Protocol):
-    """Forward and inverse kinematics of the bodies; all results are finite for every angle."""
-
-    def position(self, angles: Angles) -> Vector: ...
-
-    def jacobian(self, angles: Angles) -> Jacobian: ...
-
-    def inverse(self, position: Vector) -> Angles:
-        """The angles of the pose in which the device is used, or the nearest for a position out of reach."""
-        ...
-
-    def forearm(self, angles: Angles) -> float:
-        """Elevation of the last link over the horizontal [rad]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -84,6 +67,7 @@ class SerialParallelogram:
         return (atan2(y, x), b, pi - c)
 
     def forearm(self, angles: Angles) -> float:
+        """Elevation of the last link over the horizontal [rad]."""
         return angles[2] - 0.5 * pi
 
 
@@ -191,14 +175,6 @@ STEP_RAD = 1e-3
 """Step of the central difference."""
 
 
-class Weight(Protocol):
-    """The weight of a mechanism."""
-
-    def torques(self, angles: Angles) -> Triple:
-        """Torques on the bodies A, B and C that hold the links still [N m]: the derivative of the potential energy."""
-        ...
-
-
 @dataclass(frozen=True)
 class ParallelogramWeight:
     """Weight of the serial linkage; heights of the centres of mass: z_b = r_b cos B, z_c = lb cos B - r_c cos C.
@@ -269,3 +245,10 @@ class FiveBarWeight:
             + self.coupler.mass * (crank_end + self.coupler.height(coupler))
             + self.forearm.mass * (elbow + self.forearm.height(lam))
         )
+
+
+Linkage = SerialParallelogram | SpatialFiveBar
+"""Forward and inverse kinematics; every result is finite, and out of reach the inverse is the nearest pose."""
+
+Weight = ParallelogramWeight | FiveBarWeight
+"""`torques` gives those on the bodies A, B and C that hold the links still [N m]."""

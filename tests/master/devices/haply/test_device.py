@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from tests.hardware.scripted import wait_for
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
@@ -105,13 +106,6 @@ def patiently(deed: Callable[[float], object], otherwise: Callable[[float], obje
             otherwise(monotonic())
         else:
             return
-
-
-def wait_for(what: Callable[[], bool]) -> None:
-    patience = monotonic() + PATIENCE_S
-    while not what():
-        assert monotonic() < patience, "it did not come to be so"
-        sleep(TICK)
 
 
 @pytest.mark.parametrize("version", sorted(VERSIONS))

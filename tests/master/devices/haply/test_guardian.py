@@ -16,6 +16,7 @@ from time import monotonic, sleep
 
 import pytest
 
+from tests.hardware.scripted import wait_for
 from tests.master.devices.haply import host
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import PtyDevice
@@ -95,13 +96,6 @@ def pushing(folder: Path) -> Iterator[Host]:
         finally:
             process.kill()
             process.communicate()
-
-
-def wait_for(what: Callable[[], bool]) -> None:
-    until = monotonic() + PATIENCE_S
-    while not what():
-        assert monotonic() < until, "it did not come to be so"
-        sleep(0.001)
 
 
 @pytest.mark.realtime

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from threading import Thread
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
 
+from tests.hardware.scripted import wait_for
 from tests.master.devices.polhem.boards import ScriptedHidBoard
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault
@@ -22,13 +23,6 @@ WOODY = PARAMETERS["woodenhaptics_2015"].on("hid14").mechanism
 MIDDLE = (*WOODY.counts_at(ZERO), 0, 0, 0)
 
 Make = Callable[..., PolhemDevice]
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline = monotonic() + PATIENCE
-    while not condition():
-        assert monotonic() < deadline, "waited in vain"
-        sleep(0.001)
 
 
 @pytest.fixture
@@ -64,7 +58,7 @@ def press_until(device: PolhemDevice, force: Vector, condition: Callable[[], boo
         device.command(force, monotonic())
         return condition()
 
-    until(pressed)
+    wait_for(pressed)
 
 
 def test_the_report_that_has_waited_is_not_believed(device_on: Make) -> None:
@@ -82,7 +76,7 @@ def test_force_and_button(device_on: Make) -> None:
     expected = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
     press_until(device, force, lambda: board.commands[-1] == expected)
     board.button = True
-    until(lambda: device.latest(monotonic()).buttons == 1)
+    wait_for(lambda: device.latest(monotonic()).buttons == 1)
     device.close()
     assert (board.commands[-1], board.closed) == ((0, 0, 0), 1)
 
@@ -152,7 +146,7 @@ def test_old_button_press_does_not_count(device_on: Make) -> None:
     board.calibrate = True
 
     def press_later() -> None:
-        until(lambda: not board.calibrate and len(board.commands) > 10)
+        wait_for(lambda: not board.calibrate and len(board.commands) > 10)
         board.calibrate = True
 
     person = Thread(target=press_later)
@@ -186,11 +180,11 @@ def test_unplugged_and_back_without_them(device_on: Make) -> None:
     device = device_on(board, reconnect_s=0.2)
     device.open(monotonic())
     board.plugged = False
-    until(lambda: board.closed > 0)
+    wait_for(lambda: board.closed > 0)
     board.counts = (0,) * 6
     board.plugged = True
     with pytest.raises(DeviceFault, match="lost its home"):
-        until(lambda: not device.latest(monotonic()))
+        wait_for(lambda: not device.latest(monotonic()))
 
 
 def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
@@ -204,4 +198,4 @@ def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
     device.open(monotonic())
     board.counts = (near[0], near[1], near[2] + shift + 30, 0, 0, 0)
     expected = mechanism.position((near[0], near[1], near[2] + 30))
-    until(lambda: device.latest(monotonic()).position == pytest.approx(expected, abs=1e-5))
+    wait_for(lambda: device.latest(monotonic()).position == pytest.approx(expected, abs=1e-5))

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from tests.hardware.scripted import wait_for
 from tests.master.devices.polhem.boards import Counts6, Teensy
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.hardware.emulator import PtyDevice
@@ -23,13 +24,6 @@ TICK = 0.001
 PATIENCE = 10.0
 WOODY = PARAMETERS["woodenhaptics_2015"].mechanism
 MIDDLE: Counts6 = (*WOODY.counts_at(ZERO), 0, 0, 0)
-
-
-def until(condition: Callable[[], bool]) -> None:
-    deadline = monotonic() + PATIENCE
-    while not condition():
-        assert monotonic() < deadline, "waited in vain"
-        sleep(0.001)
 
 
 @pytest.fixture
@@ -72,7 +66,7 @@ def press_until(device: PolhemSerialDevice, force: Vector, condition: Callable[[
         press(device, force)
         return condition()
 
-    until(pressed)
+    wait_for(pressed)
 
 
 def test_force_ramps_up_and_ends_with_commands(device_of: Make, board: PtyDevice) -> None:
@@ -84,7 +78,7 @@ def test_force_ramps_up_and_ends_with_commands(device_of: Make, board: PtyDevice
     sent = [sum(map(abs, currents)) for currents in teensy(board).currents]
     assert sent[0] == 0
     assert max(sent) == sum(map(abs, expected))
-    until(lambda: teensy(board).currents[-1] == (0, 0, 0))  # no commands any more: stale
+    wait_for(lambda: teensy(board).currents[-1] == (0, 0, 0))  # no commands any more: stale
 
 
 def test_no_sign_check_gives_positions_without_current(device_of: Make, board: PtyDevice) -> None:
@@ -133,8 +127,8 @@ def test_an_orientation_comes_where_there_are_sensors(device_of: Make, board: Pt
     assert orientation is not None
     assert sum(part * part for part in orientation) == pytest.approx(1.0)
     teensy(board).error = 2
-    until(lambda: device.latest(monotonic()).orientation is None)
-    until(lambda: device.trouble == "gimbal sensor 2 does not answer")
+    wait_for(lambda: device.latest(monotonic()).orientation is None)
+    wait_for(lambda: device.trouble == "gimbal sensor 2 does not answer")
 
 
 def test_homed_where_it_is_held(device_of: Make, board: PtyDevice) -> None:
@@ -146,7 +140,7 @@ def test_homed_where_it_is_held(device_of: Make, board: PtyDevice) -> None:
 
 def test_homed_by_the_button(device_of: Make, board: PtyDevice) -> None:
     def press_later() -> None:
-        until(lambda: len(teensy(board).currents) > 10)
+        wait_for(lambda: len(teensy(board).currents) > 10)
         teensy(board).counts = (0, 0, 0, 0, 0, 0)
 
     person = Thread(target=press_later)
@@ -210,12 +204,12 @@ def test_broken_gimbal_loses_orientation_not_force(polhem: tuple[PolhemSerialEmu
     exchange.open()
     assert any(each.orientation for each in readings(50))
     emulator.inject("gimbal_error", 2.0)
-    until(lambda: readings(1)[0].orientation is None)
+    wait_for(lambda: readings(1)[0].orientation is None)
     assert not any(each.orientation for each in readings(60))
     assert exchange.orientation_trouble == "gimbal sensor 2 does not answer"
-    until(lambda: bool(readings(1)) and norm(emulator.force) > 0.95)
+    wait_for(lambda: bool(readings(1)) and norm(emulator.force) > 0.95)
     emulator.inject("gimbal_error", 0.0)
-    until(lambda: readings(1)[0].orientation is not None)
+    wait_for(lambda: readings(1)[0].orientation is not None)
     exchange.close()
 
 
@@ -261,10 +255,10 @@ def test_weight_is_carried_only_while_loop_commands(device_of: Make, tmp_path: P
         device.open(monotonic())
         assert emulator.currents_ma == (0.0, 0.0, 0.0)
         press_until(device, ZERO, lambda: norm(emulator.force) < 0.03)
-        until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0))
+        wait_for(lambda: emulator.currents_ma == (0.0, 0.0, 0.0))
         press_until(device, ZERO, lambda: emulator.currents_ma != (0.0, 0.0, 0.0))
         device.close()
-        until(lambda: emulator.currents_ma == (0.0, 0.0, 0.0))
+        wait_for(lambda: emulator.currents_ma == (0.0, 0.0, 0.0))
         unchecked = device_of(port=str(pty.path), model="polhem", gravity_compensation=True, signs_checked="a0000000")
         unchecked.open(monotonic())
         messages = emulator.messages
@@ -312,7 +306,7 @@ def test_restart_that_swallows_answers_loses_home(device_of: Make, board: PtyDev
     device.open(monotonic())
     board.emulator.faults.silent = True
     sent = len(teensy(board).currents)
-    until(lambda: len(teensy(board).currents) >= sent + 2)
+    wait_for(lambda: len(teensy(board).currents) >= sent + 2)
     teensy(board).counts = (150, -20, 90, 0, 0, 0)
     board.emulator.faults.silent = False
     with pytest.raises(DeviceFault, match=r"lost its home: its position jumped|does not answer"):
@@ -327,4 +321,4 @@ def test_another_model_in_its_place_is_no_return(device_of: Make, board: PtyDevi
     teensy(board).model = 1
     board.plug()
     with pytest.raises(DeviceFault, match=r"came back as another one: model 1 \(polhem\), not model 3"):
-        until(lambda: not device.latest(monotonic()))
+        wait_for(lambda: not device.latest(monotonic()))
