@@ -85,11 +85,3 @@ def test_tremor_has_stated_amplitude_and_band(seed: int) -> None:
     frequency = np.fft.rfftfreq(20_000, 0.001)
     band = (frequency > 7.8) & (frequency < 12.2)
     assert spectrum[band].sum() > 0.99 * spectrum[frequency > 0.5].sum()
-
-
-def test_tremor_depends_on_time_and_seed() -> None:
-    one, other = (Tremor(30e-6, HandOptions().oscillator, Random(seed).random) for seed in (1, 2))
-    again = Tremor(30e-6, HandOptions().oscillator, Random(1).random)
-    backwards = [one.at(0.01 * i) for i in reversed(range(50))]
-    assert backwards[::-1] == [again.at(0.01 * i) for i in range(50)]
-    assert one.at(0.3) != other.at(0.3)

@@ -32,14 +32,6 @@ def test_handle_moves_like_operator_about_its_origin() -> None:
     assert moved > 0.02
 
 
-def test_handle_yields_by_hand_stiffness() -> None:
-    handle = held_still()
-    start = handle.position
-    for tick in range(2000):
-        handle.advance((3.0, 0.0, -1.5), tick * TICK)
-    assert subtract(handle.position, start) == pytest.approx((0.01, 0.0, -0.005), abs=1e-5)
-
-
 def test_carried_handle_returns_without_a_jump() -> None:
     handle = held_still()
     script, home = handle.position, (0.05, 0.02, 0.2)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.haply.board import RESET
 from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, radians
@@ -74,20 +74,6 @@ def test_the_firmware_cuts_a_torque() -> None:
     device = emulator()
     answers(device, BOARD.setup + BOARD.torques(5.0, float("nan")))
     assert device.torques == (MOST_TORQUE_N_M, 0.0)
-
-
-@pytest.mark.parametrize("force", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-0.4, 0.3, 0.0)])
-def test_the_hand_feels_what_the_torques_make(force: Vector) -> None:
-    """The linkage's x is the device's -y, and its y the device's x."""
-    device = emulator()
-    answers(device, BOARD.setup)
-    device.handle.carry(ZERO)
-    for tick in range(500):
-        device.advance(tick * 0.001)
-    bar = V3.bar
-    torques = bar.jacobian(bar.angles(V3.center)).torques((-force[1], force[0]))
-    answers(device, BOARD.torques(*torques), 0.5)
-    assert device.force == pytest.approx(force, abs=1e-6)
 
 
 @pytest.mark.parametrize("flipped", ["motors", "encoders"])

@@ -170,21 +170,6 @@ def test_fingerprint_covers_all_sign_settings() -> None:
     assert HaplyDevice.fingerprint(same) == HaplyDevice.fingerprint(plain)
 
 
-def test_the_spec_says_what_the_device_is() -> None:
-    options = HaplyOptions()
-    armed = HaplyDevice(options.model_copy(update={"signs_checked": HaplyDevice.fingerprint(options)}), TICK).spec
-    assert (armed.name, armed.axes, armed.force_n) == ("haply_2diy", "xy", 2.0)
-    assert armed.rate_hz == pytest.approx(1000.0)
-    assert armed.force_feedback
-    assert "no watchdog" in armed.note
-    assert "starting place when it is first used" in armed.note
-    lower, upper = armed.workspace_m
-    assert tuple(a + b for a, b in zip(lower, upper, strict=True)) == pytest.approx(ZERO)
-    moved = HaplyDevice(HaplyOptions(origin_m=(0.039, 0.107), home="start"), TICK).spec
-    assert moved.workspace_m[0] == pytest.approx((lower[0] - 0.01, lower[1] + 0.02, lower[2]))
-    assert "starting place before every session" in moved.note
-
-
 def test_torque_of_a_dead_host_is_removed_first(there: Bench) -> None:
     """Its program was killed in the middle of a push: the port closed without a word."""
     there.device.close()
@@ -298,12 +283,3 @@ def test_origin_lasts_over_sessions_unless_home_is_start(tmp_path: Path) -> None
             assert distance(fresh.latest(monotonic()).position, ZERO) < COUNT_M, "it takes this for the starting place"
         finally:
             fresh.close()
-
-
-@pytest.mark.parametrize(
-    "options",
-    [{"version": "v4"}, {"force_n": -1}, {"home_deg": [1]}, {"motor_directions": ["up", "cw"]}, {"colour": 1}],
-)
-def test_wrong_options_are_refused_by_name(options: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=next(iter(options))):
-        HaplyOptions.model_validate(options)

@@ -98,16 +98,6 @@ def line(far: Far) -> Iterator[HaplyLine]:
     opened.close()
 
 
-def test_an_answer_in_pieces_is_one_answer(far: Far, line: HaplyLine) -> None:
-    def pieces() -> None:
-        for byte in answer(1):
-            far.say(bytes((byte,)))
-            sleep(0.001)
-
-    far.deeds = [pieces]
-    assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
-
-
 def test_what_came_before_the_question_is_no_answer(far: Far, line: HaplyLine) -> None:
     far.say(answer(9) + b"junk")
     while line._port._port.in_waiting < 13:
@@ -123,13 +113,6 @@ def test_late_answer_is_not_the_next_one(far: Far, line: HaplyLine) -> None:
         line.ask(PUSH, 0.001)
     assert counts(line.ask(PUSH, LONG_S)) == (3, 0)
     assert far.messages == [PUSH, ZERO, PUSH]
-
-
-def test_lost_owed_answer_is_forgotten(far: Far, line: HaplyLine) -> None:
-    far.deeds = [lambda: None, lambda: far.say(answer(2)), lambda: far.say(answer(3))]
-    with pytest.raises(BadReply, match="no answer"):
-        line.ask(PUSH, 0.001)
-    assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
 
 
 def test_torn_answer_is_bad_and_next_good(far: Far, line: HaplyLine) -> None:

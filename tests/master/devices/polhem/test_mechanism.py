@@ -64,15 +64,6 @@ def test_position_and_inverse_undo_each_other(parameters: MechanismParameters) -
 
 
 @every_set
-def test_counts_come_back_from_their_position(parameters: MechanismParameters) -> None:
-    mechanism = parameters.mechanism
-    for position in positions(parameters, 20):
-        counts = mechanism.counts_at(position)
-        assert mechanism.counts_at(mechanism.position(counts)) == counts
-        assert distance(mechanism.position(counts), position) < 2e-4
-
-
-@every_set
 def test_virtual_work_agrees_at_hand_and_motors(parameters: MechanismParameters) -> None:
     """F.dx = tau.dtheta, with the torque taken from the currents and the angle from the counts."""
     drive = replace(parameters.mechanism.drive, motor_directions=parameters.mechanism.drive.encoder_directions)
@@ -243,10 +234,6 @@ def test_limited_force_keeps_its_direction(force_n: float, current_ma: float) ->
     assert distance(felt, (10.0 * share, -20.0 * share, 40.0 * share)) < 0.02
     assert norm(felt) <= force_n + 0.02
     assert max(map(abs, currents)) <= current_ma
-
-
-def test_zero_force_limit_gives_no_current() -> None:
-    assert WOODY.limited_currents_ma((5.0, 5.0, 5.0), MIDDLE, 0.0, 2000.0) == (0, 0, 0)
 
 
 def test_currents_are_limited_at_the_dead_point() -> None:

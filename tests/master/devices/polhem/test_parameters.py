@@ -83,15 +83,6 @@ def test_signs_that_nobody_knows_are_asked_for(settings: dict[str, Any], complai
         PolhemHidOptions(**settings)
 
 
-def test_signs_that_are_not_published_may_be_given() -> None:
-    given = PolhemHidOptions(
-        parameters="aluhaptics_v2", encoder_directions=(-1, 1, -1), motor_directions=(1, 1, 1), home_counts=(0, 3878, 0)
-    )
-    drive = given.wired().mechanism.drive
-    assert (drive.encoder_directions, drive.motor_directions) == ((-1, 1, -1), (1, 1, 1))
-    assert drive.angles((0, 0, 0)) == PARAMETERS["aluhaptics_v2"].mechanism.drive.angles((0, 0, 0))
-
-
 TICK = 0.001
 HID, SERIAL = PolhemHidOptions, PolhemSerialOptions
 
@@ -149,18 +140,6 @@ def test_auto_model_has_no_force() -> None:
 def test_more_force_than_is_published_is_refused() -> None:
     with pytest.raises(ValueError, match="force_n: expected at most 5 N"):
         hid(force_n=6.0)
-
-
-def test_specs_before_opening() -> None:
-    device = serial(model="polhem")
-    assert (device.spec.name, device.spec.axes, device.spec.buttons) == ("polhem_serial", "xyz", 0)
-    assert device.spec.orientation
-    assert device.spec.stiffness_n_m == 2000.0
-    assert hid().spec.buttons == 1
-    assert (device.spec.watchdog_s, hid().spec.watchdog_s) == (0.1, 0.5)
-    assert not hid().spec.orientation
-    assert "hold the handle in its home pose" in hid(homing="at_open").spec.note
-    assert "12 times" in hid(parameters="woodenhaptics_2019").spec.note
 
 
 PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()

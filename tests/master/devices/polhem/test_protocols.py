@@ -123,27 +123,6 @@ def test_long_reports_come_back(
 
 
 @examples(40)
-@given(triples, st.integers(0, 65535))
-def test_short_reports_come_back(main: tuple[int, int, int], number: int) -> None:
-    sensors = Sensors(main, number=number)
-    assert decode_sensors(encode_sensors(sensors)) == sensors
-
-
-@examples(40)
-@given(triples, st.sampled_from([LONG, SHORT]))
-def test_report_currents_come_back(ma: tuple[int, int, int], size: int) -> None:
-    report = encode_command(ma, size)
-    assert len(report) == size
-    assert decode_command(report) == ma
-
-
-@examples(40)
-@given(st.tuples(*[int16] * 6))
-def test_counters_come_back(counts: tuple[int, int, int, int, int, int]) -> None:
-    assert decode_command(encode_command(SetCounters(counts), LONG)) == SetCounters(counts)
-
-
-@examples(40)
 @given(st.binary(max_size=20).filter(lambda report: len(report) not in (LONG, SHORT)))
 def test_another_length_is_refused(report: bytes) -> None:
     with pytest.raises(ValueError, match=f"got {len(report)}"):

@@ -135,8 +135,3 @@ def test_the_weight_of_the_links_is_carried(name: str) -> None:
         force = mechanism.carrying_force(counts) if carry else ZERO
         now, _ = command(emulator, mechanism.limited_currents_ma(force, counts, 5.0, 3000.0), now)
         assert (norm(emulator.force) < 0.02) == carry
-
-
-def test_a_weight_that_nobody_published_is_refused() -> None:
-    with pytest.raises(ValueError, match="no masses are published"):
-        device("hfabapi", "serial", "vintage_phantom", weight=True)

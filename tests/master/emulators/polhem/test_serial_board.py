@@ -111,31 +111,12 @@ def test_wrong_message_gets_its_error_and_no_current(data: bytes, errors: list[i
     assert desk.emulator.currents_ma == (7.0, 8.0, 9.0)
 
 
-@pytest.mark.parametrize(
-    "data",
-    [b"[1,-2,3]", b"[1,-2,3]\n", b"[1,-2,3]\r\n\0\0\0\0\0", b"\0\0\n[1,-2,3]", b"[ 1, -2,+3]", b"[[1,-2,3.5]"],
-)
-def test_filling_around_a_message_is_no_error(data: bytes) -> None:
-    desk = Desk()
-    (answer,) = desk.say(data)
-    assert answer.error == 0
-    assert desk.emulator.currents_ma == (1.0, -2.0, 3.0)
-
-
 def test_the_host_that_runs_ahead_is_told_so() -> None:
     desk = Desk(processing_s=0.0005)
     for current in (1, 2, 3):  # the second and the third wait together, while the first is worked on
         desk.emulator.receive(b"[%d,0,0]\n" % current, desk.now)
     assert [answer.error for answer in desk.wait(0.01)] == [0, 8, 256]
     assert desk.emulator.currents_ma == (1.0, 0.0, 0.0)
-
-
-def test_button_zeroes_all_counters() -> None:
-    desk = Desk()
-    assert max(map(abs, desk.ask().counts[:3])) > 100
-    desk.emulator.inject("button")
-    desk.wait(TICK)
-    assert desk.ask().counts[:3] == (0, 0, 0)
 
 
 def test_restart_loses_home_and_current() -> None:
@@ -198,22 +179,6 @@ def test_wrong_model_and_gimbal_errors_can_be_injected() -> None:
     assert later.counts[:3] != first.counts[:3]
     assert (later.counts[3], later.counts[5]) == (first.counts[3], first.counts[5])
     assert later.counts[4] != first.counts[4]
-
-
-@pytest.mark.parametrize(
-    ("word", "value"),
-    [
-        ("stuck_encoder", 7.0),
-        ("stuck_encoder", 1.5),
-        ("wrong_model", 4.0),
-        ("gimbal_error", float("nan")),
-        ("x_mm", 201.0),
-        ("z_mm", float("nan")),
-    ],
-)
-def test_faults_that_cannot_be_are_refused(word: str, value: float) -> None:
-    with pytest.raises(ValueError, match=word):
-        Desk().emulator.inject(word, value)
 
 
 @examples(30)
