@@ -26,15 +26,15 @@ class SessionExchange(Protocol):
 class ThreadedDevice:
     """A `Device` on a `Worker`. Times are of `time.monotonic` [s].
 
-    A tick's command starts an exchange at once. Without commands the exchange goes on with zero force, which keeps a
-    device's own watchdog content. After every interruption the force comes up again from zero, over `RAMP_S`.
+    A command starts an exchange at once. Without commands the exchange continues with zero force, which feeds the
+    device's own watchdog. After every interruption the force ramps up from zero over `RAMP_S`.
 
     Args:
         spec: of the device.
-        exchange: takes a force [N], along the axes and within the limit of the spec, and gives a reading; what it may
-            raise is said in `weberlink.hardware.worker.Exchange`.
+        exchange: takes a force [N] along the axes and within the limit of the spec, and gives a reading; see
+            `weberlink.hardware.worker.Exchange` for its exceptions.
         tick_period: [s].
-        bad_replies: how many in a row end the session; there is no force from the first.
+        bad_replies: number in a row that ends the session; there is no force from the first.
         reconnect: how long to look for the device when it is gone [s].
     """
 
@@ -52,7 +52,7 @@ class ThreadedDevice:
         self._worker = Worker(
             exchange,
             rest=ZERO,
-            period=2.0 * tick_period,  # or the pause would end now and then just before the command comes
+            period=2.0 * tick_period,  # else the pause could end just before the command comes
             on_command=True,
             stale=max(STALE_S, 3.0 * tick_period),
             bad_replies=bad_replies,

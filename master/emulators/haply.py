@@ -24,7 +24,7 @@ from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, S
 from weberlink.master.emulators.handle import Handle, HandleOptions
 
 PATIENCE_S = 1.0
-"""How long the firmware waits for the rest of a message before it takes it for done."""
+"""Longest wait of the firmware for the rest of a message [s]."""
 STEP_S = 0.001
 PORTS = 4
 ANALOG_PINS = range(54, 66)
@@ -40,11 +40,11 @@ AROUND: tuple[Script, ...] = (
     SlideStep(motion="slide", points_m=((0.025, -0.04, 0.0), (0.025, 0.04, 0.0)), depth_m=0.0, passes=2),
     RestStep(motion="rest", duration_s=0.5),
 )
-"""Stays in the plane."""
+"""A script in the plane."""
 
 
 class PlanarHandleOptions(HandleOptions):
-    """The same in the plane: what the hand does along z has no effect. It begins at the device's starting place."""
+    """Options of a hand in the plane, without effect along z; it begins at the device's starting place."""
 
     script: tuple[Script, ...] = Field(default=AROUND, min_length=1)
     home_m: Vector = Field(default=ZERO, description="where it rests at first; the starting place if not given")
@@ -63,7 +63,7 @@ class HaplyEmulatorOptions(BaseModel):
 
 @dataclass
 class _Counter:
-    """An encoder as it was set up: the angle that counted then, and what was shown for it."""
+    """An encoder: the true angle at the setup, and the count shown for it."""
 
     sign: int
     counts_per_turn: float
@@ -77,7 +77,7 @@ class _Counter:
 
 @dataclass
 class _Setup:
-    """What the board was told to be. Signs and counters by port."""
+    """The setup of the board, with signs and counters by port."""
 
     id: int
     motors: dict[int, int]
@@ -87,7 +87,7 @@ class _Setup:
 
 
 class HaplyEmulator:
-    """Answers like the board, moves like the linkage.
+    """The emulated board and linkage.
 
     The torque of a motor stays until another comes: not even a reset or a new setup takes it away, and there is no
     watchdog. The handle is at its starting place until the board has been set up.
@@ -108,13 +108,13 @@ class HaplyEmulator:
         self.handle = Handle(self._held(options.handle))
         self._angles: Pair = self._version.bar.angles(self._frame.tip(self.handle.position))
         self.torques: Pair = (0.0, 0.0)
-        """Of motors 1 and 2 now [N m]."""
+        """Present torques of motors 1 and 2 [N m]."""
         self.most_torque = 0.0
-        """The largest there has been [N m]."""
+        """Largest torque so far [N m]."""
         self.force: Vector = ZERO
-        """On the hand [N]."""
+        """Force on the hand [N]."""
         self.setups = 0
-        """How often it has been set up."""
+        """Number of setups."""
         self._answer = options.answer_ms * 1e-3
         self._setup: _Setup | None = None
         self._waiting = b""
@@ -126,7 +126,7 @@ class HaplyEmulator:
         self._slips = 0
 
     def inject(self, name: str, value: float) -> None:
-        """Cause one of its own faults; raises ValueError for another."""
+        """Cause one of `OWN_FAULTS`; raises ValueError for another name."""
         match name:
             case "stuck_encoder":
                 self._stuck, self._stuck_deg = int(value), degrees(self._angles)
@@ -250,7 +250,7 @@ class HaplyEmulator:
         return reply[:middle] + reply[middle + 1 :]
 
     def _follow(self, position: Vector) -> None:
-        """The arms go where the hand is, as far as they reach."""
+        """Move the arms to the hand, as far as they reach."""
         try:
             self._angles = self._version.bar.angles(self._frame.tip(position))
         except Unreachable:
@@ -284,5 +284,5 @@ def _ports(bits: int) -> list[int]:
 
 
 def _limited(torque: float) -> float:
-    """As the firmware cuts; what is no number becomes nothing."""
+    """The torque within the limits of the firmware; 0 if it is not finite."""
     return min(MOST_TORQUE_N_M, max(-MOST_TORQUE_N_M, torque)) if isfinite(torque) else 0.0

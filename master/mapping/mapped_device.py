@@ -89,9 +89,9 @@ class _Session:
 class MappedDevice:
     """Maps the readings and the commands of another device.
 
-    While the clutch is held the force of the robot fades out, and after it in again. The walls fade in after `open`,
-    so that a hand that starts beyond one is not hit; they are the operator's own and stand without a peer too. All of
-    it together never exceeds `force_limit`.
+    The force of the robot fades out while the clutch is held, and in again after it. The walls fade in after `open`, so
+    that they do not hit a hand that starts beyond one; they act without a peer too. The sum never exceeds
+    `force_limit`.
 
     Args:
         device: in its own frame.

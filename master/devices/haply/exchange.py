@@ -44,9 +44,8 @@ class Forgotten(HardwareFault):
 class HaplyLine:
     """An open port to the board.
 
-    An answer that comes too late would be taken for that to the next question, and so would every one after it: the
-    positions would lag for good. So after a bad answer the torque is taken off, and there is no next question until
-    nothing is owed any more.
+    A late answer would be taken for the answer to the next question, and the positions would lag from then on. So after
+    a bad answer the torque is taken off, and the next question waits until no answer is owed.
 
     Args:
         path: of the port.
@@ -121,7 +120,7 @@ class HaplyLine:
         self._port.write(self._board.torques_off)
         self._owed += 1
         self._listen(LEAST_SIZE * self._owed, SETTLING_S)
-        while more := self._port.read(monotonic() + GAP_S):  # answers to a guardian, which nobody counts
+        while more := self._port.read(monotonic() + GAP_S):  # answers to the guardian, which are not counted
             self._heard += more
         bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
         forgotten = bare and self._heard != b""
@@ -264,8 +263,8 @@ class HaplyExchange:
     def open(self) -> DeviceReading:
         """Connect, and command zero torque first: the board may still hold that of a program that died.
 
-        The first time of a session a board may be set up, which makes this the starting place. Later on it must
-        still be.
+        The first connection of a session may set the board up, which makes this the starting place; later ones
+        require that setup.
         """
         self.close()
         self._line = line = HaplyLine(self._find(), self._board, self.guardian)

@@ -141,7 +141,7 @@ class PositionValidator:
             )
 
     def _believe_return(self, known: _Known, before: _Known) -> None:
-        if self._lost is not None:  # and by moving about it does not find it again
+        if self._lost is not None:  # motion does not restore it
             raise HardwareFault(self._lost)
         gone = distance(known.position, before.position)
         if gone > AWAY_M or (gone > SHIFT_M and _nearer_zero(known.counts[:3], before.counts[:3])):

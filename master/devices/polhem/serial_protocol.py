@@ -146,7 +146,7 @@ class SerialLine:
         while data := self._port.read(until):
             malformed = reader.malformed
             good = reader.feed(data)
-            # Where in a burst the bad ones were does not matter: then there are too many anyway.
+            # The order within a burst does not matter: more than one answer is an error anyway.
             answers: list[SerialStatus | None] = [*repeat(None, reader.malformed - malformed), *good]
             if answers:
                 return answers

@@ -13,7 +13,7 @@ UDEV_RULES = "49-weberlink.rules"
 
 
 class UsbId(NamedTuple):
-    """Vendor and product; product None for any of that vendor's."""
+    """USB vendor and product; product None matches all of the vendor."""
 
     vendor: int
     product: int | None = None
@@ -31,7 +31,7 @@ class PluggedDevice:
 
     Args:
         path: to open, for example /dev/ttyACM0.
-        name: what it calls itself; empty if it says nothing.
+        name: its product name; empty if it has none.
         serial_number: empty if it has none.
         problem: why it cannot be used as it is, with what to do about it; None if nothing is known to be in the way.
     """
@@ -47,7 +47,7 @@ class PluggedDevice:
 
 
 def hidapi() -> Any:
-    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
+    """The hidapi binding, with its hidraw backend if available: libusb would detach the kernel driver."""
     try:
         return import_module("hidraw")
     except ImportError:
@@ -74,7 +74,7 @@ def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
 def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list[PluggedDevice]:
     """HID devices with one of these identities and one of these usage pages (0: not reported), by path.
 
-    A composite device has several; the usage page tells which of them speaks.
+    A composite device has several; the usage page selects one.
     """
     wanted = tuple(ids)
     found = []

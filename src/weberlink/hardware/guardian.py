@@ -34,9 +34,9 @@ DIED = "its guardian process died, and its board has no watchdog; start the sess
 class Guardian:
     """Takes the force off a device within `LEASE_S` and a few milliseconds of the last command of the loop.
 
-    The port that carries the messages has it: see `SerialPort`. The worker that runs the exchange tells it when each
-    command was given: see `Worker`. No force is written without a guardian that lives, nor one whose command is older
-    than the worker allows. So the first message after this process was stopped carries no force.
+    The port calls it around each message (see `SerialPort`), and the worker sets the time of each command (see
+    `Worker`). No force is written without a running guardian, nor one whose command is older than the worker allows. So the first
+    message after this process was stopped carries no force.
 
     Args:
         zero: message that takes the force off; must be understood as such whatever came before it, half a message
@@ -46,7 +46,7 @@ class Guardian:
 
     def __init__(self, zero: bytes, rests: tuple[bytes, ...] = ()) -> None:
         self.zero = zero
-        """May be changed before `watch`, as the next one."""
+        """May be changed before `watch`, like `rests`."""
         self.rests = rests
         self._all_rests = (zero, *rests)
         self._child: subprocess.Popen[bytes] | None = None
@@ -107,7 +107,7 @@ class Guardian:
         self._given_at, self._stale = at, stale
 
     def before(self, data: bytes) -> None:
-        """To be called immediately before a message is written.
+        """Call immediately before a message is written.
 
         Raises:
             BadReply: it carries force, and its command is too old: this process was held up.
@@ -125,7 +125,7 @@ class Guardian:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
 
     def after(self, data: bytes) -> None:
-        """To be called once a message is written as a whole.
+        """Call after a whole message was written.
 
         Raises:
             HardwareFault: the guardian is dead.
@@ -149,7 +149,7 @@ class Guardian:
             os.write(self._socket, b"x")
         try:
             child.wait(END_S)
-        except subprocess.TimeoutExpired:  # somebody has stopped it
+        except subprocess.TimeoutExpired:  # it was stopped by a signal
             child.send_signal(signal.SIGKILL)
             child.wait()
         os.close(self._socket)
@@ -173,11 +173,11 @@ class Guardian:
         beats, since = self._words[BEATS], self._beats[1]
         if self._child is None:
             raise HardwareFault(DIED)
-        # Where we were held up, it may have been as well.
+        # If this process was held up, the guardian may have been too.
         if beats != self._beats[0] or now - self._looked_at > max(LEASE_S, self._stale):
             self._beats = (beats, now)
             since = now
-        elif now - since > DEAD_S and self._child.poll() is not None:  # costs more than the look at the word
+        elif now - since > DEAD_S and self._child.poll() is not None:  # a system call, unlike the word
             raise HardwareFault(DIED)
         self._looked_at = now
         return now - since

@@ -14,7 +14,7 @@ class HidPort:
     """An open device.
 
     Args:
-        path: as `hardware.found.hid_devices` gives it.
+        path: as given by `hardware.discovery.hid_devices`.
 
     Raises:
         HardwareFault: it is not there or not permitted.
@@ -61,7 +61,7 @@ class HidPort:
             written = self._device.write(message)
         except (OSError, ValueError):
             written = -1
-        if written < 0:  # hidapi's only word for it
+        if written < 0:  # hidapi gives no other reason
             raise HardwareFault(f"{self.path}: unplugged")
         if guardian is not None:
             guardian.after(message)

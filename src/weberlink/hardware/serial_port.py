@@ -28,7 +28,7 @@ class SerialPort:
 
     Args:
         path: of the device, or of a link to it.
-        baud: rate [bit/s]; without meaning where the port is USB from end to end.
+        baud: rate [bit/s]; without effect on a native USB port.
         guardian: takes the force off when this process stops; None for a device that does so itself. It watches from
             the opening of the port to its closing.
 
@@ -76,7 +76,7 @@ class SerialPort:
                 if taken:
                     sent, until = sent + taken, monotonic() + WRITING_S
                     if sent < len(data) and self._guardian is not None:
-                        # The guardian may write next: the rest of this message would be nonsense behind its own.
+                        # The guardian may write next, and the rest of this message would corrupt the stream behind it.
                         raise HardwareFault(f"{self.path}: takes no more data")
                 elif monotonic() >= until:
                     raise HardwareFault(f"{self.path}: takes no more data")
@@ -90,7 +90,7 @@ class SerialPort:
             return 0
 
     def read(self, until: float) -> bytes:
-        """Whatever has come, as soon as something has; nothing where it does not by `until` [s, monotonic].
+        """Read what has come, waiting for the first byte until `until` [s, monotonic]; empty if none comes.
 
         Raises:
             HardwareFault: it was unplugged.

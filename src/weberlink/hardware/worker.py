@@ -20,7 +20,7 @@ Sample_co = TypeVar("Sample_co", covariant=True)
 
 RETRY_S = 0.05
 JOIN_S = 1.0
-"""How long `stop` waits for an exchange that does not come back, and the end of the program once more."""
+"""Longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]."""
 
 
 class Exchange(Protocol[Command_contra, Sample_co]):
@@ -29,7 +29,7 @@ class Exchange(Protocol[Command_contra, Sample_co]):
     def open(self) -> Sample_co:
         """Connect, and give the first sample.
 
-        Called again after a disconnection, where it has to make sure that the device is still the one it was.
+        After a disconnection it must also check that the device is still the same.
 
         Raises:
             HardwareFault: it cannot be used.
@@ -40,7 +40,7 @@ class Exchange(Protocol[Command_contra, Sample_co]):
         """Command, and measure.
 
         Raises:
-            BadReply: this once the answer was not good; the next may be.
+            BadReply: this answer was not good; the next one may be.
             HardwareFault: the device is gone or refuses.
         """
         ...
@@ -61,15 +61,13 @@ class GuardedExchange(Protocol):
 class Worker(Generic[Command, Sample]):
     """Runs an exchange in a thread.
 
-    After a bad reply the command is `rest` until a reply is good again; it is `rest` too while the last command is
-    older than `stale`, and in place of the first one after such a gap: the loop may have failed, or the whole process
-    been stopped. After such an interruption, and at the start, commands come up from zero where `scale` is given. After
-    `bad_replies` in a row, or when the device is gone, the fault stands, unless there is a good reply again within
-    `reconnect`.
+    The command is `rest` after a bad reply until a good one, while the last command is older than `stale`, and for the
+    first command after such a gap, since the loop or the whole process may have been stopped. After each of these
+    interruptions, and at the start, commands ramp up from zero if `scale` is given. After `bad_replies` in a row, or
+    when the device is gone, the fault stands unless a good reply comes within `reconnect`.
 
-    Only the thread touches the exchange once it runs, so an exchange need not be safe for threads. One that hangs keeps
-    `stop` for a second and no longer; its `close` is called as soon as it comes back. The end of the program stops a
-    worker that is still running.
+    Only the thread uses the exchange, so it need not be thread-safe. `stop` waits for a hanging exchange for a second;
+    its `close` is called when it returns. The end of the program stops a running worker.
 
     Args:
         exchange: of the device.
@@ -218,7 +216,7 @@ class Worker(Generic[Command, Sample]):
                 self._once()
         except HardwareFault as fault:
             self.fault = str(fault)
-        except BaseException as error:  # a mistake of ours in this thread must end the session all the same
+        except BaseException as error:  # an error in this thread must end the session too
             self.fault = f"internal error: {error!r}"
         finally:
             self._close()
@@ -239,7 +237,7 @@ class Worker(Generic[Command, Sample]):
         if wait > 0.0:
             self._stopping.wait(wait)
         now, following = self._clock(), due + self._period
-        return following if now < following else now + self._period  # what was missed is not made up for
+        return following if now < following else now + self._period  # missed exchanges are skipped
 
     @staticmethod
     def _clear(wake: int) -> None:
@@ -292,7 +290,7 @@ class Worker(Generic[Command, Sample]):
 
     def _return(self, fault: HardwareFault, until: float) -> None:
         """Reopen the device until the time is over; then raise the fault."""
-        with suppress(Exception):  # the fault is what matters here
+        with suppress(Exception):  # the first fault is reported
             self._exchange.close()
         while not self._stopping.is_set():
             if self._clock() >= until:
