@@ -81,7 +81,7 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
     return answer
 
 
-class Door:
+class ControlSocket:
     """The daemon's end: takes questions between ticks, and hands them to its side."""
 
     def __init__(self, ring: str | Path, side: Askable) -> None:
@@ -167,19 +167,19 @@ class Door:
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)
 
 
-class WithDoor:
+class WithControlSocket:
     """A transport, and a door that is open while it is."""
 
-    def __init__(self, transport: Transport, door: Door) -> None:
+    def __init__(self, transport: Transport, door: ControlSocket) -> None:
         self._transport = transport
-        self._door = door
+        self._control = door
         self.service = transport.service  # bound here, so that a tick pays nothing for the door
         self.flush = transport.flush
 
     def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
-        self._door.open(loop)
+        self._control.open(loop)
         return self._transport.open(loop)
 
     def close(self) -> None:
-        self._door.close()
+        self._control.close()
         self._transport.close()
