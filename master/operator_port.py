@@ -16,7 +16,8 @@ class HandPosition:
         self.value: Vector = ZERO
 
     def complaint(self, reading: DeviceReading) -> str | None:
-        return None if is_finite(reading.position) else f"reports the position {reading.position}"
+        position = reading.position
+        return None if is_finite(position) else f"reports the position {position}"
 
     def take(self, reading: DeviceReading) -> None:
         self.value = reading.position
@@ -124,9 +125,12 @@ class OperatorPort:
         self.columns = COLUMNS | (ROTATION_COLUMNS if len(displays) > 1 else {})
         self.name = device.spec.name
         self.buttons = 0
+        self.enabled = button is None
         self.ended = False
         self.slew_ticks = 0
         """Ticks in which a slew limit held force or torque back."""
+        self.clipped = False
+        """Whether a limiter changed what was displayed in this tick."""
         self._endpoint = endpoint
         self._button = button
 
@@ -135,16 +139,8 @@ class OperatorPort:
         return self.device.trouble if isinstance(self.device, Explaining) else None
 
     @property
-    def enabled(self) -> bool:
-        return self._button is None or bool(self.buttons >> self._button & 1)
-
-    @property
     def at_rest(self) -> bool:
         return self.gate.gain == 0.0
-
-    @property
-    def clipped(self) -> bool:
-        return any(display.limiter.clipped for display in self.displays)
 
     def open(self, now: float) -> None:
         self.device.open(now)
@@ -157,8 +153,11 @@ class OperatorPort:
         self.ended = reading.ended
         return reading
 
-    def accept(self, reading: DeviceReading) -> None:
+    def accept(self, reading: DeviceReading) -> bool:
         self.buttons = reading.buttons
+        if self._button is not None:
+            self.enabled = bool(reading.buttons >> self._button & 1)
+        return False
 
     def settle(self, now: float) -> None: ...
 
@@ -188,10 +187,12 @@ class OperatorPort:
         gate = self.gate
         slew_step = step if gate.gain > 0.0 else None
         gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
-        held_back = False
-        for display, value in zip(self.displays, values, strict=True):
-            held_back |= display.show(ZERO if value is None else value, gain, slew_step, now)
+        held_back = clipped = False
+        for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
+            held_back |= display.show(value or ZERO, gain, slew_step, now)
+            clipped |= display.limiter.clipped
         self.slew_ticks += held_back
+        self.clipped = clipped
 
     def halt(self, now: float) -> None:
         for display in self.displays:

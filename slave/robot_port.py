@@ -125,11 +125,15 @@ class RobotPort:
 
     @property
     def clipped(self) -> bool:
-        return self._guard.clipped or any(follower.clipped for follower in self.followers)
+        if self._guard.clipped or not self.followers:  # the quick way for three degrees of freedom
+            return self._guard.clipped
+        return any(follower.clipped for follower in self.followers)
 
     @property
     def ramping(self) -> bool:
-        return self._guard.ramping or any(follower.ramping for follower in self.followers)
+        if self._guard.ramping or not self.followers:
+            return self._guard.ramping
+        return any(follower.ramping for follower in self.followers)
 
     def shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
@@ -149,15 +153,16 @@ class RobotPort:
     def latest(self, now: float) -> RobotReading:
         return self.robot.latest(now)
 
-    def accept(self, reading: RobotReading) -> None:
-        """Take the position, and trip on a force above the limit."""
+    def accept(self, reading: RobotReading) -> bool:
         self._where = reading.position
         x, y, z = reading.force
         self._is_overloaded = x * x + y * y + z * z > self._trip_squared
-        if self._is_overloaded and not self._guard.tripped:
+        trips = self._is_overloaded and not self._guard.tripped
+        if trips:
             self._guard.trip(reading.force, self._where)
             for follower in self.followers:
                 follower.release()
+        return trips
 
     def settle(self, now: float) -> None:
         """Hold the robot where it is now."""
@@ -200,9 +205,10 @@ class RobotPort:
             self.commanded = commanded
             self.applied = guard.follow(self._controlled(commanded, elapsed), step)
         self.robot.command(self.applied, now)
-        follows = follows and not guard.tripped
-        for follower, value in zip(self.followers, values[1:], strict=True):
-            follower.move(value if follows else None, step, now)
+        if self.followers:
+            follows = follows and not guard.tripped
+            for follower, value in zip(self.followers, values[1:], strict=True):
+                follower.move(value if follows else None, step, now)
 
     def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
         """Where the control scheme lets the robot go."""

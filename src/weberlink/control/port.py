@@ -90,8 +90,8 @@ class Port(Protocol):
     def latest(self, now: float) -> Any:
         """The newest reading, measured at its attribute `at`; raises `fault`."""
 
-    def accept(self, reading: Any) -> None:
-        """Keep what the sensors do not, of a new reading without complaint."""
+    def accept(self, reading: Any) -> bool:
+        """Keep what the sensors do not, of a new reading without complaint; returns whether its contact force trips."""
 
     def settle(self, now: float) -> None:
         """This process stalled, or did so a few ticks ago: hand and robot may be elsewhere."""

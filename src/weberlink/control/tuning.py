@@ -50,9 +50,9 @@ class Tuning:
         "_asked",
         "_at",
         "_initial",
-        "_next",
         "_of_peer",
         "generation",
+        "pending",
         "permitted",
         "settings",
         "verdict",
@@ -69,20 +69,16 @@ class Tuning:
         self.verdict: Verdict | None = None
         """On what this side asked for last; None while it waits, or has never asked."""
         self._asked = False
-        self._next: Settings | None = None
+        self.pending: Settings | None = None
+        """Agreed, and not yet in force."""
         self._at = inf
         self._of_peer = False
 
-    @property
-    def pending(self) -> Settings | None:
-        """Agreed, and not yet in force."""
-        return self._next
-
     def reset(self) -> None:
         """A new session: the settings of the file hold, and what was under way is void."""
-        if self._asked or (self._next is not None and not self._of_peer):
+        if self._asked or (self.pending is not None and not self._of_peer):
             self.verdict = Verdict(0, "the session ended")
-        self._asked, self._next, self._at = False, None, inf
+        self._asked, self.pending, self._at = False, None, inf
         if self.settings != self._initial:
             self._apply(self._initial)
         self.settings, self.generation = self._initial, 0
@@ -98,7 +94,7 @@ class Tuning:
                 return f"{name} is fixed in this session: {_FIXED[name]}"
             if (why_not := self._doubt(name, value)) is not None:
                 return why_not
-        return BUSY if self._asked or self._next is not None else None
+        return BUSY if self._asked or self.pending is not None else None
 
     def _doubt(self, name: str, value: object) -> str | None:
         if name == "weber":
@@ -136,14 +132,14 @@ class Tuning:
     def advance(self, tick: int, peer_tick: float | None) -> None:
         """Make the change that is due at this tick; `peer_tick` is the same moment in ticks of the peer."""
         now = peer_tick if self._of_peer else tick
-        if self._next is None or now is None or now < self._at:
+        if self.pending is None or now is None or now < self._at:
             return
-        self.settings, self._next = self._next, None
+        self.settings, self.pending = self.pending, None
         self.generation += 1
         self._apply(self.settings)
 
     def _agree(self, change: Mapping[str, object], tick: int, *, of_peer: bool) -> None:
-        self._next = self.settings._replace(**change)  # type: ignore[arg-type]
+        self.pending = self.settings._replace(**change)  # type: ignore[arg-type]
         self._at, self._of_peer = tick, of_peer
 
 

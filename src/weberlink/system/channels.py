@@ -22,8 +22,11 @@ class OutgoingChannel:
         fitted: the contact model of the newest update.
     """
 
+    __slots__ = ("_sample", "encoder", "fitted", "held", "name", "sensor", "stream", "update")
+
     def __init__(self, name: str, stream: int, encoder: Encoder, sensor: Sensor) -> None:
         self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
+        self._sample = sensor.sample
         self.update: Update | None = None
         self.held: Vector | None = None
         self.fitted: Fitted = UNFITTED
@@ -39,9 +42,9 @@ class OutgoingChannel:
     def encode(self, tick: int) -> None:
         """Encode the newest sample into `update`, where one must be sent."""
         encoder = self.encoder
-        value, position = self.sensor.sample()
-        self.update = encoder.encode(tick, value, position)
-        if self.update is None:
+        value, position = self._sample()
+        self.update = update = encoder.encode(tick, value, position)
+        if update is None:
             self.held = encoder.predicted
             return
         mirror = encoder.mirror
@@ -69,6 +72,8 @@ class IncomingChannel:
         received: updates applied in this tick.
         fitted: the contact model of the newest update.
     """
+
+    __slots__ = ("_learner", "_place", "decoder", "fitted", "name", "received", "stream")
 
     def __init__(
         self,

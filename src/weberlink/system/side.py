@@ -33,7 +33,7 @@ CONNECT_PATIENCE = 1.0
 
 COLUMNS = {
     "at": "side.deadline",
-    "peer_at": "known(endpoint.peer_time(side.deadline))",
+    "peer_at": "nan if (peer_at := endpoint.peer_time(side.deadline)) is None else peer_at",
     "raw": "outgoing[0].sensor.value",
     "predicted": "outgoing[0].encoder.predicted or UNKNOWN",
     "bound": "outgoing[0].encoder.bound",
@@ -51,8 +51,8 @@ COLUMNS = {
     "lateness_us": "lateness_us",
     "work_us": "work_us",
     "codec_us": "side.codec_time * 1e6",
-    "rtt_us": "known(statistics.rtt) * 1e6",
-    "one_way_us": "known(statistics.one_way) * 1e6",
+    "rtt_us": "nan if statistics.rtt is None else statistics.rtt * 1e6",
+    "one_way_us": "nan if statistics.one_way is None else statistics.one_way * 1e6",
     "tank": "control.tank",
     "surface": "force.fitted.surface",
     "surface_size": "force.fitted.size",
@@ -95,6 +95,36 @@ class Side:
         watchdog: expires when the port gives no usable reading for too long.
         stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
     """
+
+    __slots__ = (
+        "_channels",
+        "_encodes",
+        "_faults",
+        "_has_connected",
+        "_horizon",
+        "_is_fresh",
+        "_last_reading_at",
+        "_leads",
+        "_opened_at",
+        "_peer_tick",
+        "_row",
+        "_stopping",
+        "_stopwatch",
+        "_tick_period",
+        "_watchdog",
+        "codec_time",
+        "deadline",
+        "endpoint",
+        "engaged",
+        "failure",
+        "incoming",
+        "index",
+        "outgoing",
+        "pace",
+        "port",
+        "stopped",
+        "tuning",
+    )
 
     def __init__(
         self,
@@ -153,7 +183,7 @@ class Side:
             "statistics": self.endpoint.statistics,
             "tuning": self.tuning,
             "faults": self._faults,
-            "known": _known,
+            "nan": nan,
             "UNKNOWN": UNKNOWN,
             "ZERO": ZERO,
             "RELEASED": RELEASED,
@@ -191,7 +221,9 @@ class Side:
         if self.pace.settling:
             self._settle(now)
         self._hear(now)
-        self._retune(index, deadline)
+        if self.tuning.pending is not None:
+            peer_time = self.endpoint.peer_time(deadline)
+            self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
         if self._leads:
             self._sense(now)
             self._engage(now)
@@ -244,11 +276,6 @@ class Side:
     def _close(self, now: float, reason: str) -> None:
         if self.endpoint.state is not State.CLOSED:  # a refusal has closed it already
             self.endpoint.close(now, reason)
-
-    def _retune(self, index: int, deadline: float) -> None:
-        if self.tuning.pending is not None:
-            peer_time = self.endpoint.peer_time(deadline)
-            self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
 
     # --- what the peer says
 
@@ -346,8 +373,7 @@ class Side:
                 for channel in self.outgoing:
                     channel.sensor.take(reading)
                 self._watchdog.feed(now)
-                port.accept(reading)
-                if port.tripped and not self._faults.has(Fault.TRIPPED):
+                if port.accept(reading):
                     self._faults.meet(Fault.TRIPPED)
         if port.ended:
             self.stop(now, "completed")
@@ -433,7 +459,3 @@ class Side:
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
         if self._faults.active is not Fault.NONE and not self.port.tripped:
             self._faults.clear(Fault.TRIPPED)
-
-
-def _known(value: float | None) -> float:
-    return nan if value is None else value
