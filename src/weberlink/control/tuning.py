@@ -1,8 +1,4 @@
-"""The settings of a session that may change while it lives, and the moment from which they hold.
-
-Owns what is in force, what is permitted, and what has been agreed for a tick to come. Knows no wire and no codec: what
-makes a change is handed in, and what two ends say to each other about it is carried by others.
-"""
+"""The settings of a session that may change while it runs, and the tick from which a change holds."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -15,8 +11,8 @@ ROUND_TRIPS = 6.0
 BUSY = "another change is on its way"
 
 
-class Settings(NamedTuple):
-    """What can be changed.
+class LiveSettings(NamedTuple):
+    """What may change in a running session.
 
     Args:
         weber: Weber factor k of the force channel, 0 to 1.
@@ -29,11 +25,11 @@ class Settings(NamedTuple):
     scheme: str
 
 
-class Verdict(NamedTuple):
-    """What came of a change that this side asked for: its tick here, or why it was not made."""
+class ChangeResult(NamedTuple):
+    """The outcome of a change that this side proposed: its tick on this side, or why it was refused."""
 
     tick: int
-    why_not: str | None
+    refusal: str | None
 
 
 class Tuning:
@@ -54,22 +50,22 @@ class Tuning:
         "generation",
         "pending",
         "permitted",
+        "result",
         "settings",
-        "verdict",
     )
 
     def __init__(
-        self, settings: Settings, permitted: Mapping[str, Sequence[str]], apply: Callable[[Settings], None]
+        self, settings: LiveSettings, permitted: Mapping[str, Sequence[str]], apply: Callable[[LiveSettings], None]
     ) -> None:
         self._initial = self.settings = settings
         self.permitted = permitted
         self._apply = apply
         self.generation = 0
         """Changes made since the session began."""
-        self.verdict: Verdict | None = None
-        """On what this side asked for last; None while it waits, or has never asked."""
+        self.result: ChangeResult | None = None
+        """Of the change that this side proposed last; None while it waits, or has never proposed one."""
         self._asked = False
-        self.pending: Settings | None = None
+        self.pending: LiveSettings | None = None
         """Agreed, and not yet in force."""
         self._at = inf
         self._of_peer = False
@@ -77,7 +73,7 @@ class Tuning:
     def reset(self) -> None:
         """A new session: the settings of the file hold, and what was under way is void."""
         if self._asked or (self.pending is not None and not self._of_peer):
-            self.verdict = Verdict(0, "the session ended")
+            self.result = ChangeResult(0, "the session ended")
         self._asked, self.pending, self._at = False, None, inf
         if self.settings != self._initial:
             self._apply(self._initial)
@@ -88,12 +84,12 @@ class Tuning:
         if not change:
             return "nothing to change; name weber, predictor or scheme"
         for name, value in change.items():
-            if name not in Settings._fields:
-                return f"{name} is no setting; there are {', '.join(Settings._fields)}"
+            if name not in LiveSettings._fields:
+                return f"{name} is no setting; there are {', '.join(LiveSettings._fields)}"
             if name not in self.permitted:
                 return f"{name} is fixed in this session: {_FIXED[name]}"
-            if (why_not := self._doubt(name, value)) is not None:
-                return why_not
+            if (refusal := self._doubt(name, value)) is not None:
+                return refusal
         return BUSY if self._asked or self.pending is not None else None
 
     def _doubt(self, name: str, value: object) -> str | None:
@@ -109,24 +105,24 @@ class Tuning:
         return LEAD if rtt is None else LEAD + ROUND_TRIPS * rtt
 
     def ask(self, change: Mapping[str, object]) -> bytes:
-        """The content of a proposal without complaint; a verdict follows."""
-        self._asked, self.verdict = True, None
+        """The message that proposes a change without complaint; `result` follows."""
+        self._asked, self.result = True, None
         return json.dumps(dict(change), separators=(",", ":")).encode()
 
     def hear(self, tick: int, body: bytes) -> str | None:
         """Take a proposal of the peer for a tick of its clock: None to agree, or why not."""
         change = _read(body)
-        why_not = "not a change" if change is None else self.complaint(change)
-        if why_not is None and change is not None:
+        refusal = "not a change" if change is None else self.complaint(change)
+        if refusal is None and change is not None:
             self._agree(change, tick, of_peer=True)
-        return why_not
+        return refusal
 
-    def settle(self, tick: int, body: bytes, why_not: str | None) -> None:
-        """Take the peer's answer to what this side asked for."""
+    def settle(self, tick: int, body: bytes, refusal: str | None) -> None:
+        """Take the answer of the peer to the own proposal."""
         self._asked = False
-        self.verdict = Verdict(tick, why_not)
+        self.result = ChangeResult(tick, refusal)
         change = _read(body)
-        if why_not is None and change is not None:
+        if refusal is None and change is not None:
             self._agree(change, tick, of_peer=False)
 
     def advance(self, tick: int, peer_tick: float | None) -> None:

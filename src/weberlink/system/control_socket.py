@@ -140,21 +140,21 @@ class ControlSocket:
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
         elif not change:
             self._answer(sender, {})
-        elif (why_not := self._side.propose(change, monotonic())) is not None:
-            self._answer(sender, {"accepted": False, "why": why_not})
+        elif (refusal := self._side.propose(change, monotonic())) is not None:
+            self._answer(sender, {"accepted": False, "why": refusal})
         else:
             self._waiting = sender
             self._look()
 
     def _look(self) -> None:
-        verdict = self._side.tuning.verdict
-        if verdict is None:
+        result = self._side.tuning.result
+        if result is None:
             if self._loop is not None and self._socket is not None:
                 self._loop.call_later(LOOK_S, self._look)
             return
         if self._waiting is not None:
-            accepted = verdict.why_not is None
-            told: dict[str, object] = {"tick": verdict.tick} if accepted else {"why": verdict.why_not}
+            accepted = result.refusal is None
+            told: dict[str, object] = {"tick": result.tick} if accepted else {"why": result.refusal}
             self._answer(self._waiting, {"accepted": accepted} | told)
             self._waiting = None
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from weberlink.codec import Update
 from weberlink.control.port import Port
+from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import Tuning
 from weberlink.geometry.vector import ZERO
 from weberlink.protocol.endpoint import Endpoint
@@ -60,7 +61,7 @@ COLUMNS = {
     "model": "force.fitted.kind",
     "state": "endpoint.state.value",
     "fault": "faults.active",
-    "control": "control.active",
+    "control": "schemes[control.active]",
     "selected": "force.selected",
     "position_selected": "position.selected",
     "sent": "outgoing[0].update is not None",
@@ -183,6 +184,7 @@ class Side:
             "statistics": self.endpoint.statistics,
             "tuning": self.tuning,
             "faults": self._faults,
+            "schemes": {name: code for code, name in enumerate(SCHEMES)},
             "nan": nan,
             "UNKNOWN": UNKNOWN,
             "ZERO": ZERO,

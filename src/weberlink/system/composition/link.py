@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from functools import wraps
 from secrets import token_bytes
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.predictors import Trust
 from weberlink.codec.smoothing import Smoothing
-from weberlink.control.contract import Settings as ControlSettings
+from weberlink.control.contract import ControlSettings
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
@@ -40,6 +40,7 @@ ANONYMOUS = Identity()
 
 P = ParamSpec("P")
 R = TypeVar("R")
+ControlEnd = TypeVar("ControlEnd")
 
 
 def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
@@ -186,20 +187,29 @@ def build_endpoint(
     )
 
 
-def control_settings(system: System, force_range: float) -> ControlSettings:
-    """What both sides of the control scheme are built from.
+@located
+def build_control(
+    configuration: Configuration, build: Callable[[str, ControlSettings], ControlEnd], force_range: float
+) -> ControlEnd:
+    """One end of the control scheme.
 
     Args:
-        system: both sides.
-        force_range: largest force that the wire and the robot can say [N].
+        configuration: of both sides.
+        build: makes the end of a scheme of this name.
+        force_range: largest force that the wire and the robot can represent [N].
+
+    Raises:
+        ConfigurationError: if the scheme is of another distribution and broken.
     """
-    return ControlSettings(
+    system = configuration.system
+    settings = ControlSettings(
         tick_period=system.tick_period,
         force_range=force_range,
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
         catch_up_speed=system.slave.limits.approach_speed_m_s,
     )
+    return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
 
 
 def construct(where: str, driver: Any, *arguments: Any) -> Any:

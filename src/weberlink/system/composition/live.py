@@ -4,7 +4,7 @@ from weberlink.codec import Encoder
 from weberlink.codec.predictors import BANKS
 from weberlink.control.contract import Control, Imposable
 from weberlink.control.table import SCHEMES
-from weberlink.control.tuning import Settings, Tuning
+from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.system.composition.deadband import force_deadband
 from weberlink.system.configuration import System
 
@@ -32,16 +32,16 @@ def build_tuning(system: System, control: Control, force_encoder: Encoder | None
     """The tuning of a side. The end that encodes the force gives its encoder; a decoder needs no tuning."""
     force = system.codec.force
 
-    def apply(settings: Settings) -> None:
+    def apply(settings: LiveSettings) -> None:
         if force_encoder is not None:
             chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
             force_encoder.retune(force_deadband(system, settings.weber), chosen if force.predictor in BANKS else [0])
         if isinstance(control, Imposable):
-            control.impose(None if settings.scheme == AUTO else list(SCHEMES).index(settings.scheme))
+            control.impose(None if settings.scheme == AUTO else settings.scheme)
 
     return Tuning(_of_file(system), permitted(system), apply)
 
 
-def _of_file(system: System) -> Settings:
+def _of_file(system: System) -> LiveSettings:
     force = system.codec.force
-    return Settings(force.weber, force.predictor, system.control.scheme)
+    return LiveSettings(force.weber, force.predictor, system.control.scheme)

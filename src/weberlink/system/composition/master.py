@@ -21,10 +21,10 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    build_control,
     build_endpoint,
     check_axes,
     construct,
-    control_settings,
     located,
     streams,
 )
@@ -55,7 +55,7 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_master_control(system.control.scheme, control_settings(system, force_limit))
+    control = build_control(configuration, build_master_control, force_limit)
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     displays = [Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control)]
     if system.codec.rotation is not None:

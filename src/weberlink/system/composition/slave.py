@@ -20,10 +20,10 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    build_control,
     build_endpoint,
     check_axes,
     construct,
-    control_settings,
     located,
     streams,
 )
@@ -53,7 +53,7 @@ def build_slave(
     forward, backward = streams(system)
     limits = system.slave.limits
     force_encoder = Encoder(backward[0])
-    control = build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n))
+    control = build_control(configuration, build_slave_control, robot.spec.force_n)
     endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
     orientation = None if system.codec.rotation is None else _tool_orientation(system, robot)
     port = RobotPort(

@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
+from weberlink.control.table import SchemeName
 from weberlink.protocol.endpoint import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.session import LONGEST_SILENCE
@@ -293,7 +294,7 @@ class CodecSettings(Settings):
 class ControlSettings(Settings):
     """What keeps a delayed loop stable."""
 
-    scheme: Literal["none", "tdpa", "mmt", "auto"] = "none"
+    scheme: SchemeName = "none"
     """`tdpa`: time-domain passivity. `mmt`: the operator feels a local model. `auto`: by the measured delay."""
     level_j: float = Field(default=0.05, gt=0, le=10)
     """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""
