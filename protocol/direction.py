@@ -1,6 +1,7 @@
 """The layouts of all datagrams that go one way in a session."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from itertools import chain, repeat
 
 from weberlink.protocol.wire import (
     ACK_BYTES,
@@ -29,8 +30,15 @@ class Direction:
 
     __slots__ = ("carries_credit", "further_acks", "updates")
 
-    def __init__(self, values: Sequence[int], *, carries_credit: bool = False, further_acks: int = 0) -> None:
-        """Prepare for streams whose samples have `values` levels each.
+    def __init__(
+        self,
+        values: Sequence[int],
+        *,
+        carries_credit: bool = False,
+        further_acks: int = 0,
+        parametric: Sequence[Collection[int]] = (),
+    ) -> None:
+        """Prepare for streams whose samples have `values` levels each; `parametric` as for `UpdateLayout`, by stream.
 
         Raises:
             ValueError: for no stream or more than there are kinds of updates, or for a sample that fits no datagram.
@@ -40,8 +48,10 @@ class Direction:
         self.carries_credit = carries_credit
         self.further_acks = further_acks
         self.updates = tuple(
-            UpdateLayout(count, carries_credit=carries_credit, further_acks=further_acks, kind=kind)
-            for count, kind in zip(values, UPDATE_KINDS, strict=False)
+            UpdateLayout(
+                count, carries_credit=carries_credit, further_acks=further_acks, kind=kind, parametric=selectors
+            )
+            for count, kind, selectors in zip(values, UPDATE_KINDS, chain(parametric, repeat(())), strict=False)
         )
 
     def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:

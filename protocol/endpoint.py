@@ -5,7 +5,7 @@ Pure: driven by its owner (`send_update`), the network (`receive_datagram`) and 
 and a count, never an exception. Knows no codec: it carries integers that it does not interpret.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf
 
 from weberlink.protocol.dialer import Dialer
@@ -37,6 +37,7 @@ from weberlink.protocol.session import FADE_SHARE, LONGEST_SILENCE, Opened, Owne
 from weberlink.protocol.states import State, Trigger, next_state
 from weberlink.protocol.statistics import Statistics
 from weberlink.protocol.wire import LONGEST_CHANGE, LONGEST_DATAGRAM, TICK_BITS, Kind, kind_of, length_fault
+from weberlink.update import Update
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 TAKEN_OVER = "taken over by "
@@ -96,6 +97,7 @@ class Endpoint:
         agreement: Mapping[str, object],
         outgoing_values: Sequence[int],
         incoming_values: Sequence[int],
+        incoming_parametric: Sequence[Collection[int]] = (),
         security: Security,
         entropy: Callable[[int], bytes],
         epoch: float,
@@ -115,6 +117,7 @@ class Endpoint:
             role: the initiator calls `peer`; the responder answers whoever proves the key.
             agreement: dotted path to value; must be the same at both ends.
             outgoing_values, incoming_values: levels in a sample of each stream of each direction; one stream or two.
+            incoming_parametric: by stream, the selectors whose updates carry model parameters.
             security: the suite, with its key.
             entropy: random bytes of a number, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
@@ -143,8 +146,11 @@ class Endpoint:
                 f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}"
             )
         outgoing, incoming = (
-            Direction(values, carries_credit=carries_credit, further_acks=len(others) - 1)
-            for values, others in ((outgoing_values, incoming_values), (incoming_values, outgoing_values))
+            Direction(values, carries_credit=carries_credit, further_acks=len(others) - 1, parametric=parametric)
+            for values, others, parametric in (
+                (outgoing_values, incoming_values, ()),
+                (incoming_values, outgoing_values, incoming_parametric),
+            )
         )
         packed = pack_agreement(agreement)
         self._agreement: dict[str, object] = read_map(packed) or {}
@@ -304,26 +310,14 @@ class Endpoint:
         if self._session is not None:
             self._session.request_full_state()
 
-    def send_update(
-        self,
-        now: float,
-        tick: int,
-        selector: int,
-        newest: tuple[int, ...],
-        gap: int,
-        previous: tuple[int, ...],
-        stream: int = 0,
-    ) -> bool:
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
         """Send a new state of a stream to the peer, and see to it that it arrives.
 
         To a peer that has fallen silent the update is sent as well, and is repeated once the peer is back.
 
         Args:
-            tick: when the newest sample was taken, counted from the epoch.
-            selector: 0..15.
-            newest: int16 levels.
-            gap: ticks between the two samples, 1..65535; 0 without a previous one.
-            previous: int16 levels of the sample before, or ().
+            now: [s].
+            update: its tick is counted from the epoch.
             stream: which it belongs to, from 0.
 
         Returns:
@@ -336,7 +330,7 @@ class Endpoint:
             return False
         self._due = None
         self._is_encoding = True
-        self._post(self._session.sender.send_update(now, tick, selector, newest, gap, previous, stream))
+        self._post(self._session.sender.send_update(now, update, stream))
         return True
 
     def propose_change(self, now: float, tick: int, body: bytes) -> bool:

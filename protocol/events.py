@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from weberlink.protocol.reasons import DropReason
+from weberlink.update import Update
 
 Address = tuple[str, int]
 """Host and UDP port."""
@@ -20,20 +21,12 @@ class UpdateReceived(NamedTuple):
     """The newest update of a stream of the peer.
 
     Args:
-        tick: sample tick on the peer's tick clock.
-        selector: 0..15, not interpreted here.
-        newest: int16 levels of the sample.
-        gap: ticks between the two samples; 0 when there is no previous one.
-        previous: int16 levels of the sample before, or ().
+        update: its tick is on the peer's tick clock.
         age: time since the datagram left the peer, by the mapped clock [s].
         stream: which it belongs to, from 0.
     """
 
-    tick: int
-    selector: int
-    newest: tuple[int, ...]
-    gap: int
-    previous: tuple[int, ...]
+    update: Update
     age: float
     stream: int = 0
 

@@ -15,7 +15,7 @@ from weberlink.protocol.negotiation import ParameterNegotiation
 from weberlink.protocol.security import Protection
 from weberlink.protocol.sequence import ACKNOWLEDGEMENT_MASK, SEQUENCE_MASK
 from weberlink.protocol.statistics import Statistics
-from weberlink.protocol.stream import PendingUpdate, Stream
+from weberlink.protocol.stream import Stream
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
@@ -28,6 +28,7 @@ from weberlink.protocol.wire import (
     pack_path,
     pack_word,
 )
+from weberlink.update import Update
 
 SLACK = 0.001
 """On top of the measured bound on delays: the ends work in ticks [s]."""
@@ -122,28 +123,19 @@ class Sender:
         self.is_confirmed = False
         self.said_encoding = False
 
-    def send_update(
-        self,
-        now: float,
-        tick: int,
-        selector: int,
-        newest: tuple[int, ...],
-        gap: int,
-        previous: tuple[int, ...],
-        stream: int = 0,
-    ) -> bytes:
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bytes:
         """The datagram of a new update, which replaces any older one of its stream as what the peer is to hold.
 
         Raises:
             ValueError: naming the field that cannot be sent; nothing has changed then.
         """
-        if tick < 0:
-            raise ValueError(f"tick must not be negative, not {tick}")
+        if update.tick < 0:
+            raise ValueError(f"tick must not be negative, not {update.tick}")
         own = self._streams[stream]
-        own.layout.check(selector, newest, gap, previous)
+        own.layout.check(update)
         own.is_forgotten = False
-        own.update = PendingUpdate(tick, selector, newest, gap, previous)
-        sequence, datagram = self._seal_update(own, own.update, now)
+        own.update = update
+        sequence, datagram = self._seal_update(own, update, now)
         own.repetition.begin(sequence, now, copies_needed(self._statistics.outgoing_loss))
         self.said_encoding = True
         self._statistics.updates_sent[stream] += 1
@@ -203,17 +195,14 @@ class Sender:
         )
         return self._seal(sequence, clear, now)
 
-    def _seal_update(self, stream: Stream, update: PendingUpdate, now: float) -> tuple[int, bytes]:
+    def _seal_update(self, stream: Stream, update: Update, now: float) -> tuple[int, bytes]:
         while stream.would_mistake(self._next_sequence):
             self._next_sequence += 1
         sequence = self._number(now)
         clear = stream.layout.pack(
             sequence & SEQUENCE_MASK,
             self._word(now, update.tick),
-            update.selector,
-            update.newest,
-            update.gap,
-            update.previous,
+            update,
             self._credit.handed,
             self._further_acks(),
         )

@@ -321,11 +321,11 @@ class Session:
         self, sequence: int, head: Head, departure: float, body: bytes, age: float
     ) -> UpdateReceived | DropReason:
         stream = stream_of(head.kind)
-        newest, gap, previous = self._incoming.updates[stream].unpack(body, head.has_previous)
-        if head.has_previous and not gap:
-            return DropReason.MALFORMED
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
+        update = self._incoming.updates[stream].unpack(body, head, tick)
+        if update is None:
+            return DropReason.MALFORMED
         lead = (tick - sent_tick) * self._parameters.tick_period
         if lead > TICK_LEAD:
             return DropReason.IMPLAUSIBLE
@@ -333,7 +333,7 @@ class Session:
             return DropReason.STALE
         self.sender.delivered[stream] = sequence
         self._held_ticks[stream] = tick
-        return UpdateReceived(tick, head.selector, newest, gap, previous, age, stream)
+        return UpdateReceived(update, age, stream)
 
     def _deliver_change(
         self, head: Head, departure: float, body: bytes

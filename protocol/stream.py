@@ -1,20 +1,9 @@
 """One stream of our updates: the newest one, and its way to the peer. Knows no bytes of a datagram and no clock."""
 
-from typing import NamedTuple
-
 from weberlink.protocol.repetition import Repetition
 from weberlink.protocol.sequence import ACKNOWLEDGEMENT_MASK
 from weberlink.protocol.wire import UpdateLayout
-
-
-class PendingUpdate(NamedTuple):
-    """What the peer is to hold; fields as in `weberlink.protocol.events.UpdateReceived`."""
-
-    tick: int
-    selector: int
-    newest: tuple[int, ...]
-    gap: int
-    previous: tuple[int, ...]
+from weberlink.update import Update
 
 
 class Stream:
@@ -31,7 +20,7 @@ class Stream:
 
     def __init__(self, layout: UpdateLayout) -> None:
         self.layout = layout
-        self.update: PendingUpdate | None = None
+        self.update: Update | None = None
         self.repetition = Repetition()
         self.is_forgotten = False
         self._last_ack = 0

@@ -35,12 +35,14 @@ After these the tag of the security suite. Kind and sequence stay in clear, and 
 encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.
 """
 
+from collections.abc import Collection, Sequence
 from enum import IntEnum
 from struct import Struct, error
 from typing import NamedTuple
 
 from weberlink.protocol.credit import HEARTBEAT_BITS, UPDATE_BITS
 from weberlink.protocol.reasons import DropReason
+from weberlink.update import MAX_GAP, MAX_SELECTOR, ModelParameters, PreviousSample, Update, parameter_bits
 
 CHANGE_TICK_BYTES = 4
 CLEAR_BYTES = 4
@@ -52,8 +54,6 @@ LONGEST_REASON = 64
 LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
 """Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
-MAX_GAP = 0xFFFF
-MAX_SELECTOR = 0b111
 CHANGE_TICK_BITS = 32
 TOKEN_BYTES = 8
 
@@ -247,10 +247,16 @@ def unpack_bye(body: bytes) -> str:
 class UpdateLayout:
     """Packs and unpacks the updates of one stream."""
 
-    __slots__ = ("_kind", "_paired", "_paired_body", "_plain", "_plain_body", "carries_credit", "values")
+    __slots__ = ("_kind", "_paired", "_paired_body", "_parametric", "_plain", "_plain_body", "carries_credit", "values")
 
     def __init__(
-        self, values: int, *, carries_credit: bool = False, further_acks: int = 0, kind: Kind = Kind.UPDATE
+        self,
+        values: int,
+        *,
+        carries_credit: bool = False,
+        further_acks: int = 0,
+        kind: Kind = Kind.UPDATE,
+        parametric: Collection[int] = (),
     ) -> None:
         """Prepare for samples of `values` levels.
 
@@ -259,6 +265,7 @@ class UpdateLayout:
             carries_credit: whether each datagram carries the sender's.
             further_acks: streams of the other direction beside the first, which each datagram acknowledges too.
             kind: of the updates.
+            parametric: selectors whose updates carry model parameters and not the previous sample.
 
         Raises:
             ValueError: if an update of so many would not fit a datagram.
@@ -268,6 +275,7 @@ class UpdateLayout:
         self.values = values
         self.carries_credit = carries_credit
         self._kind = int(kind)
+        self._parametric = frozenset(parametric)
         tail = "H" * (carries_credit + further_acks)
         self._plain = Struct(f"<IQ{values}h{tail}")
         self._paired = Struct(f"<IQ{values}hH{values}H{tail}")
@@ -282,48 +290,71 @@ class UpdateLayout:
         self,
         sequence: int,
         word: int,
-        selector: int,
-        newest: tuple[int, ...],
-        gap: int,
-        previous: tuple[int, ...],
+        update: Update,
         credit: int = 0,
         further_acks: tuple[int, ...] = (),
     ) -> bytes:
         """Datagram of one update, without tag; `sequence` and acknowledgements already truncated."""
-        first = self._kind | selector << _SELECTOR_SHIFT | sequence << 8
+        newest, payload = update.newest, update.payload
+        first = self._kind | update.selector << _SELECTOR_SHIFT | sequence << 8
         last = (credit & _UPDATE_CREDIT_MASK, *further_acks) if self.carries_credit else further_acks
-        if not previous:
+        if payload is None:
             return self._plain.pack(first, word, *newest, *last)
+        gap, previous = payload if isinstance(payload, PreviousSample) else _words(payload.bits, self.values)
         difference = [(new - old) & 0xFFFF for new, old in zip(newest, previous, strict=True)]
         return self._paired.pack(first | MARK, word, *newest, gap, *difference, *last)
 
-    def check(self, selector: int, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]) -> None:
+    def check(self, update: Update) -> None:
         """See that an update can be packed without loss.
 
         Raises:
             ValueError: naming the field and its range.
         """
-        if not 0 <= selector <= MAX_SELECTOR:
-            raise ValueError(f"selector must be in 0..{MAX_SELECTOR}, not {selector}")
-        if (previous and not 1 <= gap <= MAX_GAP) or (not previous and gap):
-            raise ValueError(f"gap must be in 1..{MAX_GAP} with a previous sample and 0 without, not {gap}")
-        for levels in (newest, previous) if previous else (newest,):
+        payload = update.payload
+        if not 0 <= update.selector <= MAX_SELECTOR:
+            raise ValueError(f"selector must be in 0..{MAX_SELECTOR}, not {update.selector}")
+        samples = [update.newest]
+        if isinstance(payload, ModelParameters):
+            if not 0 <= payload.bits < 1 << parameter_bits(self.values):
+                raise ValueError(f"model parameters must fit {parameter_bits(self.values)} bits, not {payload.bits:#x}")
+        elif payload is not None:
+            if not 1 <= payload.gap <= MAX_GAP:
+                raise ValueError(f"gap must be in 1..{MAX_GAP}, not {payload.gap}")
+            samples.append(payload.levels)
+        for levels in samples:
             try:
                 self._plain_body.pack(*levels)
             except error:
                 raise ValueError(f"a sample must be {self.values} levels of int16, not {levels!r}") from None
 
-    def unpack(self, body: bytes, has_previous: bool) -> tuple[tuple[int, ...], int, tuple[int, ...]]:
-        """Newest levels, gap, previous levels of a body as `read_head` takes it."""
-        values = self.values
-        if not has_previous:
-            return self._plain_body.unpack_from(body, _WORD.size), 0, ()
+    def unpack(self, body: bytes, head: Head, tick: int) -> Update | None:
+        """The update in a body as `read_head` takes it, `tick` expanded; None if its gap is 0."""
+        values, selector = self.values, head.selector
+        if not head.has_previous:
+            return Update(tick, selector, self._plain_body.unpack_from(body, _WORD.size))
         fields = self._paired_body.unpack_from(body, _WORD.size)
         newest, gap = fields[:values], fields[values]
         previous = [
             ((new - step + 0x8000) & 0xFFFF) - 0x8000 for new, step in zip(newest, fields[values + 1 :], strict=True)
         ]
-        return newest, gap, tuple(previous)
+        if not gap:
+            return None
+        if selector in self._parametric:
+            return Update(tick, selector, newest, ModelParameters(_bits(gap, previous)))
+        return Update(tick, selector, newest, PreviousSample(gap, tuple(previous)))
+
+
+def _words(bits: int, count: int) -> tuple[int, tuple[int, ...]]:
+    """Model parameters in the fields of gap and previous sample; the highest bit of the gap is set, so it is not 0."""
+    words = [bits >> 15 + 16 * index & 0xFFFF for index in range(count)]
+    return 0x8000 | bits & 0x7FFF, tuple([word - 0x10000 if word & 0x8000 else word for word in words])
+
+
+def _bits(gap: int, words: Sequence[int]) -> int:
+    bits = 0
+    for word in reversed(words):
+        bits = bits << 16 | word & 0xFFFF
+    return bits << 15 | gap & 0x7FFF
 
 
 def length_fault(data: bytes, lengths: dict[int, tuple[int, int]]) -> DropReason | None:

@@ -1,7 +1,6 @@
 """Indexing: while a button is pressed the hand moves and the robot stays, as one lifts a mouse."""
 
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import IDENTITY, Quaternion
+from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product
 from weberlink.geometry.vector import ZERO, Vector, add, subtract
 
 

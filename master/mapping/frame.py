@@ -2,8 +2,7 @@
 
 from math import cos, radians, sin
 
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import Quaternion
+from weberlink.geometry.rotation import Quaternion, inverse, product
 from weberlink.geometry.vector import Vector, add, scale
 
 Box = tuple[Vector, Vector]

@@ -10,7 +10,7 @@ from tests.soak.laws import longest_gap
 from tests.soak.processes import cpu_seconds, socket_queue
 from tests.soak.rig import SIDES, Rig, RigError
 from weberlink.protocol.states import State
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records, SessionScore
 

@@ -5,8 +5,7 @@ from math import pi
 import mujoco
 import numpy as np
 
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import Quaternion, unit_quaternion, vector
+from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.mjcf.impedance import IMMOBILE
 from weberlink.slave.robots.mjcf.plant import Array, Plant

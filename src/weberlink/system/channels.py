@@ -1,10 +1,11 @@
 """The channels of a side: one codec, one stream of updates, and one sensor or place on this end each."""
 
-from weberlink.codec import Decoder, Encoder, Update
-from weberlink.codec.fitted import UNFITTED, Fitted, fitted
+from weberlink.codec import Decoder, Encoder
+from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.control.contract import MasterControl
 from weberlink.control.port import Sensor
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.update import Update
 
 
 class OutgoingChannel:
@@ -19,17 +20,15 @@ class OutgoingChannel:
     Attributes:
         update: made in this tick, if any.
         held: what the decoder of the peer holds after this tick if nothing was lost; None for nothing.
-        fitted: the contact model of the newest update.
+        model: the contact model of the newest update.
     """
-
-    __slots__ = ("_sample", "encoder", "fitted", "held", "name", "sensor", "stream", "update")
 
     def __init__(self, name: str, stream: int, encoder: Encoder, sensor: Sensor) -> None:
         self.name, self.stream, self.encoder, self.sensor = name, stream, encoder, sensor
         self._sample = sensor.sample
         self.update: Update | None = None
         self.held: Vector | None = None
-        self.fitted: Fitted = UNFITTED
+        self.model: ModelRecord = UNFITTED
 
     @property
     def selected(self) -> int:
@@ -37,7 +36,7 @@ class OutgoingChannel:
 
     def reset(self) -> None:
         self.encoder.reset()
-        self.fitted = UNFITTED
+        self.model = UNFITTED
 
     def encode(self, tick: int) -> None:
         """Encode the newest sample into `update`, where one must be sent."""
@@ -50,7 +49,7 @@ class OutgoingChannel:
         mirror = encoder.mirror
         assert mirror.newest is not None
         self.held = mirror.newest.value
-        self.fitted = fitted(mirror.state[1])
+        self.model = mirror.record
 
     def idle(self, tick: int) -> None:
         """A tick in which nothing is encoded."""
@@ -70,10 +69,8 @@ class IncomingChannel:
 
     Attributes:
         received: updates applied in this tick.
-        fitted: the contact model of the newest update.
+        model: the contact model of the newest update.
     """
-
-    __slots__ = ("_learner", "_place", "decoder", "fitted", "name", "received", "stream")
 
     def __init__(
         self,
@@ -87,7 +84,7 @@ class IncomingChannel:
         self._place = place
         self._learner = learner
         self.received = 0
-        self.fitted: Fitted = UNFITTED
+        self.model: ModelRecord = UNFITTED
 
     @property
     def selected(self) -> int:
@@ -95,7 +92,7 @@ class IncomingChannel:
 
     def reset(self) -> None:
         self.decoder.reset()
-        self.fitted = UNFITTED
+        self.model = UNFITTED
 
     def apply(self, update: Update) -> None:
         """Take an update.
@@ -105,11 +102,11 @@ class IncomingChannel:
         """
         self.decoder.apply(update)
         self.received += 1
-        model, newest = self.decoder.state[1], self.decoder.newest
-        assert newest is not None
-        self.fitted = fitted(model)
+        self.model = self.decoder.record
         if self._learner is not None:
-            self._learner.learn(None if model is None else model.wall(), newest.value, newest.position)
+            newest = self.decoder.newest
+            assert newest is not None
+            self._learner.learn(self.decoder.surface, newest.value, newest.position)
 
     def decode(self, tick: float) -> Vector | None:
         """The value now; `tick` is of the peer. None before the first update."""

@@ -18,8 +18,8 @@ from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
-from weberlink.system.composition.deadband import deadband_in_words
-from weberlink.system.composition.link import build_security, channels, streams
+from weberlink.system.composition.channels import channels, streams
+from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
 from weberlink.system.composition.trial import lacks
@@ -57,7 +57,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield from _link(system)
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
-        + ("" if (shape := deadband_in_words(system)) == "isotropic" else f"; {shape}")
+        + ("" if (shape := channels(system)[1].deadband.describe()) == "isotropic" else f"; {shape}")
     )
     yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
     bound_mm = 1e3 * system.codec.position.bound_m
@@ -138,7 +138,7 @@ def _sizes(channel: Channel, tag: int, system: System) -> str:
 
 def _layout(channel: Channel, system: System) -> UpdateLayout:
     return UpdateLayout(
-        channel.level_count,
+        channel.grid.size,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
         further_acks=0 if system.codec.rotation is None else 1,
     )
@@ -161,7 +161,7 @@ def _rotation(system: System, tag: int) -> Iterator[str]:
 
 
 def _uncoded_kbit(system: System, tag: int) -> float:
-    sizes = [UpdateLayout(each.level_count).size(with_previous=False) for way in streams(system) for each in way]
+    sizes = [UpdateLayout(each.grid.size).size(with_previous=False) for way in streams(system) for each in way]
     octets = sum(size + tag + UDP_IP_BYTES for size in sizes)
     return octets * 8 * system.rate_hz / 1e3
 

@@ -33,8 +33,7 @@ import numpy as np
 
 from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
-from weberlink.system.composition.deadband import measure_of
-from weberlink.system.composition.link import banks
+from weberlink.system.composition.channels import banks, measure_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
 from weberlink.system.journal import Journal

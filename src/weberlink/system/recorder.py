@@ -15,7 +15,7 @@ import yaml
 
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
-from weberlink.system.composition.link import banks
+from weberlink.system.composition.channels import banks
 from weberlink.system.configuration import Configuration, ConfigurationError
 from weberlink.system.environment import environment
 from weberlink.system.extras import need

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, nan
 from typing import Any
 
-from weberlink.codec import Update
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import Tuning
@@ -28,6 +27,7 @@ from weberlink.realtime.watchdog import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import RELEASED, UNKNOWN, Record, compile_row
+from weberlink.update import Update
 
 CONNECT_PATIENCE = 1.0
 """A run that ends without a session after longer than this has failed, not completed [s]."""
@@ -55,10 +55,10 @@ COLUMNS = {
     "rtt_us": "nan if statistics.rtt is None else statistics.rtt * 1e6",
     "one_way_us": "nan if statistics.one_way is None else statistics.one_way * 1e6",
     "tank": "control.tank",
-    "surface": "force.fitted.surface",
-    "surface_size": "force.fitted.size",
-    "surface_stiffness": "force.fitted.stiffness",
-    "model": "force.fitted.kind",
+    "surface": "force.model.surface",
+    "surface_size": "force.model.size",
+    "surface_stiffness": "force.model.stiffness",
+    "model": "force.model.kind",
     "state": "endpoint.state.value",
     "fault": "faults.active",
     "control": "schemes[control.active]",
@@ -96,36 +96,6 @@ class Side:
         watchdog: expires when the port gives no usable reading for too long.
         stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
     """
-
-    __slots__ = (
-        "_channels",
-        "_encodes",
-        "_faults",
-        "_has_connected",
-        "_horizon",
-        "_is_fresh",
-        "_last_reading_at",
-        "_leads",
-        "_opened_at",
-        "_peer_tick",
-        "_row",
-        "_stopping",
-        "_stopwatch",
-        "_tick_period",
-        "_watchdog",
-        "codec_time",
-        "deadline",
-        "endpoint",
-        "engaged",
-        "failure",
-        "incoming",
-        "index",
-        "outgoing",
-        "pace",
-        "port",
-        "stopped",
-        "tuning",
-    )
 
     def __init__(
         self,
@@ -291,7 +261,7 @@ class Side:
         """Other events need nothing: `_engage` sees the state, and the endpoint counts what it drops."""
         match event:
             case UpdateReceived():
-                self._apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous), event.stream)
+                self._apply(event.update, event.stream)
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
@@ -445,7 +415,7 @@ class Side:
         self.codec_time += self._stopwatch() - began
         for channel in self.outgoing:
             if channel.update is not None:
-                endpoint.send_update(now, *channel.update, stream=channel.stream)
+                endpoint.send_update(now, channel.update, stream=channel.stream)
 
     def _actuate(self, now: float, elapsed: float) -> None:
         """Decode every channel for this very moment, without waiting for the network, and act on it."""

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, norm, scale, unit
 from weberlink.master.devices.contract import TorqueDevice
 from weberlink.master.devices.hand import Hand, HandOptions, Oscillator

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.geometry.quaternion import turned
-from weberlink.geometry.rotation import IDENTITY
+from weberlink.geometry.rotation import IDENTITY, turned
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 from weberlink.master.mapping import FrameMap
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, norm, scale
 from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions

@@ -1,4 +1,4 @@
-"""The filters of `weberlink.codec.adaptive.trend`, made again of recorded signals by weighted least squares.
+"""The filters of `weberlink.codec.predictors.trend`, made again of recorded signals by weighted least squares.
 
 What is to come at a tick (its mean over a horizon, or the line through it) less the newest sample is regressed on the
 newest sample less earlier ones. All axes share one filter, so that it turns with the signal. Errors count in deadbands,
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.adaptive.trend import LAGS
+from weberlink.codec.predictors.trend import LAGS
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 from math import exp
 
-from weberlink.codec.adaptive.candidate import Candidate
-from weberlink.codec.adaptive.shadow import MEMORY, Shadow
+from weberlink.codec.adaptive import MEMORY, Shadow
+from weberlink.codec.predictors.contract import Candidate
 from weberlink.geometry.vector import Vector
 
 

@@ -5,15 +5,18 @@ has no switch for what nobody would switch off.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from weberlink.codec import Channel, Encoder, force_channel
-from weberlink.codec.adaptive.candidate import Candidate, Occasion
-from weberlink.codec.adaptive.choice import PRESENT, Choice
-from weberlink.codec.adaptive.shadow import MEMORY, Shadow
-from weberlink.codec.adaptive.surface import Moving, Rough, Smooth
+from weberlink.codec.adaptive import MEMORY, PRESENT, AdaptiveChoice, Shadow
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, HYBRID_BANK, Model
-from weberlink.codec.predictors.surface import Surface
+from weberlink.codec.predictors.contract import Candidate, EncodeContext
+from weberlink.codec.predictors.surface import (
+    FrictionalHypothesis,
+    FrictionlessHypothesis,
+    MovingHypothesis,
+    SurfacePatch,
+)
 from weberlink.codec.sample import Sample
 from weberlink.codec.smoothing import Smoothing
 from weberlink.studies.adaptive.shadows import Tuned
@@ -54,9 +57,9 @@ def _bank_without(name: str) -> Part:
 
 ABLATIONS: dict[str, Part] = {
     **{f"no {name}": _bank_without(name) for name in ADAPTIVE_BANK},
-    "no friction": Part(without=(Rough,)),
-    "no motion": Part(without=(Moving,)),
-    "no still, frictionless surface": Part(without=(Smooth,)),
+    "no friction": Part(without=(FrictionalHypothesis,)),
+    "no motion": Part(without=(MovingHypothesis,)),
+    "no still, frictionless surface": Part(without=(FrictionlessHypothesis,)),
     "no curvature": Part(flat=True),
     "no record": Part(memory=None),
     "no present error": Part(present=0.0),
@@ -90,12 +93,12 @@ class AlteredEncoder(Encoder):
 
     __slots__ = ()
 
-    def __init__(self, channel: Channel, choice: Choice) -> None:
+    def __init__(self, channel: Channel, choice: AdaptiveChoice) -> None:
         super().__init__(channel)
         self._choice = choice
 
 
-class AlteredChoice(Choice):
+class AlteredChoice(AdaptiveChoice):
     """The live one but for a `Part`."""
 
     __slots__ = ("_part",)
@@ -108,8 +111,15 @@ class AlteredChoice(Choice):
         super().reset()
         part, rest = self._part, self._channel.rest
         self._shadows = [
-            Tuned(shadow.selector, shadow.candidate, rest, shadow.doubt if part.doubts else 1.0, part.memory)
+            Tuned(
+                shadow.selector,
+                Flat(shadow.candidate) if part.flat else shadow.candidate,
+                rest,
+                shadow.doubt if part.doubts else 1.0,
+                part.memory,
+            )
             for shadow in self._shadows
+            if type(shadow.candidate) not in part.without
         ]
 
     def choose(
@@ -125,12 +135,7 @@ class AlteredChoice(Choice):
             return record + (whole - record) * present / PRESENT
 
         best = min((shadow for shadow in self._shadows if shadow.selector in selectors), key=cost)
-        return best.selector, best.candidate.model(Occasion(newest, earlier, bound, self._history))
-
-    def _candidates(self, name: str) -> list[Candidate]:
-        part = self._part
-        kept = [each for each in super()._candidates(name) if type(each) not in part.without]
-        return [Flat(each) for each in kept] if part.flat else kept
+        return best.selector, best.candidate.model(EncodeContext(newest, earlier, bound, self._history))
 
 
 class Flat:
@@ -141,6 +146,6 @@ class Flat:
     def __init__(self, candidate: Candidate) -> None:
         self._candidate = candidate
 
-    def model(self, occasion: Occasion) -> Model | None:
-        model = self._candidate.model(occasion)
-        return model._replace(curvature=0.0) if isinstance(model, Surface) else model
+    def model(self, context: EncodeContext) -> Model | None:
+        model = self._candidate.model(context)
+        return replace(model, curvature=0.0) if isinstance(model, SurfacePatch) else model

@@ -1,8 +1,7 @@
 """The wording of the page. Knows no row; the constants it names are those of the code."""
 
-from weberlink.codec.adaptive.choice import DOUBT, PRESENT
-from weberlink.codec.adaptive.shadow import MEMORY
-from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID
+from weberlink.codec.adaptive import MEMORY, PRESENT
+from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PREDICTORS
 from weberlink.studies.adaptive.variants import ALL_SINGLES, FLOOR_N, SINGLES
 
 FIGURES = {
@@ -53,7 +52,7 @@ EXPLORED = """a modelled hand (`evaluation/coding/scenes/`), with 2 mN rms of se
 something else is said; a seed is another motion."""
 
 CHOSEN = f"""Chosen were the time constant of the record ({MEMORY:g} ticks), the weight of the present
-error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({DOUBT["trend"]:g}), and the filters of
+error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({PREDICTORS["trend"].doubt:g}), and the filters of
 `codec/adaptive/trend.py`: least squares of the mean of the next 20
 samples, and of the line through the next 40, on differences of the latest ones, over the recordings of that half
 alone (`evaluation/adaptive/filters.py` makes them again). The form of the candidates was worked out while signals

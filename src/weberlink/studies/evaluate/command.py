@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from rich.table import Table
 
-from weberlink.codec.deadband.shapes import ISOTROPIC, SHAPES
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.master.trace import TraceError, read_trace
 from weberlink.studies.evaluate.engine import Engine, fitting, prepare
@@ -235,8 +235,8 @@ def _predictors(text: str) -> list[str]:
 def _deadbands(text: str, floor: float, *, plots: bool) -> list[str]:
     listed = [name.strip() for name in text.split(",")]
     for name in listed:
-        if name not in SHAPES:
-            raise ConfigurationError(f"--deadband: {name!r} is none of {', '.join(SHAPES)}")
+        if name not in DEADBANDS:
+            raise ConfigurationError(f"--deadband: {name!r} is none of {', '.join(DEADBANDS)}")
     _check_once("--deadband", listed)
     if "level_crossing" in listed and floor == 0.0:
         raise ConfigurationError("--deadband level_crossing: needs --floor above 0, which is the lowest level")

@@ -82,7 +82,7 @@ class Replay:
         """UDP payload of all updates on a secured link without delay control: each with its history or without, and
         its tag.
         """
-        layout, packets = UpdateLayout(channel.level_count), len(self.updates)
+        layout, packets = UpdateLayout(channel.grid.size), len(self.updates)
         return (
             self.paired * layout.size(with_previous=True)
             + (packets - self.paired) * layout.size(with_previous=False)
@@ -127,7 +127,7 @@ def replay(signal: Signal, channel: Channel) -> Replay:
         np.array(deviations),
         updates,
         np.array([update.selector for update in updates], np.int64),
-        sum(bool(update.previous) for update in updates),
+        sum(update.payload is not None for update in updates),
         1e6 * float(np.median(times)),
     )
 

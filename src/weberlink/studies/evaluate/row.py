@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from weberlink.codec import Channel
-from weberlink.codec.deadband.shapes import ISOTROPIC
+from weberlink.codec.deadband import ISOTROPIC
 from weberlink.studies.evaluate.engine import Engine, coding
 from weberlink.studies.evaluate.replay import Array, Signal
 from weberlink.system.scoring.perception import in_units, longest_run, noticed, rms

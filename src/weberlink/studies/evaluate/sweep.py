@@ -7,12 +7,11 @@ measured run time.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from weberlink.codec import Channel, force_channel
-from weberlink.codec.deadband import VelocityDeadband
-from weberlink.codec.deadband.shapes import ISOTROPIC, SHAPES
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import HYBRID
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
@@ -61,12 +60,11 @@ class Study:
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
     ) -> Channel:
         """Of the first shape unless another is named, for a signal of this period."""
-        shape = SHAPES[deadband or self.deadbands[0]](weber, self.floor)
-        if isinstance(shape, VelocityDeadband):
-            shape = replace(shape, period=period_s)
+        shape = DEADBANDS[deadband or self.deadbands[0]]
+        defaults = {name: option.default for name, option in shape.options.items()}
         return force_channel(
             predictor=predictor,
-            deadband=shape,
+            deadband=shape.configured(weber, self.floor, "actual", period_s, defaults),
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,

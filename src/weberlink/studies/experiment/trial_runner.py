@@ -15,7 +15,7 @@ from weberlink.studies.experiment.conduct import Elapsed, Felt, Trial
 from weberlink.studies.experiment.plan import PREDICTORS, Condition, Plan
 from weberlink.studies.experiment.scale import REFERENCES
 from weberlink.studies.experiment.simulated import FELT, THRESHOLD
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session

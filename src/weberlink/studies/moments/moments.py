@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec import Channel, Decoder, Encoder
-from weberlink.codec.predictors import ADAPTIVE, HYBRID, Model, Predictor
+from weberlink.codec.predictors import ADAPTIVE, HYBRID, Model
 from weberlink.codec.sample import Sample
-from weberlink.codec.update import Update
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.trace import Trace
+from weberlink.update import PreviousSample, Update
 
 CONTACT_SHARE = 0.05
 """Of the largest force of the signal; less is not called contact here."""
@@ -186,9 +186,9 @@ def _run(trace: Trace, channel: Channel) -> Iterator[_Tick]:
 
 def _fit(channel: Channel, update: Update, model: Model | None, until: int) -> Fit:
     assert model is not None
-    fitted = isinstance(channel.predictors[update.selector], Predictor)
-    previous = channel.sample(update.tick - update.gap, update.previous) if update.previous and fitted else None
-    return Fit(channel.bank[update.selector], model, channel.sample(update.tick, update.newest), previous, until)
+    payload, grid = update.payload, channel.grid
+    previous = grid.sample(update.tick - payload.gap, payload.levels) if isinstance(payload, PreviousSample) else None
+    return Fit(channel.bank[update.selector], model, grid.sample(update.tick, update.newest), previous, until)
 
 
 def _sums(flags: NDArray[np.bool_], length: int) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ from weberlink.studies.evaluate.sweep import Recording, Study, rows_of
 from weberlink.studies.paper.claims import CLAIMS, WEBER, WEBERS
 from weberlink.studies.paper.document import PREDICTORS, Condition, document
 from weberlink.studies.parallel import spread
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel
-from weberlink.codec.predictors import HYBRID, Trust
+from weberlink.codec.predictors import HYBRID, FitLimits
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.replay import replay, signal_of
@@ -133,7 +133,10 @@ class CodingStudy:
 def shipped_channel(predictor: str, weber: float) -> Channel:
     """The force channel of the shipped configurations: positions to +-65 mm in 2 um, contacts up to 3000 N/m."""
     return force_channel(
-        predictor=predictor, weber=weber, position_step=2e-6, trust=Trust(stiffness=(10.0, 3000.0), radius=(1e-3, 10.0))
+        predictor=predictor,
+        weber=weber,
+        position_step=2e-6,
+        fit_limits=FitLimits(stiffness=(10.0, 3000.0), radius=(1e-3, 10.0)),
     )
 
 

@@ -21,7 +21,7 @@ from weberlink.studies.stability.cells import HEIGHT, Cell, Timing, cells, timin
 from weberlink.studies.stability.survey import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, Verdict
 from weberlink.studies.stability.wall import Wall
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.model import ControlSettings
 from weberlink.system.environment import environment, footer

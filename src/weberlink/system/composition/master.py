@@ -15,6 +15,7 @@ from weberlink.protocol.security import Security
 from weberlink.protocol.session import FADE_SHARE, HORIZON_SHARE
 from weberlink.realtime.watchdog import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.system.composition.channels import streams
 from weberlink.system.composition.guardian import check_force_ends
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -26,7 +27,6 @@ from weberlink.system.composition.link import (
     check_axes,
     construct,
     located,
-    streams,
 )
 from weberlink.system.composition.live import build_tuning
 from weberlink.system.composition.mapping import build_mapping

@@ -15,6 +15,7 @@ from weberlink.slave.safety import CommandGuard, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.system.composition.channels import streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -25,7 +26,6 @@ from weberlink.system.composition.link import (
     check_axes,
     construct,
     located,
-    streams,
 )
 from weberlink.system.composition.live import build_tuning
 from weberlink.system.configuration import Configuration, ConfigurationError, System

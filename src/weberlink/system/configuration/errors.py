@@ -48,7 +48,7 @@ def _keys_at(model: type[BaseModel], location: tuple[str, ...]) -> list[str]:
 
 def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
+        return [annotation, *getattr(annotation, "variants", list)()]
     return [model for argument in getattr(annotation, "__args__", ()) for model in _models_in(argument)]
 
 

@@ -63,7 +63,7 @@ def _fewest(
             reach["linear"] = np.maximum(hold, line_reaches(demand, resolution))
         if members & {"plane", "sphere"}:
             # A surface that is not trusted holds.
-            plane, sphere = surface_reaches(demand, channel.trust, resolution)
+            plane, sphere = surface_reaches(demand, channel.fit_limits, resolution)
             reach |= {"plane": np.maximum(hold, plane), "sphere": np.maximum(hold, sphere)}
     if HYBRID in families:
         reach[HYBRID] = np.maximum.reduce([reach[name] for name in channel.bank])

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from weberlink.codec.predictors import Trust
+from weberlink.codec.predictors import FitLimits
 from weberlink.studies.evaluate.clairvoyant.demand import Array, Demand, Flags, lengths
 from weberlink.studies.evaluate.clairvoyant.sector import ROUNDING
 from weberlink.studies.evaluate.clairvoyant.stretch import Index, Ticks, reaches
@@ -55,7 +55,7 @@ class _Contact:
     high_from: Array
 
 
-def surface_reaches(demand: Demand, trust: Trust, resolution: int) -> tuple[Ticks, Ticks]:
+def surface_reaches(demand: Demand, trust: FitLimits, resolution: int) -> tuple[Ticks, Ticks]:
     """A plane's and a sphere's, from the tick after a send at each tick, shape (n,) each."""
     contact = _contact(demand, trust)
     stiffness = _stiffness_on_a_line if demand.collinear else _stiffness
@@ -71,7 +71,7 @@ def surface_reaches(demand: Demand, trust: Trust, resolution: int) -> tuple[Tick
     return found[PLANE], np.maximum(found[CONVEX], found[CONCAVE])
 
 
-def _contact(demand: Demand, trust: Trust) -> _Contact:
+def _contact(demand: Demand, trust: FitLimits) -> _Contact:
     size = lengths(demand.force)
     extent = trust.radius[1] + float(np.abs(demand.position).max(initial=0.0))
     # A stiff surface far from its centre rounds its depth.
