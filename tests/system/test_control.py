@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from tests.system.systems import configuration, output, raw, steps, system
 from weberlink.cli import app
-from weberlink.control.choice import MMT, NONE, TDPA
+from weberlink.control.auto import MMT, NONE, TDPA
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, dot, subtract
 from weberlink.protocol.emulation import EmulatedLink, Emulation

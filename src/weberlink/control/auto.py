@@ -11,7 +11,7 @@ for the tick: an energy debt calls for passivity control whatever the delay. Wha
 forgotten slowly, so that an active loop shows.
 """
 
-from weberlink.control.contract import ControlSettings, LinkQuality, MasterControl, WallModel
+from weberlink.control.contract import SchemeParameters, LinkQuality, MasterControl, WallModel
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
@@ -92,7 +92,7 @@ class AutoMaster:
 
     __slots__ = ("_choice", "_leaving", "_mmt", "_schemes", "_share", "_tdpa")
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._tdpa, self._mmt = TdpaMaster(settings), MmtMaster(settings)
         self._schemes: tuple[MasterControl, ...] = (DirectMaster(settings), self._tdpa, self._mmt)
         self._choice = SchemeChoice(settings.level)
@@ -164,7 +164,7 @@ class AutoSlave:
 
     __slots__ = ("_choice", "_tdpa")
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._tdpa = TdpaSlave(settings)
         self._choice = SchemeChoice(settings.level)
 

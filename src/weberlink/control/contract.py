@@ -138,7 +138,7 @@ class SlaveControl(Control, Protocol):
 
 
 @dataclass(frozen=True)
-class ControlSettings:
+class SchemeParameters:
     """What the two sides of a scheme are built from.
 
     Args:

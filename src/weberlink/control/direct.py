@@ -4,7 +4,7 @@ Assumes that the loop is stable by itself; adds no lag. Which stiffness and dela
 `weberlink stability` measures.
 """
 
-from weberlink.control.contract import ControlSettings, LinkQuality, WallModel
+from weberlink.control.contract import SchemeParameters, LinkQuality, WallModel
 from weberlink.geometry.vector import Vector
 
 
@@ -17,7 +17,7 @@ class DirectMaster:
     tank = 0.0
     credit = 0
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         """Make it; nothing of the settings is needed."""
 
     def reset(self) -> None: ...
@@ -43,7 +43,7 @@ class DirectSlave:
     tank = 0.0
     credit = 0
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         """Make it; nothing of the settings is needed."""
 
     def reset(self) -> None: ...

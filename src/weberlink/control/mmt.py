@@ -14,7 +14,7 @@ as the operator's port of `weberlink.control.tdpa`, which also answers for what 
 
 from math import dist, hypot
 
-from weberlink.control.contract import ControlSettings, LinkQuality, WallModel
+from weberlink.control.contract import SchemeParameters, LinkQuality, WallModel
 from weberlink.control.energy import FORGIVENESS, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.model import SurfaceMixture
@@ -38,7 +38,7 @@ class MmtMaster:
     active = "mmt"
     credit = 0
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)

@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
-from weberlink.control.contract import Control, ControlSettings, MasterControl, SlaveControl
+from weberlink.control.contract import Control, SchemeParameters, MasterControl, SlaveControl
 
 GROUP = "weberlink.control_schemes"
 
@@ -18,7 +18,7 @@ class Scheme(NamedTuple):
     """A control scheme.
 
     Args:
-        master: "module:Class" of the operator's end, a `MasterControl` built from `ControlSettings`; imported on use.
+        master: "module:Class" of the operator's end, a `MasterControl` built from `SchemeParameters`; imported on use.
         slave: likewise of the teleoperator's end, a `SlaveControl`.
         carries_credit: whether datagrams carry energy.
         does: one line for people.
@@ -97,17 +97,17 @@ else:
     """What `control.scheme` of a configuration may say."""
 
 
-def build_master_control(name: str, settings: ControlSettings) -> MasterControl:
+def build_master_control(name: str, settings: SchemeParameters) -> MasterControl:
     """The operator's end of a scheme; raises ValueError where an installed one is broken."""
     return cast(MasterControl, _build(name, SCHEMES[name].master, settings))
 
 
-def build_slave_control(name: str, settings: ControlSettings) -> SlaveControl:
+def build_slave_control(name: str, settings: SchemeParameters) -> SlaveControl:
     """The teleoperator's end of a scheme; raises ValueError where an installed one is broken."""
     return cast(SlaveControl, _build(name, SCHEMES[name].slave, settings))
 
 
-def _build(name: str, place: str, settings: ControlSettings) -> Control:
+def _build(name: str, place: str, settings: SchemeParameters) -> Control:
     module, _, attribute = place.partition(":")
     control: Any = getattr(import_module(module), attribute)(settings)
     if control.active not in SCHEMES:

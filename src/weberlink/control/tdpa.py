@@ -14,7 +14,7 @@ back, since the energy to push it out is still in the wall at the other end.
 
 from math import dist, hypot
 
-from weberlink.control.contract import LEAST_CONTACT, ControlSettings, LinkQuality, WallModel
+from weberlink.control.contract import LEAST_CONTACT, SchemeParameters, LinkQuality, WallModel
 from weberlink.control.energy import FORGIVENESS, CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.motion_port import MotionPort
@@ -41,7 +41,7 @@ class TdpaMaster:
 
     active = "tdpa"
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = SHARE_AT_MASTER * settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
@@ -102,7 +102,7 @@ class TdpaSlave:
 
     active = "tdpa"
 
-    def __init__(self, settings: ControlSettings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._catch_up_speed = settings.catch_up_speed
         self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)

@@ -6,7 +6,7 @@ from secrets import token_bytes
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from weberlink.codec import Channel
-from weberlink.control.contract import ControlSettings
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
@@ -123,7 +123,7 @@ def build_endpoint(
 
 @located
 def build_control(
-    configuration: Configuration, build: Callable[[str, ControlSettings], ControlEnd], force_range: float
+    configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], force_range: float
 ) -> ControlEnd:
     """One end of the control scheme.
 
@@ -136,7 +136,7 @@ def build_control(
         ConfigurationError: if the scheme is of another distribution and broken.
     """
     system = configuration.system
-    settings = ControlSettings(
+    settings = SchemeParameters(
         tick_period=system.tick_period,
         force_range=force_range,
         level=system.control.level_j,
