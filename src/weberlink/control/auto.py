@@ -11,7 +11,7 @@ for the tick: an energy debt calls for passivity control whatever the delay. Wha
 forgotten slowly, so that an active loop shows.
 """
 
-from weberlink.control.contract import SchemeParameters, LinkQuality, MasterControl, WallModel
+from weberlink.control.contract import LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave

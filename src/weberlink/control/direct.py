@@ -4,7 +4,7 @@ Assumes that the loop is stable by itself; adds no lag. Which stiffness and dela
 `weberlink stability` measures.
 """
 
-from weberlink.control.contract import SchemeParameters, LinkQuality, WallModel
+from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
 from weberlink.geometry.vector import Vector
 
 

@@ -14,7 +14,7 @@ as the operator's port of `weberlink.control.tdpa`, which also answers for what 
 
 from math import dist, hypot
 
-from weberlink.control.contract import SchemeParameters, LinkQuality, WallModel
+from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import FORGIVENESS, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.model import SurfaceMixture

@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
-from weberlink.control.contract import Control, SchemeParameters, MasterControl, SlaveControl
+from weberlink.control.contract import Control, MasterControl, SchemeParameters, SlaveControl
 
 GROUP = "weberlink.control_schemes"
 

@@ -14,7 +14,7 @@ back, since the energy to push it out is still in the wall at the other end.
 
 from math import dist, hypot
 
-from weberlink.control.contract import LEAST_CONTACT, SchemeParameters, LinkQuality, WallModel
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import FORGIVENESS, CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.motion_port import MotionPort

@@ -22,8 +22,7 @@ from weberlink.protocol.events import (
     UpdateReceived,
 )
 from weberlink.protocol.states import State
-from weberlink.realtime.stall import StallDetector
-from weberlink.realtime.watchdog import Watchdog
+from weberlink.realtime.stall import StallDetector, Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.telemetry.fault import Fault, FaultLedger
 from weberlink.telemetry.record import RELEASED, UNKNOWN, Record, compile_row

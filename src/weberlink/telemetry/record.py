@@ -1,10 +1,6 @@
-"""The record of one tick of one side: one table, and the layouts that follow from it.
+"""The telemetry record of one tick of one side: one table of fields, and what follows from it.
 
-The rotation has a part of its own at the end, which is 0 in a session of three degrees of freedom.
-
-Owns names, types, units and meanings. Knows nothing of how records travel. `RECORD` packs for the writer,
-`DESCRIPTION` becomes the numpy type of the reader, and `Record` names the values for whoever fills one in; all in the
-order of `FIELDS`.
+`RECORD` packs for the writer, `DESCRIPTION` is the numpy type of the reader, and `compile_row` fills a record by name.
 """
 
 from collections import namedtuple
@@ -34,7 +30,7 @@ class Field(NamedTuple):
     meaning: str
 
 
-# Wide types come first, in each of the two parts: every value of a packed record is on its own boundary within it.
+# Wide types come first, in the part of the rotation again: so every value of a packed record is aligned.
 FIELDS = (
     Field("at", "<f8", 1, "s", "deadline of the tick, monotonic clock of this host"),
     Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer, since its tick 0; NaN while unknown"),

@@ -13,7 +13,7 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.roles import Role
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import FADE_SHARE, HORIZON_SHARE
-from weberlink.realtime.watchdog import Watchdog
+from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
 from weberlink.system.composition.guardian import check_force_ends

@@ -8,7 +8,7 @@ from weberlink.control.table import build_slave_control
 from weberlink.protocol.roles import Role
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import HORIZON_SHARE
-from weberlink.realtime.watchdog import Watchdog
+from weberlink.realtime.stall import Watchdog
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.safety import CommandGuard, Workspace
