@@ -207,12 +207,12 @@ def test_sample_carries_the_named_axes_only(name: str) -> None:
     loaded = load(CONFIGS / name).system
     forward, backward = channels(loaded)
     axes = len(loaded.axes)
-    assert (forward.grid.level_count, backward.grid.level_count) == (axes, 2 * axes)
+    assert (forward.grid.size, backward.grid.size) == (axes, 2 * axes)
 
 
 def test_one_axis_is_shorter_on_the_wire_than_three() -> None:
     one, three = (channels(configuration(f"axes={axes}").system) for axes in ("z", "xyz"))
     for narrow, wide in zip(one, three, strict=True):
         for with_history in (False, True):
-            sizes = [UpdateLayout(each.grid.level_count).size(with_previous=with_history) for each in (narrow, wide)]
+            sizes = [UpdateLayout(each.grid.size).size(with_previous=with_history) for each in (narrow, wide)]
             assert sizes[0] < sizes[1]
