@@ -35,8 +35,8 @@ class Guardian:
     """Takes the force off a device within `LEASE_S` and a few milliseconds of the last command of the loop.
 
     The port calls it around each message (see `SerialPort`), and the worker sets the time of each command (see
-    `Worker`). No force is written without a running guardian, nor one whose command is older than the worker allows. So the first
-    message after this process was stopped carries no force.
+    `Worker`). No force is written without a running guardian, nor one whose command is older than the worker allows. So
+    the first message after this process was stopped carries no force.
 
     Args:
         zero: message that takes the force off; must be understood as such whatever came before it, half a message
