@@ -15,7 +15,6 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, HaplyBoard
 from weberlink.master.devices.haply.linkage import (
-    MOST_TORQUE_N_M,
     HaplyFrame,
     HaplyVersion,
     Pair,
@@ -24,6 +23,7 @@ from weberlink.master.devices.haply.linkage import (
     degrees,
     radians,
 )
+from weberlink.master.devices.haply.options import HaplyOptions
 
 SETTLING_S = 0.1
 """Longest wait for an owed answer until it counts as lost [s]."""
@@ -219,35 +219,19 @@ class HaplyExchange:
 
     Args:
         find: gives the path of the port.
-        version: the kind of device, with the changes of the options.
-        frame: of the device.
+        version: of the device, with the changes of the options.
+        options: of the driver.
         guardian: takes the torque off when this process stops; None for a device without force.
-        torque_limit: of either motor [N m]; both are scaled down together, so that the force keeps its direction.
-        torque_gain: what the board is told for each newton metre.
-        reply: how long an answer may take [s].
-        keep_home: whether a board that has already been set up like this keeps its home.
     """
 
     def __init__(
-        self,
-        find: Callable[[], str],
-        version: HaplyVersion,
-        frame: HaplyFrame,
-        guardian: Guardian | None = None,
-        *,
-        torque_limit: float = MOST_TORQUE_N_M,
-        torque_gain: float = 1.0,
-        reply: float = 0.01,
-        keep_home: bool = True,
+        self, find: Callable[[], str], version: HaplyVersion, options: HaplyOptions, guardian: Guardian | None = None
     ) -> None:
         self.guardian = guardian
         self._find = find
         self._version = version
-        self._frame = frame
-        self._torque_limit = torque_limit
-        self._torque_gain = torque_gain
-        self._reply = reply
-        self._keep_home = keep_home
+        self._options = options
+        self._frame = HaplyFrame(options.origin_m or version.center)
         self._board = version.board
         self._zero = self._board.torques(0.0, 0.0)
         self._line: HaplyLine | None = None
@@ -279,7 +263,7 @@ class HaplyExchange:
         if line is None:
             raise HardwareFault("not open")
         try:
-            return self._follow(line, self._message(force), self._reply)
+            return self._follow(line, self._message(force), self._options.reply_ms * 1e-3)
         except Forgotten:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
 
@@ -300,7 +284,7 @@ class HaplyExchange:
             BadReply: no answer was good enough to tell.
             HardwareFault: it had been set up, and is not any more.
         """
-        keeps = self._angles is not None or self._keep_home
+        keeps = self._angles is not None or self._options.home == "kept"
         bad = BadReply("does not answer")
         for _ in range(QUESTIONS):
             try:
@@ -350,7 +334,8 @@ class HaplyExchange:
             first, second = self._version.bar.jacobian(self._angles).torques(planar)
         except Unreachable:
             return self._zero
-        first, second = first * self._torque_gain, second * self._torque_gain
+        gain, limit = self._options.torque_gain, self._options.torque_limit_n_m
+        first, second = first * gain, second * gain
         most = max(abs(first), abs(second))
-        share = self._torque_limit / most if most > self._torque_limit else 1.0
+        share = limit / most if most > limit else 1.0
         return self._board.torques(first * share, second * share)

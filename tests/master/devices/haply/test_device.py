@@ -16,8 +16,9 @@ from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.haply.device import HaplyDevice, HaplyOptions
+from weberlink.master.devices.haply.device import HaplyDevice
 from weberlink.master.devices.haply.linkage import VERSIONS, degrees
+from weberlink.master.devices.haply.options import HaplyOptions
 from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 TICK = 0.001

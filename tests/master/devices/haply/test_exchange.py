@@ -19,9 +19,11 @@ from weberlink.master.devices.haply.exchange import (
     HaplyLine,
 )
 from weberlink.master.devices.haply.linkage import VERSIONS, HaplyFrame, Pair, radians
+from weberlink.master.devices.haply.options import HaplyOptions
 
 V3 = VERSIONS["v3"]
 HOME = at(*BOARD.home_deg)
+PATIENT = HaplyOptions(reply_ms=100.0)
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def far() -> Iterator[Far]:
 
 @pytest.fixture
 def exchange(far: Far) -> Iterator[HaplyExchange]:
-    made = HaplyExchange(lambda: far.path, V3, HaplyFrame(V3.center), reply=10.0)
+    made = HaplyExchange(lambda: far.path, V3, PATIENT)
     yield made
     far.rest = lambda: far.say(HOME)
     made.close()
@@ -58,7 +60,7 @@ def test_a_board_that_does_not_is_set_up(far: Far, exchange: HaplyExchange) -> N
 def test_unexpected_angles_after_setup_are_refused(far: Far) -> None:
     far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
     far.rest = lambda: far.say(at(150.0, 30.0))
-    exchange = HaplyExchange(lambda: far.path, V3, HaplyFrame(V3.center), reply=10.0)
+    exchange = HaplyExchange(lambda: far.path, V3, PATIENT)
     with pytest.raises(HardwareFault, match="is another firmware on the board"):
         exchange.open()
     exchange.close()
@@ -78,7 +80,7 @@ def test_a_singular_posture_gets_no_torque(far: Far) -> None:
     """Motors on one axis, and the arms nearly one over the other: a force could need any torque."""
     v2 = VERSIONS["v2"]
     board = replace(v2.board, home_deg=(90.2, 89.8), whole_counts=False)
-    exchange = HaplyExchange(lambda: far.path, replace(v2, board=board), HaplyFrame(v2.center), reply=10.0)
+    exchange = HaplyExchange(lambda: far.path, replace(v2, board=board), PATIENT)
     reply = bytes((board.id,)) + at(90.2, 89.8)[1:]
     far.rest = lambda: far.say(reply)
     exchange.open()
