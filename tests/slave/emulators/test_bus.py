@@ -9,10 +9,8 @@ from tests.slave.emulators.host import IDS, Host
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import packet
 from weberlink.slave.robots.dynamixel.packet import (
-    ACCESS_ERROR,
     BROADCAST,
     Packet,
-    StatusPacket,
     StatusPacketReader,
     encode_packet,
 )
@@ -33,17 +31,6 @@ def test_an_answer_leaves_after_both_packets_and_the_delay(baud: int, delay: int
     due = 14 * 10 / baud + 2e-6 * delay + 15 * 10 / baud
     assert host.ask(READ_POSITION, patience=due - 1e-6) == []
     assert len(host.wait(2e-6)) == 1
-
-
-def test_the_timer_is_when_something_is_next_due(host: Host) -> None:
-    assert host.emulator.next_timer() is None
-    host.emulator.receive(encode_packet(READ_POSITION), host.now)
-    timers = []
-    while (timer := host.emulator.next_timer()) is not None:
-        timers.append(timer - host.now)
-        host.emulator.advance(timer)
-        host.emulator.replies(timer)
-    assert timers == pytest.approx([140e-6, 790e-6])
 
 
 def test_the_vendors_packets() -> None:
@@ -78,13 +65,6 @@ def test_behind_one_that_is_silent_all_are(host: Host) -> None:
     assert host.ask(packet.ping(13)) == []
     host.emulator.inject("dead", 0)
     assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == list(IDS)
-
-
-def test_a_refused_sync_read_is_answered_all_the_same(host: Host) -> None:
-    assert host.ask(packet.sync_read(14, 1, (11, 12))) == [
-        StatusPacket(11, ACCESS_ERROR),
-        StatusPacket(12, ACCESS_ERROR),
-    ]
 
 
 def test_sync_write_reaches_those_named_and_nobody_answers(host: Host) -> None:
@@ -122,24 +102,6 @@ def test_a_host_that_does_not_wait_is_counted_and_heard_later(host: Host) -> Non
     assert [status.id for status in host.ask(packet.ping(12), patience=second - 0.0005 - 1e-6)] == [11]
     assert [status.id for status in host.wait(2e-6)] == [12]
     assert host.emulator.bus.collisions == 1
-
-
-def test_packets_in_pieces_and_in_one_piece_mean_the_same() -> None:
-    stream = b"".join(map(encode_packet, (packet.write(11, 65, b"\x01"), packet.read(11, 65, 1), packet.ping(12))))
-    said = []
-    for size in (1, 5, len(stream)):
-        host = Host(DynamixelEmulator(DynamixelEmulatorOptions()))
-        for at in range(0, len(stream), size):
-            host.emulator.receive(stream[at : at + size], host.now)
-        said.append(host.wait(0.02))
-    assert said[0] == said[1] == said[2]
-    assert len(said[0]) == 3
-
-
-def test_a_value_that_looks_like_a_header_comes_through(host: Host) -> None:
-    value = -0x2_0001  # FF FF FD FF
-    assert host.write(11, 20, 4, value) == 0
-    assert host.read(11, 20, 4) == value
 
 
 @examples(60)

@@ -13,7 +13,6 @@ from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
 from weberlink.hardware.pty_device import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.slave.emulators import EMULATORS, load
 from weberlink.slave.emulators.arm_dynamics import STILL
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import packet
@@ -22,22 +21,12 @@ from weberlink.slave.robots.dynamixel.packet import Packet, StatusPacket, Status
 from weberlink.slave.scenes.settings import object_settings
 
 HOME = (0.0, -1.05, 0.35, 0.70)
-RAD_PER_COUNT = 2.0 * pi / 4096.0
 FLOOR = object_settings(shape="plane", point_m=(0.0, 0.0, 0.1), stiffness_n_m=500.0)
 PATIENCE_S = 5.0
 
 
 def arm(**options: object) -> Host:
     return Host(DynamixelEmulator(DynamixelEmulatorOptions.model_validate(options)))
-
-
-def test_the_table_loads_it() -> None:
-    assert load("dynamixel") is DynamixelEmulator
-    assert DynamixelEmulator.transport == "serial"
-    for name in EMULATORS:
-        assert load(name).OWN_FAULTS
-    with pytest.raises(ValueError, match="nearest is 'dynamixel'"):
-        load("dynamixl")
 
 
 @pytest.mark.parametrize(
@@ -55,14 +44,6 @@ def test_the_table_loads_it() -> None:
 def test_options_that_make_no_sense(options: dict[str, object]) -> None:
     with pytest.raises(ValidationError):
         DynamixelEmulatorOptions.model_validate(options)
-
-
-def test_it_measures_where_it_stands() -> None:
-    host = arm(start_rad=(0.5, -1.0, 0.4, 0.6))
-    statuses = host.ask(packet.sync_read(132, 4, IDS))
-    counts = [int.from_bytes(status.parameters, "little", signed=True) for status in statuses]
-    assert [(count - 2048) * RAD_PER_COUNT for count in counts] == pytest.approx([0.5, -1.0, 0.4, 0.6, 0.0], abs=1e-3)
-    assert host.emulator.tip == pytest.approx(arm_pose((0.5, -1.0, 0.4, 0.6)).tip)
 
 
 def test_somebody_holds_it_until_all_torque_is_on() -> None:
@@ -92,18 +73,6 @@ def test_a_current_turns_its_joint_with_the_ratio_of_stall_torque_to_stall_curre
     assert host.emulator.largest_current == pytest.approx(10 * 2.69e-3)
 
 
-def test_the_supply_bounds_current_and_speed() -> None:
-    host = arm(ids=(1, 2, 3, 4, 5))
-    for id_, address, size, value in ((5, 11, 1, 0), (5, 102, 2, 1193), (5, 64, 1, 1)):
-        assert host.write(id_, address, size, value) == 0
-    assert host.emulator.largest_current <= 2.3 * 1.01
-    speeds = []
-    for _ in range(100):
-        host.wait(0.001)
-        speeds.append(host.emulator.gripper.velocity)
-    assert max(speeds) < 46 * 2 * pi / 60
-
-
 def test_position_control_goes_there_and_holds() -> None:
     host = arm(current_noise_ma=0.0)
     goals = (2300, 1500, 2200, 2400)
@@ -117,17 +86,6 @@ def test_position_control_goes_there_and_holds() -> None:
     settled = [host.read(id_, 132, 4) for id_ in IDS]
     host.wait(0.5)
     assert [host.read(id_, 132, 4) for id_ in IDS] == settled
-
-
-def test_position_control_pushes_in_proportion_to_the_error_and_the_gain() -> None:
-    host = arm()  # held: the joint does not move
-    assert host.write(11, 116, 4, 2048 + 100) == 0
-    assert host.write(11, 64, 1, 1) == 0
-    assert host.emulator.currents[0] == pytest.approx(800 / 128 * 100 / 885 * 2.3)
-    assert host.write(11, 84, 2, 400) == 0
-    assert host.emulator.currents[0] == pytest.approx(400 / 128 * 100 / 885 * 2.3)
-    assert host.write(11, 116, 4, 1048) == 0
-    assert host.emulator.currents[0] == pytest.approx(-2.3)
 
 
 def test_velocity_and_current_are_measured_in_the_units_and_the_sense_of_the_registers() -> None:
@@ -146,13 +104,6 @@ def test_velocity_and_current_are_measured_in_the_units_and_the_sense_of_the_reg
     host.write(15, 64, 1, 0)
     host.wait(1.0)
     assert host.emulator.gripper.velocity == 0.0
-
-
-def test_the_measured_current_is_noisy_and_the_noise_repeatable() -> None:
-    hosts = [arm(current_noise_ma=30.0, seed=seed) for seed in (1, 1, 2)]
-    first, same, other = ([host.read(11, 126, 2) for _ in range(30)] for host in hosts)
-    assert first == same != other
-    assert 5 < max(first) < 60
 
 
 def test_the_goal_current_limits_mode_5() -> None:
@@ -183,14 +134,6 @@ class TestFaults:
             with pytest.raises(ValueError, match=r"expected|there are"):
                 emulator.inject(name, value)
 
-    def test_a_tripped_watchdog(self) -> None:
-        host = arm()
-        host.current_control(11, 12)
-        host.emulator.inject("trip_watchdog", 0)
-        host.wait(0.01)
-        assert [servo.registers["bus_watchdog"] for servo in host.emulator.servos] == [-1, -1, 0, 0, 0]
-        assert host.write(11, 102, 2, 1) == packet.DATA_RANGE_ERROR
-
     def test_a_stuck_encoder(self) -> None:
         host = arm(held=False, coulomb_n_m=STILL)
         host.emulator.inject("stuck_encoder", 2)
@@ -216,13 +159,6 @@ class TestFaults:
         assert host.ask(packet.ping(14))[0].error == 0
         assert host.read(11, 11, 1) == 0  # EEPROM
         assert host.read(11, 102, 2) == 0
-
-    def test_a_wrong_model(self) -> None:
-        host = arm()
-        host.emulator.inject("wrong_model", 1060)
-        assert host.ask(packet.ping(11))[0].parameters[:2] == (1060).to_bytes(2, "little")
-        host.emulator.inject("wrong_model", 0)
-        assert host.ask(packet.ping(11))[0].parameters[:2] == (1020).to_bytes(2, "little")
 
 
 def exercised(calls: list[float]) -> tuple[list[bytes], tuple[float, ...]]:

@@ -53,13 +53,6 @@ def test_its_rate_and_its_equation_hold_from_the_start(
     assert after[1] - rate == pytest.approx(step * pull, abs=2.0 * third * sqrt(stiffness / mass) * (1.0 + ratio))
 
 
-@pytest.mark.parametrize("damping", [0.0, 2.0])
-def test_without_a_spring_it_coasts(damping: float) -> None:
-    motion = Oscillation(0.5, 0.0, damping)
-    way = 0.1 if damping == 0.0 else 0.25 * (1.0 - exp(-0.4))
-    assert moved(motion, 0.3, 1.0, 0.0, 0.1) == pytest.approx((0.3 + way, exp(-0.4) if damping else 1.0), rel=1e-15)
-
-
 def test_far_overdamped_both_rates_keep_their_digits() -> None:
     """m = 1 g, k = 1 N/m, c = 1000 N s/m: the slow rate is k / c to 1e-9, which a difference of roots would lose."""
     motion = Oscillation(1e-3, 1.0, 1000.0)

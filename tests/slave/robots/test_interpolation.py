@@ -67,20 +67,6 @@ def test_while_samples_come_time_never_goes_back_and_is_late_by_the_lag(steps: l
         last = reading.at
 
 
-def test_after_the_newest_it_holds_and_does_not_extrapolate() -> None:
-    interpolation = Interpolation(0.005)
-    interpolation.add(TimedValues(1.0, (0.0,)))
-    interpolation.add(TimedValues(1.1, (1.0,)))
-    assert interpolation.at(9.0) == TimedValues(1.1, (1.0,))
-
-
-def test_before_the_oldest_that_is_kept_it_holds() -> None:
-    interpolation = Interpolation(0.0, keep=2)
-    for number in range(4):
-        interpolation.add(TimedValues(float(number), (float(number),)))
-    assert interpolation.at(0.5) == TimedValues(2.0, (2.0,))
-
-
 def test_a_sample_that_is_not_newer_is_ignored() -> None:
     interpolation = Interpolation(0.0)
     interpolation.add(TimedValues(1.0, (1.0,)))
@@ -89,19 +75,6 @@ def test_a_sample_that_is_not_newer_is_ignored() -> None:
     assert interpolation.at(2.0) == TimedValues(1.0, (1.0,))
 
 
-def test_a_restart_forgets_what_was() -> None:
-    interpolation = Interpolation(0.0)
-    interpolation.add(TimedValues(1.0, (1.0,)))
-    interpolation.restart(TimedValues(0.5, (3.0,)))
-    assert interpolation.at(0.7) == TimedValues(0.5, (3.0,))
-
-
 def test_nothing_is_made_up_before_the_first_sample() -> None:
     with pytest.raises(LookupError):
         Interpolation(0.0).at(1.0)
-
-
-@pytest.mark.parametrize(("lag", "keep"), [(-0.001, 4), (float("nan"), 4), (0.01, 1)])
-def test_a_lag_or_a_number_of_samples_that_makes_no_sense_is_refused(lag: float, keep: int) -> None:
-    with pytest.raises(ValueError, match="lag"):
-        Interpolation(lag, keep)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.slave.scenes.solids import GROUND, SHAPES, UP, elastic, scenes, wander
+from tests.slave.scenes.solids import GROUND, SHAPES, elastic, scenes, wander
 from weberlink.geometry.vector import ZERO, add, norm, scale
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
@@ -68,34 +68,6 @@ def test_the_grip_ends_where_the_anchor_is_dragged_along() -> None:
     assert sliding.grip == 0.0
     assert sliding.drag == pytest.approx((-0.4 * 4.0, 0.0, 0.0))
     assert scene.touch((0.0035, 0.0, -0.004))[0].grip == 1000.0, "drawn back it holds at once"
-
-
-def test_friction_that_is_forgotten_starts_where_the_probe_is() -> None:
-    scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
-    scene.touch((0.0, 0.0, 0.001))
-    scene.touch((0.0, 0.0, -0.004))
-    scene.forget_friction()
-    assert scene.touch((0.001, 0.0, -0.004))[0].drag == ZERO
-    assert scene.touch((0.002, 0.0, -0.004))[0].drag == pytest.approx((-1.0, 0.0, 0.0))
-
-
-def test_facing_is_the_tangent_planes_and_changes_nothing() -> None:
-    scene = Scene([SceneObject(GROUND, 500.0, None, 2.0), SceneObject(SHAPES["sphere"], 300.0)])
-    scene.touch((0.01, 0.0, 0.05))
-    before = scene.state
-    ground, ball = scene.facing((0.01, 0.0, 0.04))
-    assert ground == (0, pytest.approx(0.04), UP, 500.0, 2.0)
-    assert ball == (1, pytest.approx(0.02), (0.0, 0.0, 1.0), 300.0, 0.0)
-    assert scene.state == before
-    assert len(elastic(SHAPES["box cavity"]).facing(ZERO)) == 3
-
-
-def test_flat_and_rubbing_scenes_say_so() -> None:
-    assert Scene([]).flat
-    assert elastic(GROUND, SHAPES["plane"]).flat
-    assert not elastic(GROUND, SHAPES["sphere"]).flat
-    assert not elastic(GROUND).rubs
-    assert Scene([SceneObject(GROUND, 500.0), SceneObject(GROUND, 500.0, CONE)]).rubs
 
 
 @pytest.mark.parametrize("position", [(float("nan"), 0.0, 0.0), (0.0, 1e13, 0.0), (0.0, 0.0, float("-inf"))])

@@ -4,6 +4,7 @@ import os
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from pathlib import Path
 from select import select
 from threading import Event, Thread
 
@@ -12,7 +13,7 @@ import pytest
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.slave.robots.dynamixel import packet, registers
-from weberlink.slave.robots.dynamixel.bus import MARK_SIZES, MotorBus, MotorReading
+from weberlink.slave.robots.dynamixel.bus import MARK_SIZES, USB, MotorBus, MotorReading, latency_advice, latency_ms
 from weberlink.slave.robots.dynamixel.packet import (
     ALERT,
     Packet,
@@ -96,33 +97,9 @@ def bus(peer: Peer) -> Iterator[MotorBus]:
     port.close()
 
 
-def test_a_motor_says_what_it_is(peer: Peer, bus: MotorBus) -> None:
-    peer.answer = lambda request: [encode_status(StatusPacket(request.id, 0, b"\xfc\x03\x2d"))]
-    assert bus.ping(12) == 1020
-    assert peer.heard == [packet.ping(12)]
-
-
-def test_a_register_is_read_with_its_sign(peer: Peer, bus: MotorBus) -> None:
-    peer.answer = lambda request: [encode_status(StatusPacket(request.id, 0, b"\xff"))]
-    assert bus.read(11, registers.BUS_WATCHDOG) == -1
-    assert peer.heard == [packet.read(11, 98, 1)]
-
-
-def test_a_register_is_written_and_the_motor_heard_it(peer: Peer, bus: MotorBus) -> None:
-    peer.answer = lambda request: [encode_status(StatusPacket(request.id, 0))]
-    bus.write(13, registers.GOAL_CURRENT, -300)
-    assert peer.heard == [packet.write(13, 102, b"\xd4\xfe")]
-
-
 def test_all_motors_are_read_at_once(peer: Peer, bus: MotorBus) -> None:
     assert bus.present() == EXPECTED
     assert peer.heard == [packet.sync_read(126, 10, IDS)]
-
-
-def test_goals_go_to_all_and_nobody_answers(peer: Peer, bus: MotorBus) -> None:
-    bus.sync_write(registers.GOAL_CURRENT, [(11, 5), (12, -5)])
-    assert bus.present() == EXPECTED
-    assert peer.heard[0] == packet.sync_write(102, 2, [(11, b"\x05\x00"), (12, b"\xfb\xff")])
 
 
 def test_it_does_not_matter_how_answers_come_nor_what_strays_between(peer: Peer, bus: MotorBus) -> None:
@@ -173,13 +150,6 @@ def test_an_answer_that_came_too_late_is_not_taken_for_the_next(peer: Peer, bus:
     assert bus.present() == EXPECTED
 
 
-def test_what_strays_in_between_requests_is_not_taken_for_an_answer(peer: Peer, bus: MotorBus) -> None:
-    assert bus.present() == EXPECTED
-    os.write(peer.near, b"".join(encode_status(StatusPacket(id_, 0, measured(1, 1, 1))) for id_ in IDS))
-    select((peer.far,), (), (), PATIENCE)
-    assert bus.present() == EXPECTED
-
-
 class ScriptedPort:
     """That gives what it is told to, read by read."""
 
@@ -208,12 +178,6 @@ def test_an_answer_that_is_still_under_way_is_awaited_before_the_next_request() 
     with pytest.raises(BadReply, match="late"):
         bus.read(11, registers.TORQUE_ENABLE)
     assert bus.read(11, registers.OPERATING_MODE) == 3
-
-
-def test_an_answer_of_the_wrong_length_is_bad(peer: Peer, bus: MotorBus) -> None:
-    peer.answer = lambda request: [encode_status(StatusPacket(request.id, 0, b"\x01\x02"))]
-    with pytest.raises(BadReply, match="answered 2 bytes instead of 1"):
-        bus.read(11, registers.TORQUE_ENABLE)
 
 
 def test_a_refusal_says_what_and_why(peer: Peer, bus: MotorBus) -> None:
@@ -253,3 +217,35 @@ def test_a_port_that_is_gone_is_no_bad_reply(peer: Peer, bus: MotorBus) -> None:
     with pytest.raises(HardwareFault, match="unplugged") as caught:
         bus.present()
     assert not isinstance(caught.value, BadReply)
+
+
+@pytest.fixture
+def sysfs(tmp_path: Path) -> Path:
+    for name, text in (("ttyUSB0", "16\n"), ("ttyUSB1", "1\n"), ("ttyUSB2", "soon\n")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "latency_timer").write_text(text)
+    return tmp_path
+
+
+def test_a_slow_adapter_comes_with_the_command_that_sets_it_right(sysfs: Path) -> None:
+    assert latency_ms("/dev/ttyUSB0", sysfs) == 16
+    advice = latency_advice("/dev/ttyUSB0", sysfs)
+    assert advice is not None
+    assert "echo 1 | sudo tee /sys/bus/usb-serial/devices/ttyUSB0/latency_timer" in advice
+    assert "49-weberlink.rules" in advice
+    assert "\n" not in advice
+
+
+@pytest.mark.parametrize("port", ["/dev/ttyUSB1", "/dev/ttyUSB2", "/dev/ttyUSB3", "/dev/ttyACM0", "/dev/pts/3"])
+def test_no_advice_without_need(port: str, sysfs: Path) -> None:
+    assert latency_advice(port, sysfs) is None
+
+
+def test_a_link_leads_to_the_adapter(sysfs: Path, tmp_path: Path) -> None:
+    (tmp_path / "arm").symlink_to("/dev/ttyUSB0")
+    assert latency_ms(str(tmp_path / "arm"), sysfs) == 16
+
+
+def test_the_adapter_of_the_vendor_is_known() -> None:
+    assert any(id_.matches(0x0403, 0x6014) for id_ in USB)
+    assert not any(id_.matches(0x1A86, 0x7523) for id_ in USB)

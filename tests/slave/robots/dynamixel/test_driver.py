@@ -20,8 +20,7 @@ from weberlink.slave.robots.contract import RobotFault, RobotReading
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.bus import MotorBus
 from weberlink.slave.robots.dynamixel.driver import DynamixelRobot
-from weberlink.slave.robots.dynamixel.options import DynamixelOptions, corners
-from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 PATIENCE = 10.0
 TICK = 0.001
@@ -104,11 +103,6 @@ def test_the_example_sends_nothing_finer_than_its_arm_can_tell() -> None:
     assert example["codec"]["force"]["floor_n"] < spec.force_n, "or nothing is ever felt"
 
 
-def test_it_has_no_use_for_a_scene() -> None:
-    with pytest.raises(ValueError, match=r"^scene: dynamixel is a real robot"):
-        DynamixelRobot(DynamixelOptions(), Scene([]), TICK)
-
-
 @pytest.mark.parametrize(
     ("options", "says"),
     [
@@ -133,12 +127,6 @@ def test_what_cannot_work_is_refused(options: dict[str, Any], says: str) -> None
         DynamixelOptions(**options)
 
 
-def test_a_faster_bus_allows_a_stiffer_tip() -> None:
-    options = DynamixelOptions(baud=3_000_000, rate_hz=500.0, damping_rate_s=25.0, stiffness_n_m=1500.0)
-    assert options.reading_s < 0.0015
-    assert len(corners(options.workspace_m)) == 9
-
-
 def test_it_is_opened_moved_and_left_holding(wire: PtyDevice) -> None:
     robot = robot_at(wire)
     robot.open(monotonic())
@@ -148,17 +136,6 @@ def test_it_is_opened_moved_and_left_holding(wire: PtyDevice) -> None:
     assert distance(emulator_of(wire).tip, reading.position) < 0.02
     robot.close()
     assert torque(wire) == [1, 1, 1, 1]
-
-
-def test_asked_twice_for_the_same_moment_it_says_the_same(wire: PtyDevice) -> None:
-    robot = robot_at(wire)
-    robot.open(monotonic())
-    moment = monotonic() + PATIENCE
-    first = robot.latest(moment)
-    sleep(0.1)
-    assert robot.latest(moment) == first
-    until(robot, None, lambda _: robot.latest(moment + monotonic()).at > first.at)
-    robot.close()
 
 
 def test_a_loop_that_stops_leaves_the_arm_where_it_is(wire: PtyDevice) -> None:
