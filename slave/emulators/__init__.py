@@ -18,5 +18,4 @@ class EmulatorClass(Protocol):
 
 
 EMULATORS = {"dynamixel": "weberlink.slave.emulators.dynamixel:DynamixelEmulator"}
-_registry: Registry[EmulatorClass] = Registry("emulated robot", EMULATORS)
-load = _registry.load
+load = Registry[EmulatorClass]("emulated robot", EMULATORS).load

@@ -14,7 +14,7 @@ ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots")
 COMPUTED = frozenset({"mujoco", "point", "simulated"})
 """Drivers that move nothing real. All others count as hardware, those of other distributions included."""
 
-drivers = ROBOTS.entries
+drivers = ROBOTS.places
 
 
 def load(name: str) -> RobotDriver:

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from copy import deepcopy
 
-from weberlink.geometry.quaternion import turned
-from weberlink.geometry.rotation import IDENTITY, Quaternion, unit_quaternion
+from weberlink.geometry.rotation import IDENTITY, Quaternion, turned, unit_quaternion
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.scenes.scene import Scene
 

@@ -61,7 +61,7 @@ def by_shape(built_in: Mapping[str, type[Kind]], find: Callable[[str], type[Kind
 
     def validate(value: object, validate_built_in: ValidatorFunctionWrapHandler) -> object:
         name = value.get("shape") if isinstance(value, Mapping) else getattr(value, "shape", None)
-        if not isinstance(name, str) or name in SHAPES:
+        if not isinstance(name, str) or name in SHAPES.built_in:
             return validate_built_in(value)
         return find(name).model_validate(value)
 
@@ -77,7 +77,7 @@ def carvable(name: str) -> type[CarvableSettings]:
     return settings
 
 
-BUILT_IN = {name: SHAPES.load(name) for name in SHAPES}
+BUILT_IN = {name: SHAPES.load(name) for name in SHAPES.built_in}
 
 if TYPE_CHECKING:
     Cavity = CarvableSettings

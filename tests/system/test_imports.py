@@ -19,7 +19,7 @@ from weberlink.codec.predictors import PREDICTORS, Model, Predictor, Trust
 from weberlink.codec.sample import Sample
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.configuration import load
 

@@ -6,8 +6,8 @@ from struct import Struct
 from time import monotonic, sleep
 from typing import Final, NamedTuple, Protocol
 
+from weberlink.hardware.discovery import UDEV_RULES, UsbId
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.found import UDEV_RULES, UsbId
 from weberlink.slave.robots.dynamixel import packet
 from weberlink.slave.robots.dynamixel.packet import (
     ALERT,

@@ -6,8 +6,7 @@ from typing import Protocol
 import mujoco
 import numpy as np
 
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import Quaternion, unit_quaternion, vector
+from weberlink.geometry.rotation import Quaternion, inverse, product, unit_quaternion, vector
 from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.mjcf.impedance import IMMOBILE, JointTorques
 from weberlink.slave.robots.mjcf.options import CONTACTS

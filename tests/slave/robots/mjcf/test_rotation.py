@@ -14,8 +14,7 @@ import yaml
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
 from tests.slave.robots.mjcf.models import SLIDES, TICK, gantry, lead, robot, wall, written
-from weberlink.geometry.quaternion import inverse, product
-from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, vector
+from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, norm, scale, subtract
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
