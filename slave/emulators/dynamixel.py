@@ -32,8 +32,8 @@ from weberlink.slave.scenes.settings import SceneSettings, build
 GAP_STEPS = round(1.0 / STEP)
 """Most steps per call; the rest of a longer silence is skipped."""
 OVERLOAD = 1 << 5
-FrictionValue = Annotated[float, Field(ge=0.0, le=100.0)]
-JointValues = tuple[FrictionValue, FrictionValue, FrictionValue, FrictionValue]
+EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
+EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
 
 class DynamixelEmulatorOptions(BaseModel):
@@ -50,8 +50,8 @@ class DynamixelEmulatorOptions(BaseModel):
         default=True, description="somebody holds the arm until torque is on in all four joints; else it falls"
     )
     scene: SceneSettings = Field(default=(), description="what the tip touches, in the frame of the foot")
-    coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
-    viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
+    coulomb_n_m: EmulatedJointFriction = Field(default=COULOMB_N_M, description="dry friction of the joints")
+    viscous_n_m_s: EmulatedJointFriction = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
     torque_constant_n_m_a: float = Field(
         default=TORQUE_N_M_PER_A, gt=0.0, le=10.0, description="of the motors with their gears"
     )

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.derived import CarvedShape
 from weberlink.slave.scenes.plane import PlaneShape
-from weberlink.slave.scenes.shape import SceneModel, Shape, ShapeSettings, Tangent
+from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
 
 T = TypeVar("T")
 
@@ -152,7 +152,7 @@ class BumpSettings(SceneModel):
         return self
 
 
-class HeightFieldSettings(ShapeSettings):
+class HeightFieldSettings(SceneShapeSettings):
     """Heights over a grid, smoothly interpolated: exactly one of `heights_m`, `csv` or `bumps`."""
 
     shape: Literal["height_field"]

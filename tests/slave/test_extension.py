@@ -17,7 +17,7 @@ from pydantic import BaseModel
 from weberlink.slave.integrators import IntegrationScheme, MassState
 from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
-from weberlink.slave.scenes.shape import CarvableSettings, ShapeSettings
+from weberlink.slave.scenes.shape import CarvableSettings, SceneShapeSettings
 
 
 class Slab:
@@ -46,7 +46,7 @@ class SlabSettings(CarvableSettings):
         return Slab(self.height_m, -1.0)
 
 
-class PegSettings(ShapeSettings):
+class PegSettings(SceneShapeSettings):
     shape: Literal["toy_peg"]
 
 

@@ -14,7 +14,7 @@ CONTACTS = "contacts"
 LARGEST_WORKSPACE = 10.0
 """Half an edge [m]."""
 
-Interval = tuple[float, float]
+Range = tuple[float, float]
 
 
 class RotationOptions(BaseModel):
@@ -62,7 +62,7 @@ class MujocoOptions(BaseModel):
     home_m: Vector | None = Field(
         default=None, description="where the end effector is until the first command; as it begins if not given"
     )
-    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[Interval, Interval, Interval] = Field(
+    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[Range, Range, Range] = Field(
         default=0.06,
         description="where it may be commanded to: half an edge of a cube about the origin, or lowest and highest "
         "position on x, y, z",
@@ -80,7 +80,7 @@ class MujocoOptions(BaseModel):
 
     @field_validator("workspace_m")
     @classmethod
-    def _rising(cls, workspace: float | tuple[Interval, ...]) -> float | tuple[Interval, ...]:
+    def _rising(cls, workspace: float | tuple[Range, ...]) -> float | tuple[Range, ...]:
         if not isinstance(workspace, float):
             for axis, (low, high) in zip("xyz", workspace, strict=True):
                 if not low < high:
