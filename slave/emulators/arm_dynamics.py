@@ -228,7 +228,7 @@ class EmulatedArm:
         viscous: Joints = VISCOUS_N_M_S,
         rotor_inertia: float = ROTOR_INERTIA_KG_M2,
     ) -> None:
-        self._scene = scene
+        self._scene = scene or Scene([])
         self._rotor = rotor_inertia
         self._coulomb = [each * STEP for each in coulomb]
         self._viscous = [each * STEP for each in viscous]
@@ -255,7 +255,7 @@ class EmulatedArm:
         a[5] += d2
         a[9] += d3
         self._stop(a, r)
-        touches = () if self._scene is None else self._scene.touch(pose.tip)
+        touches = self._scene.touch(pose.tip)
         if touches:
             w = self._pressed(TipContact(touches, pose, STEP), a, r)
         else:

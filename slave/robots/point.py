@@ -41,8 +41,8 @@ class PointRobot(ComputedRobot):
         tool = options.tool
         torque = 0.0 if tool is None else tool.torque_n_m
         super().__init__(virtual_spec("point", options, float("inf"), tick_period, torque), options.home_m)
-        self._scene = scene
-        self._tool = None if tool is None else _tool(tool, scene)
+        self._scene = Scene([]) if scene is None else scene
+        self._tool = None if tool is None else _tool(tool, self._scene)
         self._description = (
             "the ideal point"
             if tool is None
@@ -61,16 +61,16 @@ class PointRobot(ComputedRobot):
     def _reset(self) -> None:
         if self._tool is not None:
             self._tool.reset()
-        elif self._scene is not None:
+        else:
             self._scene.reset()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
         if self._tool is not None:
             return (commanded, *self._tool.wrench(commanded, elapsed))
-        return commanded, ZERO if self._scene is None else self._scene.force(commanded, elapsed), ZERO
+        return commanded, self._scene.force(commanded, elapsed), ZERO
 
 
-def _tool(options: ToolOptions, scene: Scene | None) -> "Tool":
+def _tool(options: ToolOptions, scene: Scene) -> "Tool":
     from weberlink.slave.robots.tool import Tool  # noqa: PLC0415 - for six degrees of freedom alone
 
-    return Tool(options.points_m, Scene([]) if scene is None else scene)
+    return Tool(options.points_m, scene)
