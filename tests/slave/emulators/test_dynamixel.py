@@ -237,9 +237,6 @@ def test_the_vendors_own_library_understands_it(tmp_path: Path) -> None:
             assert host.write4ByteTxRx(port, 12, 20, 0xFFFDFFFF) == (0, 0)  # FF FF FD: stuffed both ways
             assert host.read4ByteTxRx(port, 12, 20) == (0xFFFDFFFF, 0, 0)
             assert host.write1ByteTxRx(port, 11, 9, 255) == (0, packet.DATA_RANGE_ERROR)
-            assert host.regWriteTxRx(port, 13, 65, 1, [1]) == (0, 0)
-            assert host.action(port, packet.BROADCAST) == 0
-            assert host.read1ByteTxRx(port, 13, 65) == (1, 0, 0)
             read = sdk.GroupSyncRead(port, host, 126, 10)
             write = sdk.GroupSyncWrite(port, host, 65, 1)
             for id_ in IDS:

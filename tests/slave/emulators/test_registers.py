@@ -87,14 +87,6 @@ def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
     assert (host.read(11, 84, 2), host.read(11, 112, 4), host.read(11, 102, 2)) == (800, 0, 1193)
 
 
-def test_reg_write_waits_for_action(host: Host) -> None:
-    assert host.ask(Packet(11, packet.REG_WRITE, b"\x41\x00\x01")) == [StatusPacket(11, 0)]
-    assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (0, 1)
-    assert host.ask(Packet(11, packet.ACTION)) == [StatusPacket(11, 0)]
-    assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (1, 0)
-    assert host.ask(Packet(11, packet.REG_WRITE, b"\x7e\x00\x01\x00")) == [StatusPacket(11, ACCESS_ERROR)]
-
-
 def test_an_alarm_lets_go_and_stays_until_a_reboot(host: Host) -> None:
     host.current_control(11, 12)
     host.emulator.inject("overload", 2)
