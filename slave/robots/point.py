@@ -14,21 +14,23 @@ if TYPE_CHECKING:
 
 
 class ToolOptions(BaseModel):
-    """What is held by the tip, at most 32 points of it; a stick is two of them."""
+    """A rigid tool at the tip, as up to 32 points; two points make a stick."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     points_m: tuple[Vector, ...] = Field(
-        min_length=1, max_length=32, description="where it touches, from the tip, as it is held level"
+        min_length=1, max_length=32, description="points of contact from the tip, in the initial orientation"
     )
-    torque_n_m: float = Field(default=2.0, gt=0.0, description="range of its torque sensor; more is cut to it")
+    torque_n_m: float = Field(
+        default=2.0, gt=0.0, description="range of its torque sensor; larger torques are limited to it"
+    )
 
 
 class PointOptions(VirtualOptions):
     """Options of `point`."""
 
     tool: ToolOptions | None = Field(
-        default=None, description="a rigid tool of several points, which can be turned; without it, the tip alone"
+        default=None, description="a rigid tool of several points that can be turned; without it, the tip alone"
     )
 
 

@@ -31,10 +31,10 @@ class SimulatedOptions(VirtualOptions):
     )
     damping_n_s_m: float | None = Field(default=None, gt=0.0, description="derivative gain; critical if not given")
     integrator: IntegratorName = Field(
-        default="auto", description="how its motion is solved; auto picks by stiffness, mass, damping and scene"
+        default="auto", description="scheme of integration; auto chooses by stiffness, mass, damping and scene"
     )
     substeps: int | None = Field(
-        default=None, ge=1, le=SUBSTEPS_MOST, description="integration steps per tick; worked out if not given"
+        default=None, ge=1, le=SUBSTEPS_MOST, description="integration steps per tick; computed if not given"
     )
 
 

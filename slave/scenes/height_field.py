@@ -158,10 +158,10 @@ class HeightFieldSettings(SceneShapeSettings):
     shape: Literal["height_field"]
     center_m: Vector = Field(default=(0.0, 0.0, 0.0), description="middle of the grid; heights count from its z")
     heights_m: tuple[tuple[float, ...], ...] | None = Field(default=None, description="rows along y, columns along x")
-    csv: Path | None = Field(default=None, description="the same in a file: numbers with commas, no header")
+    csv: Path | None = Field(default=None, description="file of the heights: numbers with commas, no header")
     bumps: BumpSettings | None = None
     spacing_m: float | None = Field(default=None, gt=0.0, description="between samples; not with `bumps`")
-    bounded: bool = Field(default=False, description="solid under the grid only; otherwise its border goes on for ever")
+    bounded: bool = Field(default=False, description="solid under the grid only; otherwise its border continues")
 
     @model_validator(mode="after")
     def check_source(self) -> Self:

@@ -32,12 +32,14 @@ class FrictionSettings(SceneModel):
 
 
 class MotionSettings(SceneModel):
-    """The object moves to and fro about where it is written, whatever the probe does. Time is that of the robot."""
+    """The object oscillates about its configured position, independent of the probe. Time is that of the robot."""
 
-    direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="any length, it is normalised")
+    direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="of any length; it is normalised")
     amplitude_m: float = Field(gt=0.0, le=10.0, description="from the middle to either end")
     frequency_hz: float = Field(gt=0.0, le=50.0)
-    phase_deg: float = Field(default=0.0, ge=-360.0, le=360.0, description="at 0 it begins in the middle, going along")
+    phase_deg: float = Field(
+        default=0.0, ge=-360.0, le=360.0, description="at 0 it begins in the middle, moving along the direction"
+    )
     wave: Wave = Field(
         default="sine",
         description="sine: at most 2 pi frequency amplitude fast; triangle: always 4 frequency amplitude",

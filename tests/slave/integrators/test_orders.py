@@ -1,6 +1,7 @@
 """Orders of convergence, measured: the slope of log error over log steps."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,12 @@ class Problem(NamedTuple):
     duration: float
 
     def arrived(self, name: str, steps: int) -> MassState:
-        return run(name, BODY, *self, steps)
+        return arrival(self, name, steps)
+
+
+@cache
+def arrival(problem: Problem, name: str, steps: int) -> MassState:
+    return run(name, BODY, *problem, steps)
 
 
 SMOOTH = {
@@ -59,6 +65,6 @@ def test_across_a_bounce_it_keeps_its_order_but_for_where_the_touch_falls_in_its
 
 
 def test_two_schemes_of_different_kind_agree_on_what_is_true() -> None:
-    """Or the orders above would be measured against an error of their own."""
+    """The reference of the orders above is right."""
     for case in SMOOTH.values():
-        assert difference(case.arrived("implicit", FINEST), case.arrived("exact", FINEST), 0.01) < 3e-8
+        assert difference(case.arrived("implicit", FINEST // 2), case.arrived("exact", FINEST), 0.01) < 1.2e-7

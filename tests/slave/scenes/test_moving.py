@@ -85,7 +85,7 @@ def test_only_the_motion_relative_to_the_surface_counts(
     thing = SceneObject(SHAPES[name], STIFFNESS, cone, damping)
     scene, still = MovingScene([thing], [TWISTED]), Scene([thing])
     pressed = 0
-    for tick, position in enumerate(wander(1500, depth=-0.003)):
+    for tick, position in enumerate(wander(1000, depth=-0.003)):
         force = scene.force(position, TICK)
         expected = still.force(subtract(position, TWISTED.at((tick + 1) * TICK)), TICK)
         assert force == pytest.approx(expected, abs=2e-4)

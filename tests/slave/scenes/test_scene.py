@@ -99,7 +99,7 @@ def test_the_proxy_never_enters_a_solid(name: str) -> None:
     scene = scenes()[name]
     shapes = [SHAPES[name]] if name in SHAPES else []
     touched = 0
-    for position in wander(4000):
+    for position in wander(2500):
         scene.force(position, TICK)
         touched += scene.contacts > 0
         proxy = scene.proxy
@@ -177,7 +177,7 @@ def test_a_position_that_is_no_number_gives_no_force_and_is_counted(bad: float, 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_same_positions_give_the_same_forces_bit_for_bit(name: str) -> None:
     first, second = scenes()[name], scenes()[name]
-    for position in wander(1500):
+    for position in wander(800):
         assert first.force(position, TICK) == second.force(position, TICK)
 
 

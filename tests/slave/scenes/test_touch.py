@@ -16,7 +16,7 @@ CONE = FrictionCone(0.5, 0.4)
 def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCone | None) -> None:
     felt, touched = (Scene([SceneObject(SHAPES[name], 500.0, cone)]) for _ in range(2))
     pressed = 0
-    for position in wander(1500):
+    for position in wander(1000):
         total = ZERO
         for touch in touched.touch(position):
             total = add(total, add(scale(touch.normal, touch.stiffness * touch.depth), touch.drag))
@@ -32,7 +32,7 @@ def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCo
 @pytest.mark.parametrize("name", sorted(scenes()))
 def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
     straight, trying = scenes()[name], scenes()[name]
-    for i, position in enumerate(wander(1200)):
+    for i, position in enumerate(wander(700)):
         if i % 7 == 0:
             state = trying.state
             for side in (0.001, -0.002, 0.003):
