@@ -26,7 +26,7 @@ def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCo
         assert touched.penetration_depth == felt.penetration_depth
         assert touched.contacts == felt.contacts
         pressed += force != ZERO
-    assert pressed > 100
+    assert pressed > 50
 
 
 @pytest.mark.parametrize("name", sorted(scenes()))
