@@ -25,7 +25,7 @@ def host() -> Host:
 
 @pytest.mark.parametrize("baud", [57_600, 1_000_000, 3_000_000])
 @pytest.mark.parametrize("delay", [0, 250])
-def test_an_answer_leaves_after_both_packets_and_the_delay(baud: int, delay: int) -> None:
+def test_answer_time_includes_packets_and_return_delay(baud: int, delay: int) -> None:
     host = Host(DynamixelEmulator(DynamixelEmulatorOptions(baud=baud)))
     host.emulator.servos[0].registers["return_delay_time"] = delay
     due = 14 * 10 / baud + 2e-6 * delay + 15 * 10 / baud
@@ -49,7 +49,7 @@ def test_the_vendors_packets() -> None:
     assert len(replies) == 5
 
 
-def test_sync_read_answers_in_the_order_of_the_list(host: Host) -> None:
+def test_sync_read_answers_in_order(host: Host) -> None:
     ids = (13, 11, 15, 12)
     for servo in host.emulator.servos:
         servo.registers["return_delay_time"] = 0
@@ -58,7 +58,7 @@ def test_sync_read_answers_in_the_order_of_the_list(host: Host) -> None:
     assert [status.id for status in host.wait(2e-6)] == [12]
 
 
-def test_behind_one_that_is_silent_all_are(host: Host) -> None:
+def test_servos_behind_a_silent_one_are_silent(host: Host) -> None:
     host.emulator.inject("dead", 3)
     assert [status.id for status in host.ask(packet.sync_read(132, 4, IDS))] == [11, 12]
     assert [status.id for status in host.ask(packet.sync_read(132, 4, (15, 14, 40, 11)))] == [15, 14]
@@ -94,7 +94,7 @@ def test_a_wrong_checksum_is_not_answered(host: Host) -> None:
     assert len(host.ask(READ_POSITION)) == 1
 
 
-def test_a_host_that_does_not_wait_is_counted_and_heard_later(host: Host) -> None:
+def test_collision_is_counted_and_request_served_later(host: Host) -> None:
     host.emulator.receive(encode_packet(READ_POSITION), host.now)
     host.wait(0.0005)
     first = 140e-6 + 500e-6 + 150e-6
@@ -127,7 +127,7 @@ def test_a_host_that_does_not_wait_is_counted_and_heard_later(host: Host) -> Non
         max_size=8,
     )
 )
-def test_no_bytes_upset_it(chunks: list[bytes]) -> None:
+def test_arbitrary_bytes_are_tolerated(chunks: list[bytes]) -> None:
     emulator = DynamixelEmulator(DynamixelEmulatorOptions(held=False))
     reader, now = StatusPacketReader(), 5.0
     for chunk in chunks:

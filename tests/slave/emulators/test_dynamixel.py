@@ -46,7 +46,7 @@ def test_options_that_make_no_sense(options: dict[str, object]) -> None:
         DynamixelEmulatorOptions.model_validate(options)
 
 
-def test_somebody_holds_it_until_all_torque_is_on() -> None:
+def test_arm_is_held_until_all_torque_is_on() -> None:
     host = arm()
     host.current_control(11, 12, 13)
     host.wait(0.5)
@@ -58,7 +58,7 @@ def test_somebody_holds_it_until_all_torque_is_on() -> None:
     assert abs(host.emulator.arm.angles[1] - HOME[1]) + abs(host.emulator.arm.angles[2] - HOME[2]) > 0.05
 
 
-def test_a_current_turns_its_joint_with_the_ratio_of_stall_torque_to_stall_current() -> None:
+def test_current_accelerates_joint_by_torque_constant() -> None:
     host = arm(start_rad=(0.0, 0.0, 0.0, 0.0), coulomb_n_m=STILL, viscous_n_m_s=STILL, current_noise_ma=0.0)
     host.current_control(11, 12, 13, 14)
     host.ask(packet.sync_write(102, 2, [(11, (10).to_bytes(2, "little"))]), patience=0.01)
@@ -88,7 +88,7 @@ def test_position_control_goes_there_and_holds() -> None:
     assert [host.read(id_, 132, 4) for id_ in IDS] == settled
 
 
-def test_velocity_and_current_are_measured_in_the_units_and_the_sense_of_the_registers() -> None:
+def test_measurements_have_register_units_and_signs() -> None:
     host = arm(current_noise_ma=0.0)
     assert host.write(15, 10, 1, 1) == 0
     host.current_control(15)
@@ -181,13 +181,13 @@ def exercised(calls: list[float]) -> tuple[list[bytes], tuple[float, ...]]:
 
 @examples(6)
 @given(st.lists(st.floats(0.9, 1.4), max_size=30))
-def test_it_depends_on_the_bytes_and_their_times_alone(calls: list[float]) -> None:
+def test_result_depends_on_bytes_and_times_only(calls: list[float]) -> None:
     said, state = exercised(calls)
     assert len(said) == 10 + 15 * 5
     assert (said, state) == exercised([])
 
 
-def test_a_long_silence_is_not_made_up_for() -> None:
+def test_long_silence_is_skipped() -> None:
     host = arm(held=False)
     began = monotonic()
     host.wait(10_000.0)

@@ -65,7 +65,7 @@ def test_what_a_servo_refuses(host: Host, address: int, size: int, value: int, e
     assert host.emulator.bus.errors == 1
 
 
-def test_goals_are_limited_by_what_the_limits_say_now(host: Host) -> None:
+def test_goals_obey_the_present_limits(host: Host) -> None:
     assert host.write(11, 38, 2, 100) == 0
     assert host.write(11, 102, 2, 100) == 0
     assert host.write(11, 102, 2, 101) == DATA_LIMIT_ERROR
@@ -87,7 +87,7 @@ def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
     assert (host.read(11, 84, 2), host.read(11, 112, 4), host.read(11, 102, 2)) == (800, 0, 1193)
 
 
-def test_an_alarm_lets_go_and_stays_until_a_reboot(host: Host) -> None:
+def test_alarm_disables_torque_until_reboot(host: Host) -> None:
     host.current_control(11, 12)
     host.emulator.inject("overload", 2)
     host.wait(0.001)
@@ -121,7 +121,7 @@ class TestBusWatchdog:
         assert host.write(11, 98, 1, 0) == 0
         assert host.write(11, 102, 2, 5) == 0
 
-    def test_any_instruction_for_it_or_for_all_feeds_it(self, host: Host) -> None:
+    def test_any_addressed_instruction_feeds_the_watchdog(self, host: Host) -> None:
         host.current_control(11, 12)
         for id_ in (11, 12):
             assert host.write(id_, 98, 1, 3) == 0
@@ -132,7 +132,7 @@ class TestBusWatchdog:
             host.ask(packet.sync_read(126, 10, (11,)), patience=0.03)
         assert host.emulator.watchdog_trips == 1
 
-    def test_an_instruction_that_ends_too_late_does_not_save_it(self, host: Host) -> None:
+    def test_late_instruction_does_not_feed_the_watchdog(self, host: Host) -> None:
         host.current_control(11)
         assert host.write(11, 98, 1, 3) == 0
         host.wait(host.emulator.servos[0].heard_at + 0.06 - host.now - 50e-6)

@@ -65,7 +65,7 @@ def test_one_step_goes_as_far_as_two_hundred(
 
 @pytest.mark.parametrize("planes", [OBLIQUE, RIGHT], ids=["oblique", "right angles"])
 @pytest.mark.parametrize("duration", [1e-3, 7e-2])
-def test_several_contacts_at_once_against_a_brute_force_solution(
+def test_several_contacts_match_brute_force_solution(
     planes: tuple[tuple[Vector, float, float | None], ...], duration: float
 ) -> None:
     """Smallest push over all subsets of planes, by numpy, and DOP853 that sees kinks as they come."""
@@ -127,7 +127,7 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 1e-2, 0.1])
-def test_an_undamped_oscillation_through_the_surface_keeps_its_energy(step: float) -> None:
+def test_undamped_bouncing_keeps_its_energy(step: float) -> None:
     """1 g against 1e7 N/m with an undamped control: hundreds of bounces."""
     body, scene = ControlledMass(1e-3, 1000.0, 0.0), wall(STEEL)
     integrator = INTEGRATORS["exact"].build(body, scene)
@@ -140,7 +140,7 @@ def test_an_undamped_oscillation_through_the_surface_keeps_its_energy(step: floa
         assert energy == pytest.approx(before, rel=1e-9)
 
 
-def test_with_damping_the_force_ends_before_the_depth_does_and_never_pulls() -> None:
+def test_damped_contact_never_pulls() -> None:
     body, stiffness, damping = OFF, 1e4, 20.0
     scene = wall(stiffness, damping)
     integrator = INTEGRATORS["exact"].build(body, scene)
@@ -157,7 +157,7 @@ def test_with_damping_the_force_ends_before_the_depth_does_and_never_pulls() -> 
     assert difference(once, motion, 0.01) < 1e-12
 
 
-def test_a_slot_narrower_than_nothing_ends_all_the_same() -> None:
+def test_overlapping_planes_keep_the_motion_bounded() -> None:
     """Two planes face each other and overlap: no push satisfies both, yet the motion is bounded."""
     scene = corner((UP, 1e6, None), ((0.0, 0.0, -1.0), 1e6, None), ((0.0, 0.0, 1.0), 500.0, 3.0))
     integrator = INTEGRATORS["exact"].build(ControlledMass(0.1, 1000.0, 1.0), scene)
@@ -184,7 +184,7 @@ def test_the_depths_are_those_of_the_smallest_push(normals: list[Vector], offset
 
 
 @given(st.lists(directions, min_size=2, max_size=4), points)
-def test_no_depth_knows_of_another_and_no_gap_of_any(normals: list[Vector], x: Vector) -> None:
+def test_depth_coordinates_are_independent(normals: list[Vector], x: Vector) -> None:
     """Moving the probe along one active normal changes that depth alone; the proxy, and so the gaps, stay."""
     active = frozenset(range(min(2, len(normals))))
     assume(abs(dot(normals[0], normals[1])) < 0.99)

@@ -44,7 +44,7 @@ def roaming(name: str, scene: Scene | None, ticks: int = 400) -> list[MassState]
 
 @every_scene
 @every_integrator
-def test_the_force_and_the_scene_are_those_of_the_position_returned(name: str, place: str) -> None:
+def test_force_and_scene_match_returned_position(name: str, place: str) -> None:
     scene = SCENES[place]()
     integrator = INTEGRATORS[name].build(BODY, scene)
     motion = moving(scene, (0.0, 0.0, 0.004), (0.0, 0.0, -0.1))
@@ -63,7 +63,7 @@ def test_the_force_and_the_scene_are_those_of_the_position_returned(name: str, p
 
 @every_scene
 @every_integrator
-def test_it_moves_without_jumps_and_twice_alike(name: str, place: str) -> None:
+def test_motion_is_smooth_and_reproducible(name: str, place: str) -> None:
     motions = roaming(name, SCENES[place]())
     assert motions == roaming(name, SCENES[place]())
     for before, after in pairwise(motions):
@@ -73,7 +73,7 @@ def test_it_moves_without_jumps_and_twice_alike(name: str, place: str) -> None:
 
 
 @every_integrator
-def test_pressed_into_a_wall_it_rests_where_both_springs_agree(name: str) -> None:
+def test_rests_where_control_and_contact_balance(name: str) -> None:
     end = run(name, BODY, lambda: wall(2000.0, 5.0), (0.0, 0.0, 0.01), ZERO, (0.01, 0.0, -0.01), 2.0, 4000)
     assert end.position == pytest.approx((0.01, 0.0, -0.002), abs=1e-9)
     assert end.velocity == pytest.approx(ZERO, abs=1e-9)
@@ -83,7 +83,7 @@ def test_pressed_into_a_wall_it_rests_where_both_springs_agree(name: str) -> Non
 @pytest.mark.parametrize("goal", [(1e308, 0.0, 0.0), (0.0, -1e200, 0.0), (0.0, 0.0, -1e15), (1e13, 1e13, -1e13)])
 @every_scene
 @every_integrator
-def test_an_absurd_goal_ends_the_step_all_the_same(name: str, place: str, goal: Vector) -> None:
+def test_extreme_goal_still_ends_the_step(name: str, place: str, goal: Vector) -> None:
     scene = SCENES[place]()
     integrator = INTEGRATORS[name].build(BODY, scene)
     motion = moving(scene, (0.0, 0.0, 0.001), ZERO)
@@ -93,7 +93,7 @@ def test_an_absurd_goal_ends_the_step_all_the_same(name: str, place: str, goal: 
 
 
 @every_integrator
-def test_within_the_static_cone_it_stays_where_it_stuck(name: str) -> None:
+def test_mass_sticks_within_the_static_cone(name: str) -> None:
     """Drawn sideways by 1.2 N while pressed by 4 N: the springs of control and surface share the way."""
     body = ControlledMass(0.1, 2000.0, 2.0 * sqrt(200.0))
     scene = wall(2000.0, 5.0, CONE)

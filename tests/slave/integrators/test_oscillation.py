@@ -39,7 +39,7 @@ def test_two_steps_make_the_same_way_as_one(
 
 
 @given(masses, st.floats(1.0, 1e7), ratios, values, rates)
-def test_its_rate_and_its_equation_hold_from_the_start(
+def test_short_step_obeys_the_differential_equation(
     mass: float, stiffness: float, ratio: float, value: float, rate: float
 ) -> None:
     """Over a very short step y = y_0 + v t + a t^2 / 2 with m a = -k (y - rest) - c v."""
@@ -64,7 +64,7 @@ def test_far_overdamped_both_rates_keep_their_digits() -> None:
 @given(masses, st.floats(1.0, 1e6), ratios, values, rates, values, times)
 @example(1.0, 100.0, 0.0, 0.01, 0.0, 0.0, 0.1)
 @example(1.0, 100.0, 1.0, 0.0, 0.5, -0.001, 0.1)
-def test_the_first_fall_is_the_first_and_is_a_zero(
+def test_first_fall_is_the_first_zero(
     mass: float, stiffness: float, ratio: float, value: float, rate: float, rest: float, horizon: float
 ) -> None:
     motion = oscillation(mass, stiffness, ratio)
@@ -92,7 +92,7 @@ def test_grazing_is_found_by_its_lowest_point(exponent: float, below: bool) -> N
         assert found <= pi / 10.0 + 1e-8
 
 
-def test_what_rises_from_below_is_left_alone() -> None:
+def test_rising_from_below_zero_is_no_fall() -> None:
     """As a depth does that rounding has put on the wrong side of the touch."""
     motion = oscillation(1.0, 100.0, 0.0)
     assert motion.first_fall(-1e-18, 0.1, 0.0, 0.1) is None

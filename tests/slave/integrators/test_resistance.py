@@ -48,7 +48,7 @@ def test_it_inverts_the_derivative_of_the_implicit_equation(scene: Scene, push: 
     assert rise == pytest.approx(scale(push, tiny), abs=1e-9)
 
 
-def test_a_contact_that_would_pull_neither_pushes_nor_resists() -> None:
+def test_contact_that_would_pull_has_no_force() -> None:
     scene = wall(1e5, 30.0)
     scene.touch((0.0, 0.0, 0.001))
     touches = scene.touch((0.0, 0.0, -1e-5))

@@ -48,7 +48,7 @@ def test_thrown_at_a_wall_it_never_gains_energy(name: str) -> None:
     velocity=st.tuples(*[st.floats(-0.5, 0.5)] * 3),
     goal=st.tuples(*[st.floats(-0.02, 0.02)] * 3),
 )
-def test_the_implicit_scheme_gains_no_energy_to_speak_of_on_any_shape(
+def test_implicit_scheme_gains_no_energy_on_any_shape(
     shape: str,
     stiffness: float,
     mass: float,
@@ -78,7 +78,7 @@ def test_the_implicit_scheme_gains_no_energy_to_speak_of_on_any_shape(
     damping=st.one_of(st.none(), st.floats(0.1, 100.0)),
     goal=st.tuples(*[st.floats(-0.02, 0.02)] * 3),
 )
-def test_what_auto_picks_stays_bounded_with_friction_too(
+def test_auto_choice_stays_bounded_with_friction(
     shape: str, stiffness: float, mass: float, tick: float, rough: bool, damping: float | None, goal: Vector
 ) -> None:
     """It starts 5 cm above and cannot be thrown farther than its energy would carry it."""
@@ -133,7 +133,7 @@ def test_symplectic_euler_is_stable_just_where_it_says(damping: float, factor: f
         ("pocket", 2e6, 4e-3, 1e-3, (0.0, 0.0, -0.004), (3.0, 2.0, -1.0)),
     ],
 )
-def test_an_impact_that_defeats_newton_takes_energy_all_the_same(
+def test_failed_newton_iteration_still_loses_energy(
     shape: str, stiffness: float, mass: float, tick: float, position: Vector, velocity: Vector
 ) -> None:
     """Metres per second against a rough, stiff, curved surface, a centimetre per step."""

@@ -22,9 +22,7 @@ def filled(interpolation: Interpolation, walk: list[tuple[float, float, float]])
 
 
 @given(steps, st.floats(0.0, 0.05), st.integers(2, 6))
-def test_a_sample_is_given_exactly_at_its_time_and_lag(
-    walk: list[tuple[float, float, float]], lag: float, keep: int
-) -> None:
+def test_sample_is_exact_at_its_time_plus_lag(walk: list[tuple[float, float, float]], lag: float, keep: int) -> None:
     interpolation = Interpolation(lag, keep)
     for sample in filled(interpolation, walk)[-keep:]:
         given_back = interpolation.at(sample.at + lag)
@@ -50,7 +48,7 @@ def test_in_between_it_is_on_the_line(
 
 
 @given(st.lists(st.tuples(st.floats(1e-4, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=8))
-def test_while_samples_come_time_never_goes_back_and_is_late_by_the_lag(steps: list[tuple[float, float]]) -> None:
+def test_time_is_monotonic_and_late_by_the_lag(steps: list[tuple[float, float]]) -> None:
     lag = 0.02
     interpolation = Interpolation(lag, keep=8)
     first = at = now = 100.0

@@ -51,7 +51,7 @@ def held(made: PointRobot, position: Vector, orientation: Quaternion = IDENTITY,
 
 
 @given(st.floats(0.001, 0.02))
-def test_a_stick_that_lies_flat_on_a_plane_presses_with_both_ends_and_without_torque(depth: float) -> None:
+def test_flat_stick_on_plane_has_no_torque(depth: float) -> None:
     made = robot()
     held(made, (0.01, 0.0, 0.01))
     reading = held(made, (0.01, 0.0, -depth))
@@ -60,7 +60,7 @@ def test_a_stick_that_lies_flat_on_a_plane_presses_with_both_ends_and_without_to
 
 
 @pytest.mark.parametrize("tilt", [1.0, 4.0])
-def test_with_both_ends_in_the_plane_it_is_a_torsion_spring(tilt: float) -> None:
+def test_tilted_stick_in_plane_is_a_torsion_spring(tilt: float) -> None:
     """f = 2 k d whatever the tilt; torque = -2 k a^2 sin cos about the axis of the tilt."""
     made = robot()
     orientation = about((0.0, 1.0, 0.0), tilt)
@@ -91,7 +91,7 @@ unit_axes = st.sampled_from([(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), 
 
 @examples(50)
 @given(unit_axes, angles, st.floats(-0.02, 0.03))
-def test_the_torque_is_that_of_the_forces_at_the_points(axis: Vector, angle: float, height: float) -> None:
+def test_torque_is_that_of_forces_at_points(axis: Vector, angle: float, height: float) -> None:
     """Against one plain robot per point, each on a scene of its own."""
     points = [(0.02, 0.01, -0.01), (-0.02, 0.0, 0.0), (0.0, -0.03, 0.01)]
     sphere = {"shape": "sphere", "center_m": [0.01, 0.0, -0.02], "radius_m": 0.03, "stiffness_n_m": 700}
@@ -167,7 +167,7 @@ NONE = [(0.0,) * 4, (float("nan"), 0.0, 0.0, 0.0), (float("inf"), 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("orientation", NONE)
-def test_an_orientation_that_is_none_is_our_own_error(orientation: Quaternion) -> None:
+def test_invalid_orientation_is_a_value_error(orientation: Quaternion) -> None:
     made = robot()
     with pytest.raises(ValueError, match="point: commanded an orientation that is none"):
         made.point(orientation, TICK)

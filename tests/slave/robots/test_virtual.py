@@ -28,7 +28,7 @@ def ground() -> Scene:
 
 
 @every_driver
-def test_the_same_calls_give_the_same_run_bit_for_bit(name: str) -> None:
+def test_runs_are_reproducible(name: str) -> None:
     def run() -> list[tuple[Vector, Vector]]:
         robot = robot_of(name, ground())
         readings = []
@@ -102,7 +102,7 @@ def wall(stiffness: float, damping: float | None = None) -> Scene:
 @pytest.mark.parametrize(
     ("integrator", "share"), [("auto", 1e-12), ("exact", 1e-12), ("implicit", 0.01), ("semi_implicit", 0.05)]
 )
-def test_a_free_step_is_that_of_the_critically_damped_oscillator(integrator: Any, share: float) -> None:
+def test_free_step_is_critically_damped(integrator: Any, share: float) -> None:
     """x(t) = x_d + (x_0 - x_d)(1 + w t) exp(-w t), as well as the integrator can at a tick of half a radian."""
     robot = SimulatedRobot(SimulatedOptions(integrator=integrator), None, TICK)
     omega = sqrt(50_000.0 / 0.2)
@@ -130,7 +130,7 @@ def test_it_tells_what_was_picked_and_why() -> None:
     )
 
 
-def test_an_unstable_choice_is_refused_with_what_to_choose() -> None:
+def test_unstable_choice_error_names_alternative() -> None:
     options = SimulatedOptions(mass_kg=1e-4, stiffness_n_m=1e7, integrator="semi_implicit")
     with pytest.raises(ValueError, match=r"integrator: semi_implicit is unstable .* 0.0001 kg .* integrator: auto"):
         SimulatedRobot(options, wall(1e6), TICK)
@@ -154,7 +154,7 @@ def test_a_second_session_starts_as_afresh(integrator: Any) -> None:
     assert runs[0].force[2] > 5.0
 
 
-def test_an_absurd_command_is_a_fault_of_the_robot() -> None:
+def test_extreme_command_is_a_robot_fault() -> None:
     robot = SimulatedRobot(SimulatedOptions(), wall(500.0), TICK)
     robot.open(0.0)
     robot.command((1e308, 0.0, 0.0), 0.0)

@@ -23,9 +23,7 @@ component = st.floats(-0.01, 0.01)
     feasible=st.tuples(component, component, component),
     slack=st.lists(st.floats(0.0, 0.01), min_size=6, max_size=6),
 )
-def test_the_push_is_feasible_and_no_longer_than_any_other(
-    normals: list[Vector], feasible: Vector, slack: list[float]
-) -> None:
+def test_push_is_feasible_and_smallest(normals: list[Vector], feasible: Vector, slack: list[float]) -> None:
     """`feasible` meets every constraint by construction, so the smallest push exists and cannot be longer."""
     violations = [dot(normal, feasible) - slack[i] for i, normal in enumerate(normals)]
     pushes = smallest_push(violations, normals)

@@ -25,14 +25,14 @@ def pressed() -> Scene:
 
 
 @given(share=st.floats(0.0, 0.999), angle=st.floats(-pi, pi))
-def test_within_the_static_cone_it_sticks_and_springs_back(share: float, angle: float) -> None:
+def test_within_the_static_cone_it_sticks(share: float, angle: float) -> None:
     scene = pressed()
     x = STATIC * DEPTH * share
     assert scene.force((x, 0.0, -DEPTH), TICK) == pytest.approx((-STIFFNESS * x, 0.0, STIFFNESS * DEPTH))
     assert scene.force((0.0, 0.0, -DEPTH), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * DEPTH))
 
 
-def test_beyond_it_slides_at_the_dynamic_coefficient_whatever_the_speed() -> None:
+def test_sliding_force_is_independent_of_speed() -> None:
     for step in (0.00001, 0.0001, 0.001):
         scene = pressed()
         x, force = 0.0, (0.0, 0.0, 0.0)
@@ -42,7 +42,7 @@ def test_beyond_it_slides_at_the_dynamic_coefficient_whatever_the_speed() -> Non
         assert force == pytest.approx((-DYNAMIC * STIFFNESS * DEPTH, 0.0, STIFFNESS * DEPTH))
 
 
-def test_a_position_that_arrives_in_steps_does_not_change_the_sliding_force() -> None:
+def test_stepwise_positions_keep_the_sliding_force() -> None:
     """Nine ticks of standstill between jumps, as a decoded position has them: no return to the static limit."""
     scene = pressed()
     for jump in range(1, 60):
@@ -70,7 +70,7 @@ def test_lifting_off_forgets_where_it_stuck() -> None:
 
 
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
-def test_the_force_stays_in_the_friction_cone_on_a_curved_surface(steps: list[Vector]) -> None:
+def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
     ball = SphereShape((0.0, 0.0, -0.03), 0.03)
     scene = Scene([SceneObject(ball, STIFFNESS, FrictionCone(STATIC, DYNAMIC))])
     scene.force((0.0, 0.0, 0.01), TICK)
@@ -105,7 +105,7 @@ def test_pressing_in_is_resisted_by_speed() -> None:
 
 
 @given(heights=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=50), dt=st.floats(0.0, 0.01))
-def test_it_never_pulls_and_ends_with_the_contact(heights: list[float], dt: float) -> None:
+def test_damping_never_pulls(heights: list[float], dt: float) -> None:
     scene = damped()
     scene.force((0.0, 0.0, 0.02), dt)
     for z in heights:

@@ -38,7 +38,7 @@ def pressed_by(scene: Scene, height: float) -> None:
 
 
 @pytest.mark.parametrize("height", [-0.03, -0.016, -0.01, 0.0, 0.004, 0.0159, 0.03])
-def test_a_probe_at_rest_feels_the_depth_of_the_moment(height: float) -> None:
+def test_resting_probe_feels_present_depth_of_moving_surface(height: float) -> None:
     scene = moving()
     pressed_by(scene, height)
     for tick in range(1, 1500):
@@ -59,7 +59,7 @@ def test_a_damper_resists_the_speed_of_the_surface() -> None:
         assert force[2] == pytest.approx(STIFFNESS * (surface + 0.02) + 8.0 * speed, rel=1e-4)
 
 
-def test_friction_drags_a_probe_at_rest_along_within_its_cone() -> None:
+def test_moving_friction_drags_within_its_cone() -> None:
     scene = moving(Sway(ACROSS, 0.03, 0.5, 0.0, "triangle"), CONE)
     pressed_by(scene, -0.004)
     normal = STIFFNESS * 0.004
@@ -105,7 +105,7 @@ def test_nothing_thin_and_fast_passes_through_the_probe() -> None:
     assert all(later > sooner for sooner, later in pairwise(forces[5:]))
 
 
-def test_squeezed_between_floor_and_ceiling_it_stays_finite_and_comes_free() -> None:
+def test_squeezed_probe_stays_finite_and_comes_free() -> None:
     ceiling = SceneObject(PlaneShape((0.0, 0.0, 0.005), (0.0, 0.0, -1.0)), 800.0)
     scene = MovingScene([SceneObject(GROUND, STIFFNESS, CONE, 2.0), ceiling], [RISING, None])
     scene.force((0.0, 0.0, 0.002), 0.0)
@@ -117,7 +117,7 @@ def test_squeezed_between_floor_and_ceiling_it_stays_finite_and_comes_free() -> 
 
 
 @pytest.mark.parametrize("name", sorted(SHAPES))
-def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
+def test_restore_undoes_all_changes(name: str) -> None:
     thing = SceneObject(SHAPES[name], STIFFNESS, CONE, 2.0)
     straight, trying = (MovingScene([thing, SceneObject(GROUND, 300.0)], [TWISTED, RISING]) for _ in range(2))
     for i, position in enumerate(wander(600)):
@@ -155,7 +155,7 @@ def test_a_time_of_no_use_moves_nothing() -> None:
     assert scene.state.time == 0.0
 
 
-def test_a_body_with_mass_is_refused_by_every_integrator() -> None:
+def test_every_integrator_refuses_moving_objects() -> None:
     for integrator in ("auto", "semi_implicit", "implicit", "exact"):
         with pytest.raises(ValueError, match=r"motion.*driver: point"):
             chosen(ControlledMass(0.2, 1000.0, 10.0), moving(), TICK, integrator)
@@ -178,7 +178,7 @@ def test_it_stays_within_its_amplitude_and_its_speed(wave: Wave, time: float, ph
     assert sway.at(time + 1.0 / 1.5) == pytest.approx(sway.at(time), abs=1e-9)
 
 
-def test_a_phase_is_a_share_of_a_turn_ahead_and_the_peak_speed_is_that_of_the_formula() -> None:
+def test_phase_and_peak_speed_of_a_sway() -> None:
     ahead, plain = Sway(ALONG, 0.016, 1.0, 0.25), Sway(ALONG, 0.016, 1.0)
     assert ahead.at(0.1) == pytest.approx(plain.at(0.35))
     assert plain.speed == pytest.approx(2.0 * pi * 0.016)

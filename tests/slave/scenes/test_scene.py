@@ -41,7 +41,7 @@ def test_a_plane_pushes_by_stiffness_times_depth(depth: float, x: float, y: floa
 
 
 @given(depth=st.floats(0.0, 0.02), azimuth=st.floats(-pi, pi), height=st.floats(-1.0, 1.0))
-def test_the_proxy_on_a_sphere_is_the_closest_point(depth: float, azimuth: float, height: float) -> None:
+def test_proxy_on_a_sphere_is_the_closest_point(depth: float, azimuth: float, height: float) -> None:
     """f = k (R - L) outward, to a nanometre of depth, after a walk around the sphere."""
     radius = 0.03
     scene = elastic(SphereShape(ZERO, radius))
@@ -73,7 +73,7 @@ def test_no_jump_passes_a_plate(thickness: float, x: float, y: float, jump: floa
     assert force == pytest.approx((0.0, 0.0, STIFFNESS * (thickness / 2.0 + jump / 2.0)))
 
 
-def test_a_corner_of_a_pocket_pushes_from_all_three_faces() -> None:
+def test_pocket_corner_pushes_from_all_faces() -> None:
     scene = elastic(SHAPES["pocket"])
     force = walked(scene, (0.0, 0.0, 0.005), (0.023, 0.017, -0.013), 60)
     assert force == pytest.approx((-STIFFNESS * 0.003, -STIFFNESS * 0.002, STIFFNESS * 0.003))
@@ -151,7 +151,7 @@ def test_whatever_the_positions_the_force_is_finite(name: str, path: list[Vector
     "position",
     [(1e9, 0.0, 0.0), (0.0, 0.0, -1e9), (-1e9, 1e9, -1e9), (0.0, 0.0, 0.0), (0.03, 0.02, 0.0), (0.0, 0.0, -0.1)],
 )
-def test_extremes_are_survived_and_forgotten(name: str, position: Vector) -> None:
+def test_extreme_positions_leave_no_trace(name: str, position: Vector) -> None:
     scene = scenes()[name]
     for point in ((0.0, 0.0, 0.05), position, position):
         assert is_finite(scene.force(point, TICK))
@@ -164,7 +164,7 @@ def test_extremes_are_survived_and_forgotten(name: str, position: Vector) -> Non
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_position_that_is_no_number_gives_no_force_and_is_counted(bad: float, axis: int) -> None:
+def test_non_finite_position_gives_zero_force(bad: float, axis: int) -> None:
     scene = elastic(GROUND)
     scene.force((0.0, 0.0, 0.01), TICK)
     held = scene.force((0.0, 0.0, -0.01), TICK)
@@ -175,7 +175,7 @@ def test_a_position_that_is_no_number_gives_no_force_and_is_counted(bad: float, 
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_same_positions_give_the_same_forces_bit_for_bit(name: str) -> None:
+def test_forces_are_reproducible(name: str) -> None:
     first, second = scenes()[name], scenes()[name]
     for position in wander(800):
         assert first.force(position, TICK) == second.force(position, TICK)

@@ -31,7 +31,7 @@ def test_a_bounded_field_ends_at_its_border() -> None:
     assert force_of([field | {"bounded": True}], (0.01, 0.01, -0.001))[2] > 0.0
 
 
-def test_a_field_from_a_file_is_that_of_the_list(tmp_path: Path) -> None:
+def test_height_file_equals_list_of_heights(tmp_path: Path) -> None:
     path = tmp_path / "heights.csv"
     path.write_text("0.0,0.001,0.0\n0.002,0.003,0.001\n\n0.0,0.0,0.001\n")
     common = {"shape": "height_field", "spacing_m": 0.02, "stiffness_n_m": 500}
@@ -51,7 +51,7 @@ def test_a_field_from_a_file_is_that_of_the_list(tmp_path: Path) -> None:
         (None, "readable"),
     ],
 )
-def test_a_bad_height_file_is_named_with_its_row(tmp_path: Path, content: str | None, expected: str) -> None:
+def test_bad_height_file_error_names_row(tmp_path: Path, content: str | None, expected: str) -> None:
     path = tmp_path / "heights.csv"
     if content is not None:
         path.write_text(content)
@@ -91,7 +91,7 @@ def test_a_wrong_setting_is_refused_by_name(change: dict[str, Any], field: str) 
 MOTION = {"amplitude_m": 0.01, "frequency_hz": 2.0}
 
 
-def test_an_object_moves_as_written_and_only_then_is_anything_of_it_built() -> None:
+def test_object_moves_as_configured() -> None:
     still = {"shape": "plane", "stiffness_n_m": 500}
     assert type(build(SCENE.validate_python([still, still]))) is Scene
     scene = build(SCENE.validate_python([still | {"motion": MOTION | {"direction": [0, 0, -3], "phase_deg": 90.0}}]))

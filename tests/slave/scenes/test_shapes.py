@@ -66,7 +66,7 @@ def test_a_corner_is_safe_however_near(excess: float) -> None:
 
 
 @given(point=points)
-def test_the_height_field_has_no_step_in_height_or_normal(point: Vector) -> None:
+def test_height_field_is_smooth(point: Vector) -> None:
     surface = field()
     for axis in ((1e-9, 0.0, 0.0), (0.0, 1e-9, 0.0)):
         ((a, m),), ((b, n),) = surface.linearise(point), surface.linearise(add(point, axis))
@@ -79,7 +79,7 @@ def test_the_height_field_has_no_step_in_height_or_normal(point: Vector) -> None
     surface=st.tuples(*[st.floats(0.0, 0.01)] * 2),
     offset=st.tuples(*[st.floats(-0.0015, 0.0015)] * 3),
 )
-def test_a_steep_height_field_is_not_nearer_than_it_says(
+def test_clearance_of_steep_height_field_is_conservative(
     seed: int, surface: tuple[float, float], offset: Vector
 ) -> None:
     """Cliffs of 5 mm over 1 mm, where the vertical distance says little."""

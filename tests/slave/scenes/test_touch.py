@@ -30,7 +30,7 @@ def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCo
 
 
 @pytest.mark.parametrize("name", sorted(scenes()))
-def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
+def test_restore_undoes_all_changes(name: str) -> None:
     straight, trying = scenes()[name], scenes()[name]
     for i, position in enumerate(wander(700)):
         if i % 7 == 0:
@@ -43,7 +43,7 @@ def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
         assert trying.force(position, TICK) == straight.force(position, TICK)
 
 
-def test_in_a_concave_corner_every_plane_is_a_touch_and_one_rubs_for_all() -> None:
+def test_concave_corner_has_one_touch_per_plane() -> None:
     room = Scene([SceneObject(SHAPES["box cavity"], 500.0, CONE, 2.0)])
     room.touch((0.0, 0.0, 0.01))
     room.touch((0.031, 0.021, 0.01))
@@ -59,7 +59,7 @@ def test_in_a_concave_corner_every_plane_is_a_touch_and_one_rubs_for_all() -> No
     assert room.contacts == 1
 
 
-def test_the_grip_ends_where_the_anchor_is_dragged_along() -> None:
+def test_grip_is_zero_while_sliding() -> None:
     scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
     scene.touch((0.0, 0.0, 0.001))
     scene.touch((0.0, 0.0, -0.004))
@@ -71,7 +71,7 @@ def test_the_grip_ends_where_the_anchor_is_dragged_along() -> None:
 
 
 @pytest.mark.parametrize("position", [(float("nan"), 0.0, 0.0), (0.0, 1e13, 0.0), (0.0, 0.0, float("-inf"))])
-def test_a_position_that_is_of_no_use_touches_nothing_and_is_counted(position: tuple[float, float, float]) -> None:
+def test_unusable_position_touches_nothing(position: tuple[float, float, float]) -> None:
     scene = elastic(GROUND)
     scene.touch((0.0, 0.0, -0.001))
     before = scene.state

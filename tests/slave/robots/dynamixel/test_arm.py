@@ -41,7 +41,7 @@ def test_the_jacobian_is_the_derivative_of_the_tip(joints: Joints) -> None:
 
 
 @given(poses)
-def test_what_holds_the_arm_is_the_derivative_of_its_potential_energy(joints: Joints) -> None:
+def test_gravity_is_the_gradient_of_potential_energy(joints: Joints) -> None:
     gravity = arm_pose(joints).gravity
     for index in range(4):
         ahead, behind = (arm.potential_energy(moved(joints, index, by)) for by in (STEP, -STEP))
@@ -74,7 +74,7 @@ def test_out_of_reach_there_is_no_solution(tip: Vector) -> None:
     assert inverse_nearest(tip, 0.0) is None
 
 
-def test_the_nearest_pitch_is_taken_where_the_wanted_one_is_out_of_reach() -> None:
+def test_nearest_reachable_pitch_is_used() -> None:
     tip = (0.12, 0.12, 0.05)
     assert inverse(tip, 0.0) is None
     joints = inverse_nearest(tip, 0.0)
@@ -86,13 +86,13 @@ def test_the_nearest_pitch_is_taken_where_the_wanted_one_is_out_of_reach() -> No
 
 
 @given(poses)
-def test_the_least_current_allowed_carries_the_arm_however_it_stands(joints: Joints) -> None:
+def test_smallest_current_limit_carries_the_arm(joints: Joints) -> None:
     assert max(map(abs, arm_pose(joints).gravity)) <= 1.65 * WEIGHT_A
     assert DynamixelOptions(max_current_ma=650.0).max_current_ma >= 1e3 * WEIGHT_A
 
 
 @given(poses, small)
-def test_the_mass_matrix_is_symmetric_and_kinetic_energy_positive(joints: Joints, rates: Joints) -> None:
+def test_mass_matrix_is_symmetric_positive_definite(joints: Joints, rates: Joints) -> None:
     here = arm_pose(joints)
     columns = [here.momentum(moved((0.0, 0.0, 0.0, 0.0), index, 1.0), ROTOR) for index in range(4)]
     for i in range(4):

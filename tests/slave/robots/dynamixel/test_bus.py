@@ -102,7 +102,7 @@ def test_all_motors_are_read_at_once(peer: Peer, bus: MotorBus) -> None:
     assert peer.heard == [packet.sync_read(126, 10, IDS)]
 
 
-def test_it_does_not_matter_how_answers_come_nor_what_strays_between(peer: Peer, bus: MotorBus) -> None:
+def test_fragments_and_stray_packets_are_tolerated(peer: Peer, bus: MotorBus) -> None:
     def in_pieces(request: Packet) -> list[bytes]:
         stream = encode_packet(request) + b"\x00\xff\xff" + b"".join(all_motors(request))
         stray = encode_status(StatusPacket(15, 0, measured(1, 2, 3)))
@@ -132,7 +132,7 @@ def test_a_garbled_answer_is_named(peer: Peer, bus: MotorBus) -> None:
     assert bus.present() == EXPECTED
 
 
-def test_an_answer_that_came_too_late_is_not_taken_for_the_next(peer: Peer, bus: MotorBus) -> None:
+def test_late_answer_is_not_taken_for_the_next(peer: Peer, bus: MotorBus) -> None:
     released, said = Event(), Event()
 
     def late(_request: Packet) -> list[bytes]:
@@ -171,7 +171,7 @@ class ScriptedPort:
         pass
 
 
-def test_an_answer_that_is_still_under_way_is_awaited_before_the_next_request() -> None:
+def test_pending_answer_is_awaited_before_next_request() -> None:
     old, new = (encode_status(StatusPacket(11, 0, bytes([value]))) for value in (1, 3))
     mark = encode_status(StatusPacket(11, 0, bytes(MARK_SIZES[0])))
     bus = MotorBus(ScriptedPort(b"", old, b"", mark, new), 1_000_000, IDS, 0.0, lambda: 0.0, lambda _: None)
@@ -189,7 +189,7 @@ def test_a_refusal_says_what_and_why(peer: Peer, bus: MotorBus) -> None:
     assert not isinstance(caught.value, BadReply)
 
 
-def test_a_request_that_arrived_garbled_may_be_made_again(peer: Peer, bus: MotorBus) -> None:
+def test_garbled_request_is_a_bad_reply(peer: Peer, bus: MotorBus) -> None:
     peer.answer = lambda request: [encode_status(StatusPacket(request.id, packet.CRC_ERROR))]
     with pytest.raises(BadReply, match="arrived there garbled"):
         bus.write(14, registers.GOAL_CURRENT, 9)
@@ -211,7 +211,7 @@ def test_an_alarm_is_looked_up(peer: Peer, bus: MotorBus, bits: int, says: str) 
     assert not isinstance(caught.value, BadReply)
 
 
-def test_a_port_that_is_gone_is_no_bad_reply(peer: Peer, bus: MotorBus) -> None:
+def test_lost_port_is_a_hardware_fault(peer: Peer, bus: MotorBus) -> None:
     peer.answer = lambda _: []
     peer.stop()
     with pytest.raises(HardwareFault, match="unplugged") as caught:
@@ -227,7 +227,7 @@ def sysfs(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_slow_adapter_comes_with_the_command_that_sets_it_right(sysfs: Path) -> None:
+def test_slow_adapter_advice_contains_the_command(sysfs: Path) -> None:
     assert latency_ms("/dev/ttyUSB0", sysfs) == 16
     advice = latency_advice("/dev/ttyUSB0", sysfs)
     assert advice is not None

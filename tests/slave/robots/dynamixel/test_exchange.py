@@ -51,7 +51,7 @@ def test_opening_takes_over_the_weight_and_moves_nothing() -> None:
     assert bench.read(5, registers.TORQUE_ENABLE) == 0, "the gripper is not ours"
 
 
-def test_settings_that_are_right_already_are_not_written_again() -> None:
+def test_correct_eeprom_settings_are_not_written() -> None:
     bench = Bench()
     bench.exchange.open()
     assert {11, 9} <= written(bench)
@@ -66,7 +66,7 @@ def written(bench: Bench) -> set[int]:
     return {int.from_bytes(each.parameters[:2], "little") for each in bench.port.sent if each.instruction == WRITE}
 
 
-def test_it_follows_a_slow_command_and_says_where_it_is() -> None:
+def test_arm_follows_a_slow_command() -> None:
     bench = Bench()
     bench.exchange.open()
     sample = bench.lead(AT_WORK, 0.1)
@@ -95,7 +95,7 @@ NOISE_N = 0.3
         (1.65, 1.60, 0.05, SWEPT, 0.005),
     ],
 )
-def test_the_force_of_any_published_arm_is_within_the_stated_error(
+def test_force_of_published_arms_is_within_stated_error(
     constant: float, taken_for: float, uncertain: float, coulomb: Joints, rotor: float
 ) -> None:
     options = SWIFT.model_copy(update={"torque_constant_n_m_a": taken_for, "torque_constant_error": uncertain})
@@ -113,7 +113,7 @@ def test_the_force_of_any_published_arm_is_within_the_stated_error(
         assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"as far as this arm_pose goes, at {goal}"
 
 
-def test_pressing_ends_when_the_commands_do_and_the_tip_stays() -> None:
+def test_pressing_ends_with_the_commands() -> None:
     bench = on_a_floor()
     bench.exchange.open()
     goal = (0.2, 0.02, FLOOR_Z - 0.02)
@@ -126,7 +126,7 @@ def test_pressing_ends_when_the_commands_do_and_the_tip_stays() -> None:
     assert distance(bench.emulator.tip, where) < 0.006
 
 
-def test_a_bus_that_stays_silent_carries_the_weight_and_presses_no_more() -> None:
+def test_silent_bus_leaves_weight_compensation_only() -> None:
     bench = on_a_floor()
     bench.exchange.open()
     goal = (0.2, 0.02, FLOOR_Z - 0.02)
@@ -150,14 +150,14 @@ def test_an_alarm_is_named_with_its_joint() -> None:
     assert not isinstance(caught.value, BadReply)
 
 
-def test_a_tripped_watchdog_is_noticed_though_the_answers_look_good() -> None:
+def test_tripped_watchdog_is_detected() -> None:
     bench = at_work()
     bench.emulator.inject("trip_watchdog", 1)
     with pytest.raises(HardwareFault, match=r"bus watchdog tripped.*80 ms"):
         bench.run(AT_WORK, 3 * WATCH_EVERY / bench.options.rate_hz)
 
 
-def test_a_motor_that_was_without_power_is_noticed_though_it_answers_again() -> None:
+def test_power_loss_of_a_motor_is_detected() -> None:
     bench = at_work()
     bench.tell(Packet(13, REBOOT))
     with pytest.raises(HardwareFault, match=r"joint 3 \(id 13\): its torque is off"):
@@ -166,7 +166,7 @@ def test_a_motor_that_was_without_power_is_noticed_though_it_answers_again() -> 
                 bench.run(AT_WORK, 1.0 / bench.options.rate_hz)
 
 
-def test_a_host_that_slept_finds_the_arm_limp_and_takes_it_up_again_without_a_jump() -> None:
+def test_arm_resumes_without_jump_after_host_sleep() -> None:
     bench = at_work()
     bench.wait(0.35)
     assert bench.emulator.watchdog_trips == 4
@@ -182,7 +182,7 @@ def test_a_host_that_slept_finds_the_arm_limp_and_takes_it_up_again_without_a_ju
     assert distance(tips[-1], AT_WORK) < 0.006
 
 
-def test_a_watchdog_that_tripped_under_a_host_that_was_killed_is_cleared_at_opening() -> None:
+def test_opening_clears_tripped_watchdogs() -> None:
     bench = at_work()
     bench.wait(0.35)
     assert bench.emulator.watchdog_trips == 4
@@ -192,7 +192,7 @@ def test_a_watchdog_that_tripped_under_a_host_that_was_killed_is_cleared_at_open
     assert distance(bench.emulator.tip, found) < 0.02
 
 
-def test_closing_a_bus_that_does_not_answer_ends_the_pressing_all_the_same() -> None:
+def test_closing_a_silent_bus_ends_the_pressing() -> None:
     bench = on_a_floor()
     bench.exchange.open()
     goal = (0.2, 0.02, FLOOR_Z - 0.02)
@@ -219,7 +219,7 @@ def test_left_holding_the_motors_keep_the_arm_themselves() -> None:
 
 
 @pytest.mark.parametrize(("allowed_ma", "of_the_motor"), [(700.0, 1193), (1000.0, 1193), (1000.0, 300)])
-def test_left_holding_no_motor_may_have_more_current_than_before(allowed_ma: float, of_the_motor: int) -> None:
+def test_holding_motors_have_limited_current(allowed_ma: float, of_the_motor: int) -> None:
     bench = Bench(DynamixelOptions(approach_m_s=0.5, max_current_ma=allowed_ma))
     bench.write(3, registers.CURRENT_LIMIT, of_the_motor)
     bench.exchange.open()
@@ -231,7 +231,7 @@ def test_left_holding_no_motor_may_have_more_current_than_before(allowed_ma: flo
         assert servo.drive.limit <= most * registers.A_PER_COUNT + 1e-9
 
 
-def test_a_host_killed_at_any_step_of_leaving_leaves_no_motor_unbounded() -> None:
+def test_host_killed_while_closing_leaves_bounded_motors() -> None:
     """With a watchdog that is off, a motor is limp or holds within the limit; with one that is on, it goes limp."""
     steps = 0
     while True:
@@ -254,7 +254,7 @@ def test_a_host_killed_at_any_step_of_leaving_leaves_no_motor_unbounded() -> Non
     assert steps > 20
 
 
-def test_a_process_that_stops_within_a_cycle_finds_the_arm_limp_at_once() -> None:
+def test_stop_within_a_cycle_trips_the_watchdogs() -> None:
     bench = at_work()
     bench.time.stall_s = 0.3
     with suppress(BadReply):
@@ -266,7 +266,7 @@ def test_a_process_that_stops_within_a_cycle_finds_the_arm_limp_at_once() -> Non
         bench.exchange.exchange(AT_WORK)
 
 
-def test_one_motor_with_an_alarm_does_not_keep_the_others_from_holding() -> None:
+def test_other_motors_hold_despite_an_alarm() -> None:
     bench = at_work()
     bench.emulator.inject("overload", 4)
     with pytest.raises(HardwareFault):
@@ -279,7 +279,7 @@ def test_one_motor_with_an_alarm_does_not_keep_the_others_from_holding() -> None
 
 
 @pytest.mark.parametrize("latency", [0.02, 0.03, 0.05, 0.1])
-def test_answers_that_are_all_late_are_never_taken_for_fresh_ones(latency: float) -> None:
+def test_late_answers_are_never_taken_as_fresh(latency: float) -> None:
     bench = Bench()
     bench.exchange.open()
     bench.lead((0.18, 0.03, 0.18))

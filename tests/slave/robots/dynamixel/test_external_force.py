@@ -43,16 +43,14 @@ def balanced(joints: Joints, force: Vector, friction: Joints = STILL) -> Joints:
 
 
 @given(places, forces)
-def test_a_force_on_an_arm_without_friction_is_felt_exactly(place: Vector, force: Vector) -> None:
+def test_force_without_friction_is_estimated_exactly(place: Vector, force: Vector) -> None:
     joints = at_work(place)
     felt = tip_force(arm_pose(joints), STILL, balanced(joints, force), NONE)
     assert distance(felt, force) < 1e-9
 
 
 @given(places, forces, signs, st.floats(-0.4, 0.4))
-def test_friction_and_a_wrong_torque_constant_stay_within_the_stated_error(
-    place: Vector, force: Vector, sticking: Joints, wrong: float
-) -> None:
+def test_estimate_stays_within_stated_error(place: Vector, force: Vector, sticking: Joints, wrong: float) -> None:
     joints = at_work(place)
     here, friction = arm_pose(joints), JointFriction()
     e, f, g, h = (part * coulomb for part, coulomb in zip(sticking, COULOMB_N_M, strict=True))
@@ -62,7 +60,7 @@ def test_friction_and_a_wrong_torque_constant_stay_within_the_stated_error(
     assert distance(felt, force) <= newtons + share * norm(felt) + 1e-9
 
 
-def test_the_stated_error_is_not_far_above_the_worst_case() -> None:
+def test_stated_error_equals_the_worst_case() -> None:
     joints = at_work((0.2, 0.05, 0.15))
     here, friction = arm_pose(joints), JointFriction()
     newtons, _ = force_error(here, friction, 0.0)
@@ -87,14 +85,14 @@ def test_in_motion_the_friction_is_taken_out(place: Vector, force: Vector, speed
 
 
 @given(poses, st.tuples(*[st.floats(-0.05, 0.05)] * 4))
-def test_where_a_direction_is_not_felt_a_small_torque_is_no_large_force(joints: Joints, noise: Joints) -> None:
+def test_singular_pose_does_not_amplify_torque_noise(joints: Joints, noise: Joints) -> None:
     here = arm_pose(joints)
     a, b, c, d = (weight + each for weight, each in zip(here.gravity, noise, strict=True))
     felt = tip_force(here, STILL, (a, b, c, d), NONE)
     assert norm(felt) <= hypot(*noise) / 0.02 * 1.5
 
 
-def test_the_filter_lags_a_slow_sine_as_stated_and_leaves_a_constant() -> None:
+def test_low_pass_lags_as_stated() -> None:
     low, period = ForceLowPass(20.0), 0.0005
     assert low.lag == pytest.approx(1.0 / (2.0 * pi * 20.0))
     worst = 0.0

@@ -32,20 +32,20 @@ def test_a_step_is_that_of_the_damped_oscillator(tmp_path: Path, ratio: float) -
 
 
 @pytest.mark.parametrize("compensated", [0.0, 1.0])
-def test_gravity_and_servos_of_the_file_do_not_move_it(tmp_path: Path, compensated: float) -> None:
+def test_gravity_and_actuators_do_not_move_it(tmp_path: Path, compensated: float) -> None:
     made = robot(tmp_path, chain(compensated), home_m=ABOVE)
     made.open(0.0)
     assert distance(hold(made, ABOVE, 500).position, ABOVE) < 1e-9
 
 
-def test_a_redundant_arm_goes_where_it_is_told_and_its_joints_come_back(tmp_path: Path) -> None:
+def test_redundant_arm_follows_and_returns_its_joints(tmp_path: Path) -> None:
     made = robot(tmp_path, chain(), home_m=ABOVE, stiffness_n_m=500.0)
     for goal in ((0.03, 0.04, 0.03), (-0.02, -0.03, 0.05)):
         assert distance(lead(made, ABOVE, goal, ticks=400).position, goal) < 1e-5
 
 
 @pytest.mark.parametrize("posture", [0.0, 2.0])
-def test_joints_left_over_return_while_the_end_effector_stays(tmp_path: Path, posture: float) -> None:
+def test_redundant_joints_return_without_moving_the_tip(tmp_path: Path, posture: float) -> None:
     """Pushed so that the end effector rests; without a posture they stay where the push left them."""
     plant = Plant(written(tmp_path, chain()), "tip", None)
     settle(plant, ABOVE)
@@ -64,7 +64,7 @@ def test_joints_left_over_return_while_the_end_effector_stays(tmp_path: Path, po
     assert (away[-1] < 1e-3) is (posture > 0.0)
 
 
-def test_home_is_reached_within_the_limits_of_the_joints(tmp_path: Path) -> None:
+def test_home_is_reached_within_joint_limits(tmp_path: Path) -> None:
     plant = Plant(written(tmp_path, chain(limit_deg=10.0)), "tip", "bent")
     settle(plant, (0.03, -0.02, 0.05))
     assert tuple(plant.position) == pytest.approx((0.03, -0.02, 0.05), abs=1e-6)

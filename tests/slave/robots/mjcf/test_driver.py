@@ -17,7 +17,7 @@ SERIES = 1.0 / (1.0 / GROUND + 1.0 / STIFF)
 
 
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
-def test_a_wall_on_any_side_pushes_back_along_its_normal(tmp_path: Path, force: str) -> None:
+def test_wall_pushes_back_along_its_normal(tmp_path: Path, force: str) -> None:
     """Both springs in series; the sensor is turned, and the weight that hangs on it is not felt."""
     room = wall((1.0, 0.0, 0.0), 0.04) + wall((0.0, -1.0, 0.0), 0.04) + wall((0.0, 0.0, -1.0), 0.04)
     made = robot(tmp_path, gantry(room), force=force, stiffness_n_m=STIFF)
@@ -46,7 +46,7 @@ def test_nothing_is_felt_in_free_space(tmp_path: Path, force: str) -> None:
     assert reading.position == pytest.approx(ZERO, abs=1e-4)
 
 
-def test_the_sensor_feels_the_inertia_of_what_hangs_on_it(tmp_path: Path) -> None:
+def test_force_sensor_feels_inertia(tmp_path: Path) -> None:
     """Jerked upwards, the tool holds back: downwards, by its share of the mass times the acceleration."""
     made = robot(tmp_path, gantry(), force="wrist")
     made.open(0.0)
@@ -55,7 +55,7 @@ def test_the_sensor_feels_the_inertia_of_what_hangs_on_it(tmp_path: Path) -> Non
     assert made.latest(TICK).force == pytest.approx((0.0, 0.0, -pulled / 3.0), rel=1e-6)
 
 
-def test_a_long_gap_is_not_replayed(tmp_path: Path) -> None:
+def test_long_gap_is_skipped(tmp_path: Path) -> None:
     """It moves on as far as in the longest gap, and no further."""
     positions = []
     for gap in (LONGEST_GAP, 3600.0):
@@ -70,9 +70,7 @@ def test_a_long_gap_is_not_replayed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("timestep", "stiffness", "steps"), [(0.1, 500.0, 1), (0.0003, 500.0, 4), (0.1, 2e5, 3)])
-def test_steps_divide_a_tick_and_are_short_enough_for_the_control(
-    tmp_path: Path, timestep: float, stiffness: float, steps: int
-) -> None:
+def test_steps_divide_tick_and_suit_the_control(tmp_path: Path, timestep: float, stiffness: float, steps: int) -> None:
     """sqrt(2e5 / 0.2) is 1 rad per tick, at most 0.4 of it per step."""
     made = robot(tmp_path, gantry(timestep=timestep), stiffness_n_m=stiffness)
     assert f"{steps} step" in made.description()
@@ -80,7 +78,7 @@ def test_steps_divide_a_tick_and_are_short_enough_for_the_control(
     assert hold(made, (0.0, 0.0, 0.01), 1000).position == pytest.approx((0.0, 0.0, 0.01), abs=1e-9)
 
 
-def test_a_robot_has_the_axes_that_its_joints_give_it(tmp_path: Path) -> None:
+def test_axes_follow_from_joints(tmp_path: Path) -> None:
     joints = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
     made = robot(tmp_path, gantry(joints=joints))
     assert made.spec.axes == "xz"
@@ -90,7 +88,7 @@ def test_a_robot_has_the_axes_that_its_joints_give_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [(1e308, 0.0, 0.0), (1e12, -1e12, 0.0)])
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
-def test_an_absurd_command_is_a_fault_of_the_robot_and_is_not_printed(
+def test_extreme_command_is_a_silent_robot_fault(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: Vector, force: str
 ) -> None:
     folder = tmp_path / "working"

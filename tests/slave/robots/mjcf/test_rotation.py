@@ -63,9 +63,7 @@ def held(
 
 
 @pytest.mark.parametrize("turn", [(0.5, 0.0, 0.0), (0.0, -1.0, 0.6), (2.0, 1.0, -2.0)])
-def test_it_turns_to_the_orientation_from_that_at_home_about_the_axes_of_the_world(
-    tmp_path: Path, turn: Vector
-) -> None:
+def test_orientation_is_relative_to_home_in_world_axes(tmp_path: Path, turn: Vector) -> None:
     """In gravity, with its centre of mass beside the joint, and a site that is turned in its body."""
     tool = INERTIA + '<site name="grip" pos="0.01 0 0.01" euler="20 30 40"/>'
     made = robot(tmp_path, gantry(joints=BALL, tool=tool), end_effector="grip", **turning())
@@ -100,7 +98,7 @@ def test_a_step_is_that_of_the_damped_oscillator(tmp_path: Path, ratio: float) -
         assert max(angles) == pytest.approx(0.3 * (1.0 + exp(-pi / sqrt(3.0))), rel=0.01)
 
 
-def test_every_mode_of_a_coupled_tool_has_the_damping_ratio(tmp_path: Path) -> None:
+def test_every_mode_has_the_damping_ratio(tmp_path: Path) -> None:
     """A tool held far from its centre of mass: pushed and turned at once, nothing goes over by more than it should."""
     made = robot(tmp_path, gantry(joints=BALL, tool=INERTIA, timestep=0.0002), **turning(stiffness_n_m_rad=1.0))
     control = pose_of(made)
@@ -117,7 +115,7 @@ def test_every_mode_of_a_coupled_tool_has_the_damping_ratio(tmp_path: Path) -> N
     assert np.abs(roots).max() == pytest.approx(control.fastest, rel=1e-3)
 
 
-def test_without_rotation_nothing_of_it_is_imported_and_no_torque_is_read(tmp_path: Path) -> None:
+def test_rotation_is_imported_only_if_configured(tmp_path: Path) -> None:
     path = written(tmp_path, gantry(joints=BALL))
     words = (
         "import sys; from pathlib import Path; from weberlink.slave.robots.mjcf.driver import MujocoRobot;"
@@ -139,7 +137,7 @@ def test_without_rotation_nothing_of_it_is_imported_and_no_torque_is_read(tmp_pa
 
 @pytest.mark.parametrize("torque", ["contacts", "twist"])
 @pytest.mark.parametrize("joints", [SLIDES, BALL], ids=["slides", "ball"])
-def test_the_torque_is_that_of_the_contact_about_the_tip(tmp_path: Path, joints: str, torque: str) -> None:
+def test_torque_is_that_of_contacts_about_the_tip(tmp_path: Path, joints: str, torque: str) -> None:
     """The tip is 2 cm beside the ball that presses on the ground, so it is f times 2 cm about y."""
     text = gantry(wall(), joints=joints, tool=INERTIA + '<site name="side" pos="0.02 0 0"/>').replace(
         "</sensor>", TWIST
@@ -151,7 +149,7 @@ def test_the_torque_is_that_of_the_contact_about_the_tip(tmp_path: Path, joints:
     assert reading.torque == pytest.approx((0.0, 0.02 * reading.force[2], 0.0), abs=1e-4 * reading.force[2])
 
 
-def test_a_tool_that_touches_nothing_feels_no_torque_however_it_is_held(tmp_path: Path) -> None:
+def test_free_tool_feels_no_torque(tmp_path: Path) -> None:
     """Its weight beside the tip is known, and taken off."""
     text = gantry(joints=BALL, tool=INERTIA).replace("</sensor>", TWIST)
     made = robot(tmp_path, text, force="wrist", **turning(torque="twist"))
@@ -163,7 +161,7 @@ def test_a_tool_that_touches_nothing_feels_no_torque_however_it_is_held(tmp_path
 
 
 @pytest.mark.parametrize("ground", ["plane", "box"])  # of a contact, MuJoCo says a plane first, and a box last
-def test_what_a_contact_transmits_itself_counts(tmp_path: Path, ground: str) -> None:
+def test_contact_torque_counts(tmp_path: Path, ground: str) -> None:
     """A ball that is spun on the ground (condim 4): at most 0.02 m times the force, with no lever to the tip."""
     rough = wall().replace('condim="1"', 'condim="4" friction="0.5 0.02 0"')
     if ground == "box":
@@ -199,14 +197,16 @@ def test_what_a_contact_transmits_itself_counts(tmp_path: Path, ground: str) -> 
         (gantry(joints=BALL), {"stiffness_n_m_rad": 1e7}, r"rotation\.stiffness_n_m_rad: .* divide"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str, options: dict[str, Any], named: str) -> None:
+def test_impossible_rotation_options_are_refused(
+    tmp_path: Path, text: str, options: dict[str, Any], named: str
+) -> None:
     with pytest.raises(ValueError, match=named) as caught:
         robot(tmp_path, text, **turning(**options))
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("orientation", [(0.0,) * 4, (float("nan"), 0.0, 0.0, 0.0), (float("inf"), 1.0, 0.0, 0.0)])
-def test_an_orientation_that_is_none_is_our_own_error(tmp_path: Path, orientation: Quaternion) -> None:
+def test_invalid_orientation_is_a_value_error(tmp_path: Path, orientation: Quaternion) -> None:
     made = robot(tmp_path, gantry(joints=BALL), **turning())
     made.open(0.0)
     with pytest.raises(ValueError, match="mujoco: commanded an orientation that is none"):
@@ -250,7 +250,7 @@ def turned_to(made: MujocoRobot, start: float, end: float, ticks: int = 300) -> 
 
 
 @pytest.mark.parametrize("torque", ["contacts", "wrist torque"])
-def test_the_torque_at_rest_is_stiffness_times_angle_of_the_valve(torque: str) -> None:
+def test_torque_at_rest_is_that_of_the_valve_spring(torque: str) -> None:
     """Within half a percent, to either side, and no force comes with it; the valve is turned against it."""
     made, before = wrench(torque=torque), 0.0
     for goal in (10.0, 25.0, 40.0, 10.0, -20.0, -40.0):

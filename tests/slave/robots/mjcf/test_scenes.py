@@ -90,7 +90,7 @@ def test_a_command_that_rests_feeds_no_energy(file: str, goal: Vector) -> None:
         assert distance(reading.force, rest.force) < 0.01
 
 
-def test_the_wall_pushes_the_peg_back_and_rubs_no_more_than_friction_allows(peg: MujocoRobot) -> None:
+def test_wall_force_on_peg_is_within_friction_cone(peg: MujocoRobot) -> None:
     force = lead(peg, (0.01, 0.02, 0.03), (0.026, 0.02, 0.03)).force
     assert force == pytest.approx((-FELT * 0.006, 0.0, 0.0), rel=0.01, abs=0.02)
     for sliding in along((0.026, 0.02, 0.03), (0.026, -0.02, 0.03)):
@@ -105,7 +105,7 @@ def along(start: Vector, end: Vector, ticks: int = 400) -> Iterator[Vector]:
         yield add(start, scale(subtract(end, start), tick / ticks))
 
 
-def test_the_peg_goes_into_the_hole_as_far_as_its_bottom_and_its_sides(peg: MujocoRobot) -> None:
+def test_peg_goes_into_the_hole_to_its_bottom(peg: MujocoRobot) -> None:
     mouth, inside = (0.0, 0.0, 0.0), (0.035, 0.0, 0.0)
     assert norm(lead(peg, mouth, inside).force) < 0.02
     assert lead(peg, mouth, inside, (0.051, 0.0, 0.0)).force == pytest.approx(
