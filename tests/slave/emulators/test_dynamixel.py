@@ -221,30 +221,3 @@ def test_over_a_real_pty(tmp_path: Path) -> None:
             assert asked(port, packet.read(11, 98, 1), 1) == [StatusPacket(11, 0, b"\xff")]
         finally:
             port.close()
-
-
-def test_the_vendors_own_library_understands_it(tmp_path: Path) -> None:
-    sdk = pytest.importorskip("dynamixel_sdk", reason="dynamixel-sdk, the vendor's library, is not installed")
-    emulator = DynamixelEmulator(DynamixelEmulatorOptions())
-    with PtyDevice(emulator, tmp_path / "arm"):
-        port = sdk.PortHandler(str(tmp_path / "arm"))
-        assert port.openPort()
-        assert port.setBaudRate(1_000_000)
-        try:
-            host = sdk.PacketHandler(2.0)
-            assert host.ping(port, 11) == (1020, 0, 0)
-            assert host.read1ByteTxRx(port, 11, 9) == (250, 0, 0)
-            assert host.write4ByteTxRx(port, 12, 20, 0xFFFDFFFF) == (0, 0)  # FF FF FD: stuffed both ways
-            assert host.read4ByteTxRx(port, 12, 20) == (0xFFFDFFFF, 0, 0)
-            assert host.write1ByteTxRx(port, 11, 9, 255) == (0, packet.DATA_RANGE_ERROR)
-            read = sdk.GroupSyncRead(port, host, 126, 10)
-            write = sdk.GroupSyncWrite(port, host, 65, 1)
-            for id_ in IDS:
-                assert read.addParam(id_)
-                assert write.addParam(id_, [1])
-            assert write.txPacket() == 0
-            assert read.txRxPacket() == 0
-            assert [read.getData(id_, 132, 4) for id_ in IDS] == [2048, 1364, 2276, 2504, 2048]
-            assert all(servo.registers["led"] for servo in emulator.servos)
-        finally:
-            port.closePort()

@@ -65,14 +65,6 @@ def test_time_is_monotonic_and_late_by_the_lag(steps: list[tuple[float, float]])
         last = reading.at
 
 
-def test_a_sample_that_is_not_newer_is_ignored() -> None:
-    interpolation = Interpolation(0.0)
-    interpolation.add(TimedValues(1.0, (1.0,)))
-    interpolation.add(TimedValues(1.0, (5.0,)))
-    interpolation.add(TimedValues(0.5, (7.0,)))
-    assert interpolation.at(2.0) == TimedValues(1.0, (1.0,))
-
-
 def test_nothing_is_made_up_before_the_first_sample() -> None:
     with pytest.raises(LookupError):
         Interpolation(0.0).at(1.0)
