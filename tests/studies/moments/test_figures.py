@@ -29,10 +29,10 @@ from weberlink.studies.moments.portrait import Portrait, portrait
 CAPTION = "some machine; commit abc"
 WINDOW = TickWindow(5050, 5650)
 CHANNEL = force_channel(position_step=2e-6)
-TABLE = plane.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-BALL = sphere.Sphere((0.0, 0.0, -0.03), 0.03)
-BOWL = sphere.SphereCavity((0.0, 0.0, 0.03), 0.03)
-DOME = sphere.Sphere((-0.035, 0.015, -0.01), 0.025)
+TABLE = plane.PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+BALL = sphere.SphereShape((0.0, 0.0, -0.03), 0.03)
+BOWL = sphere.SphereShape((0.0, 0.0, 0.03), 0.03, inside=True)
+DOME = sphere.SphereShape((-0.035, 0.015, -0.01), 0.025)
 
 
 def scene(*shapes: Shape) -> Scene:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.scenes.solids import GROUND
-from weberlink.geometry.vector import Vector, dot, norm, subtract
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.sphere import SphereShape
@@ -25,14 +25,14 @@ def pressed() -> Scene:
 
 
 @given(share=st.floats(0.0, 0.999), angle=st.floats(-pi, pi))
-def test_within_the_static_cone_it_sticks_and_springs_back(share: float, angle: float) -> None:
+def test_within_the_static_cone_it_sticks(share: float, angle: float) -> None:
     scene = pressed()
     x = STATIC * DEPTH * share
     assert scene.force((x, 0.0, -DEPTH), TICK) == pytest.approx((-STIFFNESS * x, 0.0, STIFFNESS * DEPTH))
     assert scene.force((0.0, 0.0, -DEPTH), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * DEPTH))
 
 
-def test_beyond_it_slides_at_the_dynamic_coefficient_whatever_the_speed() -> None:
+def test_sliding_force_is_independent_of_speed() -> None:
     for step in (0.00001, 0.0001, 0.001):
         scene = pressed()
         x, force = 0.0, (0.0, 0.0, 0.0)
@@ -42,7 +42,7 @@ def test_beyond_it_slides_at_the_dynamic_coefficient_whatever_the_speed() -> Non
         assert force == pytest.approx((-DYNAMIC * STIFFNESS * DEPTH, 0.0, STIFFNESS * DEPTH))
 
 
-def test_a_position_that_arrives_in_steps_does_not_change_the_sliding_force() -> None:
+def test_stepwise_positions_keep_the_sliding_force() -> None:
     """Nine ticks of standstill between jumps, as a decoded position has them: no return to the static limit."""
     scene = pressed()
     for jump in range(1, 60):
@@ -70,7 +70,7 @@ def test_lifting_off_forgets_where_it_stuck() -> None:
 
 
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
-def test_the_force_stays_in_the_friction_cone_on_a_curved_surface(steps: list[Vector]) -> None:
+def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
     ball = SphereShape((0.0, 0.0, -0.03), 0.03)
     scene = Scene([SceneObject(ball, STIFFNESS, FrictionCone(STATIC, DYNAMIC))])
     scene.force((0.0, 0.0, 0.01), TICK)
@@ -87,11 +87,36 @@ def test_the_force_stays_in_the_friction_cone_on_a_curved_surface(steps: list[Ve
             assert tangential <= STATIC * pressing * (1.0 + 1e-6) + 1e-9
 
 
-def test_rubbing_costs_work() -> None:
-    scene = pressed()
-    work, before = 0.0, 0.0
-    for i in range(400):
-        x = 0.0001 * (i if i < 200 else 400 - i)
-        work -= scene.force((x, 0.0, -DEPTH), TICK)[0] * (x - before)
-        before = x
-    assert work > 0.8 * DYNAMIC * STIFFNESS * DEPTH * 0.03
+TICK = 0.001
+
+
+def damped() -> Scene:
+    return Scene([SceneObject(GROUND, 500.0, None, 10.0)])
+
+
+def test_pressing_in_is_resisted_by_speed() -> None:
+    scene = damped()
+    for i in range(1, 11):
+        force = scene.force((0.0, 0.0, -0.0001 * i), TICK)
+    assert force == pytest.approx((0.0, 0.0, 500.0 * 0.001 + 10.0 * 0.1))
+    assert scene.force((0.0, 0.0, -0.001), TICK) == pytest.approx((0.0, 0.0, 0.5)), (
+        "standing still there is only the spring"
+    )
+
+
+@given(heights=st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=50), dt=st.floats(0.0, 0.01))
+def test_damping_never_pulls(heights: list[float], dt: float) -> None:
+    scene = damped()
+    scene.force((0.0, 0.0, 0.02), dt)
+    for z in heights:
+        force = scene.force((0.0, 0.0, z), dt)
+        assert force[2] >= 0.0
+        if z > 0.0:
+            assert force == ZERO
+
+
+def test_the_depth_before_a_new_touch_is_zero() -> None:
+    scene = damped()
+    scene.force((0.0, 0.0, -0.005), TICK)
+    scene.force((0.0, 0.0, 0.001), TICK)
+    assert scene.force((0.0, 0.0, -0.0001), TICK)[2] == pytest.approx(0.05 + 10.0 * 0.1)
