@@ -1,4 +1,4 @@
-"""Work that is spread over processors, when the program that asked for it is killed."""
+"""Worker processes end with the program that started them."""
 
 import os
 import signal
@@ -12,15 +12,15 @@ from tests.system.processes import ROOT, until
 
 ASKS = """
 import sys
-from weberlink.studies.parallel import spread
+from weberlink.studies.parallel import parallel_map
 from tests.studies.test_parallel import note_and_wait
 if __name__ == "__main__":
-    list(spread(note_and_wait, [(sys.argv[1], 0), (sys.argv[1], 1)], 2))
+    parallel_map(note_and_wait, [(sys.argv[1], 0), (sys.argv[1], 1)], 2)
 """
 
 
 def note_and_wait(task: tuple[str, int]) -> None:
-    """Write down which process does a task, and be done with it; then it waits for more that never comes."""
+    """Note the process of a task; the second task never ends."""
     folder, number = task
     (Path(folder) / f"{number}.{os.getpid()}").touch()
     if number:
