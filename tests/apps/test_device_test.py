@@ -34,8 +34,8 @@ from weberlink.apps.device_test.robot import WAY_M, RobotView, try_robot
 from weberlink.apps.device_test.sense import FRAME, LEAST_M, Sense, sense
 from weberlink.cli import app
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
-from weberlink.hardware.found import Found
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.discovery import PluggedDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.master import devices, emulators
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 from weberlink.slave import emulators as robot_emulators
@@ -127,7 +127,7 @@ class Handle:
         cls.hand, cls.turn, cls.log, cls.fails_at = ZERO, staticmethod(lambda hand: hand), [], None
 
     @classmethod
-    def plugged(cls) -> list[Found]:
+    def plugged(cls) -> list[PluggedDevice]:
         return []
 
     @classmethod
@@ -647,7 +647,7 @@ class Arm:
         cls.force = staticmethod(lambda position: (0.0, 0.0, -1.0))
 
     @classmethod
-    def plugged(cls) -> list[Found]:
+    def plugged(cls) -> list[PluggedDevice]:
         return []
 
     def __init__(self, options: HandleOptions, scene: None, tick_period: float) -> None:

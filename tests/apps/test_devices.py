@@ -23,14 +23,14 @@ from weberlink.apps import rules
 from weberlink.apps.devices import Host, Row, Side, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.cli import app
-from weberlink.hardware.found import UDEV_RULES, Found, UsbId
+from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.master import devices
 from weberlink.slave import robots
 
 RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
 
 
-def driver(*found: Found, **attributes: Any) -> Any:
+def driver(*found: PluggedDevice, **attributes: Any) -> Any:
     """A driver class of hardware, with this plugged in."""
     return type("Driver", (), {"USB": (), "plugged": classmethod(lambda cls: list(found)), **attributes})
 
@@ -82,7 +82,7 @@ def test_every_driver_of_both_sides_is_listed_and_the_virtual_ones_are_ready() -
 
 
 def test_the_document_is_json_and_says_what_the_table_says() -> None:
-    found = surveyed(paddle=driver(Found("/dev/ttyACM0", "Paddle", "17")), broken=RuntimeError("no"))
+    found = surveyed(paddle=driver(PluggedDevice("/dev/ttyACM0", "Paddle", "17")), broken=RuntimeError("no"))
     document = json.loads(json.dumps(found.document))
     assert document == {
         "drivers": [
@@ -143,7 +143,7 @@ def test_nothing_plugged_in_is_a_state_and_nothing_in_the_way() -> None:
 
 
 def test_a_listing_that_fails_hides_no_other_driver() -> None:
-    def fails(cls: Any) -> list[Found]:
+    def fails(cls: Any) -> list[PluggedDevice]:
         raise OSError("no\nbus")
 
     found = surveyed(paddle=driver(plugged=classmethod(fails)), other=driver())
@@ -159,7 +159,7 @@ def test_two_alike_are_told_apart_by_names_that_last(tmp_path: Path) -> None:
     second.touch()
     (links / "usb-Paddle_17").symlink_to(second)
     host = Host(accessible=lambda path: True, rules=(), links=links)
-    found = row(host, paddle=driver(Found(str(first)), Found(str(second))))
+    found = row(host, paddle=driver(PluggedDevice(str(first)), PluggedDevice(str(second))))
     assert found.state == "ready"
     assert found.advice == (
         f"2 are plugged in; say which under master.device: port: {first} or port: {links / 'usb-Paddle_17'}",
@@ -167,7 +167,7 @@ def test_two_alike_are_told_apart_by_names_that_last(tmp_path: Path) -> None:
 
 
 def test_what_is_in_the_way_of_one_that_is_plugged_in_is_said() -> None:
-    found = row(paddle=driver(Found("/dev/ttyACM0", problem="in boot mode; press its button")))
+    found = row(paddle=driver(PluggedDevice("/dev/ttyACM0", problem="in boot mode; press its button")))
     assert (found.state, found.advice) == ("not usable", ("/dev/ttyACM0: in boot mode; press its button",))
 
 
@@ -190,7 +190,9 @@ def refused(tmp_path: Path, *, installed: bool, groups: frozenset[int] = frozens
 
 def test_no_permission_without_the_rules_is_the_line_that_installs_them(node: Path, tmp_path: Path) -> None:
     found = surveyed(
-        refused(tmp_path, installed=False), paddle=driver(Found(str(node))), other=driver(Found(str(node)))
+        refused(tmp_path, installed=False),
+        paddle=driver(PluggedDevice(str(node))),
+        other=driver(PluggedDevice(str(node))),
     )
     assert [each.state for each in found.rows] == ["rules not installed"] * 2
     (line,) = found.advice
@@ -201,12 +203,12 @@ def test_no_permission_without_the_rules_is_the_line_that_installs_them(node: Pa
 def test_rules_of_another_version_do_not_count(node: Path, tmp_path: Path) -> None:
     host = refused(tmp_path, installed=True)
     (tmp_path / UDEV_RULES).write_text(RULES.replace("0006", "0007"), encoding="utf-8")
-    assert row(host, paddle=driver(Found(str(node)))).state == "rules not installed"
+    assert row(host, paddle=driver(PluggedDevice(str(node)))).state == "rules not installed"
 
 
 def test_no_permission_with_the_rules_is_an_older_node(node: Path, tmp_path: Path) -> None:
     node.chmod(0o600)
-    found = row(refused(tmp_path, installed=True), paddle=driver(Found(str(node))))
+    found = row(refused(tmp_path, installed=True), paddle=driver(PluggedDevice(str(node))))
     assert found.state == "no permission"
     assert found.advice == (f"unplug {node} and plug it in again: it has been there for longer than the rules",)
 
@@ -220,7 +222,7 @@ def foreign_group() -> grp.struct_group:
 def test_the_group_is_named_only_where_it_is_what_is_missing(node: Path, tmp_path: Path) -> None:
     group = foreign_group()
     os.chown(node, 0, group.gr_gid)
-    plugged = driver(Found(str(node)))
+    plugged = driver(PluggedDevice(str(node)))
 
     def advice(mode: int, groups: frozenset[int] = frozenset()) -> str:
         node.chmod(mode)
@@ -251,8 +253,8 @@ def test_the_rules_are_not_blamed_for_the_device_of_another_package(
     node: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = (
-        "from hardware.found import Found\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
-        f"        return [Found({str(node)!r})]\n"
+        "from weberlink.hardware.discovery import PluggedDevice\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
+        f"        return [PluggedDevice({str(node)!r})]\n"
     )
     install(tmp_path, "odd-device", {"odd_device": source}, "[weberlink.devices]\nodd_device = odd_device:Odd\n")
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -273,7 +275,7 @@ def test_a_slow_latency_timer_is_said_with_what_makes_it_fast(
     timer.write_text("16\n")
     (tmp_path / UDEV_RULES).write_text(RULES if installed else "", encoding="utf-8")
     host = Host(accessible=lambda path: True, rules=(tmp_path,), ttys=tmp_path)
-    plugged = driver(Found("/dev/ttyUSB0"), Found("/dev/ttyACM0"))
+    plugged = driver(PluggedDevice("/dev/ttyUSB0"), PluggedDevice("/dev/ttyACM0"))
     found = row(host, arm=plugged)
     assert found.state == "ready"
     assert found.advice[0].startswith("/dev/ttyUSB0 holds replies back for 16 ms (latency timer): ")
@@ -288,8 +290,10 @@ def test_a_slow_latency_timer_is_said_with_what_makes_it_fast(
 def test_the_table_fits_80_columns_and_loses_nothing() -> None:
     found = surveyed(
         polhem_serial=driver(
-            Found("/dev/ttyACM0", "USB Serial", "12345670"),
-            Found("/dev/ttyACM1", "A Very Talkative Haptic Device of Somebody", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"),
+            PluggedDevice("/dev/ttyACM0", "USB Serial", "12345670"),
+            PluggedDevice(
+                "/dev/ttyACM1", "A Very Talkative Haptic Device of Somebody", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+            ),
             NEEDS=("json", "statistics"),
         ),
         a_name_that_is_longer_than_any_driver_has_had=driver(),
@@ -304,7 +308,7 @@ def test_the_table_fits_80_columns_and_loses_nothing() -> None:
 
 
 def test_what_helps_stays_on_one_line_however_long() -> None:
-    found = surveyed(paddle=driver(Found("/dev/" + "x" * 100, problem="press the button")))
+    found = surveyed(paddle=driver(PluggedDevice("/dev/" + "x" * 100, problem="press the button")))
     assert shown(found).splitlines()[-1] == f"paddle: /dev/{'x' * 100}: press the button"
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Final
 
-from weberlink.hardware.found import UDEV_RULES, UsbId
+from weberlink.hardware.discovery import UDEV_RULES, UsbId
 
 USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010), UsbId(0x0403, 0x6015))
 """ROBOTIS U2D2 (an FT232H by its identity) and other adapters with a chip of FTDI; which one leads to an arm, only

@@ -5,8 +5,8 @@ from time import monotonic, sleep
 from typing import ClassVar, Final
 
 from weberlink.geometry.vector import Vector, add, distance, is_finite, scale, subtract
+from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.found import Found, UsbId, only, serial_ports
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
@@ -40,7 +40,7 @@ class DynamixelRobot:
     USB: ClassVar[tuple[UsbId, ...]] = USB
 
     @classmethod
-    def plugged(cls) -> list[Found]:
+    def plugged(cls) -> list[PluggedDevice]:
         """Adapters that may lead to an arm."""
         return serial_ports(cls.USB)
 

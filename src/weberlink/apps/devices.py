@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from weberlink.apps import rules
-from weberlink.hardware.found import Found
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master import devices
 from weberlink.slave import robots
 
@@ -57,7 +57,7 @@ class Side:
 
 
 SIDES: Mapping[str, Side] = {
-    "master": Side(devices, "weberlink.apps.devices", "master.device"),
+    "master": Side(devices, "weberlink.devices", "master.device"),
     "slave": Side(robots, "weberlink.robots", "slave.robot"),
 }
 
@@ -102,7 +102,7 @@ class Row:
     kind: str | None
     extra: str | None
     state: str
-    plugged: tuple[Found, ...] = ()
+    plugged: tuple[PluggedDevice, ...] = ()
     advice: tuple[str, ...] = ()
 
 
@@ -203,17 +203,17 @@ class _Look:
         return self._row("hardware", extra, state, plugged, *advice)
 
     def _row(
-        self, kind: str | None, extra: str | None, state: str, plugged: tuple[Found, ...] = (), *advice: str
+        self, kind: str | None, extra: str | None, state: str, plugged: tuple[PluggedDevice, ...] = (), *advice: str
     ) -> Row:
         return Row(self.name, self.driver, self.package, kind, extra, state, plugged, advice)
 
-    def _state(self, found: Found) -> str:
+    def _state(self, found: PluggedDevice) -> str:
         if found.path.startswith("/") and not self.host.accessible(found.path):
             # The rules name the devices of the built-in drivers alone.
             return NO_PERMISSION if self.has_rules or self.package is not None else NO_RULES
         return READY if found.problem is None else UNUSABLE
 
-    def _advice(self, found: Found, state: str) -> Iterator[str]:
+    def _advice(self, found: PluggedDevice, state: str) -> Iterator[str]:
         if state == NO_RULES:
             yield rules.install_line()
         elif state == NO_PERMISSION:
@@ -227,7 +227,7 @@ class _Look:
         else:
             yield from self._latency(found)
 
-    def _latency(self, found: Found) -> Iterator[str]:
+    def _latency(self, found: PluggedDevice) -> Iterator[str]:
         """A slow latency timer, which only chips of FTDI have."""
         timer = self.host.ttys / Path(found.path).name / "device" / "latency_timer"
         try:

@@ -3,13 +3,13 @@
 from weberlink.apps.devices import NO_EXTRA, NO_RULES, NOTHING, READY, Row
 from weberlink.apps.doctor import Finding, Grade, Needs
 from weberlink.apps.doctor.drivers import judged
-from weberlink.hardware.found import Found
+from weberlink.hardware.discovery import PluggedDevice
 
-PADDLE = Found("/dev/ttyACM0", "Paddle")
+PADDLE = PluggedDevice("/dev/ttyACM0", "Paddle")
 NEEDS = Needs(drivers=(("master", "paddle"), ("slave", "point")))
 
 
-def row(side: str, driver: str, state: str, *plugged: Found, advice: tuple[str, ...] = ()) -> Row:
+def row(side: str, driver: str, state: str, *plugged: PluggedDevice, advice: tuple[str, ...] = ()) -> Row:
     return Row(
         side, driver, None, "hardware" if plugged or state == NOTHING else "virtual", None, state, plugged, advice
     )

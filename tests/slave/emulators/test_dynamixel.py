@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.slave.emulators import EMULATORS, load
 from weberlink.slave.emulators.dynamics import STILL

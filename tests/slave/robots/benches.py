@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot

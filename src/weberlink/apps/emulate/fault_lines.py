@@ -24,7 +24,7 @@ WORDS = {"status": "print what it does, as JSON", "help": "print these words"}
 
 
 class Wire(Protocol):
-    """Of the device; see `weberlink.hardware.pty_device`."""
+    """Of the device; see `weberlink.hardware.emulator`."""
 
     @property
     def plugged(self) -> bool: ...

@@ -14,8 +14,8 @@ from pydantic import ValidationError
 
 from weberlink.apps.emulate.fault_lines import FaultLines
 from weberlink.apps.emulate.watch import Watch, child_process, fifo, stop_signals
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.pty_device import PtyDevice
 from weberlink.hardware.umockdev import HidNode, Testbed
 from weberlink.master import emulators as devices
 from weberlink.realtime.process import prepare

@@ -10,7 +10,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from weberlink.apps.emulate.fault_lines import FaultLines
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.daemon import COMPLETED, FAILED
 

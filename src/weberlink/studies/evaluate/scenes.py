@@ -14,7 +14,7 @@ import numpy as np
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.hand import HandOptions
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import Motion
+from weberlink.master.devices.motion import LegSequence
 from weberlink.slave.scenes.settings import (
     BoxObject,
     BumpSettings,
@@ -169,7 +169,7 @@ def _hand(explored: ExploredScene, random: Random, seed: int, duration_s: float)
     hand = HandOptions()
     compliance = 1.0 / hand.stiffness_n_m + 1.0 / explored.object.stiffness_n_m
     surface = ExploredSurface(explored.chart, explored.reach_m, compliance, explored.force_n)
-    motion = Motion(exploration(surface, duration_s, random), repeat=False)
+    motion = LegSequence(exploration(surface, duration_s, random), repeat=False)
     options = HandDeviceOptions(hand=hand, seed=seed, home_m=home(surface))
     return HandDevice("exploring", options, motion.at, PERIOD_S)
 

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from weberlink.apps.monitor.remote import handshake
 from weberlink.apps.monitor.remote.channel import StreamError
 from weberlink.apps.monitor.remote.handshake import Call, RefusedError, answer, suite
+from weberlink.protocol import DropReason
 from weberlink.protocol.dialer import Dialer
-from weberlink.protocol.handshake import INSTANCE_BYTES, Caller, pack_agreement
+from weberlink.protocol.handshake import INSTANCE_BYTES, LocalEnd, pack_agreement
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.reasons import DropReason
 
 KEY = bytes(range(32))
 OURS = suite(KEY)
@@ -76,9 +76,9 @@ def test_no_message_of_the_one_protocol_is_one_of_the_other() -> None:
     """The daemons prove the same key."""
     daemons = PresharedKey(KEY)
     agreement = pack_agreement({"rate_hz": 1000})
-    caller = Caller("master", bytes(INSTANCE_BYTES))
-    dialer = Dialer(daemons, os.urandom, agreement, 2, 0.0, caller=caller, stamp=lambda now: 1)
+    master, slave = (LocalEnd(daemons, os.urandom, agreement, 2, 0.0, name, "") for name in ("master", "slave"))
+    dialer = Dialer(master, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     dialer.start(0.0)
     assert answer(dialer.hello(0.0), OURS, os.urandom) is None
-    listener = Listener(daemons, os.urandom, {}, 2, 0.0, lambda *_: None, name="slave")  # type: ignore[arg-type]
+    listener = Listener(slave, lambda *_: None)  # type: ignore[arg-type]
     assert listener.receive(Call(OURS, os.urandom).hello(), ("192.0.2.1", 1), 0.0) is DropReason.UNPROVEN

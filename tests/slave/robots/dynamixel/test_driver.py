@@ -12,8 +12,8 @@ from pydantic import ValidationError
 
 from tests.system.systems import CONFIGS
 from weberlink.geometry.vector import Vector, distance
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.hardware.pty_device import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator
 from weberlink.slave.robots.contract import RobotFault, RobotReading

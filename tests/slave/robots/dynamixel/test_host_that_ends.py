@@ -16,7 +16,7 @@ import pytest
 
 from tests.slave.robots.dynamixel.pressing import GROUND_M
 from tests.system.processes import PATIENCE, ROOT, until
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
 from weberlink.slave.robots.dynamixel import options, registers
 
