@@ -210,7 +210,7 @@ class TestWhatIsNoRecording:
         one_line(status, errors, "taken.mcap exists")
         assert taken.read_text() == "mine"
         status, _, errors = weberlink(command, LOOPBACK, "--duration", 0.1, "--record", tmp_path / "no" / "r.mcap")
-        one_line(status, errors, "make it first")
+        one_line(status, errors, "is not a folder")
 
 
 @pytest.mark.realtime
