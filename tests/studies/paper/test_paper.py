@@ -186,15 +186,6 @@ def test_the_numbers_are_those_of_codec_and_whole_system(study, recorded):
     assert SCENE_STUDY.position_step < STUDY.position_step
 
 
-def test_the_numbers_do_not_depend_on_the_number_of_workers(recorded):
-    scope = SMALL._replace(duration_s=0.5)
-    alone, shared = (
-        run([recorded], plots=False, workers=workers, progress=lambda *_: None, scope=scope).document["conditions"]
-        for workers in (1, 2)
-    )
-    assert shared == alone
-
-
 def test_the_page_shows_existing_figures_and_numbers(study):
     found, folder, _ = study
     page = (folder / PAGE).read_text(encoding="utf-8")
