@@ -14,7 +14,7 @@ from matplotlib.text import Text
 
 from tests.studies.printed import assert_legible
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.studies.curve_figures import CurveFigures, QualityAxis, draw_curves
+from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Curves, Observation, curves
 from weberlink.studies.sheet import LINE, LOOKS, SMALLEST_PT, beside, footer, looks, save, sheet, watermark
 
@@ -177,11 +177,10 @@ def test_text_is_legible_and_the_mark_is_on_every_figure(mark: str | None) -> No
 
 
 def test_all_files_are_written(tmp_path: Path) -> None:
-    caption = "some machine; commit abc"
-    draw_curves(study(), tmp_path, quality=RATING, caption=caption, title="a study", mark=MARK, units="subjects")
+    figures(study(), mark=MARK).write(tmp_path)
     for name in ("packet_rate", "quality", "quality_over_rate"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
         svg = (tmp_path / f"{name}.svg").read_text(encoding="utf-8")
-        for text in (MARK, caption, *PAPER):
+        for text in (MARK, "some machine; commit abc", *PAPER):
             assert f">{text}<" in svg
     assert (tmp_path / "curves.csv").read_text(encoding="utf-8").count(MARK) == 30

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.codec.predictors import PREDICTORS
-from weberlink.studies.curve_figures import QualityAxis, draw_curves
+from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Observation, curves
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
 from weberlink.studies.moments.figures import draw_force, draw_model
@@ -30,7 +30,7 @@ def draw_study(
     quality = QualityAxis("error, RMS [JND]", better="lower", column="error_rms_jnd")
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {study.floor:g} N.\n{caption}"
-    draw_curves(curves(observed), folder, quality=quality, caption=told, title=title, units="traces")
+    CurveFigures(curves(observed), quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
     _draw_moment(study, traces[0], weber, folder / "force", caption)
     _draw_model(study, traces, weber, folder / "model", caption)

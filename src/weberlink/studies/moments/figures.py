@@ -59,14 +59,7 @@ def draw_force(
 
 
 def force_figure(runs: Sequence[CodedTrace], window: TickWindow, title: str, caption: str) -> Figure:
-    """Force over time, actual and displayed, one panel for each run.
-
-    Args:
-        runs: of one trace, at least one.
-        window: the ticks that are drawn.
-        title: of the figure.
-        caption: the environment.
-    """
+    """Actual and displayed force over time, one panel for each run; at least one run, all of one trace."""
     if any(quantity(run, window)[0] == MAGNITUDE for run in runs):
         caption = f"{BALL}\n{caption}"
     figure = sheet(PANEL_CM * len(runs) + 2.2, title, caption)
@@ -99,12 +92,7 @@ def draw_model(
     """Write the model in use at a tick as PNG and SVG, and its numbers and parameters as CSV.
 
     Args:
-        run: a coded trace.
-        tick: at which a model with a surface must be in use.
-        path_stem: of the files .png, .svg, .csv and _parameters.csv.
         scene: in which the trace was made, in its frame; None if unknown.
-        title: of the figure.
-        caption: the environment.
 
     Raises:
         ValueError: there is no model at the tick, or one without a surface.

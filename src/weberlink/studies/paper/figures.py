@@ -10,7 +10,7 @@ from weberlink.codec import Channel
 from weberlink.codec.predictors.model import ModelKind
 from weberlink.master.trace import Trace
 from weberlink.slave.scenes.scene import Scene
-from weberlink.studies.curve_figures import QualityAxis, draw_curves
+from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import curves
 from weberlink.studies.moments.figures import draw_force, draw_model
 from weberlink.studies.moments.moments import CodedTrace, ModelFit, with_surface
@@ -30,20 +30,13 @@ def draw_conditions(conditions: Sequence[PaperCondition], folder: Path, caption:
             place = folder / condition.key
             place.mkdir(exist_ok=True)
             found = curves(condition.observations)
-            draw_curves(found, place, quality=QUALITY, caption=caption, title=condition.title, units="signals")
+            CurveFigures(found, QUALITY, caption, condition.title, units="signals").write(place)
 
 
 def draw_moments(
     trace: Trace, scene: Scene | None, channel: Callable[[str], Channel], folder: Path, caption: str
 ) -> list[str]:
-    """Write Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`) of one signal.
-
-    Args:
-        trace: the signal.
-        scene: in which it was made.
-        channel: returns the channel of a predictor.
-        folder: must exist.
-        caption: the environment.
+    """Write Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`) of one signal into an existing folder.
 
     Returns:
         Names of the figures: a signal may have no plane, or no sphere.
