@@ -39,18 +39,17 @@ class Ratings:
         Raises:
             OSError: if the folder or a file in it cannot be made.
         """
-        from weberlink.studies.curve_figures import QualityAxis, draw_curves  # noqa: PLC0415 - slow import
+        from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - slow import
 
         folder.mkdir(parents=True, exist_ok=True)
-        draw_curves(
+        CurveFigures(
             self.analysis.curves,
-            folder,
             quality=QualityAxis(label="rating", better="higher", limits=(LOWEST, HIGHEST), column="rating"),
             caption=footer(self.facts, SEED),
             title=self.analysis.who,
             mark=self.analysis.mark,
             units="simulated subjects" if self.analysis.mark else "subjects",
-        )
+        ).write(folder)
 
     def write_csv(self, path: Path) -> None:
         """Write every rating as a table.
