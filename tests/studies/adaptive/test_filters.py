@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from weberlink.codec.adaptive.trend import LAGS
+from weberlink.codec.predictors.trend import LAGS
 from weberlink.studies.adaptive.filters import HOLD_TICKS, filters
 
 Array = NDArray[np.float64]
