@@ -1,22 +1,29 @@
-"""cyclictest's command line, and what it printed on a real machine."""
+"""Command lines and output of cyclictest and sockperf."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from benchmarks.arrangement import BenchError
-from benchmarks.cyclictest import arguments, measure, parse, version
+from benchmarks.arrangement import BenchError, Rights
 from benchmarks.percentiles import summary
-from benchmarks.rights import Rights
+from benchmarks.programs import (
+    cyclictest,
+    cyclictest_line,
+    cyclictest_version,
+    parse_histogram,
+    parse_trips,
+    sockperf,
+    sockperf_version,
+)
 
-CAPTURED = (Path(__file__).parent / "captured" / "cyclictest.txt").read_text(encoding="utf-8")
+CYCLICTEST = (Path(__file__).parent / "captured" / "cyclictest.txt").read_text(encoding="utf-8")
 """Of version 2.40: two threads, 400 cycles each, bins up to 60 us, three latencies beyond them."""
 BARE = Rights(priority=0, lock_memory=False, wakeful=False, cpus=None)
 
 
 def test_every_cycle_of_every_thread_is_counted() -> None:
-    seen = parse(CAPTURED)
+    seen = parse_histogram(CYCLICTEST)
     assert seen.threads == 2
     assert len(seen.latencies_us) == 800
     assert seen.latencies_us[0] == 16.0
@@ -27,8 +34,8 @@ def test_every_cycle_of_every_thread_is_counted() -> None:
 def test_counts_stand_for_so_many_latencies() -> None:
     text = "# Histogram\n000003 000001\t000002\n000007 000000\t000001\n# Total: 000000001 000000003\n"
     text += "# Max Latencies: 00003 00050\n# Histogram Overflows: 00000 00002\n"
-    assert parse(text).latencies_us.tolist() == [3.0, 3.0, 3.0, 7.0, 50.0, 50.0]
-    assert summary(parse(text).latencies_us)["max"] == 50.0
+    assert parse_histogram(text).latencies_us.tolist() == [3.0, 3.0, 3.0, 7.0, 50.0, 50.0]
+    assert summary(parse_histogram(text).latencies_us)["max"] == 50.0
 
 
 @pytest.mark.parametrize(
@@ -42,32 +49,57 @@ def test_counts_stand_for_so_many_latencies() -> None:
 )
 def test_what_is_no_histogram_is_one_line(text: str) -> None:
     with pytest.raises(BenchError, match="no histogram"):
-        parse(text)
+        parse_histogram(text)
 
 
 def test_it_runs_as_the_daemons_do() -> None:
     whole = Rights(priority=50, lock_memory=True, wakeful=True, cpus=(3, 2))
-    line = " ".join(arguments(4000.0, 5.0, whole, threads=2))
+    line = " ".join(cyclictest_line(4000.0, 5.0, whole, threads=2))
     for part in ("-t 2", "-i 250", "-l 20000", "--policy=fifo", "-p 50", "-m", "-a 2,3"):
         assert f" {part}" in line
     assert "--default-system" not in line
 
 
 def test_it_takes_no_right_that_they_do_not_have() -> None:
-    line = arguments(1000.0, 1.0, BARE, threads=2)
+    line = cyclictest_line(1000.0, 1.0, BARE, threads=2)
     assert "--policy=other" in line
     assert "--default-system" in line
     assert not {"-p", "-m", "-a"} & set(line)
 
 
-@pytest.mark.skipif(version() is None, reason="cyclictest is not installed")
+@pytest.mark.skipif(cyclictest_version() is None, reason="cyclictest is not installed")
 def test_the_installed_one_is_understood() -> None:
-    assert str(version()).startswith("cyclictest ")
-    seen = measure(arguments(1000.0, 0.1, BARE, threads=2), 0.1)
+    assert str(cyclictest_version()).startswith("cyclictest ")
+    seen = cyclictest(cyclictest_line(1000.0, 0.1, BARE, threads=2), 0.1)
     assert seen.threads == 2
     assert 100 <= len(seen.latencies_us) <= 200  # the first thread to be done ends the other
 
 
 def test_a_program_that_fails_is_one_line() -> None:
     with pytest.raises(BenchError, match="false"):
-        measure(["false"], 0.1)
+        cyclictest(["false"], 0.1)
+
+
+SOCKPERF = (Path(__file__).parent / "captured" / "sockperf.csv").read_text(encoding="utf-8")
+"""Of version 3.7: 33 round trips."""
+
+
+def test_every_round_trip_of_the_log_is_read() -> None:
+    trips = parse_trips(SOCKPERF)
+    assert len(trips) == 33
+    assert trips[-2:].tolist() == pytest.approx([92.357, 316.697], abs=1e-2)
+    assert all(trips > 0.0)
+
+
+@pytest.mark.parametrize("text", ["", "sockperf: ERROR\n", "packet, txTime(sec), rxTime(sec), rtt(usec)\n"])
+def test_a_log_without_observations_is_one_line(text: str) -> None:
+    with pytest.raises(BenchError, match="no observations"):
+        parse_trips(text)
+
+
+@pytest.mark.skipif(sockperf_version() is None, reason="sockperf is not installed")
+def test_installed_sockperf_is_understood() -> None:
+    assert str(sockperf_version()).startswith("sockperf ")
+    trips = sockperf(48, 1.0, Rights(priority=0, lock_memory=False, wakeful=False, cpus=None))
+    assert len(trips) > 10
+    assert all(trips > 0.0)
