@@ -19,8 +19,8 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError, Rights
 from benchmarks.coded_echo import OVERRIDES, contact
 from benchmarks.percentiles import Series, summary
 from weberlink.codec import Decoder, Encoder
+from weberlink.protocol import Role
 from weberlink.protocol.events import UpdateReceived
-from weberlink.protocol.roles import Role
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.system.composition.channels import channels

@@ -16,7 +16,7 @@ from typer.main import get_command
 from tests.system.processes import Program, document
 from weberlink.apps.doctor import rights
 from weberlink.cli import app
-from weberlink.hardware.found import UDEV_RULES
+from weberlink.hardware.discovery import UDEV_RULES
 from weberlink.protocol.states import State
 from weberlink.system import journal
 from weberlink.system.configuration.model import RealtimeSettings

@@ -18,8 +18,8 @@ from typer.testing import CliRunner
 
 from tests.system.processes import ENGAGED, Program, Records, Telemetry, document, until
 from weberlink.cli import app
+from weberlink.protocol import DropReason
 from weberlink.protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION
-from weberlink.protocol.reasons import DropReason
 from weberlink.protocol.states import State
 from weberlink.protocol.wire import Kind
 from weberlink.system.launcher import sweep

@@ -16,7 +16,7 @@ from scipy.optimize import linprog
 from tests.examples import examples
 from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
-from weberlink.codec.predictors import Trust
+from weberlink.codec.predictors import FitLimits
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
@@ -287,7 +287,7 @@ def test_one_degree_of_freedom_equals_brute_force(seed: int, ticks: int, weber: 
     found = bounds(along(force), along(position), weber, **EXACT)
     assert found["zoh"] == brute_line(force, error, 0.0)
     assert found["linear"] == brute_line(force, error, None)
-    assert found["plane"] == brute_plane(force, position, error, Trust().stiffness[1])
+    assert found["plane"] == brute_plane(force, position, error, FitLimits().stiffness[1])
 
 
 @examples(30)
@@ -393,11 +393,11 @@ def test_a_sphere_is_one_send_where_a_plane_needs_several(radius: float) -> None
     assert found["hybrid"] <= found["sphere"] < found["plane"] < found["zoh"]
 
 
-def test_what_is_stiffer_than_is_trusted_is_no_plane() -> None:
+def test_a_stiffness_outside_the_limits_is_no_plane() -> None:
     position = along(-1e-3 * (1.0 + np.sin(0.05 * np.arange(400))))
     force = -2000.0 * position
     assert bounds(force, position, 0.05)["plane"] == 1
-    assert bounds(force, position, 0.05, trust=Trust(stiffness=(10.0, 1500.0)))["plane"] > 1
+    assert bounds(force, position, 0.05, fit_limits=FitLimits(stiffness=(10.0, 1500.0)))["plane"] > 1
 
 
 def test_a_wall_on_each_side_is_no_plane_but_may_be_one_hollow_sphere() -> None:

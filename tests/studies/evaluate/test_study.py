@@ -13,7 +13,7 @@ import pytest
 
 from tests.studies.evaluate.signals import trace, walk, wall
 from weberlink.codec import Channel, Decoder, Encoder, force_channel
-from weberlink.codec.predictors import Trust
+from weberlink.codec.predictors import FitLimits
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import Trace, read_trace
 from weberlink.protocol.psk import PresharedKey
@@ -48,13 +48,13 @@ def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int]]:
     """Decoded forces, bounds, and the size of the datagram of every update."""
-    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.level_count)
+    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.grid.size)
     decoded, bounds, datagrams = [], [], []
     for tick, (force, position) in enumerate(zip(signal.force_n.tolist(), signal.position_m.tolist(), strict=True)):
         update = encoder.encode(tick, tuple(force), tuple(position))
         if update is not None:
             decoder.apply(update)
-            packed = layout.pack(1, 0, update.selector, update.newest, update.gap, update.previous)
+            packed = layout.pack(1, 0, update)
             datagrams.append(len(packed) + PresharedKey.tag_size)
         held = decoder.value(tick, tuple(position))
         assert held is not None
@@ -168,9 +168,15 @@ def recording(name: str) -> Signal:
     return signal_of(read_trace(RECORDED / f"{name}.csv"))
 
 
-def packets_per_s(name: str, predictor: str, trust: Trust | None = None) -> float:
+def packets_per_s(name: str, predictor: str, fit_limits: FitLimits | None = None) -> float:
     channel = force_channel(
-        predictor=predictor, weber=0.10, floor=0.05, trust=trust, force_step=1e-9, position_step=1e-12, saturates=False
+        predictor=predictor,
+        weber=0.10,
+        floor=0.05,
+        fit_limits=fit_limits,
+        force_step=1e-9,
+        position_step=1e-12,
+        saturates=False,
     )
     signal = recording(name)
     return len(replay(signal, channel).updates) / signal.duration_s
@@ -185,7 +191,7 @@ def test_packets_agree_with_an_independent_implementation(name: str) -> None:
         assert packets_per_s(name, predictor) == pytest.approx(table()[name, predictor], rel=0.10)
     if name.startswith("omega3"):
         # The table accepts any fit of a sphere; rejecting wild radii and misfits sends less.
-        anything = Trust(radius=(1e-9, 1e9), stiffness=(1e-6, 1e12), least_angle_sine=1e-12, misfit=inf)
+        anything = FitLimits(radius=(1e-9, 1e9), stiffness=(1e-6, 1e12), least_angle_sine=1e-12, misfit=inf)
         rate = packets_per_s(name, "sphere", anything)
         assert rate == pytest.approx(table()[name, "sphere"], rel=0.03)
         assert packets_per_s(name, "sphere") < rate

@@ -14,17 +14,14 @@ import numpy as np
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.hand import HandOptions
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import Motion
+from weberlink.master.devices.motion import LegSequence
+from weberlink.slave.scenes.height_field import BumpSettings
 from weberlink.slave.scenes.settings import (
-    BoxObject,
-    BumpSettings,
     FrictionSettings,
-    HeightFieldObject,
     MotionSettings,
     ObjectSettings,
-    PlaneObject,
-    SphereObject,
     build,
+    object_settings,
 )
 from weberlink.studies.evaluate.exploration import Chart, ExploredSurface, exploration, home
 from weberlink.studies.evaluate.replay import Signal
@@ -93,12 +90,14 @@ def _plane(
     friction: FrictionSettings | None = None,
     damping: float | None = None,
     motion: MotionSettings | None = None,
-) -> PlaneObject:
-    return PlaneObject(shape="plane", stiffness_n_m=stiffness, friction=friction, damping_n_s_m=damping, motion=motion)
+) -> ObjectSettings:
+    return object_settings(
+        shape="plane", stiffness_n_m=stiffness, friction=friction, damping_n_s_m=damping, motion=motion
+    )
 
 
-def _sphere(friction: FrictionSettings | None = None) -> SphereObject:
-    return SphereObject(
+def _sphere(friction: FrictionSettings | None = None) -> ObjectSettings:
+    return object_settings(
         shape="sphere", center_m=(0.0, 0.0, -RADIUS_M), radius_m=RADIUS_M, stiffness_n_m=800.0, friction=friction
     )
 
@@ -110,16 +109,18 @@ SCENES: dict[str, ExploredScene] = {
     "plane": ExploredScene(_plane(500.0), FLAT),
     "sphere": ExploredScene(_sphere(), ROUND),
     "sphere_cavity": ExploredScene(
-        SphereObject(
+        object_settings(
             shape="sphere", center_m=(0.0, 0.0, HOLLOW_M), radius_m=HOLLOW_M, side="inside", stiffness_n_m=600.0
         ),
         bowl((0.0, 0.0, HOLLOW_M), HOLLOW_M),
     ),
     "box": ExploredScene(
-        BoxObject(shape="box", center_m=(0.0, 0.0, -0.02), size_m=(0.06, 0.06, 0.04), stiffness_n_m=700.0), FLAT, 0.036
+        object_settings(shape="box", center_m=(0.0, 0.0, -0.02), size_m=(0.06, 0.06, 0.04), stiffness_n_m=700.0),
+        FLAT,
+        0.036,
     ),
     "height_field": ExploredScene(
-        HeightFieldObject(
+        object_settings(
             shape="height_field", bumps=BumpSettings(amplitude_m=BUMP_M, wavelength_m=0.02), stiffness_n_m=700.0
         ),
         level(BUMP_M / 4.0),
@@ -169,7 +170,7 @@ def _hand(explored: ExploredScene, random: Random, seed: int, duration_s: float)
     hand = HandOptions()
     compliance = 1.0 / hand.stiffness_n_m + 1.0 / explored.object.stiffness_n_m
     surface = ExploredSurface(explored.chart, explored.reach_m, compliance, explored.force_n)
-    motion = Motion(exploration(surface, duration_s, random), repeat=False)
+    motion = LegSequence(exploration(surface, duration_s, random), repeat=False)
     options = HandDeviceOptions(hand=hand, seed=seed, home_m=home(surface))
     return HandDevice("exploring", options, motion.at, PERIOD_S)
 

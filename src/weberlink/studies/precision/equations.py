@@ -13,7 +13,7 @@ from math import sqrt
 from typing import NamedTuple, Protocol
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.precision.problems import CoulombFriction, HalfSpace, Problem, ProblemSurface
 
 MotionState = Sequence[float]
@@ -51,7 +51,7 @@ def beginning(problem: Problem) -> Phase:
     return Apart(rubbing[0])
 
 
-def rate(body: Body, goal: Vector, phase: Phase, state: MotionState) -> list[float]:
+def rate(body: ControlledMass, goal: Vector, phase: Phase, state: MotionState) -> list[float]:
     """d(state)/dt of m a = k (goal - x) - c v + f."""
     x, y, z, u, v, w = state
     force = phase.force(state)

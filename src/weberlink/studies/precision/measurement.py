@@ -9,7 +9,7 @@ from time import process_time
 from typing import Any
 
 from weberlink.geometry.vector import Vector, distance, is_finite
-from weberlink.slave.integrators.contract import Motion, Scheme
+from weberlink.slave.integrators.contract import IntegrationScheme, MassState
 from weberlink.studies.precision.problems import TICK, Problem
 from weberlink.studies.precision.reference import ReferenceSolution
 
@@ -88,11 +88,11 @@ def finite_or_none(value: float) -> float | None:
 
 
 def measured(
-    problem: Problem, name: str, scheme: Scheme, step: StepSize, known: ReferenceSolution, repeats: int
+    problem: Problem, name: str, scheme: IntegrationScheme, step: StepSize, known: ReferenceSolution, repeats: int
 ) -> IntegratorRow:
     """Run it up to `repeats` times and compare it with the reference."""
     times: list[float] = []
-    motions: list[Motion] = []
+    motions: list[MassState] = []
     while len(times) < repeats and sum(times) * problem.duration < ENOUGH:
         motions, seconds = simulated(problem, scheme, step, known.start_force)
         times.append(seconds / problem.duration)
@@ -116,14 +116,16 @@ def measured(
     )
 
 
-def simulated(problem: Problem, scheme: Scheme, step: StepSize, start_force: Vector) -> tuple[list[Motion], float]:
+def simulated(
+    problem: Problem, scheme: IntegrationScheme, step: StepSize, start_force: Vector
+) -> tuple[list[MassState], float]:
     """The motion after each tick (or step, if that is longer), and the CPU time [s] of integrating it."""
     integrator = scheme.build(problem.body, problem.scene())
-    motion = Motion(problem.position, problem.velocity, start_force)
+    motion = MassState(problem.position, problem.velocity, start_force)
     blocks = round(problem.duration / TICK) // step.ticks
     goals = [problem.goal(block * step.ticks * TICK) for block in range(blocks)]
     length, substeps, advance = step.length, range(step.substeps), integrator.advance
-    motions: list[Motion] = []
+    motions: list[MassState] = []
     collecting = gc.isenabled()
     gc.disable()
     try:

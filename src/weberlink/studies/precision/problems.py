@@ -8,11 +8,11 @@ from math import exp, pi, sqrt
 from typing import Literal
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import Sphere, SphereCavity
+from weberlink.slave.scenes.sphere import SphereShape
 
 TICK = 1e-3
 """Tick of the recommendation and of the errors [s]."""
@@ -76,7 +76,7 @@ class Problem:
 
     name: str
     about: str
-    body: Body
+    body: ControlledMass
     surfaces: tuple[ProblemSurface, ...]
     goals: tuple[tuple[float, Vector], ...]
     position: Vector
@@ -102,13 +102,13 @@ class Problem:
 
 def scene_object(surface: ProblemSurface) -> SceneObject:
     solid = surface.solid
-    shape: Plane | Sphere | SphereCavity
+    shape: PlaneShape | SphereShape
     if isinstance(solid, HalfSpace):
-        shape = Plane(solid.point, solid.normal)
+        shape = PlaneShape(solid.point, solid.normal)
     elif solid.hollow:
-        shape = SphereCavity(solid.center, solid.radius)
+        shape = SphereShape(solid.center, solid.radius, inside=True)
     else:
-        shape = Sphere(solid.center, solid.radius)
+        shape = SphereShape(solid.center, solid.radius)
     friction = surface.friction
     return SceneObject(
         shape,
@@ -120,7 +120,7 @@ def scene_object(surface: ProblemSurface) -> SceneObject:
 
 UP = (0.0, 0.0, 1.0)
 BOTH: frozenset[Quantity] = frozenset({"position", "force"})
-ROBOT = Body(mass=0.2, stiffness=50_000.0, damping=200.0)
+ROBOT = ControlledMass(mass=0.2, stiffness=50_000.0, damping=200.0)
 """The simulated robot's defaults: critically damped."""
 
 
@@ -132,7 +132,7 @@ def floor(
 
 def grazing() -> Problem:
     """An underdamped body turns exactly at the floor: z = goal - (start - goal) exp(-pi zeta / sqrt(1 - zeta^2))."""
-    body = Body(mass=0.5, stiffness=2000.0, damping=10.0)
+    body = ControlledMass(mass=0.5, stiffness=2000.0, damping=10.0)
     start, goal = 0.010, 0.005
     zeta = body.damping / (2.0 * sqrt(body.stiffness * body.mass))
     lowest = goal - (start - goal) * exp(-pi * zeta / sqrt(1.0 - zeta * zeta))
@@ -159,12 +159,12 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "light_1g", "1 g on 2000 N/m, contact from the start",
-        Body(mass=0.001, stiffness=500.0, damping=1.4), (floor(2000.0),), ((0.0, (0.0, 0.0, -0.005)),),
+        ControlledMass(mass=0.001, stiffness=500.0, damping=1.4), (floor(2000.0),), ((0.0, (0.0, 0.0, -0.005)),),
         (0.0, 0.0, 0.0), (0.0, 0.0, -0.5), duration=0.064, smooth=BOTH,
     ),
     Problem(
         "heavy_10kg", "10 kg falls onto 1e5 N/m and rebounds",
-        Body(mass=10.0, stiffness=50_000.0, damping=100.0), (floor(1e5),), ((0.0, (0.0, 0.0, -0.001)),),
+        ControlledMass(mass=10.0, stiffness=50_000.0, damping=100.0), (floor(1e5),), ((0.0, (0.0, 0.0, -0.001)),),
         (0.0, 0.0, 0.0053), duration=0.128,
     ),
     Problem(
@@ -173,13 +173,13 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "impact_2m_s", "2 m/s into 2e4 N/m with 30 N s/m: the force jumps",
-        Body(mass=0.2, stiffness=2000.0, damping=10.0), (floor(2e4, 30.0),),
+        ControlledMass(mass=0.2, stiffness=2000.0, damping=10.0), (floor(2e4, 30.0),),
         ((0.0, (0.0, 0.0, -0.001)), (0.032, (0.0, 0.0, 0.006))), (0.0, 0.0, 0.0047), (0.0, 0.0, -2.0), duration=0.064,
     ),
     grazing(),
     Problem(
         "stick_slip", "friction 0.8 / 0.3, dragged by a soft drive in steps",
-        Body(mass=0.05, stiffness=2000.0, damping=4.0),
+        ControlledMass(mass=0.05, stiffness=2000.0, damping=4.0),
         (floor(5000.0, friction=CoulombFriction(static=0.8, dynamic=0.3)),),
         ((0.0, (0.0, 0.0, -0.002)), (0.024, (0.001, 0.0, -0.002)), (0.036, (0.0022, 0.0, -0.002)),
          (0.068, (0.0038, 0.0, -0.002)), (0.096, (0.001, 0.0, -0.002))),
@@ -187,26 +187,26 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "rough_1e6", "friction 0.8 / 0.3 on 1e6 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=50.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=50.0),
         (floor(1e6, friction=CoulombFriction(static=0.8, dynamic=0.3)),),
         ((0.0, (0.0, 0.0, -0.002)), (0.024, (0.003, 0.0, -0.002)), (0.052, (0.0, 0.0, -0.002))), (0.0, 0.0, 0.0004),
         duration=0.08, linear=False,
     ),
     Problem(
         "sphere", "slides over a ball of 20 mm, 2e4 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0), (ProblemSurface(Ball((0.0, 0.0, -0.02), 0.02), 2e4),),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0), (ProblemSurface(Ball((0.0, 0.0, -0.02), 0.02), 2e4),),
         ((0.0, (0.006, 0.003, -0.004)),), (0.0, 0.0, 0.0), (0.05, 0.0, -0.2), duration=0.064, smooth=BOTH,
         linear=False,
     ),
     Problem(
         "hollow", "slides in a hollow of 30 mm, 2e4 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (ProblemSurface(Ball((0.0, 0.0, 0.03), 0.03, hollow=True), 2e4),), ((0.0, (0.006, 0.003, -0.004)),),
         (0.0, 0.0, 0.0), (0.05, 0.0, -0.2), duration=0.064, smooth=BOTH, linear=False,
     ),
     Problem(
         "hollow_1e6", "bounces along a hollow of 30 mm, 1e6 N/m",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (ProblemSurface(Ball((0.0, 0.0, 0.03), 0.03, hollow=True), 1e6),), ((0.0, (0.006, 0.003, -0.004)),),
         (0.0, 0.0, 0.0), (0.05, 0.0, -0.2), duration=0.064, linear=False,
     ),
@@ -217,7 +217,7 @@ PROBLEMS: tuple[Problem, ...] = (
     ),
     Problem(
         "oblique", "floor, then a wall at 120 degrees to it",
-        Body(mass=0.2, stiffness=5000.0, damping=30.0),
+        ControlledMass(mass=0.2, stiffness=5000.0, damping=30.0),
         (floor(2e4), ProblemSurface(HalfSpace((0.003, 0.0, 0.0), (-sqrt(0.75), 0.0, 0.5)), 3e4)),
         ((0.0, (0.01, 0.001, -0.004)),), (0.0, 0.0, 0.0011), duration=0.064,
     ),

@@ -6,7 +6,7 @@ from math import inf
 from typing import Any
 
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import Scheme
+from weberlink.slave.integrators.contract import IntegrationScheme
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.studies.precision.measurement import (
     IntegratorRow,
@@ -169,7 +169,7 @@ class ProblemResult:
 def study(
     effort: Effort = DEFAULT,
     problems: Sequence[Problem] = PROBLEMS,
-    schemes: Mapping[str, Scheme] = INTEGRATORS,
+    schemes: Mapping[str, IntegrationScheme] = INTEGRATORS,
     chooser: Chooser | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[ProblemResult]:
@@ -190,7 +190,9 @@ def study(
     return results
 
 
-def studied(problem: Problem, effort: Effort, schemes: Mapping[str, Scheme], chooser: Chooser | None) -> ProblemResult:
+def studied(
+    problem: Problem, effort: Effort, schemes: Mapping[str, IntegrationScheme], chooser: Chooser | None
+) -> ProblemResult:
     known = reference(problem)
     name, substeps = chooser(problem) if chooser is not None else (None, None)
     rows = [
@@ -215,7 +217,12 @@ def resolved(known: ReferenceSolution) -> float:
 
 
 def convergence(
-    problem: Problem, name: str, scheme: Scheme, quantity: Quantity, rows: Sequence[IntegratorRow], floor: float
+    problem: Problem,
+    name: str,
+    scheme: IntegrationScheme,
+    quantity: Quantity,
+    rows: Sequence[IntegratorRow],
+    floor: float,
 ) -> ConvergenceOrder:
     mine = [row for row in rows if row.integrator == name]
     errors = [row.position_error if quantity == "position" else row.force_error for row in mine]

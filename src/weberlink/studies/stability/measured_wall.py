@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from weberlink.geometry.vector import ZERO
 from weberlink.master.devices.hand import Hand, HandOptions
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.studies.stability.wall import SampledWall, bisect, bracket, passivity_limit, stability_limit
 
@@ -106,7 +106,7 @@ def disturbance_energy(wall: SampledWall, stiffness: float, ticks: int) -> NDArr
 
 def plane(stiffness: float, damping: float = 0.0) -> Scene:
     """A wall at z = 0, solid below, without contact."""
-    thing = SceneObject(Plane(ZERO, (0.0, 0.0, 1.0)), stiffness, damping_n_s_m=damping or None)
+    thing = SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), stiffness, damping_n_s_m=damping or None)
     scene = Scene([thing])
     scene.force((0.0, 0.0, DEPTH), 1.0)  # the proxy starts at the first position, which must be outside
     return scene
