@@ -15,7 +15,7 @@ pytest.importorskip("scipy")
 
 from weberlink.geometry.vector import Vector
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import Body, Motion, Scheme
+from weberlink.slave.integrators.contract import ControlledMass, IntegrationScheme, MassState
 from weberlink.slave.scenes.scene import Scene
 from weberlink.studies.precision.command import summary
 from weberlink.studies.precision.measurement import (
@@ -36,7 +36,7 @@ BY_NAME = {problem.name: problem for problem in PROBLEMS}
 WALL = Problem(
     "wall",
     "2e4 N/m",
-    Body(0.2, 5000.0, 40.0),
+    ControlledMass(0.2, 5000.0, 40.0),
     (ProblemSurface(HalfSpace((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), 2e4),),
     ((0.0, (0.0, 0.0, -0.004)),),
     (0.0, 0.0, 0.0),
@@ -49,26 +49,26 @@ WALL = Problem(
 class Exploding:
     """A method that doubles its distance at every step until nothing finite is left."""
 
-    def __init__(self, body: Body, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
         pass
 
-    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
+    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         x, y, z = motion.position
-        return Motion((x * 1e200 + 1.0, y, z), motion.velocity, motion.force)
+        return MassState((x * 1e200 + 1.0, y, z), motion.velocity, motion.force)
 
 
 class Staying:
     """A method that does nothing, in no time."""
 
-    def __init__(self, body: Body, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
         pass
 
-    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
+    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         return motion
 
 
-EXPLODING = Scheme(f"{__name__}:Exploding", order=1, l_stable=False)
-STAYING = Scheme(f"{__name__}:Staying", order=1, l_stable=False)
+EXPLODING = IntegrationScheme(f"{__name__}:Exploding", order=1, l_stable=False)
+STAYING = IntegrationScheme(f"{__name__}:Staying", order=1, l_stable=False)
 
 
 @pytest.fixture(scope="module")
