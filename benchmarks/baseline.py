@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from weberlink.studies.result import plain_table
 from weberlink.system.configuration import ConfigurationError
 
 KIND = "weberlink bench"
@@ -109,10 +110,8 @@ def as_json(earlier: Document, now: Document) -> dict[str, Any]:
 
 def comparison(compared: Mapping[str, Any], name: str) -> Table:
     """A table of `as_json`."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(Text(f"beside {name}"), no_wrap=True, overflow="ellipsis")
-    for heading in ("earlier", "now", "now / earlier"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = plain_table("", "earlier", "now", "now / earlier")
+    table.columns[0].header, table.columns[0].overflow = Text(f"beside {name}"), "ellipsis"
     for figure in compared["figures"]:
         table.add_row(Text(figure["name"]), *(_number(figure[key]) for key in ("earlier", "now", "ratio")))
     whole = Table.grid()

@@ -13,6 +13,7 @@ from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 from benchmarks.percentiles import NAMES
 from benchmarks.tick_cost import PARTS
+from weberlink.studies.result import plain_table
 from weberlink.system.environment import footer
 
 FASTEST_HZ = 4000.0
@@ -83,7 +84,7 @@ def report(document: Mapping[str, Any], comparison: Table | None = None) -> Tabl
 
 
 def _lateness(document: Mapping[str, Any]) -> Table:
-    table = _table("tick lateness, us", *HEADINGS, "missed")
+    table = plain_table("tick lateness, us", *HEADINGS, "missed")
     for rate in document["lateness"]:
         khz = f"{rate['rate_hz'] / 1e3:g} kHz"
         for side, daemon in rate["daemons"].items():
@@ -97,7 +98,7 @@ def _lateness(document: Mapping[str, Any]) -> Table:
 
 def _latency(document: Mapping[str, Any]) -> Table:
     latency = document["latency"]
-    table = _table("way of an update, us", *HEADINGS)
+    table = plain_table("way of an update, us", *HEADINGS)
     for way, summary in latency["weberlink_us"].items():
         words = way.replace("_", " ")
         table.add_row(words, *_microseconds(summary))
@@ -111,7 +112,7 @@ def _latency(document: Mapping[str, Any]) -> Table:
 
 
 def _update(document: Mapping[str, Any]) -> Table:
-    table = _table("code of an update, us", *HEADINGS)
+    table = plain_table("code of an update, us", *HEADINGS)
     for step, states in document["update_cost_us"].items():
         for caches, summary in states.items():
             table.add_row(f"{step}, caches {caches}", *_microseconds(summary))
@@ -121,7 +122,7 @@ def _update(document: Mapping[str, Any]) -> Table:
 def _ticks(document: Mapping[str, Any]) -> Table:
     cost, live = document["tick_cost"], document["cpu"]
     sides = list(cost["parts_us"])
-    table = _table("cost of a tick, us", *sides)
+    table = plain_table("cost of a tick, us", *sides)
     for part in PARTS:
         table.add_row(part, *(f"{cost['parts_us'][side][part]:.1f}" for side in sides))
     table.add_row("sum", *(f"{cost['total_us'][side]:.1f}" for side in sides), end_section=True)
@@ -145,7 +146,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _targets(document: Mapping[str, Any]) -> Table:
-    table = _table("target", "value", "wanted", "")
+    table = plain_table("target", "value", "wanted", "")
     for target in document["targets"]:
         bound = f"{'>=' if target['at_least'] else '<='} {target['target']:g}"
         said = {True: Text("met", "green"), False: Text("MISSED", "bold red"), None: Text("not measured", "yellow")}
@@ -163,14 +164,6 @@ def _footer(document: Mapping[str, Any]) -> str:
     return "\n".join(
         [length, "rights: " + ", ".join(asked), host.in_words(document["host"]), footer(document["environment"])]
     )
-
-
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, no_wrap=True)
-    for name in others:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
 
 
 def _microseconds(summary: Mapping[str, float | None]) -> list[str]:

@@ -31,25 +31,25 @@ MISSED_LIMIT = 0.02
 RECORDER_LIMIT = 0.03
 """Share of a core that the recorder may use."""
 
-Report = dict[str, Any]
+CommandJson = dict[str, Any]
 """The JSON of a command."""
 
 
-def weberlink(*arguments: str) -> Report:
+def weberlink(*arguments: str) -> CommandJson:
     """Run a command and return its JSON."""
     command = [sys.executable, "-m", "weberlink", *arguments, "--json", "-"]
     output = subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603
-    document: Report = json.loads(output)
+    document: CommandJson = json.loads(output)
     return document
 
 
-def missed(reports: Sequence[Report], side: str) -> list[float]:
+def missed(reports: Sequence[CommandJson], side: str) -> list[float]:
     """Share of missed ticks of a side in each session."""
     ticks = [report["ticks"][side] for report in reports]
     return [one["missed"] / (one["count"] + one["missed"]) for one in ticks]
 
 
-def line(reports: Sequence[Report], side: str, figure: str) -> str:
+def line(reports: Sequence[CommandJson], side: str, figure: str) -> str:
     """Missed ticks of a side, and the median percentiles of a figure [us]."""
     shares = [100 * share for share in missed(reports, side)]
     medians = (
@@ -68,7 +68,7 @@ def mujoco(seconds: float, rounds: int) -> bool:
     for scene in MUJOCO:
         out.write(f"{scene:16}  robot alone, us per tick: {robot_us(scene)}\n")
     files = (*MUJOCO, "loopback.yaml")
-    reports: dict[str, list[Report]] = {file: [] for file in files}
+    reports: dict[str, list[CommandJson]] = {file: [] for file in files}
     for _ in range(rounds):
         for file in files:
             reports[file].append(weberlink("loopback", str(CONFIGS / file), "--duration", f"{seconds:g}"))
@@ -109,10 +109,10 @@ def robot_us(file: str, seconds: float = 8.0) -> str:
     return f"{free:.0f} in free space, {touching:.0f} in contact (medians)"
 
 
-class RecordedSession(NamedTuple):
+class RecordedRun(NamedTuple):
     """The report of a recorded session, and whether its file holds every tick."""
 
-    report: Report
+    report: CommandJson
     whole: bool
 
 
@@ -140,15 +140,15 @@ def recording(seconds: float, rounds: int) -> bool:
     return whole and share <= RECORDER_LIMIT
 
 
-def _loopback(seconds: float, *options: str) -> Report:
+def _loopback(seconds: float, *options: str) -> CommandJson:
     return weberlink("loopback", "--duration", f"{seconds:g}", *options)
 
 
-def _recorded(seconds: float, path: Path) -> RecordedSession:
+def _recorded(seconds: float, path: Path) -> RecordedRun:
     report = _loopback(seconds, "--record", str(path))
     file = weberlink("info", str(path))["files"][0]
     counted = {side: ticks["count"] for side, ticks in report["ticks"].items()}
-    return RecordedSession(report, file["complete"] and file["records"] == counted)
+    return RecordedRun(report, file["complete"] and file["records"] == counted)
 
 
 def main() -> int:

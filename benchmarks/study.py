@@ -7,8 +7,6 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from rich.table import Table
-
 from benchmarks import baseline as baseline_
 from benchmarks import codec_speed, latency, lateness, start_up, tick_cost, update_cost
 from benchmarks.arrangement import (
@@ -32,6 +30,7 @@ from benchmarks.start_up import StartUp
 from benchmarks.tick_cost import TickCost
 from benchmarks.update_cost import UpdateCost
 from weberlink.protocol.keys import generate
+from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
@@ -68,29 +67,6 @@ class Findings:
     run_time_s: float
 
 
-@dataclass(frozen=True)
-class Bench:
-    """A run with its document, table and figures."""
-
-    findings: Findings
-    document: dict[str, Any]
-    table: Table
-    caption: str
-
-    def draw(self, folder: Path) -> None:
-        """Write the figures.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
-        from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - heavy, seldom wanted
-
-        folder.mkdir(parents=True, exist_ok=True)
-        rates = self.findings.rates
-        lateness_figure(list(rates.values()), folder / "lateness.png", self.caption)
-        cpu_figure(self.findings.cost, rates[MAIN_RATE_HZ], folder / "cpu.png", self.caption)
-
-
 def run(
     file: Path,
     overrides: Sequence[str],
@@ -101,7 +77,7 @@ def run(
     baseline: Path | None = None,
     plots: bool = False,
     progress: Progress = lambda *_: None,
-) -> Bench:
+) -> StudyResult:
     """Measure everything.
 
     Args:
@@ -158,7 +134,7 @@ def measure(arrangement: Arrangement, progress: Progress) -> Findings:
     return Findings(rates, way, update, cost, codec, start, rights, about, monotonic() - began)
 
 
-def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> Bench:
+def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> StudyResult:
     """The run from its findings, compared with an earlier document of a given name if there is one."""
     facts = environment()
     main = findings.rates[MAIN_RATE_HZ]
@@ -186,7 +162,15 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
     if earlier is not None:
         document["baseline"] = baseline_.as_json(earlier[0], document)
         comparison = baseline_.comparison(document["baseline"], earlier[1])
-    return Bench(findings, document, report(document, comparison), f"{in_words(findings.about)}\n{footer(facts)}")
+    caption = f"{in_words(findings.about)}\n{footer(facts)}"
+
+    def draw(folder: Path) -> None:
+        from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - slow import
+
+        lateness_figure(list(findings.rates.values()), folder / "lateness.png", caption)
+        cpu_figure(findings.cost, main, folder / "cpu.png", caption)
+
+    return StudyResult(document, report(document, comparison), draw)
 
 
 def cpu(rate: Lateness) -> dict[str, Any]:

@@ -13,12 +13,13 @@ from rich.console import Console
 from benchmarks.baseline import as_json, differences, read
 from benchmarks.figures import LEAST_US, exceedance
 from benchmarks.report import BenchTarget, targets
-from benchmarks.study import Bench, assemble
+from benchmarks.study import assemble
 from tests.benchmarks.findings import ARRANGEMENT, findings, latency, lateness
+from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
 
 
-def printed(bench: Bench) -> list[str]:
+def printed(bench: StudyResult) -> list[str]:
     screen = StringIO()
     Console(width=80, file=screen).print(bench.table)
     return screen.getvalue().splitlines()

@@ -116,7 +116,7 @@ class Counted(Protocol):
 
 
 Run = TypeVar("Run", bound=Counted)
-Trial = tuple[float, int]
+TriedFactor = tuple[float, int]
 """A Weber factor and its packets."""
 
 
@@ -135,8 +135,8 @@ def equal_packets(target: int, run: Callable[[float], Run], first: float, runs: 
     Returns:
         The Weber factor and its run.
     """
-    more: Trial | None = None
-    fewer: Trial | None = None
+    more: TriedFactor | None = None
+    fewer: TriedFactor | None = None
     weber = first
     best: tuple[float, float, Run] | None = None
     for count in range(runs):
@@ -158,7 +158,7 @@ def equal_packets(target: int, run: Callable[[float], Run], first: float, runs: 
     return best[1], best[2]
 
 
-def _next(more: Trial | None, fewer: Trial | None, target: int, *, bisect: bool) -> float:
+def _next(more: TriedFactor | None, fewer: TriedFactor | None, target: int, *, bisect: bool) -> float:
     if more is None or fewer is None:
         near = more or fewer
         assert near is not None
