@@ -87,7 +87,7 @@ class DaemonPair:
     Args:
         configuration: of the system.
         meter: charged by both.
-        stack: closes what is opened here.
+        stack: closes the opened resources.
     """
 
     def __init__(self, configuration: Configuration, meter: Meter, stack: ExitStack) -> None:

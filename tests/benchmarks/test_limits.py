@@ -63,7 +63,7 @@ def test_without_programs_the_limits_are_python(tmp_path: Path, monkeypatch: pyt
     assert document["ratio_to_plain"]["force"]["p50"] > 0.0
 
 
-def test_rights_are_asked_for_outside_of_this_process() -> None:
+def test_rights_are_tried_in_another_process() -> None:
     asked = RealtimeSettings(priority=0, lock_memory=False, wakeful=False, cpus=None)
     assert granted(asked) == BARE
     nowhere = asked.model_copy(update={"cpus": (0, 100_000)})
@@ -80,9 +80,7 @@ def test_rights_are_asked_for_outside_of_this_process() -> None:
         (4000.0, [10.0, 740.0], 2 / 4),
     ],
 )
-def test_a_wake_up_late_by_whole_periods_has_missed_as_many(
-    rate_hz: float, lateness_us: list[float], share: float
-) -> None:
+def test_late_wake_ups_count_missed_periods(rate_hz: float, lateness_us: list[float], share: float) -> None:
     assert LatenessLimit("", np.array(lateness_us)).missed_share(rate_hz) == pytest.approx(share)
 
 
@@ -100,12 +98,6 @@ def test_a_stall_counts_from_the_oldest_deadline() -> None:
     assert summary(stalled.lateness_us)["max"] == 10_300.0
     at_4_khz = side([40.0, 50.0], [0, 2], rate_hz=4000.0)
     assert at_4_khz.lateness_us.tolist() == [40.0, 550.0]
-
-
-def test_earlier_misses_do_not_count() -> None:
-    stalled = side([40.0, 50.0, 300.0, 60.0], [7, 7, 17, 17])
-    assert (stalled.ticks, stalled.missed) == (4, 10)
-    assert stalled.missed_share == pytest.approx(10 / 14)
 
 
 def test_resources_cover_the_measurement() -> None:
@@ -169,10 +161,3 @@ def test_a_tuned_machine(tmp_path: Path) -> None:
     assert facts["realtime_share"] is None
     assert "isolated CPUs 2-3" in in_words(facts)
     assert "governor performance, powersave" in in_words(facts)
-
-
-def test_a_kernel_that_says_nothing(tmp_path: Path) -> None:
-    facts = host(tmp_path)
-    assert facts["governors"] is facts["isolated_cpus"] is facts["clock_source"] is facts["realtime_share"] is None
-    assert facts["command_line"] == []
-    assert "governor unknown" in in_words(facts)
