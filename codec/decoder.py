@@ -24,7 +24,18 @@ class Decoder:
         selected: index in the bank of the predictor in use.
     """
 
-    __slots__ = ("_channel", "_first", "_grid", "_memory", "_noted", "_predictors", "_ramp", "model", "newest", "selected")
+    __slots__ = (
+        "_channel",
+        "_first",
+        "_grid",
+        "_memory",
+        "_noted",
+        "_predictors",
+        "_ramp",
+        "model",
+        "newest",
+        "selected",
+    )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
