@@ -14,7 +14,7 @@ from weberlink.codec.predictors.model import UNFITTED
 from weberlink.control.contract import LinkQuality, MasterControl
 from weberlink.control.tuning import Tuning
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.master.devices.contract import Device, DeviceFault, Explaining
+from weberlink.master.devices.contract import Device, DeviceFault, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -341,7 +341,7 @@ class MasterLoop:
             and self._faults.active is not Fault.DEVICE
         )
         is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
-        endpoint.attest(now, is_encoding=encodes)
+        endpoint.report_encoding(now, is_encoding=encodes)
         if encodes is self._encodes and is_engaged is self._is_engaged and not self._pace.stalled:
             return
         begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
@@ -393,7 +393,7 @@ class MasterLoop:
         if reading.ended:
             self.stop(now, "completed")
         if self._watchdog.expired(now):
-            trouble = self.device.trouble if isinstance(self.device, Explaining) else None
+            trouble = self.device.trouble if isinstance(self.device, ReportsTrouble) else None
             why = f": {trouble}" if trouble else ""
             self._lose_device(f"{self.device.spec.name} {complaint}{why}", now)
 
@@ -426,9 +426,11 @@ class MasterLoop:
         endpoint, step = self.endpoint, self._pace.step
         liveness = endpoint.liveness
         known_at = liveness.encoder_heard_at
-        heard_time = endpoint.heard_time(min(now, known_at + self._horizon)) if known_at > -inf else None
-        if heard_time is not None:  # a session that is over leaves its last force, which fades
-            self._heard_tick = heard_time / self._tick_period
+        peer_time = (
+            endpoint.latest_receivable_peer_time(min(now, known_at + self._horizon)) if known_at > -inf else None
+        )
+        if peer_time is not None:  # a session that is over leaves its last force, which fades
+            self._heard_tick = peer_time / self._tick_period
         tick = self._heard_tick
         began = self._stopwatch()
         decoded = self.decoder.value(tick, self._position)

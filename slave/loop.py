@@ -161,7 +161,7 @@ class SlaveLoop:
         self._move(now, elapsed)
         self._feel(now)
         encodes = self.endpoint.state is State.ENGAGED and not self._pace.settling
-        self.endpoint.attest(now, is_encoding=encodes)
+        self.endpoint.report_encoding(now, is_encoding=encodes)
         if encodes:
             self._send(index, now)
         else:
@@ -329,7 +329,7 @@ class SlaveLoop:
         self._is_led = is_led
         if not is_led:
             self.decoder.reset()
-            self.endpoint.forget()
+            self.endpoint.request_full_state()
             self._guard.release(self._force, self._where)
             if self.rotation is not None:
                 self.rotation.decoder.reset()
@@ -366,8 +366,10 @@ class SlaveLoop:
         """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
         commanded = turned = None
         if self._is_led and not self._is_overloaded:
-            heard_time = self.endpoint.heard_time(min(now, self.endpoint.liveness.encoder_heard_at + self._horizon))
-            tick = (heard_time or 0.0) / self._tick_period
+            peer_time = self.endpoint.latest_receivable_peer_time(
+                min(now, self.endpoint.liveness.encoder_heard_at + self._horizon)
+            )
+            tick = (peer_time or 0.0) / self._tick_period
             began = self._stopwatch()
             commanded = self.decoder.value(tick)
             turned = None if self.rotation is None else self.rotation.decoder.value(tick)

@@ -8,9 +8,9 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 from weberlink.codec import Channel
 from weberlink.control.contract import Settings as ControlSettings
 from weberlink.control.table import SCHEMES
+from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
-from weberlink.protocol.roles import Role
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
 from weberlink.system.configuration import Configuration, ConfigurationError, System
