@@ -15,6 +15,7 @@ from weberlink.codec.deadband import (
     DEADBANDS,
     ConeDeadband,
     Deadband,
+    DeadbandSetup,
     ForceDeadband,
     LevelCrossingDeadband,
     PositionDeadband,
@@ -36,9 +37,7 @@ every = pytest.mark.parametrize("name", DEADBANDS)
 
 def make(name: str, weber: float = K, floor: float = FLOOR) -> Deadband:
     shape = DEADBANDS[name]
-    return shape.configured(
-        weber, floor, "actual", 1e-3, {key: option.default for key, option in shape.options.items()}
-    )
+    return shape.configured(DeadbandSetup(weber, floor, "actual", 1e-3, shape.defaults()))
 
 
 def at(degrees: float, size: float = 1.0) -> Vector:
