@@ -10,7 +10,7 @@ from weberlink.studies.curve_figures import QualityAxis, draw_curves
 from weberlink.studies.curves import Observation, curves
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
 from weberlink.studies.moments.figures import draw_force, draw_model
-from weberlink.studies.moments.moments import fits, follow, longest
+from weberlink.studies.moments.moments import CodedTrace, longest
 
 USUAL_WEBER = 0.10
 SHOWN = ("zoh", "linear", "hybrid")
@@ -54,22 +54,17 @@ def _flat(row: EvaluationRow) -> dict[str, Any]:
 def _draw_moment(study: EvaluationStudy, trace: NamedTrace, weber: float, stem: Path, caption: str) -> None:
     """A second of the first trace."""
     shown = [name for name in SHOWN if name in study.predictors] or study.predictors[:3]
-    runs = [follow(trace.trace, study.channel(name, weber)) for name in shown]
+    runs = [CodedTrace(trace.trace, study.channel(name, weber)) for name in shown]
     draw_force(runs, stem, title=f"Force over time, {trace.name}, k = {weber:g}", caption=caption)
 
 
 def _draw_model(study: EvaluationStudy, traces: Sequence[NamedTrace], weber: float, stem: Path, caption: str) -> None:
-    """The surface that held longest on the first trace that had one; no figure where there is none."""
-    fitting = [name for name in reversed(study.predictors) if _fits_surfaces(name)]
-    for trace in traces:
-        for name in fitting[:1]:
-            channel = study.channel(name, weber)
-            fit = longest(fits(trace.trace, channel))
-            if fit is not None:
-                title = f"Fitted surface, {trace.name}, {name}, k = {weber:g}"
-                draw_model(trace.trace, channel, fit.newest.tick, stem, title=title, caption=caption)
-                return
-
-
-def _fits_surfaces(predictor: str) -> bool:
-    return predictor not in PREDICTORS or PREDICTORS[predictor].geometric
+    """The surface that was in use longest, on the first trace that has one."""
+    fitting = [name for name in study.predictors if name not in PREDICTORS or PREDICTORS[name].geometric]
+    for trace in traces if fitting else ():
+        run = CodedTrace(trace.trace, study.channel(fitting[-1], weber))
+        fit = longest(run.fits)
+        if fit is not None:
+            title = f"Fitted surface, {trace.name}, {fitting[-1]}, k = {weber:g}"
+            draw_model(run, fit.newest.tick, stem, title=title, caption=caption)
+            return
