@@ -40,19 +40,6 @@ class Shadow:
         error: of its prediction at the newest sample, in the unit of the values, before any send of its own.
     """
 
-    __slots__ = (
-        "_at",
-        "_model",
-        "_newest",
-        "_remembered",
-        "_sends",
-        "_wakes",
-        "candidate",
-        "doubt",
-        "error",
-        "selector",
-    )
-
     def __init__(self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0) -> None:
         self.selector = selector
         self.candidate = candidate
@@ -109,8 +96,6 @@ class Shadow:
 
 class AdaptiveChoice:
     """The shadows of all candidates of a bank, and the choice among them."""
-
-    __slots__ = ("_channel", "_followers", "_grid", "_history", "_measure", "_shadows")
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel

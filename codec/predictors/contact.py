@@ -126,23 +126,6 @@ class ContactEstimator:
         threshold: smallest force that counts as one [N].
     """
 
-    __slots__ = (
-        "_directions",
-        "_normals",
-        "_slow_force",
-        "_slow_way",
-        "age",
-        "curvature",
-        "frequency",
-        "friction",
-        "frictional",
-        "frictional_curvature",
-        "frictionless",
-        "moving",
-        "normal",
-        "threshold",
-    )
-
     def __init__(self, threshold: float) -> None:
         """Begin without a contact.
 
