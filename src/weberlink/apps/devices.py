@@ -40,17 +40,13 @@ class DriverTable(Protocol):
 
 @dataclass(frozen=True)
 class DriverFamily:
-    """The drivers of one side, and where a configuration names them.
-
-    Args:
-        table: module that lists and loads the drivers.
-        group: entry points of other packages.
-        section: of a configuration, as a dotted path.
-    """
+    """The drivers of one side."""
 
     table: DriverTable
     group: str
+    """Of the entry points of other packages."""
     section: str
+    """Of a configuration, as a dotted path."""
 
 
 SIDES: Mapping[str, DriverFamily] = {
@@ -61,15 +57,7 @@ SIDES: Mapping[str, DriverFamily] = {
 
 @dataclass(frozen=True)
 class DeviceAccess:
-    """Access to this machine, replaceable in tests.
-
-    Args:
-        accessible: whether this user may read and write a path.
-        groups: ids of the groups of this process.
-        rules: folders where udev looks for rules.
-        ttys: folder of the kernel's serial ports.
-        links: folder of stable names of serial ports.
-    """
+    """Access to this machine, replaceable in tests."""
 
     accessible: Callable[[str], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
     groups: frozenset[int] = field(default_factory=lambda: frozenset((*os.getgroups(), os.getegid())))
@@ -80,24 +68,16 @@ class DeviceAccess:
 
 @dataclass(frozen=True)
 class DriverStatus:
-    """State of one driver on this machine.
-
-    Args:
-        side: "master" or "slave".
-        driver: its name.
-        package: where it comes from; None for a built-in driver.
-        kind: "virtual" or "hardware"; None if it could not be loaded.
-        extra: extra of this project that it needs; None for none.
-        state: one of the constants above.
-        plugged: devices that it could drive.
-        advice: suggested fixes, a line each.
-    """
+    """State of one driver on this machine."""
 
     side: str
     driver: str
     package: str | None
+    """None for a built-in driver."""
     kind: str | None
+    """"virtual" or "hardware"; None if it could not be loaded."""
     extra: str | None
+    """The extra of this project that it needs."""
     state: str
     plugged: tuple[Found, ...] = ()
     advice: tuple[str, ...] = ()

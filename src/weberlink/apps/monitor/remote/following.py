@@ -19,6 +19,7 @@ from weberlink.apps.monitor.remote.stream import RefusedError, SecureStream, Str
 from weberlink.apps.monitor.rings import RingFeed
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.watch import SessionWatcher
+from weberlink.apps.tasks import first_result
 from weberlink.protocol.psk import PresharedKey
 from weberlink.telemetry.ring import RingFormatError
 
@@ -108,14 +109,14 @@ class Following:
     async def _follow(self, stream: SecureStream) -> None:
         self._introduced.clear()
         giving_up = asyncio.get_running_loop().call_later(INTRODUCE_S, self._drop_unless_introduced)
-        living = asyncio.ensure_future(_send_alive(stream))
         try:
-            while True:
-                self._take(*await stream.receive(SILENCE_S))
+            await first_result([self._receive(stream), _send_alive(stream)])
         finally:
             giving_up.cancel()
-            living.cancel()
-            await asyncio.gather(living, return_exceptions=True)
+
+    async def _receive(self, stream: SecureStream) -> None:
+        while True:
+            self._take(*await stream.receive(SILENCE_S))
 
     def _take(self, kind: int, payload: bytes) -> None:
         if kind == LinkMessage.BEGIN:

@@ -20,6 +20,7 @@ from weberlink.apps.monitor.remote.messages import (
 )
 from weberlink.apps.monitor.remote.stream import SecureStream, StreamError, accept, close
 from weberlink.apps.monitor.rings import RingFeed, RingFile, find_rings
+from weberlink.apps.tasks import first_result
 from weberlink.protocol.psk import PresharedKey
 from weberlink.telemetry.ring import RingFormatError
 
@@ -118,13 +119,9 @@ class Sharing:
         self._viewers += 1
         self._tell(f"{peer} connected")
         outlet = RingMessages(self._where, self._only)
-        halves = [asyncio.ensure_future(half) for half in (_send(outlet, stream), _listen(stream))]
         try:
-            await asyncio.wait(halves, return_when=asyncio.FIRST_COMPLETED)
+            await first_result([_send(outlet, stream), _listen(stream)])
         finally:
-            for half in halves:
-                half.cancel()
-            await asyncio.gather(*halves, return_exceptions=True)
             outlet.close()
             self._viewers -= 1
             self._tell(f"{peer} disconnected")
