@@ -23,18 +23,19 @@ from benchmarks.arrangement import tell
 from benchmarks.bare_echo import HOST, Moments
 from benchmarks.echo import ASK
 from benchmarks.rights import Rights
-from weberlink.codec import Decoder, Encoder, Update
+from weberlink.codec import Decoder, Encoder
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
+from weberlink.protocol import Role
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
-from weberlink.protocol.roles import Role
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent
 from weberlink.realtime.ticker import Ticker
-from weberlink.system.composition.link import build_endpoint, build_security, channels
+from weberlink.system.composition.channels import channels
+from weberlink.system.composition.link import build_endpoint, build_security
 from weberlink.system.configuration import Configuration, load
 
 OVERRIDES = ("codec.force.weber=0", "codec.force.floor_n=0", "codec.position.weber=0", "codec.position.bound_m=0")
@@ -83,7 +84,7 @@ class End:
             began = monotonic_ns()
             update = self.encoder.encode(tick, position)
             if update is not None:
-                self.endpoint.send_update(now, *update)
+                self.endpoint.send_update(now, update)
                 self.moments[tick] = [began]
         self.shell.flush(now)
 
@@ -93,9 +94,9 @@ class End:
 
     def _meet(self, event: Event) -> None:
         if isinstance(event, UpdateReceived):
-            self.decoder.apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
-            self.decoder.value(event.tick + 1, self.position(event.tick))
-            self._take(event.tick)
+            self.decoder.apply(event.update)
+            self.decoder.value(event.update.tick + 1, self.position(event.update.tick))
+            self._take(event.update.tick)
         elif isinstance(event, PeerClosed):
             self.ended.set()
 
@@ -105,7 +106,7 @@ class End:
         back = monotonic_ns()
         update = self.encoder.encode(tick, force, position)
         if update is not None:
-            self.endpoint.send_update(monotonic(), *update)  # the shell is about to ask for it
+            self.endpoint.send_update(monotonic(), update)  # the shell is about to ask for it
             self.moments[tick] = [there, back]
 
     def _end_trip(self, tick: int) -> None:

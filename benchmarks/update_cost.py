@@ -24,13 +24,14 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError, module
 from benchmarks.coded_echo import OVERRIDES, contact
 from benchmarks.percentiles import Series, summary
 from benchmarks.rights import Rights
-from weberlink.codec import Decoder, Encoder, Update
+from weberlink.codec import Decoder, Encoder
+from weberlink.protocol import Role
 from weberlink.protocol.events import UpdateReceived
-from weberlink.protocol.roles import Role
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent
-from weberlink.system.composition.link import build_endpoint, build_security, channels
+from weberlink.system.composition.channels import channels
+from weberlink.system.composition.link import build_endpoint, build_security
 from weberlink.system.configuration import Configuration, load
 
 UPDATES, QUICK_UPDATES = 2000, 200
@@ -130,7 +131,7 @@ class Pair:
             update = self.encoder.encode(tick, position)
             if update is None:
                 continue
-            self.sender.send_update(monotonic(), *update)
+            self.sender.send_update(monotonic(), update)
             datagrams = self.sender.datagrams_to_send()
             sealed = monotonic_ns()
             sleep(pause_s)
@@ -140,8 +141,8 @@ class Pair:
             event = self.receiver.next_event()
             if not isinstance(event, UpdateReceived):
                 continue
-            self.decoder.apply(Update(event.tick, event.selector, event.newest, event.gap, event.previous))
-            self.decoder.value(event.tick + 1, position)
+            self.decoder.apply(event.update)
+            self.decoder.value(event.update.tick + 1, position)
             found["receive"].append((monotonic_ns() - arrived) * 1e-3)
             found["send"].append((sealed - began) * 1e-3)
         return found

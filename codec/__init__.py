@@ -8,6 +8,6 @@ geometry-based prediction for haptic data reduction", HAVE 2011 ("the paper" thr
 from weberlink.codec.channel import Channel, force_channel, position_channel
 from weberlink.codec.decoder import Decoder
 from weberlink.codec.encoder import Encoder
-from weberlink.codec.update import Update
+from weberlink.update import Update
 
 __all__ = ["Channel", "Decoder", "Encoder", "Update", "force_channel", "position_channel"]

@@ -11,16 +11,15 @@ from weberlink.codec.predictors import (
     BANKS,
     HYBRID,
     HYBRID_BANK,
-    PARAMETRIC,
     PREDICTORS,
-    Parametric,
+    FitLimits,
     Predictor,
-    Trust,
 )
-from weberlink.codec.quantizer import Grids, Quantizer
-from weberlink.codec.sample import Sample
+from weberlink.codec.quantizer import Quantizer
+from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.update import MAX_SELECTOR
 
 
 @dataclass(frozen=True)
@@ -34,10 +33,10 @@ class Channel:
         position_quantizer: the grid of the position that travels with a force; None where the value is the position.
         rest: what both ends hold before the first update: no force on the backward channel. None where nothing can be
             assumed, as for a position, and the first sample is always sent.
-        trust: the range in which a fitted contact is believed.
+        fit_limits: the range in which a fitted contact is accepted.
         adaptive: whether the sender chooses by the record of the predictors (`codec.adaptive`) or as the paper does.
             The receiver need not know.
-        smoothing: how a change of model is spread; None for at once.
+        smoothing: over which ramp an update changes the value; None for at once.
 
     Raises:
         ValueError: for an unknown, repeated or missing predictor, a geometry predictor without a position to read, or
@@ -49,11 +48,13 @@ class Channel:
     value_quantizer: Quantizer
     position_quantizer: Quantizer | None = None
     rest: Vector | None = None
-    trust: Trust = field(default_factory=Trust)
+    fit_limits: FitLimits = field(default_factory=FitLimits)
     adaptive: bool = False
     smoothing: Smoothing | None = None
 
     def __post_init__(self) -> None:
+        if len(self.bank) > MAX_SELECTOR + 1:
+            raise ValueError(f"bank must name at most {MAX_SELECTOR + 1} predictors, not {len(self.bank)}")
         unknown = [name for name in self.bank if name not in PREDICTORS]
         if unknown or not self.bank or len(set(self.bank)) != len(self.bank):
             raise ValueError(f"bank must name predictors of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
@@ -61,46 +62,33 @@ class Channel:
             geometric = [name for name in self.bank if PREDICTORS[name].geometric]
             if geometric:
                 raise ValueError(f"{', '.join(geometric)}: geometry predicts forces; a position channel has none")
-        parametric = [name for name in self.bank if name in PARAMETRIC]
-        if parametric and len(self.bank) > 1 and not self.adaptive:
-            raise ValueError(f"{', '.join(parametric)}: a hybrid fits no parameters; choose {ADAPTIVE} for this bank")
+        estimated = [name for name in self.bank if PREDICTORS[name].estimated]
+        if estimated and len(self.bank) > 1 and not self.adaptive:
+            raise ValueError(f"{', '.join(estimated)}: a hybrid fits no parameters; choose {ADAPTIVE} for this bank")
 
     @property
-    def predictors(self) -> tuple[Predictor | Parametric, ...]:
+    def predictors(self) -> tuple[Predictor, ...]:
         return tuple(PREDICTORS[name] for name in self.bank)
 
     @property
     def estimates(self) -> bool:
-        """Whether the sender looks at all samples, and not at those sent alone."""
-        return self.adaptive or self.bank[0] in PARAMETRIC
+        """Whether the sender reads all samples, and not only those sent."""
+        return self.adaptive or self.predictors[0].estimated
 
     @property
-    def grids(self) -> Grids:
-        return Grids(self.value_quantizer, self.position_quantizer)
+    def parametric(self) -> tuple[int, ...]:
+        """Selectors whose updates carry model parameters."""
+        return tuple(selector for selector, predictor in enumerate(self.predictors) if predictor.estimated)
 
-    @property
-    def level_count(self) -> int:
-        """Integers of one sample on the wire."""
-        return self.value_quantizer.size + (self.position_quantizer.size if self.position_quantizer else 0)
-
-    def levels(self, value: Vector, position: Vector) -> tuple[int, ...]:
-        """Wire levels of a finite sample."""
-        if self.position_quantizer is None:
-            return self.value_quantizer.levels(value)
-        return self.value_quantizer.levels(value) + self.position_quantizer.levels(position)
-
-    def sample(self, tick: int, levels: tuple[int, ...]) -> Sample:
-        """The sample that `level_count` levels stand for, as both ends hold it."""
-        value = self.value_quantizer.value(levels[: self.value_quantizer.size])
-        if self.position_quantizer is None:
-            return Sample(tick, value, value)
-        return Sample(tick, value, self.position_quantizer.value(levels[self.value_quantizer.size :]))
+    @property  # not cached: a cache in __dict__ would make every other attribute slower to read
+    def grid(self) -> SampleGrid:
+        return SampleGrid(self.value_quantizer, self.position_quantizer)
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction made safe to display: finite, and saturated as a measured value is.
 
-        One box for both: else a sample in a corner of the range would be predicted elsewhere in the tick after it. An
-        extrapolation that overflowed says nothing; the newest sample stands for it.
+        Both use the same limits: otherwise a sample in a corner of the range would be predicted elsewhere in the tick
+        after it. An extrapolation that overflowed is replaced by the newest sample.
         """
         quantizer = self.value_quantizer
         if quantizer.says(predicted):
@@ -122,7 +110,7 @@ def force_channel(
     axes: str = "xyz",
     force_step: float = 1e-3,
     position_step: float = 1e-5,
-    trust: Trust | None = None,
+    fit_limits: FitLimits | None = None,
     saturates: bool = True,
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
@@ -138,10 +126,10 @@ def force_channel(
         axes: the axes that travel.
         force_step: wire step [N].
         position_step: wire step [m].
-        trust: the range in which a fitted contact is believed.
+        fit_limits: the range in which a fitted contact is accepted.
         saturates: False lifts the int16 range, for studies off the wire.
         deadband: of another shape; Weber factor, floor and reference are its own, and those given are not read then.
-        smoothing: how a change of model is spread.
+        smoothing: over which ramp an update changes the force.
     """
     if bank is None:
         bank = ADAPTIVE_BANK if predictor == ADAPTIVE else HYBRID_BANK
@@ -151,7 +139,7 @@ def force_channel(
         value_quantizer=_quantizer(force_step, axes, saturates=saturates),
         position_quantizer=_quantizer(position_step, axes, saturates=saturates),
         rest=ZERO,
-        trust=trust if trust is not None else Trust(),
+        fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
     )

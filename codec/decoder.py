@@ -1,12 +1,13 @@
 """The receiving end: it holds the model of the newest update and says the value at any tick and position."""
 
+from typing import Any
+
 from weberlink.codec.channel import Channel
-from weberlink.codec.predictors import Model, Parametric
-from weberlink.codec.predictors.linear import Line
-from weberlink.codec.predictors.surface import Surface
+from weberlink.codec.predictors import ContactSurface, Model
+from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.codec.sample import Sample
-from weberlink.codec.update import Update
-from weberlink.geometry.vector import ZERO, Vector, add, is_finite, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, subtract
+from weberlink.update import Update
 
 
 class Decoder:
@@ -19,115 +20,124 @@ class Decoder:
 
     Attributes:
         newest: the newest sample received; None before the first.
+        model: of that sample; None before the first.
         selected: index in the bank of the predictor in use.
     """
 
-    __slots__ = ("_begin", "_channel", "_held", "_model", "_noted", "_predictors", "_ramp", "newest", "selected")
+    __slots__ = (
+        "_channel",
+        "_first",
+        "_grid",
+        "_memory",
+        "_noted",
+        "_predictors",
+        "_ramp",
+        "model",
+        "newest",
+        "selected",
+    )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
+        self._grid = channel.grid
         self._predictors = channel.predictors
         self.reset()
 
     def reset(self) -> None:
         """Forget the signal: `value` is the channel's rest until the first update."""
-        self._model: Model | None = None
-        self._begin: Vector = ZERO
-        self._held: Vector | None = None
-        self._noted: tuple[float, Vector] | None = None
+        self.model: Model | None = None
+        self._first: Vector = ZERO
+        self._memory: Any = None
+        self._noted: tuple[float, Any] | None = None
         self._ramp: Vector | None = None
         self.newest: Sample | None = None
         self.selected = 0
 
     @property
-    def state(self) -> tuple[int, Model | None, Sample | None, Vector | None]:
-        """All that a prediction depends on but for a ramp: selected predictor, its model, the newest sample, and where
-        a surface with friction holds the probe.
+    def state(self) -> tuple[int, Model | None, Sample | None, Any]:
+        """All that a prediction depends on but for a ramp: selected predictor, its model, the newest sample, and the
+        model's memory.
         """
-        return self.selected, self._model, self.newest, self._held
+        return self.selected, self.model, self.newest, self._memory
+
+    @property
+    def surface(self) -> ContactSurface | None:
+        """The contact surface that the model in use describes; None if it describes none."""
+        return None if self.model is None else self.model.surface()
+
+    @property
+    def record(self) -> ModelRecord:
+        """The model in use in numbers."""
+        return UNFITTED if self.model is None else self.model.record()
 
     def apply(self, update: Update) -> None:
         """Take over the state that an update carries.
 
         Raises:
-            ValueError: if it does not fit the channel (selector or number of levels); the state is unchanged.
+            ValueError: if it does not fit the channel (selector, number of levels, payload); the state is unchanged.
         """
-        channel = self._channel
-        expected = channel.level_count
-        if len(update.newest) != expected or len(update.previous) not in (0, expected):
-            raise ValueError(f"update has {len(update.newest)}+{len(update.previous)} levels, expected {expected}")
+        channel, grid = self._channel, self._grid
+        if len(update.newest) != grid.size:
+            raise ValueError(f"update has {len(update.newest)} levels, expected {grid.size}")
         if not 0 <= update.selector < len(self._predictors):
             raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
-        newest = channel.sample(update.tick, update.newest)
+        newest = grid.sample(update.tick, update.newest)
+        model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
-        predictor = self._predictors[update.selector]
-        if isinstance(predictor, Parametric):
-            model = predictor.model(update.gap, update.previous, newest, channel.grids, channel.trust)
-        else:
-            previous = channel.sample(update.tick - update.gap, update.previous) if update.previous else None
-            model = predictor.model(newest, previous, channel.trust)
-        self._model, self.newest, self.selected = model, newest, update.selector
-        # A line says its beginning exactly; a stiff model evaluated at the exact position would miss the sample.
-        self._begin = channel.displayable(model.value, newest) if isinstance(model, Line) else newest.value
-        self._held, self._noted = model.memory if isinstance(model, Surface) else None, None
+        self.model, self.newest, self.selected = model, newest, update.selector
+        self._first = channel.displayable(model.first(newest), newest)
+        self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
         """The value now: finite, and within the range of the wire.
 
-        At the very tick of a sample it is that sample, or where the model begins instead: a stiff model evaluated at
-        the exact position would miss it by up to stiffness times half a position step.
-
         Args:
             tick: now on the sender's tick clock; fractional between its ticks.
-            position: the commanded position now [m]; not read on a position channel. A surface with friction takes
-                note of it.
+            position: the commanded position now [m]; not read on a position channel. A model with a memory,
+                such as a surface with friction, keeps what it needs of it.
 
         Returns:
             Force [N] or position [m]; before the first update the channel's `rest`.
         """
-        newest, model, channel = self.newest, self._model, self._channel
+        newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:
-            value = self._begin
-        elif self._held is None:
+            value = self._first
+        elif self._memory is None:
             value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
-            value = self._rubbed(tick, channel.place(position))
+            value = self._advance(tick, channel.place(position))
         return value if self._ramp is None else self._smoothed(value, tick)
 
-    def _rubbed(self, tick: float, place: Vector) -> Vector:
-        """By a surface with friction, which takes the probe's way into account."""
-        newest, model = self.newest, self._model
+    def _advance(self, tick: float, place: Vector) -> Vector:
+        """The value of a model with a memory."""
+        newest, model = self.newest, self.model
         assert newest is not None
-        assert isinstance(model, Surface)
-        assert self._held is not None
+        assert model is not None
         if self._noted is None or self._noted[0] != tick:
-            self._noted = tick, self._held
-        value, held = model.along(tick, place, self._held)
-        # A place that is none is not remembered: all that follow would be none.
-        if is_finite(held):
-            self._held = held
+            self._noted = tick, self._memory
+        value, self._memory = model.advance(tick, place, self._memory)
         return self._channel.displayable(value, newest)
 
     def _shown(self, tick: float, position: Vector) -> Vector | None:
-        """`value`, with nothing taken note of; nor earlier in this tick, when a mirror was asked and a receiver not."""
+        """`value`, without a change of memory; earlier changes in this tick, which a mirror makes, are undone first."""
         if self._noted is not None and self._noted[0] == tick:
-            self._held = self._noted[1]
-        held = self._held
+            self._memory = self._noted[1]
+        memory = self._memory
         shown = self.value(tick, position)
-        self._held = held
+        self._memory = memory
         return shown
 
     def _ramp_from(self, before: Vector) -> Vector | None:
-        """Begins near the sample, and not near where the model begins: that may be aside from it already."""
-        channel, begin, newest = self._channel, self._begin, self.newest
+        """From near the sample, not from near the first value of the model, which may be off the sample already."""
+        channel, first, newest = self._channel, self._first, self.newest
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value
         kept = channel.smoothing.kept(subtract(before, sample), channel.deadband.bound(sample, sample, sample, 0.0))
-        ramp = subtract(add(sample, kept), begin)
+        ramp = subtract(add(sample, kept), first)
         return ramp if ramp != ZERO else None
 
     def _smoothed(self, value: Vector, tick: float) -> Vector:

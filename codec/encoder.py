@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from math import inf
 
-from weberlink.codec.adaptive.choice import Choice
+from weberlink.codec.adaptive import AdaptiveChoice
 from weberlink.codec.channel import Channel
 from weberlink.codec.deadband import Deadband
 from weberlink.codec.decoder import Decoder
-from weberlink.codec.predictors import Parametric, Predictor
 from weberlink.codec.sample import Sample
-from weberlink.codec.update import MAX_GAP, Update
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
+from weberlink.update import MAX_GAP, Update
 
 
 class Encoder:
@@ -41,11 +40,12 @@ class Encoder:
         "_channel",
         "_choice",
         "_confine",
-        "_fitted",
         "_forced",
+        "_grid",
         "_last",
         "_levels",
         "_measure",
+        "_mirrored",
         "_newest",
         "_predictors",
         "_previous",
@@ -60,10 +60,11 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
+        self._grid = channel.grid
         self.mirror = Decoder(channel)
+        self._mirrored = self.mirror.value
         self._confine = channel.value_quantizer.confine
-        self._choice = Choice(channel) if channel.estimates else None
-        self._fitted = tuple(each for each in self._predictors if isinstance(each, Predictor))
+        self._choice = AdaptiveChoice(channel) if channel.estimates else None
         self._measure_with(channel.deadband)
         self._selectors = tuple(range(len(self._predictors)))
         self.rejected = 0
@@ -129,7 +130,7 @@ class Encoder:
         if self._reads_motion:
             place = position if self._channel.position_quantizer is not None else actual
             moved, self._last = distance(place, self._last if self._last is not None else place), place
-        displayed = self.predicted = self.mirror.value(tick, position)
+        displayed = self.predicted = self._mirrored(tick, position)
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
@@ -139,8 +140,8 @@ class Encoder:
         error = self._measure(displayed, actual) if displayed is not None and not self._forced else inf
         if error <= self.bound:
             return None
-        levels = self._channel.levels(actual, position)
-        sample = self._channel.sample(tick, levels)
+        levels = self._grid.levels(actual, position)
+        sample = self._grid.sample(tick, levels)
         if error <= self._measure(sample.value, actual):
             return None
         update = self._update(sample, levels, tick, actual, position)
@@ -162,14 +163,8 @@ class Encoder:
             selector, model = self._choose(tick, actual, position), None
         else:
             selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound)
-        predictor = self._predictors[selector]
-        if isinstance(predictor, Parametric):
-            if model is None:
-                return Update(tick, selector, levels)
-            return Update(tick, selector, levels, *predictor.packed(model, sample, self._channel.grids))
-        if earlier is not None and predictor.needs_previous(sample, earlier):
-            return Update(tick, selector, levels, tick - earlier.tick, self._levels)
-        return Update(tick, selector, levels)
+        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
+        return Update(tick, selector, levels, payload)
 
     def _usable(self, tick: int) -> Sample | None:
         """The sample sent before, if it is near enough in time to predict from."""
@@ -181,11 +176,12 @@ class Encoder:
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]
-        channel, predictors = self._channel, self._fitted
-        place, trust = channel.place(position), channel.trust
+        channel, predictors = self._channel, self._predictors
+        place, limits = channel.place(position), channel.fit_limits
         errors = [
             distance(
-                channel.displayable(predictors[selector].model(newest, previous, trust).at(tick, place), newest), actual
+                channel.displayable(predictors[selector].model(newest, previous, limits).at(tick, place), newest),
+                actual,
             )
             for selector in selectors
         ]

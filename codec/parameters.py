@@ -1,53 +1,23 @@
-"""Numbers of a model as bits in the place where an update otherwise carries the sample before.
-
-A datagram has room for one history: the gap (16 bits, never 0) and as many 16-bit levels as a sample has. A predictor
-whose model is fitted at the sending end sends its parameters there instead, and the wire need not know which it is.
-"""
+"""Numbers of a model as a string of bits."""
 
 from collections.abc import Sequence
 from math import frexp, ldexp
 from typing import NamedTuple
 
-WORD = 16
-_SIGN = 1 << (WORD - 1)
-GAP_BITS = WORD - 1
-"""Of a gap; its highest bit is set, so that it is never 0."""
 EXPONENT_BITS = 5
 _LARGEST_EXPONENT = (1 << EXPONENT_BITS) - 1
 
 
-def room(levels: int) -> int:
-    """Bits that there are beside a sample of so many levels."""
-    return GAP_BITS + WORD * levels
-
-
-def pack(values: Sequence[int], widths: Sequence[int], levels: int) -> tuple[int, tuple[int, ...]]:
-    """Fields to the gap and the previous levels of an update.
-
-    Args:
-        values: each 0 <= value < 2**width.
-        widths: bits of each; at most `room(levels)` together.
-        levels: integers of one sample.
-    """
+def pack(values: Sequence[int], widths: Sequence[int]) -> int:
+    """The bits of fields, each 0 <= value < 2**width; the last field is in the lowest bits."""
     bits = 0
     for value, width in zip(values, widths, strict=True):
         bits = bits << width | value
-    gap = _SIGN | (bits & (_SIGN - 1))
-    bits >>= GAP_BITS
-    words = []
-    for _ in range(levels):
-        word = bits & 0xFFFF
-        words.append(word - 0x10000 if word & _SIGN else word)
-        bits >>= WORD
-    return gap, tuple(words)
+    return bits
 
 
-def unpack(gap: int, words: Sequence[int], widths: Sequence[int]) -> list[int]:
+def unpack(bits: int, widths: Sequence[int]) -> list[int]:
     """The fields again; whatever the bits, each is within its width."""
-    bits = 0
-    for word in reversed(words):
-        bits = bits << WORD | word & 0xFFFF
-    bits = bits << GAP_BITS | gap & (_SIGN - 1)
     values = []
     for width in reversed(widths):
         values.append(bits & ((1 << width) - 1))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import Final, NamedTuple
+from typing import Final
 
 from weberlink.geometry.vector import Vector
 
@@ -98,23 +98,6 @@ class Quantizer:
         x, y, z = self.confine(value)
         step = self.step
         return self.confine((level(x, step) * step, level(y, step) * step, level(z, step) * step))
-
-
-class Grids(NamedTuple):
-    """The grids of one channel.
-
-    Args:
-        value: of the coded value.
-        position: of the position that travels with it; None where the value is the position.
-    """
-
-    value: Quantizer
-    position: Quantizer | None = None
-
-    @property
-    def size(self) -> int:
-        """Levels of one sample."""
-        return self.value.size + (self.position.size if self.position is not None else 0)
 
 
 def level(component: float, step: float) -> int:

@@ -10,11 +10,11 @@ from math import ceil, inf, nan
 from typing import TYPE_CHECKING
 
 from weberlink.codec import Decoder, Encoder, Update
-from weberlink.codec.fitted import UNFITTED, fitted
+from weberlink.codec.predictors.model import UNFITTED
 from weberlink.control.contract import LinkQuality, MasterControl
 from weberlink.control.tuning import Tuning
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.master.devices.contract import Device, DeviceFault, Explaining
+from weberlink.master.devices.contract import Device, DeviceFault, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -264,8 +264,7 @@ class MasterLoop:
     def _take(self, event: Event, now: float) -> None:
         match event:
             case UpdateReceived():
-                update = Update(event.tick, event.selector, event.newest, event.gap, event.previous)
-                self._apply(update, event.stream)
+                self._apply(event.update, event.stream)
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
@@ -342,7 +341,7 @@ class MasterLoop:
             and self._faults.active is not Fault.DEVICE
         )
         is_engaged = encodes and endpoint.is_peer_encoding(now) and self._stopping is None
-        endpoint.attest(now, is_encoding=encodes)
+        endpoint.report_encoding(now, is_encoding=encodes)
         if encodes is self._encodes and is_engaged is self._is_engaged and not self._pace.stalled:
             return
         begins = (encodes and not self._encodes) or (is_engaged and not self._is_engaged)
@@ -363,10 +362,10 @@ class MasterLoop:
                 self.rotation.decoder.apply(update)
             else:
                 self.decoder.apply(update)
-                model, newest = self.decoder.state[1], self.decoder.newest
+                newest = self.decoder.newest
                 assert newest is not None
-                self._fitted = fitted(model)
-                self.control.learn(None if model is None else model.wall(), newest.value, newest.position)
+                self._fitted = self.decoder.record
+                self.control.learn(self.decoder.surface, newest.value, newest.position)
                 self._received += 1
         except ValueError:  # from a peer that agreed on this channel and does not keep to it
             self._faults.note(Fault.UPDATE)
@@ -394,7 +393,7 @@ class MasterLoop:
         if reading.ended:
             self.stop(now, "completed")
         if self._watchdog.expired(now):
-            trouble = self.device.trouble if isinstance(self.device, Explaining) else None
+            trouble = self.device.trouble if isinstance(self.device, ReportsTrouble) else None
             why = f": {trouble}" if trouble else ""
             self._lose_device(f"{self.device.spec.name} {complaint}{why}", now)
 
@@ -417,19 +416,21 @@ class MasterLoop:
         turned = None if self.rotation is None else self.rotation.encode(index)
         self._codec_time += self._stopwatch() - began
         if update is not None:
-            self.endpoint.send_update(now, *update)
+            self.endpoint.send_update(now, update)
             self._sent = 1
         if turned is not None:
-            self.endpoint.send_update(now, *turned, stream=1)
+            self.endpoint.send_update(now, turned, stream=1)
 
     def _render(self, now: float) -> None:
         """The force at the device's own position now, without waiting for the network."""
         endpoint, step = self.endpoint, self._pace.step
         liveness = endpoint.liveness
         known_at = liveness.encoder_heard_at
-        heard_time = endpoint.heard_time(min(now, known_at + self._horizon)) if known_at > -inf else None
-        if heard_time is not None:  # a session that is over leaves its last force, which fades
-            self._heard_tick = heard_time / self._tick_period
+        peer_time = (
+            endpoint.latest_receivable_peer_time(min(now, known_at + self._horizon)) if known_at > -inf else None
+        )
+        if peer_time is not None:  # a session that is over leaves its last force, which fades
+            self._heard_tick = peer_time / self._tick_period
         tick = self._heard_tick
         began = self._stopwatch()
         decoded = self.decoder.value(tick, self._position)

@@ -11,7 +11,7 @@ from math import ceil, nan
 from typing import TYPE_CHECKING
 
 from weberlink.codec import Decoder, Encoder, Update
-from weberlink.codec.fitted import UNFITTED, fitted
+from weberlink.codec.predictors.model import UNFITTED
 from weberlink.control.contract import LinkQuality, SlaveControl
 from weberlink.control.tuning import Tuning
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -161,7 +161,7 @@ class SlaveLoop:
         self._move(now, elapsed)
         self._feel(now)
         encodes = self.endpoint.state is State.ENGAGED and not self._pace.settling
-        self.endpoint.attest(now, is_encoding=encodes)
+        self.endpoint.report_encoding(now, is_encoding=encodes)
         if encodes:
             self._send(index, now)
         else:
@@ -259,8 +259,7 @@ class SlaveLoop:
     def _take(self, event: Event) -> None:
         match event:
             case UpdateReceived():
-                update = Update(event.tick, event.selector, event.newest, event.gap, event.previous)
-                self._apply(update, event.stream)
+                self._apply(event.update, event.stream)
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
@@ -330,7 +329,7 @@ class SlaveLoop:
         self._is_led = is_led
         if not is_led:
             self.decoder.reset()
-            self.endpoint.forget()
+            self.endpoint.request_full_state()
             self._guard.release(self._force, self._where)
             if self.rotation is not None:
                 self.rotation.decoder.reset()
@@ -367,8 +366,10 @@ class SlaveLoop:
         """Command the robot: where the decoder says while the peer is there, otherwise as the guard holds."""
         commanded = turned = None
         if self._is_led and not self._is_overloaded:
-            heard_time = self.endpoint.heard_time(min(now, self.endpoint.liveness.encoder_heard_at + self._horizon))
-            tick = (heard_time or 0.0) / self._tick_period
+            peer_time = self.endpoint.latest_receivable_peer_time(
+                min(now, self.endpoint.liveness.encoder_heard_at + self._horizon)
+            )
+            tick = (peer_time or 0.0) / self._tick_period
             began = self._stopwatch()
             commanded = self.decoder.value(tick)
             turned = None if self.rotation is None else self.rotation.decoder.value(tick)
@@ -439,11 +440,11 @@ class SlaveLoop:
             newest = self.encoder.mirror.newest
             assert newest is not None
             self._held = newest.value
-            self.endpoint.send_update(now, *update)
+            self.endpoint.send_update(now, update)
             self._sent = 1
-            self._fitted = fitted(self.encoder.mirror.state[1])
+            self._fitted = self.encoder.mirror.record
         if turned is not None:
-            self.endpoint.send_update(now, *turned, stream=1)
+            self.endpoint.send_update(now, turned, stream=1)
 
     def _shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once position and orientation are where the operator's are."""

@@ -1,7 +1,7 @@
-"""How the whole suite runs: on its own or shared among workers (`pytest -n`), and what of it has the machine to itself.
+"""How the suite runs, alone or shared among workers (`pytest -n`).
 
-A test marked `realtime` runs live sessions, whose daemons take the silence of a peer for a fault. Such tests come last,
-and while one of them runs, no other worker runs anything.
+A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last, and no
+other worker runs anything beside them. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
@@ -20,13 +20,13 @@ from tests import examples
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-LONG_FIRST = ("weberlink", "evaluation", "protocol", "telemetry", "control")
-"""Folders whose files take long: they are begun first, so that no worker is left alone with one of them at the end."""
+LONG_FIRST = ("system", "studies", "apps", "cli", "protocol", "telemetry", "control")
+"""Folders with slow files start first, so that no worker is left alone with one of them at the end."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--hunt", type=int, default=0, metavar="TIMES", help="so many times the examples of hypothesis, by chance"
+        "--hunt", type=int, default=0, metavar="TIMES", help="explore: random examples, TIMES as many as usual"
     )
 
 
@@ -38,8 +38,12 @@ def is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     here = Path(__file__).parent
+    if not config.option.hunt:
+        explores = [item for item in items if item.get_closest_marker("hunt") is not None]
+        config.hook.pytest_deselected(items=explores)
+        items[:] = [item for item in items if item not in explores]
 
     def place(item: pytest.Item) -> tuple[bool, int]:
         folder = item.path.relative_to(here).parts[0]
@@ -50,13 +54,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_collection_finish() -> None:
-    """What has been imported and collected stays: the collector need not look at it again and again."""
+    """Exclude what collection has created from garbage collection."""
     gc.collect()
     gc.freeze()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Hook of pytest-xdist, in the process that hands out the tests."""
+    """Hook of pytest-xdist, in the process that distributes the tests."""
     from tests.scheduling import FileByFile  # noqa: PLC0415 - pytest-xdist is there if this is called
 
     return FileByFile(config, log)
@@ -73,9 +77,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
 
 @contextmanager
 def held(path: Path, *, alone: bool) -> Iterator[None]:
-    """The machine, shared with the other workers of this run or for this test alone; the kernel keeps the account.
+    """Hold the machine, shared with other workers or `alone`, by a lock on a file.
 
-    It is given back by word, so a process that a test left behind with a copy of the descriptor holds up nobody.
+    It is unlocked explicitly: a process that a test left behind may hold a copy of the descriptor.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:

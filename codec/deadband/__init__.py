@@ -1,20 +1,46 @@
-"""When a prediction is wrong by more than a person could feel: the shapes of the deadband, one a file.
+"""Deadbands: how far a prediction may be off before a sample is sent. docs/deadbands.md says how to choose one.
 
-`ForceDeadband` is the default. What each rests on and how to choose is in docs/deadbands.md.
+A new one for forces is a file beside these and a line here, or an entry point of the group `weberlink.deadbands`.
 """
 
+from typing import Any
+
 from weberlink.codec.deadband.cone import ConeDeadband
-from weberlink.codec.deadband.contract import Deadband, Reference
-from weberlink.codec.deadband.isotropic import ForceDeadband
+from weberlink.codec.deadband.contract import Deadband, Option, Reference
+from weberlink.codec.deadband.isotropic import ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
-from weberlink.codec.deadband.position import PositionDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
+from weberlink.registry import Registry
+
+
+def _check(name: str, entry: Any) -> None:
+    if not (isinstance(entry, type) and issubclass(entry, Deadband) and entry.name == name):
+        raise ValueError(f"deadband {name!r}: its entry point must name a subclass of Deadband called {name!r}")
+
+
+_HERE = "weberlink.codec.deadband"
+ISOTROPIC = "isotropic"
+DEADBANDS: Registry[type[Deadband]] = Registry(
+    "deadband",
+    {
+        ISOTROPIC: f"{_HERE}.isotropic:ForceDeadband",
+        "cone": f"{_HERE}.cone:ConeDeadband",
+        "level_crossing": f"{_HERE}.level_crossing:LevelCrossingDeadband",
+        "velocity_adaptive": f"{_HERE}.velocity:VelocityDeadband",
+    },
+    "weberlink.deadbands",
+    _check,
+)
+"""Those of a force, by name."""
 
 __all__ = [
+    "DEADBANDS",
+    "ISOTROPIC",
     "ConeDeadband",
     "Deadband",
     "ForceDeadband",
     "LevelCrossingDeadband",
+    "Option",
     "PositionDeadband",
     "Reference",
     "VelocityDeadband",

@@ -7,19 +7,26 @@ of k = 0.10 resends from 6 degrees on. A direction beside the magnitude in the d
 discrimination", Technische Universität München, 2006. How surely this is known is in docs/deadbands.md.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import pi, radians, sin
-from typing import ClassVar
+from math import degrees, pi, radians, sin
+from typing import ClassVar, Self
 
-from weberlink.codec.deadband.contract import check_not_negative
+from weberlink.codec.deadband.contract import Deadband, Option, Reference, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 DIRECTION_RAD = radians(18.4)
 """The least of the three: an operator sees the scene."""
+DIRECTION = Option(
+    round(degrees(DIRECTION_RAD), 6),
+    "Largest angle between measured and displayed force that stays unsent [degrees].",
+    above=0.0,
+    most=180.0,
+)
 
 
 @dataclass(frozen=True, slots=True)
-class ConeDeadband:
+class ConeDeadband(Deadband):
     """`| |g| - |f| | <= max(k |f|, floor)` and angle(f, g) <= theta, or `|g - f| <= floor`; f measured, g displayed.
 
     Near no force there is no direction to feel: a difference below the absolute threshold is not felt, however it is
@@ -36,17 +43,36 @@ class ConeDeadband:
         ValueError: for a number out of its range.
     """
 
+    name = "cone"
+    summary = "Magnitude and direction apart."
+    options: ClassVar[Mapping[str, Option]] = {"direction_deg": DIRECTION}
+    is_ball = False
+    needs_actual = True
+
     weber: float
     floor: float = 0.0
     direction: float = DIRECTION_RAD
     widest: float = field(init=False, repr=False, compare=False)
     """Chord of that angle."""
-    reads_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
         check_not_negative("floor", self.floor)
         object.__setattr__(self, "widest", chord_of(self.direction))
+
+    @classmethod
+    def configured(
+        cls,
+        weber: float,
+        floor: float,
+        reference: Reference,  # noqa: ARG003
+        tick_period: float,  # noqa: ARG003
+        options: Mapping[str, float],
+    ) -> Self:
+        return cls(weber, floor, radians(options["direction_deg"]))
+
+    def describe(self) -> str:
+        return f"cone of {degrees(self.direction):g} deg"
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         relative = self.weber * norm(actual)

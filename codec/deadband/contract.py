@@ -1,21 +1,68 @@
-"""What a deadband is: a bound on the error that stays unsent, and the measure in which that error is compared with it.
+"""The interface of a deadband: a bound on the error that stays unsent, and the measure of that error."""
 
-A shape is a file beside this one. The decoder knows none of it: what is sent says all that it needs.
-"""
-
-from typing import ClassVar, Literal, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, Literal, NamedTuple, Self, get_args
 
 from weberlink.geometry.vector import Vector
 
 Reference = Literal["actual", "displayed", "sent"]
 
 
-class Deadband(Protocol):
-    """One bound on a vector. A sample is sent when `error` is more than `bound`."""
+class Option(NamedTuple):
+    """A number of a deadband's own in the configuration file.
 
-    reads_motion: ClassVar[bool]
-    """Whether `bound` reads `moved`; it is computed for those only, and 0 for the others."""
+    Args:
+        default: where the file does not give it.
+        text: what it means, with its unit.
+        least: smallest value allowed; None for no limit. Likewise `above`, which is excluded, and `most`.
+    """
 
+    default: float
+    text: str
+    least: float | None = None
+    above: float | None = None
+    most: float | None = None
+
+
+class Deadband(ABC):
+    """A bound on a vector. A sample is sent when `error` is more than `bound`. The decoder needs none of it.
+
+    Attributes:
+        name: in configuration files and options; `summary` says what it is, for the JSON schema.
+        options: its own options in the configuration file.
+        reads_motion: whether `bound` reads `moved`; it is computed for those only, and 0 for the others.
+        is_ball: whether `error` is the Euclidean distance. Only then an update may be smoothed.
+        needs_actual: whether the Weber factor can only refer to the measured value.
+        needs_floor: whether the floor must be above 0.
+    """
+
+    __slots__ = ()
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    options: ClassVar[Mapping[str, Option]] = {}
+    reads_motion: ClassVar[bool] = False
+    is_ball: ClassVar[bool] = True
+    needs_actual: ClassVar[bool] = False
+    needs_floor: ClassVar[bool] = False
+
+    @classmethod
+    def configured(
+        cls, weber: float, floor: float, reference: Reference, tick_period: float, options: Mapping[str, float]
+    ) -> Self:
+        """The deadband of a configuration file.
+
+        Args:
+            weber: Weber factor k, >= 0.
+            floor: absolute threshold in the unit of the values, >= 0.
+            reference: which value k scales.
+            tick_period: time between ticks [s].
+            options: a number for each of `cls.options`.
+        """
+        raise NotImplementedError
+
+    @abstractmethod
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:
         """Largest error that stays unsent at this tick.
 
@@ -23,21 +70,29 @@ class Deadband(Protocol):
             actual: the measured value.
             displayed: what the decoder holds without an update.
             sent: the value last transmitted.
-            moved: way of the position since the tick before [m].
+            moved: distance that the position moved since the tick before [m].
 
         Returns:
             In the unit of the values, >= 0.
         """
-        ...
 
-    def error(self, displayed: Vector, actual: Vector) -> float:
+    @abstractmethod
+    def error(self, displayed: Vector, actual: Vector, /) -> float:
         """How wrong a displayed value is, in the unit of the values, >= 0; 0 where nothing is wrong.
 
-        A distance, or what a shape has instead: it need not be symmetric, and may be 0 between different values.
+        Need not be symmetric, and may be 0 between different values.
         """
-        ...
+
+    def describe(self) -> str:
+        """Name and options for a person."""
+        return self.name
 
 
 def check_not_negative(name: str, value: float) -> None:
     if not 0.0 <= value < float("inf"):
         raise ValueError(f"{name} must be >= 0 and finite, not {value!r}")
+
+
+def check_reference(reference: str) -> None:
+    if reference not in get_args(Reference):
+        raise ValueError(f"reference must be one of {', '.join(get_args(Reference))}, not {reference!r}")

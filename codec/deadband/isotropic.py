@@ -1,14 +1,15 @@
-"""The same bound in all directions: a ball around the measured force."""
+"""The same bound in all directions: a ball around the measured force, or around a position."""
 
-from dataclasses import dataclass, field
-from typing import ClassVar, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
 
-from weberlink.codec.deadband.contract import Reference, check_not_negative
+from weberlink.codec.deadband.contract import Deadband, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
 
 
 @dataclass(frozen=True, slots=True)
-class ForceDeadband:
+class ForceDeadband(Deadband):
     """Weber's law with an absolute threshold: `|f_pred - f| <= max(k |f_ref|, floor)`.
 
     The law fails below about 1 N, and with `k` alone a sensor at rest sends its noise at every tick: the floor is the
@@ -23,34 +24,65 @@ class ForceDeadband:
         ValueError: for a negative or non-finite number or an unknown reference.
     """
 
+    name = "isotropic"
+    summary = "The same bound in all directions."
+
     weber: float
     floor: float = 0.0
     reference: Reference = "actual"
-    which: int = field(init=False, repr=False, compare=False)
-    """Of `reference` among those there are: quicker to compare than its name."""
-    reads_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
         check_not_negative("floor", self.floor)
-        object.__setattr__(self, "which", which_reference(self.reference))
+        check_reference(self.reference)
+
+    @classmethod
+    def configured(
+        cls,
+        weber: float,
+        floor: float,
+        reference: Reference,
+        tick_period: float,  # noqa: ARG003
+        options: Mapping[str, float],  # noqa: ARG003
+    ) -> Self:
+        return cls(weber, floor, reference)
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
-        which = self.which
-        reference = actual if which == 0 else displayed if which == 1 else sent
+        name = self.reference
+        reference = actual if name == "actual" else displayed if name == "displayed" else sent
         relative = self.weber * norm(reference)
         return relative if relative > self.floor else self.floor
 
     error = staticmethod(distance)
 
 
-def which_reference(reference: str) -> int:
-    """The place of a reference among those there are.
+@dataclass(frozen=True, slots=True)
+class PositionDeadband(Deadband):
+    """A bound in metres plus a Weber bound on velocity: `bound + k |v| T`, T one tick.
+
+    `|v| T` is the distance moved since the tick before, so the velocity needs no filter and adds no lag: a hand in fast
+    motion is allowed the displacement that a velocity error of k |v| makes in one tick.
+
+    Args:
+        weber: Weber factor of velocity, >= 0.
+        least: position bound at rest [m], >= 0.
 
     Raises:
-        ValueError: if it is none of them.
+        ValueError: for a negative or non-finite number.
     """
-    known = get_args(Reference)
-    if reference not in known:
-        raise ValueError(f"reference must be one of {', '.join(known)}, not {reference!r}")
-    return known.index(reference)
+
+    name = "position"
+    summary = "A position bound at rest and a Weber bound on velocity."
+    reads_motion = True
+
+    weber: float
+    least: float
+
+    def __post_init__(self) -> None:
+        check_not_negative("weber", self.weber)
+        check_not_negative("bound", self.least)
+
+    def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
+        return self.least + self.weber * moved
+
+    error = staticmethod(distance)

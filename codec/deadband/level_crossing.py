@@ -7,11 +7,13 @@ Weber's law does. Their forces have one axis. Here the levels are those of the m
 force would cross levels that nobody feels.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from math import degrees, radians
+from typing import ClassVar, Self
 
-from weberlink.codec.deadband.cone import DIRECTION_RAD, chord, chord_of
-from weberlink.codec.deadband.contract import check_not_negative
+from weberlink.codec.deadband.cone import DIRECTION, DIRECTION_RAD, chord, chord_of
+from weberlink.codec.deadband.contract import Deadband, Option, Reference, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 LEAST_WEBER = 1e-4
@@ -22,7 +24,7 @@ POWERS = 24
 
 
 @dataclass(frozen=True, slots=True)
-class LevelCrossingDeadband:
+class LevelCrossingDeadband(Deadband):
     """No level lies between |g| and |f|, but one that |f| has barely crossed; f measured, g displayed.
 
     The levels are whole multiples of the floor up to about floor / k, and from there on one Weber fraction apart: each
@@ -43,6 +45,23 @@ class LevelCrossingDeadband:
         ValueError: for a number out of its range.
     """
 
+    name = "level_crossing"
+    summary = (
+        "Sent when the magnitude crosses a level of a fixed grid, or the direction leaves its cone; needs floor_n > 0."
+    )
+    options: ClassVar[Mapping[str, Option]] = {
+        "direction_deg": DIRECTION,
+        "hysteresis": Option(
+            HYSTERESIS,
+            "How far beyond a level counts as crossed, as a share of the spacing of levels there.",
+            0,
+            most=1,
+        ),
+    }
+    is_ball = False
+    needs_actual = True
+    needs_floor = True
+
     weber: float
     floor: float
     direction: float = DIRECTION_RAD
@@ -54,7 +73,6 @@ class LevelCrossingDeadband:
     """The level at which multiples end and powers begin [N]."""
     powers: tuple[float, ...] = field(init=False, repr=False, compare=False)
     """Of the ratio of two levels, the exponents powers of two, the largest first."""
-    reads_motion: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
@@ -67,6 +85,20 @@ class LevelCrossingDeadband:
         object.__setattr__(self, "spacing", spacing)
         object.__setattr__(self, "knee", self.floor * max(1, int(1.0 / spacing)))
         object.__setattr__(self, "powers", _powers(1.0 + spacing))
+
+    @classmethod
+    def configured(
+        cls,
+        weber: float,
+        floor: float,
+        reference: Reference,  # noqa: ARG003
+        tick_period: float,  # noqa: ARG003
+        options: Mapping[str, float],
+    ) -> Self:
+        return cls(weber, floor, radians(options["direction_deg"]), options["hysteresis"])
+
+    def describe(self) -> str:
+        return f"level crossing, hysteresis {self.hysteresis:g}, direction within {degrees(self.direction):g} deg"
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         relative = self.spacing * norm(actual)

@@ -4,11 +4,11 @@ A hand in motion feels changes of force less: Kammerl, Vittorias, Nitsch, Faerbe
 data reduction for haptic force-feedback signals using velocity-adaptive deadbands", Presence 19(5), 2010.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import ClassVar, Self
 
-from weberlink.codec.deadband.contract import Reference, check_not_negative
-from weberlink.codec.deadband.isotropic import which_reference
+from weberlink.codec.deadband.contract import Deadband, Option, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
 
 SLOPE_S_M = 0.5
@@ -16,7 +16,7 @@ MOST_WEBER = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class VelocityDeadband:
+class VelocityDeadband(Deadband):
     """`|f_pred - f| <= max(k(v) |f_ref|, floor)` with `k(v) = k + slope |v|`, at most `most` (or k, if that is more).
 
     The speed is that of the position since the tick before: no filter, no lag, no state. A jump of the position from
@@ -34,30 +34,50 @@ class VelocityDeadband:
         ValueError: for a number out of its range or an unknown reference.
     """
 
+    name = "velocity_adaptive"
+    summary = "The Weber factor grows with the speed of the hand."
+    options: ClassVar[Mapping[str, Option]] = {
+        "slope_s_m": Option(SLOPE_S_M, "Growth of the Weber factor with speed [s/m].", least=0, most=100),
+        "most_weber": Option(MOST_WEBER, "The Weber factor grows no further.", least=0, most=1),
+    }
+    reads_motion = True
+
     weber: float
     floor: float = 0.0
     reference: Reference = "actual"
     slope: float = SLOPE_S_M
     most: float = MOST_WEBER
     period: float = 1e-3
-    which: int = field(init=False, repr=False, compare=False)
     per_metre: float = field(init=False, repr=False, compare=False)
     """Growth of the Weber factor with the way of one tick [1/m]."""
     highest: float = field(init=False, repr=False, compare=False)
-    reads_motion: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("weber", "floor", "slope", "most"):
             check_not_negative(name, getattr(self, name))
         if not 0.0 < self.period < float("inf"):
             raise ValueError(f"period must be above 0 and finite, not {self.period!r}")
-        object.__setattr__(self, "which", which_reference(self.reference))
+        check_reference(self.reference)
         object.__setattr__(self, "per_metre", self.slope / self.period)
         object.__setattr__(self, "highest", max(self.weber, self.most))
 
+    @classmethod
+    def configured(
+        cls,
+        weber: float,
+        floor: float,
+        reference: Reference,
+        tick_period: float,
+        options: Mapping[str, float],
+    ) -> Self:
+        return cls(weber, floor, reference, options["slope_s_m"], options["most_weber"], tick_period)
+
+    def describe(self) -> str:
+        return f"velocity-adaptive, k + {self.slope:g} s/m of the speed, at most {self.most:g}"
+
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:
-        which = self.which
-        reference = actual if which == 0 else displayed if which == 1 else sent
+        name = self.reference
+        reference = actual if name == "actual" else displayed if name == "displayed" else sent
         grown = self.weber + self.per_metre * moved
         # Not so where the way is infinite and the slope 0, which is no number.
         relative = (grown if grown < self.highest else self.highest) * norm(reference)

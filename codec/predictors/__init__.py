@@ -1,55 +1,56 @@
-"""The table of predictors. A new one is a file beside these and a line here.
+"""The table of predictors. A new one is a file beside these and a line here, or an entry point `weberlink.predictors`.
 
-`hybrid` and `adaptive` are not predictors of their own: they are banks of several of these with the choice made at
-every send, as the paper does it (see `codec.encoder`) or by their record (see `codec.adaptive`). Naming a single
-predictor is a bank of one.
+`hybrid` and `adaptive` are not predictors but choices among a bank of several, made at every send: as the paper does
+(`weberlink.codec.encoder`), or by how often each of them would have sent (`weberlink.codec.adaptive`).
 """
 
-from weberlink.codec.predictors.affine import AFFINE
-from weberlink.codec.predictors.contract import Model, Parametric, Predictor, Trust
-from weberlink.codec.predictors.linear import LINEAR
-from weberlink.codec.predictors.plane import PLANE
-from weberlink.codec.predictors.sphere import SPHERE
-from weberlink.codec.predictors.surface import SURFACE
-from weberlink.codec.predictors.trend import TREND
-from weberlink.codec.predictors.zoh import ZOH
+from typing import Any
 
-FITTED: dict[str, Predictor] = {
-    "zoh": ZOH,
-    "linear": LINEAR,
-    "plane": PLANE,
-    "sphere": SPHERE,
-}
-"""The paper's, by name, in the order in which a hybrid breaks ties: the simplest first."""
+from weberlink.codec.predictors.contract import Predictor
+from weberlink.codec.predictors.model import ContactSurface, FitLimits, Model
+from weberlink.registry import Registry
 
-PARAMETRIC: dict[str, Parametric] = {
-    "trend": TREND,
-    "affine": AFFINE,
-    "surface": SURFACE,
-}
 
-PREDICTORS: dict[str, Predictor | Parametric] = {**FITTED, **PARAMETRIC}
+def _check(name: str, entry: Any) -> None:
+    if not isinstance(entry, Predictor) or entry.name != name:
+        raise ValueError(f"predictor {name!r}: its entry point must name a Predictor object called {name!r}")
+
+
+_HERE = "weberlink.codec.predictors"
+PREDICTORS: Registry[Predictor] = Registry(
+    "predictor",
+    {
+        "zoh": f"{_HERE}.zoh:ZOH",
+        "linear": f"{_HERE}.linear:LINEAR",
+        "plane": f"{_HERE}.plane:PLANE",
+        "sphere": f"{_HERE}.sphere:SPHERE",
+        "trend": f"{_HERE}.trend:TREND",
+        "affine": f"{_HERE}.affine:AFFINE",
+        "surface": f"{_HERE}.surface:SURFACE",
+    },
+    "weberlink.predictors",
+    _check,
+)
+"""By name, the paper's first, in the order in which a hybrid breaks ties: the simplest first."""
 
 HYBRID = "hybrid"
 ADAPTIVE = "adaptive"
 BANKS = (HYBRID, ADAPTIVE)
-"""What stands for several, in place of the name of one."""
+"""Names that stand for a choice among several predictors."""
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
 ADAPTIVE_BANK = ("plane", "surface", "affine", "trend", "zoh")
-"""What each chooses among where nothing else is said; of equals the first."""
+"""What each chooses among by default; the first of equals."""
 
 __all__ = [
     "ADAPTIVE",
     "ADAPTIVE_BANK",
     "BANKS",
-    "FITTED",
     "HYBRID",
     "HYBRID_BANK",
-    "PARAMETRIC",
     "PREDICTORS",
+    "ContactSurface",
+    "FitLimits",
     "Model",
-    "Parametric",
     "Predictor",
-    "Trust",
 ]

@@ -1,17 +1,27 @@
-"""What a force field looks like from close by: f_1 + K (p - p_1) + g (t - t_1), K and g worked out by the sender.
+"""A locally affine force field: f_1 + K (p - p_1) + g (t - t_1), K and g estimated by the sender.
 
 K is the stiffness matrix of whatever is there: a wall, a spring, a field, several surfaces at once. A contact pushes
-and does not pull: where the prediction has turned against the newest force, there is none.
+and does not pull: where the prediction has turned against the newest force, it is zero. The estimate is ridge least
+squares: the ridge holds K small against the noise of a hand that hardly moves, and g small where motion explains as
+much as time does.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
 
 from weberlink.codec.parameters import Block
-from weberlink.codec.predictors.contract import Parametric, Trust
-from weberlink.codec.quantizer import Grids
-from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector, add, norm, scale, subtract
+from weberlink.codec.predictors.contract import Candidates, EncodeContext, Predictor
+from weberlink.codec.predictors.model import FitLimits, Model
+from weberlink.codec.sample import Sample, SampleGrid
+from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
+
+WINDOW = 14
+"""Ticks back."""
+RIDGE_PLACE = 1e-5
+"""[m]: a motion of this size (rms) halves the estimate of K."""
+RIDGE_TIME = 0.2
+"""Weight of the ridge on g, as a share of the samples, in units of the window."""
+SIZE = 4
 
 Matrix = tuple[Vector, Vector, Vector]
 """Rows."""
@@ -27,9 +37,11 @@ WIDEST = 2.0
 comes back with the probe would come all at once, and sideways.
 """
 NARROWEST = 1.0 + WIDEST * WIDEST
+Rows = list[list[float]]
 
 
-class Affine(NamedTuple):
+@dataclass(slots=True)
+class Affine(Model):
     value: Vector
     position: Vector
     tick: int
@@ -56,9 +68,6 @@ class Affine(NamedTuple):
             return _turned_back((a, b, c), value, along / own)
         return (a, b, c)
 
-    def wall(self) -> None:
-        return None
-
 
 def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
     """A force brought back into the cone about the newest one, its part along that kept."""
@@ -67,40 +76,136 @@ def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
     return add(straight, scale(across, WIDEST * norm(straight) / norm(across)))
 
 
-def widths(grids: Grids) -> tuple[int, ...]:
-    stiffness, slope = _blocks(grids)
-    return stiffness.widths + slope.widths
+class LocalAffine:
+    """Ridge least squares over the latest samples: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1), each axis by itself."""
+
+    __slots__ = ()
+
+    def model(self, context: EncodeContext) -> Affine | None:
+        history, newest = context.history, context.newest
+        count = min(WINDOW, len(history) - 1)
+        if count < 2:
+            return None
+        solution = _solve(*_system(history.values[-count - 1 :], history.places[-count - 1 :]))
+        if solution is None:
+            return None
+        by_x, by_y, by_z, by_time = solution
+        slope = (by_time[0] / count, by_time[1] / count, by_time[2] / count)
+        rows = (
+            (by_x[0], by_y[0], by_z[0]),
+            (by_x[1], by_y[1], by_z[1]),
+            (by_x[2], by_y[2], by_z[2]),
+        )
+        if not (all(map(is_finite, rows)) and is_finite(slope)):
+            return None
+        return Affine(newest.value, newest.position, newest.tick, rows, slope)
 
 
-def levels(model: Affine, newest: Sample, grids: Grids) -> list[int]:  # noqa: ARG001
-    stiffness, slope = _blocks(grids)
-    components = grids.value.components
-    rows = components(model.stiffness)  # type: ignore[arg-type]
-    elements = [element for row in rows for element in components(row)]  # type: ignore[arg-type]
-    return stiffness.levels(elements) + slope.levels(components(model.slope))
+class AffinePredictor(Predictor):
+    name = "affine"
+    geometric = True
+    estimated = True
+    doubt = 1.1
+
+    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
+        return Candidates([LocalAffine()])
+
+    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
+        stiffness, slope = _blocks(grid)
+        return stiffness.widths + slope.widths
+
+    def levels(self, model: Affine, newest: Sample, grid: SampleGrid) -> list[int]:  # noqa: ARG002
+        stiffness, slope = _blocks(grid)
+        components = grid.value.components
+        rows = components(model.stiffness)  # type: ignore[arg-type]
+        elements = [element for row in rows for element in components(row)]  # type: ignore[arg-type]
+        return stiffness.levels(elements) + slope.levels(components(model.slope))
+
+    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Affine | None:
+        """None where the stiffness is more than is accepted."""
+        stiffness, slope = _blocks(grid)
+        first = len(stiffness.widths)
+        size, vector = grid.value.size, grid.value.vector
+        elements = stiffness.numbers(fields[:first])
+        rows = [vector(elements[start : start + size]) for start in range(0, size * size, size)]
+        placed = iter(rows)
+        used = grid.value.used
+        x, y, z = (next(placed) if axis in used else ZERO for axis in range(3))
+        if norm((norm(x), norm(y), norm(z))) > limits.stiffness[1]:
+            return None
+        return Affine(newest.value, newest.position, newest.tick, (x, y, z), vector(slope.numbers(fields[first:])))
 
 
-def build(fields: Sequence[int], newest: Sample, grids: Grids, trust: Trust) -> Affine | None:
-    """None where the stiffness is more than is trusted."""
-    stiffness, slope = _blocks(grids)
-    first = len(stiffness.widths)
-    size, vector = grids.value.size, grids.value.vector
-    elements = stiffness.numbers(fields[:first])
-    rows = [vector(elements[start : start + size]) for start in range(0, size * size, size)]
-    placed = iter(rows)
-    used = grids.value.used
-    x, y, z = (next(placed) if axis in used else ZERO for axis in range(3))
-    if norm((norm(x), norm(y), norm(z))) > trust.stiffness[1]:
-        return None
-    return Affine(newest.value, newest.position, newest.tick, (x, y, z), vector(slope.numbers(fields[first:])))
+AFFINE = AffinePredictor()
 
 
-def _blocks(grids: Grids) -> tuple[Block, Block]:
-    assert grids.position is not None
-    size = grids.value.size
+def _blocks(grid: SampleGrid) -> tuple[Block, Block]:
+    assert grid.position is not None
+    size = grid.value.size
     of_stiffness, of_slope = _WIDTHS[size]
-    unit = SOFTEST * grids.value.step / grids.position.step
-    return Block(unit, of_stiffness, size * size), Block(SLOWEST * grids.value.step, of_slope, size)
+    unit = SOFTEST * grid.value.step / grid.position.step
+    return Block(unit, of_stiffness, size * size), Block(SLOWEST * grid.value.step, of_slope, size)
 
 
-AFFINE = Parametric(widths, levels, build, geometric=True)
+def _system(values: list[Vector], places: list[Vector]) -> tuple[Rows, Rows]:
+    """Normal equations over position and time in windows, for the three axes of the force at once."""
+    count = len(values) - 1
+    (u, v, w), (px, py, pz) = values[-1], places[-1]
+    xx = yy = zz = RIDGE_PLACE * RIDGE_PLACE * count
+    tt = RIDGE_TIME * count
+    xy = xz = xt = yz = yt = zt = 0.0
+    xu = xv = xw = yu = yv = yw = zu = zv = zw = tu = tv = tw = 0.0
+    step = 1.0 / count
+    time = -1.0
+    for index in range(count):
+        (a, b, c), (x, y, z) = values[index], places[index]
+        x, y, z = x - px, y - py, z - pz
+        a, b, c = a - u, b - v, c - w
+        xx += x * x
+        xy += x * y
+        xz += x * z
+        xt += x * time
+        yy += y * y
+        yz += y * z
+        yt += y * time
+        zz += z * z
+        zt += z * time
+        tt += time * time
+        xu += x * a
+        xv += x * b
+        xw += x * c
+        yu += y * a
+        yv += y * b
+        yw += y * c
+        zu += z * a
+        zv += z * b
+        zw += z * c
+        tu += time * a
+        tv += time * b
+        tw += time * c
+        time += step
+    left = [[xx, xy, xz, xt], [xy, yy, yz, yt], [xz, yz, zz, zt], [xt, yt, zt, tt]]
+    return left, [[xu, xv, xw], [yu, yv, yw], [zu, zv, zw], [tu, tv, tw]]
+
+
+def _solve(left: Rows, right: Rows) -> Rows | None:
+    """By elimination; positive definite but for rounding, so no pivot is looked for. None where one is lost."""
+    for row in range(SIZE):
+        pivot = left[row][row]
+        if not pivot > 0.0:
+            return None
+        for lower in range(row + 1, SIZE):
+            factor = left[lower][row] / pivot
+            if factor == 0.0:
+                continue
+            for column in range(row + 1, SIZE):
+                left[lower][column] -= factor * left[row][column]
+            for column in range(3):
+                right[lower][column] -= factor * right[row][column]
+    for row in range(SIZE - 1, -1, -1):
+        for column in range(3):
+            rest = right[row][column]
+            for later in range(row + 1, SIZE):
+                rest -= left[row][later] * right[later][column]
+            right[row][column] = rest / left[row][row]
+    return right

@@ -1,9 +1,275 @@
-"""What the geometry predictors share: the question whether two samples belong to one contact."""
+"""Estimates of the surface in contact, updated tick by tick in exponentially weighted sums.
 
-from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO
+With c = 1/s the point where the surface holds the probe is q = p + c f. Each of three hypotheses estimates c:
+
+- the surface is at rest and has no friction: the force is its normal, and n.dp = -c n.df over any few ticks;
+- it is at rest and has friction: the force without its part along dq, the direction of sliding, is the normal. The
+  normal is averaged, and the slow part of n.dp and n.df (sliding over what is not flat) is removed before they are
+  compared;
+- it moves: third differences of n.p and n.f, to which a motion of up to about 2 Hz adds nothing, are compared.
+
+Curvature is how much the normal turns per displacement of q. The frequency w of a motion follows from second
+differences of n.q over longer times, which are -4 sin^2(w T / 2) of n.q less its middle.
+
+Which hypothesis is true is not decided here: `weberlink.codec.adaptive` measures which of them saves updates.
+"""
+
+from math import asin, exp, sqrt
+
+from weberlink.codec.predictors.contract import History
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
+
+STEP = 10
+"""Ticks over which ways and changes of force are taken."""
+HALF = STEP // 2
+TURN = 30
+"""Ticks over which the normal turns."""
+THIRD = 16
+"""Ticks between the samples of a third difference."""
+SECOND = 60
+"""Ticks between the samples of a second difference: two of them must fit into the history."""
+EVERY = 4
+"""Ticks from one update of the slower estimates (curvature, motion) to the next."""
+FORGET_STIFFNESS = exp(-1.0 / 2000.0)
+FORGET_CURVATURE = exp(-EVERY / 300.0)
+FORGET_THIRD = exp(-EVERY / 2000.0)
+FORGET_PULSE = 0.9997**EVERY
+SLOW = 1.0 / 50.0
+"""Share of a new difference in the slow part."""
+TURNING = 0.1
+"""Share of a new normal in the average, after a way of 1 mm or more."""
+RUBBING = 0.05
+"""Share of a new coefficient of friction in the average."""
+LEAST_WAY = 3e-5
+"""[m] over `STEP`; less is standing still."""
+LEAST_CHANGE = 1e-4
+"""Sum of squares of changes of force [N^2] from which on they say something."""
+LEAST_THIRD = 1e-2 / EVERY
+MOST_COMPLIANT, STIFFEST = 1e-1, 1e-6
+"""Compliance that is believed [m/N]."""
+LARGEST_FRICTION = 1.5
+LEAST_NORMAL_SHARE = 0.5
+"""Of the force, when it is freed of what is along the way: less is a press, not a slide."""
+SAME_SURFACE = 0.9
+"""Cosine between an old normal and the force of a new contact, up to which the old one is kept."""
 
 
-def same_contact(newest: Sample, previous: Sample) -> bool:
-    """Whether both samples touch: a contact starts at the first sample with a force after one without."""
-    return ZERO not in (newest.value, previous.value)
+class ComplianceEstimator:
+    """-y/x of pairs by exponentially weighted sums: compliance from changes of force x and of position y."""
+
+    __slots__ = ("_forget", "_least", "_xx", "_xy", "compliance")
+
+    def __init__(self, forget: float, least: float) -> None:
+        self._forget = forget
+        self._least = least
+        self._xx = self._xy = 0.0
+        self.compliance = 0.0
+        """[m/N]; 0 while it is not known."""
+
+    def add(self, x: float, y: float) -> None:
+        self._xx = self._xx * self._forget + x * x
+        self._xy = self._xy * self._forget + x * y
+        if self._xx > self._least:
+            compliance = -self._xy / self._xx
+            self.compliance = compliance if STIFFEST < compliance < MOST_COMPLIANT else 0.0
+
+
+class CurvatureEstimator:
+    """Curvature from turns of the normal over displacements, by exponentially weighted sums."""
+
+    __slots__ = ("_turns", "_ways", "value")
+
+    def __init__(self) -> None:
+        self._ways = self._turns = 0.0
+        self.value = 0.0
+        """[1/m]."""
+
+    def add(self, turn: Vector, way: Vector) -> None:
+        self._ways = self._ways * FORGET_CURVATURE + dot(way, way)
+        self._turns = self._turns * FORGET_CURVATURE + dot(turn, way)
+        self.value = self._turns / (self._ways + 1e-6 / EVERY)
+
+
+class FrequencyEstimator:
+    """Angular frequency of a motion, by regression of second differences on the position in their middle."""
+
+    __slots__ = ("_count", "_x", "_xx", "_xy", "_y", "value")
+
+    def __init__(self) -> None:
+        self._count = self._x = self._y = self._xx = self._xy = 0.0
+        self.value = 0.0
+        """[rad/tick]; 0 where the motion does not swing."""
+
+    def add(self, place: float, second: float) -> None:
+        forget = FORGET_PULSE
+        self._count = self._count * forget + 1.0
+        self._x = self._x * forget + place
+        self._y = self._y * forget + second
+        self._xx = self._xx * forget + place * place
+        self._xy = self._xy * forget + place * second
+        spread = self._xx - self._x * self._x / self._count
+        if spread > 1e-8 * self._count:
+            square = -(self._xy - self._x * self._y / self._count) / spread
+            self.value = 2.0 / SECOND * asin(0.5 * sqrt(square)) if 0.0 < square < 2.0 else 0.0
+
+
+class ContactEstimator:
+    """Estimates the surface in contact, tick by tick, and remembers it for the next contact.
+
+    Attributes:
+        age: ticks for which there has been a force; 0 while there is none.
+        normal: of the surface with friction, unit vector.
+        friction: its coefficient, as far as known.
+        frictionless: compliance if it is at rest without friction; `curvature` is its curvature then.
+        frictional: compliance if it has friction; `frictional_curvature` likewise.
+        moving: compliance if it moves; `frequency` is that of its motion.
+        threshold: smallest force that counts as one [N].
+    """
+
+    __slots__ = (
+        "_directions",
+        "_normals",
+        "_slow_force",
+        "_slow_way",
+        "age",
+        "curvature",
+        "frequency",
+        "friction",
+        "frictional",
+        "frictional_curvature",
+        "frictionless",
+        "moving",
+        "normal",
+        "threshold",
+    )
+
+    def __init__(self, threshold: float) -> None:
+        """Begin without a contact.
+
+        Args:
+            threshold: smallest force that counts as one [N].
+        """
+        self.threshold = threshold
+        self.age = 0
+        self.normal = ZERO
+        self.friction = 0.0
+        self.frictionless = ComplianceEstimator(FORGET_STIFFNESS, LEAST_CHANGE)
+        self.frictional = ComplianceEstimator(FORGET_STIFFNESS, LEAST_CHANGE)
+        self.moving = ComplianceEstimator(FORGET_THIRD, LEAST_THIRD)
+        self.curvature, self.frictional_curvature, self.frequency = (
+            CurvatureEstimator(),
+            CurvatureEstimator(),
+            FrequencyEstimator(),
+        )
+        self._slow_way = self._slow_force = 0.0
+        self._directions: list[Vector] = []
+        self._normals: list[Vector] = []
+
+    def follow(self, history: History, follows: bool) -> None:
+        """Take in the newest sample, which follows the one before it or not."""
+        value = history.values[-1]
+        size = norm(value)
+        if not size > self.threshold:
+            self.age = 0
+            return
+        direction = (value[0] / size, value[1] / size, value[2] / size)
+        if self.age == 0 or not follows:
+            self._begin(direction)
+        self.age += 1
+        self._directions.append(direction)
+        if self.age > STEP:
+            self._compare(history, value, size)
+        self._normals.append(self.normal)
+        if self.age % EVERY == 0 and self.age > STEP + TURN:
+            self._look_back(history)
+
+    def _begin(self, direction: Vector) -> None:
+        self.age = 0
+        if dot(direction, self.normal) < SAME_SURFACE:
+            self.normal = direction
+        self._slow_way = self._slow_force = 0.0
+        self._directions, self._normals = [], []
+
+    def _compare(self, history: History, value: Vector, size: float) -> None:
+        """With the sample `STEP` ago."""
+        before, there, here = history.values[-1 - STEP], history.places[-1 - STEP], history.places[-1]
+        x, y, z = here[0] - there[0], here[1] - there[1], here[2] - there[2]
+        u, v, w = value[0] - before[0], value[1] - before[1], value[2] - before[2]
+        a, b, c = self._directions[-1 - HALF]
+        self.frictionless.add(u * a + v * b + w * c, x * a + y * b + z * c)
+        a, b, c = self.normal
+        force, way = u * a + v * b + w * c, x * a + y * b + z * c
+        self._slow_force += SLOW * (force - self._slow_force)
+        self._slow_way += SLOW * (way - self._slow_way)
+        frictional = self.frictional
+        frictional.add(force - self._slow_force, way - self._slow_way)
+        compliance = frictional.compliance
+        x, y, z = x + compliance * u, y + compliance * v, z + compliance * w
+        slid = sqrt(x * x + y * y + z * z)
+        if slid > LEAST_WAY:
+            self._slide(value, size, (x / slid, y / slid, z / slid), slid)
+        else:
+            self._stick(value)
+
+    def _slide(self, value: Vector, size: float, way: Vector, slid: float) -> None:
+        x, y, z = way
+        along = value[0] * x + value[1] * y + value[2] * z
+        u, v, w = value[0] - along * x, value[1] - along * y, value[2] - along * z
+        across = sqrt(u * u + v * v + w * w)
+        if not across > LEAST_NORMAL_SHARE * size:
+            return
+        share = TURNING * min(1.0, slid / 1e-3)
+        a, b, c = self.normal
+        self.normal = unit((a + share * (u / across - a), b + share * (v / across - b), c + share * (w / across - c)))
+        ratio = self._ratio(value)
+        if ratio is not None:
+            self.friction += RUBBING * (min(ratio, LARGEST_FRICTION) - self.friction)
+
+    def _stick(self, value: Vector) -> None:
+        """It holds at least so much."""
+        ratio = self._ratio(value)
+        if ratio is not None and ratio > self.friction:
+            self.friction = min(ratio, LARGEST_FRICTION)
+
+    def _ratio(self, value: Vector) -> float | None:
+        """Tangential over normal force; None where the surface would pull."""
+        a, b, c = self.normal
+        push = value[0] * a + value[1] * b + value[2] * c
+        if not push > 0.0:
+            return None
+        u, v, w = value[0] - push * a, value[1] - push * b, value[2] - push * c
+        return sqrt(u * u + v * v + w * w) / push
+
+    def _look_back(self, history: History) -> None:
+        """Curvature and motion, which need more than a few ticks."""
+        values, places = history.values, history.places
+        way, change = subtract(places[-1], places[-1 - TURN]), subtract(values[-1], values[-1 - TURN])
+        directions, normals = self._directions, self._normals
+        turn = subtract(directions[-1], directions[-1 - TURN])
+        self.curvature.add(turn, _way(way, change, self.frictionless.compliance))
+        turn = subtract(normals[-1], normals[-1 - TURN])
+        self.frictional_curvature.add(turn, _way(way, change, self.frictional.compliance))
+        if self.age > 3 * THIRD:
+            middle = directions[-1 - 3 * THIRD // 2]
+            self.moving.add(_third(values, middle), _third(places, middle))
+        compliance = self.moving.compliance
+        if self.age > 2 * SECOND and compliance > 0.0:
+            middle = directions[-1 - SECOND]
+            q = [
+                dot(middle, places[-1 - back]) + compliance * dot(middle, values[-1 - back])
+                for back in (0, SECOND, 2 * SECOND)
+            ]
+            self.frequency.add(q[1], q[0] - 2.0 * q[1] + q[2])
+        if len(directions) > 4 * SECOND:
+            del directions[: 2 * SECOND], normals[: 2 * SECOND]
+
+
+def _way(way: Vector, change: Vector, compliance: float) -> Vector:
+    moved = scale(change, compliance)
+    return (way[0] + moved[0], way[1] + moved[1], way[2] + moved[2])
+
+
+def _third(vectors: list[Vector], along: Vector) -> float:
+    """Third difference of a component."""
+    a, b, c, d = (dot(along, vectors[-1 - back * THIRD]) for back in range(4))
+    return a - 3.0 * b + 3.0 * c - d

@@ -1,139 +1,209 @@
-"""What every predictor is: a way from one update to a model that says the value elsewhere.
+"""The interface of a predictor: how a model is made from samples, and how it travels in an update."""
 
-A model is a pure function of what one update carries. That is what makes the two ends agree after any loss: there is no
-other state that could differ. There are two ways: the model is fitted to the newest transmitted samples, at both ends
-alike (`Predictor`), or at the sending end to all samples, and its parameters are sent (`Parametric`).
-"""
-
+from abc import ABC
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 from weberlink.codec.parameters import pack, unpack
-from weberlink.codec.predictors.hold import Hold
-from weberlink.codec.quantizer import Grids
-from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.codec.predictors.model import FitLimits, Hold, Model
+from weberlink.codec.sample import Sample, SampleGrid
+from weberlink.geometry.vector import ZERO, Vector
+from weberlink.update import ModelParameters, Payload, PreviousSample
+
+KEPT = 128
+"""Samples that a history holds at least, once so many came."""
 
 
-class Wall(Protocol):
-    """An elastic wall at rest: its force depends on the position alone, and what it takes to press it in comes back."""
+class History:
+    """The latest samples of a signal at the sender's full rate; the newest is the last of each list.
 
-    @property
-    def stiffness(self) -> float:
-        """[N/m]: half the square of the force by this is the energy stored."""
+    Attributes:
+        values: as measured, within the range of the wire [N or m].
+        places: position of each [m].
+    """
+
+    __slots__ = ("_tick", "places", "values")
+
+    def __init__(self) -> None:
+        self.values: list[Vector] = []
+        self.places: list[Vector] = []
+        self._tick = 0
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def add(self, tick: int, value: Vector, place: Vector) -> bool:
+        """Append the sample of a tick; returns whether it follows the one before.
+
+        A gap clears the history: estimates assume that samples are one tick apart.
+        """
+        follows = tick == self._tick + 1 and bool(self.values)
+        if not follows:
+            self.values, self.places = [], []
+        elif len(self.values) >= 2 * KEPT:
+            del self.values[:KEPT], self.places[:KEPT]
+        self._tick = tick
+        self.values.append(value)
+        self.places.append(place)
+        return follows
+
+
+class EncodeContext(NamedTuple):
+    """What the sender knows when it makes a model to send.
+
+    Args:
+        newest: the sample to send, as the wire carries it.
+        earlier: the sample sent before; None if there was none, or it is too old.
+        bound: the deadband at the newest sample, in the unit of the values.
+        history: the samples as measured, up to this one.
+    """
+
+    newest: Sample
+    earlier: Sample | None
+    bound: float
+    history: History
+
+
+class Candidate(Protocol):
+    """One way to make a model for a predictor; a predictor may have several."""
+
+    def model(self, context: EncodeContext) -> Model | None:
+        """The model to send, finite; None where this candidate has none, and the sample is held."""
         ...
 
-    def at(self, tick: float, position: Vector) -> Vector:
-        """The force [N] at a position [m]; the tick does not matter."""
-        ...
+
+class Candidates(NamedTuple):
+    """The candidates of one predictor for one signal.
+
+    Args:
+        each: the simplest first.
+        follow: to be called with the history after every sample, and whether it follows the one before; None if the
+            candidates need only the history.
+    """
+
+    each: Sequence[Candidate]
+    follow: Callable[[History, bool], None] | None = None
 
 
-class Model(Protocol):
-    """A fitted predictor. Compares equal to another with the same parameters, bit for bit."""
+class Predictor(ABC):
+    """A predictor. There are two kinds.
 
-    def at(self, tick: float, position: Vector) -> Vector:
-        """Predict.
+    Fitted predictors override `fit` and `needs_previous`: both ends fit the same model to the samples that were sent.
+    Estimated predictors set `estimated` and override `candidates`, `widths`, `levels` and `build`: the sender estimates
+    the model from all of its samples and sends its parameters.
+
+    Attributes:
+        name: in configuration files, reports and telemetry.
+        geometric: whether its model reads the position: not for a position channel.
+        describes_contact: whether its model is a contact surface: for forces only.
+        estimated: whether its parameters are sent.
+        doubt: factor on the number of its sends when `adaptive` compares predictors: models that fit noise must be
+            clearly better than simpler ones.
+    """
+
+    __slots__ = ()
+
+    name: ClassVar[str]
+    geometric: ClassVar[bool] = False
+    describes_contact: ClassVar[bool] = False
+    estimated: ClassVar[bool] = False
+    doubt: ClassVar[float] = 1.0
+
+    def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model | None:  # noqa: ARG002
+        """The model of the two newest samples sent; None where none can be trusted. Never raises."""
+        return None
+
+    def needs_previous(self, newest: Sample, previous: Sample) -> bool:  # noqa: ARG002
+        """Whether the fit reads the sample before, so that an update must carry it."""
+        return False
+
+    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
+        """The ways to make its model from all samples.
 
         Args:
-            tick: now, on the sender's tick clock; fractional where the reader's clock does not tick with the sender's.
-            position: the commanded position now [m].
-
-        Returns:
-            The predicted value in the unit of the samples. May leave every bound or be non-finite for wild inputs; the
-            channel confines it.
+            limits: the range in which a fitted contact is accepted.
+            least_force: smallest force that counts as contact [N].
         """
-        ...
+        return Candidates([FittedCandidate(self, limits)])
 
-    def wall(self) -> Wall | None:
-        """The wall that can be rendered in place of this model, as it was at the newest sample; None if it is none."""
-        ...
+    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
+        """Bits of each parameter field; at most `parameter_bits(grid.size)` together."""
+        raise NotImplementedError
 
+    def levels(self, model: Any, newest: Sample, grid: SampleGrid) -> list[int]:
+        """The fields of a finite model of a newest sample."""
+        raise NotImplementedError
 
-@dataclass(frozen=True, slots=True)
-class Trust:
-    """The declared range in which a fitted contact is believed; outside it a predictor holds the newest sample.
+    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model | None:
+        """The model of fields that may hold any bits; None where it cannot be trusted."""
+        raise NotImplementedError
 
-    Args:
-        stiffness: contact stiffness [N/m], lowest and highest, > 0.
-        radius: radius of a sphere [m], lowest and highest, > 0.
-        least_angle_sine: sine of the angle below which two directions count as one, 0 to 1: those of the two forces
-            (1 mN across 1 N is the noise of the wire), and the columns of the sphere's system of equations.
-        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. A least-squares fit of
-            two samples that are no sphere misses them: it may put the sample beyond its centre, and push the wrong way.
-
-    Raises:
-        ValueError: for a range that is none.
-    """
-
-    stiffness: tuple[float, float] = (1.0, 1e6)
-    radius: tuple[float, float] = (1e-3, 10.0)
-    least_angle_sine: float = 1e-3
-    misfit: float = 0.25
-
-    def __post_init__(self) -> None:
-        for name, (low, high) in (("stiffness", self.stiffness), ("radius", self.radius)):
-            if not 0.0 < low < high:
-                raise ValueError(f"{name} must be a rising pair of positive numbers, not [{low!r}, {high!r}]")
-        if not 0.0 <= self.least_angle_sine <= 1.0:
-            raise ValueError(f"least_angle_sine must be 0 to 1, not {self.least_angle_sine!r}")
-        if not self.misfit > 0.0:
-            raise ValueError(f"misfit must be positive, not {self.misfit!r}")
-
-    def believes_compliance(self, compliance: float) -> bool:
-        """Whether c = 1/s is positive with s in range; False for what is not a number."""
-        return compliance > 0.0 and self.stiffness[0] * compliance <= 1.0 <= self.stiffness[1] * compliance
-
-    def believes_radius(self, radius: float) -> bool:
-        return self.radius[0] <= abs(radius) <= self.radius[1]
-
-    def believes_fit(self, model: Model, newest: Sample) -> bool:
-        """Whether a model says at its own newest sample about what that says."""
-        return distance(model.at(newest.tick, newest.position), newest.value) <= self.misfit * norm(newest.value)
-
-
-@dataclass(frozen=True, slots=True)
-class Predictor:
-    """One line of the table of predictors.
-
-    Args:
-        fit: the newest sample and the one before (None where there is none) to a model, or to None where no model of
-            them can be trusted; never raises.
-        needs_previous: whether the fit reads the sample before, so that an update must carry it.
-        geometric: whether it reads the position, and so predicts forces only.
-    """
-
-    fit: Callable[[Sample, Sample | None, Trust], Model | None]
-    needs_previous: Callable[[Sample, Sample], bool]
-    geometric: bool = False
-
-    def model(self, newest: Sample, previous: Sample | None, trust: Trust) -> Model:
+    def model(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model:
         """The fit, or the newest sample held where there is none."""
-        return self.fit(newest, previous, trust) or Hold(newest.value)
+        return self.fit(newest, previous, limits) or Hold(newest.value)
+
+    def encode(
+        self,
+        model: Model | None,
+        newest: Sample,
+        earlier: Sample | None,
+        earlier_levels: tuple[int, ...],
+        grid: SampleGrid,
+    ) -> Payload:
+        """What the update of a sample must carry for this predictor.
+
+        Args:
+            model: of an estimated predictor, made by a candidate; None to hold the sample.
+            newest: the sample to send.
+            earlier: the sample sent before; None if it may not be used.
+            earlier_levels: its wire levels.
+            grid: of the channel.
+        """
+        if self.estimated:
+            return None if model is None else self.packed(model, newest, grid)
+        if earlier is not None and self.needs_previous(newest, earlier):
+            return PreviousSample(newest.tick - earlier.tick, earlier_levels)
+        return None
+
+    def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
+        """The model of an update.
+
+        Raises:
+            ValueError: if the payload does not fit the predictor or the channel.
+        """
+        if isinstance(payload, ModelParameters):
+            if not self.estimated:
+                raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")
+            fields = unpack(payload.bits, self.widths(grid))
+            return self.build(fields, newest, grid, limits) or Hold(newest.value)
+        if payload is None:
+            return self.model(newest, None, limits)
+        if self.estimated:
+            raise ValueError(f"update of {self.name} carries a previous sample, expected model parameters")
+        if len(payload.levels) != grid.size:
+            raise ValueError(
+                f"update carries {len(payload.levels)} levels of the previous sample, expected {grid.size}"
+            )
+        return self.model(newest, grid.sample(newest.tick - payload.gap, payload.levels), limits)
+
+    def packed(self, model: Model, newest: Sample, grid: SampleGrid) -> ModelParameters:
+        """The parameters of a model."""
+        return ModelParameters(pack(self.levels(model, newest, grid), self.widths(grid)))
 
 
-@dataclass(frozen=True, slots=True)
-class Parametric:
-    """A line of the table of predictors whose model travels as numbers.
+class FittedCandidate:
+    """The model that both ends fit to the two newest samples sent."""
 
-    Args:
-        widths: bits of each field, on the grids of a channel.
-        levels: a model that is fitted to a newest sample, as fields; the model must be finite.
-        build: the model again, of fields that may hold any bits, or None where they say none that can be trusted.
-        geometric: whether it reads the position, and so predicts forces only.
-    """
+    __slots__ = ("_limits", "_predictor")
 
-    widths: Callable[[Grids], tuple[int, ...]]
-    levels: Callable[[Any, Sample, Grids], list[int]]
-    build: Callable[[Sequence[int], Sample, Grids, Trust], Model | None]
-    geometric: bool = False
+    def __init__(self, predictor: Predictor, limits: FitLimits) -> None:
+        self._predictor = predictor
+        self._limits = limits
 
-    def packed(self, model: Model, newest: Sample, grids: Grids) -> tuple[int, tuple[int, ...]]:
-        """The gap and the previous levels of the update that carries a model."""
-        return pack(self.levels(model, newest, grids), self.widths(grids), grids.size)
+    def model(self, context: EncodeContext) -> Model | None:
+        return self._predictor.fit(context.newest, context.earlier, self._limits)
 
-    def model(self, gap: int, previous: Sequence[int], newest: Sample, grids: Grids, trust: Trust) -> Model:
-        """What they say, or the newest sample held where that is nothing."""
-        if not previous:
-            return Hold(newest.value)
-        return self.build(unpack(gap, previous, self.widths(grids)), newest, grids, trust) or Hold(newest.value)
+
+def same_contact(newest: Sample, previous: Sample) -> bool:
+    """Whether both samples touch: a contact starts at the first sample with a force after one without."""
+    return ZERO not in (newest.value, previous.value)

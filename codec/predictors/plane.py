@@ -4,15 +4,16 @@ With n = f_1/|f_1|, d and c = 1/s solve n.p_i + d + |f_i| c = 0 over the two new
 height of p over the wall is h = n.p + d, and the force -s h n where h < 0.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from weberlink.codec.predictors.contact import same_contact
-from weberlink.codec.predictors.contract import Predictor, Trust
+from weberlink.codec.predictors.contract import Predictor, same_contact
+from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract, unit
 
 
-class Plane(NamedTuple):
+@dataclass(slots=True)
+class Plane(Model):
     normal: Vector
     """Unit vector out of the wall."""
     offset: float
@@ -28,23 +29,32 @@ class Plane(NamedTuple):
         force = -self.stiffness * height
         return (force * normal[0], force * normal[1], force * normal[2])
 
-    def wall(self) -> "Plane":
+    def surface(self) -> "Plane":
         return self
 
-
-def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Plane | None:
-    if previous is None or not same_contact(newest, previous):
-        return None
-    force = norm(newest.value)
-    normal = unit(newest.value)
-    pressed = -dot(normal, subtract(newest.position, previous.position))
-    difference = force - norm(previous.value)
-    if difference == 0.0:
-        return None
-    compliance = pressed / difference
-    if not trust.believes_compliance(compliance):
-        return None
-    return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
+    def record(self) -> ModelRecord:
+        return ModelRecord(ModelKind.PLANE, self.normal, self.offset, self.stiffness)
 
 
-PLANE = Predictor(fit, needs_previous=same_contact, geometric=True)
+class PlanePredictor(Predictor):
+    name = "plane"
+    geometric = describes_contact = True
+
+    def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Plane | None:
+        if previous is None or not same_contact(newest, previous):
+            return None
+        force = norm(newest.value)
+        normal = unit(newest.value)
+        pressed = -dot(normal, subtract(newest.position, previous.position))
+        difference = force - norm(previous.value)
+        if difference == 0.0:
+            return None
+        compliance = pressed / difference
+        if not limits.accepts_compliance(compliance):
+            return None
+        return Plane(normal, -dot(normal, newest.position) - force * compliance, 1.0 / compliance)
+
+    needs_previous = staticmethod(same_contact)
+
+
+PLANE = PlanePredictor()

@@ -7,22 +7,23 @@ r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, for r and c, with o the mean of what 
 solved by orthogonal projection, not by normal equations, whose condition number is the square.
 """
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
-from weberlink.codec.predictors.contact import same_contact
-from weberlink.codec.predictors.contract import Predictor, Trust
+from weberlink.codec.predictors.contract import Predictor, same_contact
+from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
 
 
-class Sphere(NamedTuple):
+@dataclass(slots=True)
+class Sphere(Model):
     centre: Vector
     radius: float
     """r [m]: positive convex, negative concave."""
     stiffness: float
     """s [N/m]."""
     newest: Vector
-    """The newest force [N], for the one point where a sphere has no direction: its centre."""
+    """The newest force [N]: that at the centre, where a sphere has no direction."""
 
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
         centre = self.centre
@@ -36,34 +37,43 @@ class Sphere(NamedTuple):
         outward = self.stiffness * depth / length if self.radius > 0.0 else -self.stiffness * depth / length
         return (outward * x, outward * y, outward * z)
 
-    def wall(self) -> "Sphere":
+    def surface(self) -> "Sphere":
         return self
 
+    def record(self) -> ModelRecord:
+        return ModelRecord(ModelKind.SPHERE, self.centre, self.radius, self.stiffness)
 
-def fit(newest: Sample, previous: Sample | None, trust: Trust) -> Sphere | None:
-    if previous is None or not same_contact(newest, previous):
-        return None
-    direction, earlier = unit(newest.value), unit(previous.value)
-    solution = _solve(
-        subtract(direction, earlier),
-        subtract(previous.value, newest.value),
-        subtract(newest.position, previous.position),
-        trust.least_angle_sine,
-    )
-    if solution is None:
-        return None
-    radius, compliance = solution
-    if not (trust.believes_compliance(compliance) and trust.believes_radius(radius)):
-        return None
-    centre = scale(
-        add(
-            _centre(newest, direction, radius, compliance),
-            _centre(previous, earlier, radius, compliance),
-        ),
-        0.5,
-    )
-    sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
-    return sphere if trust.believes_fit(sphere, newest) else None
+
+class SpherePredictor(Predictor):
+    name = "sphere"
+    geometric = describes_contact = True
+
+    def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Sphere | None:
+        if previous is None or not same_contact(newest, previous):
+            return None
+        direction, earlier = unit(newest.value), unit(previous.value)
+        solution = _solve(
+            subtract(direction, earlier),
+            subtract(previous.value, newest.value),
+            subtract(newest.position, previous.position),
+            limits.least_angle_sine,
+        )
+        if solution is None:
+            return None
+        radius, compliance = solution
+        if not (limits.accepts_compliance(compliance) and limits.accepts_radius(radius)):
+            return None
+        centre = scale(
+            add(
+                _centre(newest, direction, radius, compliance),
+                _centre(previous, earlier, radius, compliance),
+            ),
+            0.5,
+        )
+        sphere = Sphere(centre, radius, 1.0 / compliance, newest.value)
+        return sphere if limits.accepts_fit(sphere, newest) else None
+
+    needs_previous = staticmethod(same_contact)
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
@@ -88,4 +98,4 @@ def _centre(sample: Sample, direction: Vector, radius: float, compliance: float)
     return add(subtract(sample.position, scale(direction, radius)), scale(sample.value, compliance))
 
 
-SPHERE = Predictor(fit, needs_previous=same_contact, geometric=True)
+SPHERE = SpherePredictor()

@@ -1,28 +1,39 @@
-"""One patch of a surface, in all that a probe can feel of it: stiffness, curvature, Coulomb friction, and motion.
+"""A patch of a contact surface with stiffness, curvature, Coulomb friction and motion, estimated by the sender.
 
-The sender works out the parameters from all of its samples (`codec.adaptive.surface`), and both ends compute the force
-as a god-object does: the point where the surface holds the probe stays on the surface and pulls with the stiffness. It
-sticks while the pull is inside the friction cone, and else slides after the probe. That it slides, and where to, both
-ends know from the position alone. The cone on the displacement of that point is that of Harwin and Melder, "Improved
-haptic rendering for multi-finger manipulation using friction cone based god-objects", Eurohaptics 2002.
+Both ends compute the force as a god-object does: the point where the surface holds the probe stays on the surface and
+pulls with the stiffness. It sticks while the pull is inside the friction cone, and otherwise slides after the probe.
+Both ends know from the position alone whether it slides, and where to. The cone on the displacement of that point is
+that of Harwin and Melder, "Improved haptic rendering for multi-finger manipulation using friction cone based
+god-objects", Eurohaptics 2002.
 
-Along its normal the patch moves as a swing about its place: s(t) = v sin(w t) / w + a (1 - cos(w t)) / w^2, which is
-v t + a t^2 / 2 where w is 0.
+The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) / w^2, which is v t + a t^2 / 2 where
+w is 0.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
 
 from weberlink.codec.parameters import Float, Uniform
-from weberlink.codec.predictors.contract import Parametric, Trust
-from weberlink.codec.quantizer import Grids
-from weberlink.codec.sample import Sample
-from weberlink.geometry.sine import sine
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.codec.predictors.contact import ContactEstimator
+from weberlink.codec.predictors.contract import Candidates, EncodeContext, History, Predictor
+from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
+from weberlink.codec.sample import Sample, SampleGrid
+from weberlink.geometry.sine import cosine, sine
+from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale, subtract, unit
+
+LEAST_CURVATURE = 0.5
+"""[1/m]: below it the patch is flat, which is cheaper."""
+LEAST_FRICTION = 0.03
+MOTION_WINDOW = 80
+"""Ticks back over which velocity and acceleration are fitted."""
+MOTION_STEP = 2
+LEAST_WINDOW = 8
 
 
-class Surface(NamedTuple):
+@dataclass(slots=True)
+class SurfacePatch(Model):
     normal: Vector
     """Unit vector out of the surface, where it held the probe at the newest sample."""
     point: Vector
@@ -38,7 +49,7 @@ class Surface(NamedTuple):
     """v along the normal [m/tick]."""
     acceleration: float = 0.0
     """a [m/tick^2]."""
-    pulse: float = 0.0
+    frequency: float = 0.0
     """w [rad/tick]."""
 
     @property
@@ -54,22 +65,15 @@ class Surface(NamedTuple):
         push = -self.stiffness * height
         return (push * normal[0], push * normal[1], push * normal[2])
 
-    def along(self, tick: float, position: Vector, held: Vector) -> tuple[Vector, Vector]:
-        """The force with friction, and where the surface holds the probe now.
-
-        Args:
-            tick: now.
-            position: of the probe [m].
-            held: where the surface held it [m]. The same call with what this one returns gives the same again, but for
-                rounding.
-        """
+    def advance(self, tick: float, position: Vector, memory: Vector) -> tuple[Vector, Vector]:
+        """The force with friction, and where the surface holds the probe now [m]."""
         normal, height = self._under(tick, position)
         if not height < 0.0:
-            return ZERO, position
+            return ZERO, position if is_finite(position) else memory
         a, b, c = normal
         # Where a surface without friction would hold it, and from there how far back it is held.
         x, y, z = position[0] - height * a, position[1] - height * b, position[2] - height * c
-        u, v, w = held[0] - x, held[1] - y, held[2] - z
+        u, v, w = memory[0] - x, memory[1] - y, memory[2] - z
         out = u * a + v * b + w * c
         u, v, w = u - out * a, v - out * b, w - out * c
         length, longest = sqrt(u * u + v * v + w * w), -self.friction * height
@@ -77,11 +81,19 @@ class Surface(NamedTuple):
             back = longest / length
             u, v, w = u * back, v * back, w * back
         push, pull = -self.stiffness * height, self.stiffness
-        return (push * a + pull * u, push * b + pull * v, push * c + pull * w), (x + u, y + v, z + w)
+        held = (x + u, y + v, z + w)
+        return (push * a + pull * u, push * b + pull * v, push * c + pull * w), held if is_finite(held) else memory
 
-    def wall(self) -> "Surface":
+    def surface(self) -> "SurfacePatch":
         """The patch where it was at the newest sample, without motion and friction, neither of which is elastic."""
-        return self._replace(friction=0.0, velocity=0.0, acceleration=0.0, pulse=0.0)
+        return SurfacePatch(self.normal, self.point, self.tick, self.stiffness, self.curvature)
+
+    def record(self) -> ModelRecord:
+        if self.curvature == 0.0:
+            return ModelRecord(ModelKind.PLANE, self.normal, -dot(self.normal, self.point), self.stiffness)
+        radius = 1.0 / self.curvature
+        centre = subtract(self.point, scale(self.normal, radius))
+        return ModelRecord(ModelKind.SPHERE, centre, radius, self.stiffness)
 
     def _under(self, tick: float, position: Vector) -> tuple[Vector, float]:
         """Normal at the foot of a position, and its height over the surface [m]."""
@@ -101,16 +113,113 @@ class Surface(NamedTuple):
         return (x * outward, y * outward, z * outward), height
 
     def _raised(self, tick: float) -> float:
-        velocity, acceleration, pulse = self.velocity, self.acceleration, self.pulse
+        velocity, acceleration, frequency = self.velocity, self.acceleration, self.frequency
         if velocity == 0.0 and acceleration == 0.0:
             return 0.0
         ahead = tick - self.tick
-        if pulse == 0.0:
+        if frequency == 0.0:
             return (velocity + 0.5 * acceleration * ahead) * ahead
-        angle = pulse * ahead
+        angle = frequency * ahead
         # 1 - cos w t without the difference, which for a slow swing is all rounding.
         half = sine(0.5 * angle)
-        return (velocity * sine(angle) + acceleration / pulse * 2.0 * half * half) / pulse
+        return (velocity * sine(angle) + acceleration / frequency * 2.0 * half * half) / frequency
+
+
+def patch(
+    newest: Sample, normal: Vector, compliance: float, curvature: float, limits: FitLimits, **motion: float
+) -> SurfacePatch | None:
+    """The patch through a sample, or None where it is not accepted.
+
+    Args:
+        newest: the sample.
+        normal: unit vector.
+        compliance: 1/s [m/N].
+        curvature: [1/m].
+        limits: the range that is accepted.
+        motion: friction and motion, as the fields of a patch.
+    """
+    if not limits.accepts_compliance(compliance):
+        return None
+    if curvature != 0.0 and not limits.accepts_radius(1.0 / curvature):
+        return None
+    force, place = newest.value, newest.position
+    point = (place[0] + compliance * force[0], place[1] + compliance * force[1], place[2] + compliance * force[2])
+    return SurfacePatch(normal, point, newest.tick, 1.0 / compliance, curvature, **motion)
+
+
+class SurfaceHypothesis:
+    """A candidate that assumes one kind of surface."""
+
+    __slots__ = ("_contact", "_limits")
+
+    def __init__(self, contact: ContactEstimator, limits: FitLimits) -> None:
+        self._contact = contact
+        self._limits = limits
+
+
+class FrictionlessHypothesis(SurfaceHypothesis):
+    """At rest, without friction: the normal is the direction of the force."""
+
+    __slots__ = ()
+
+    def model(self, context: EncodeContext) -> SurfacePatch | None:
+        contact, newest = self._contact, context.newest
+        compliance = contact.frictionless.compliance
+        if contact.age == 0 or compliance == 0.0 or norm(newest.value) == 0.0:
+            return None
+        return patch(newest, unit(newest.value), compliance, _curved(contact.curvature.value), self._limits)
+
+
+class FrictionalHypothesis(SurfaceHypothesis):
+    """At rest, with friction."""
+
+    __slots__ = ()
+
+    def model(self, context: EncodeContext) -> SurfacePatch | None:
+        contact, newest = self._contact, context.newest
+        compliance, normal = contact.frictional.compliance, contact.normal
+        if (
+            contact.age == 0
+            or compliance == 0.0
+            or contact.friction < LEAST_FRICTION
+            or dot(normal, newest.value) <= 0.0
+        ):
+            return None
+        return patch(
+            newest,
+            normal,
+            compliance,
+            _curved(contact.frictional_curvature.value),
+            self._limits,
+            friction=contact.friction,
+        )
+
+
+class MovingHypothesis(SurfaceHypothesis):
+    """Moving along its normal, without friction, and flat."""
+
+    __slots__ = ()
+
+    def model(self, context: EncodeContext) -> SurfacePatch | None:
+        contact, newest = self._contact, context.newest
+        compliance, frequency = contact.moving.compliance, contact.frequency.value
+        if contact.age == 0 or compliance == 0.0 or norm(newest.value) == 0.0:
+            return None
+        normal = unit(newest.value)
+        window = min(MOTION_WINDOW, contact.age - 1, len(context.history) - 1)
+        if window <= LEAST_WINDOW:
+            return patch(newest, normal, compliance, 0.0, self._limits)
+        velocity, acceleration = _motion(context.history, normal, compliance, frequency, window)
+        return patch(
+            newest,
+            normal,
+            compliance,
+            0.0,
+            self._limits,
+            velocity=velocity,
+            acceleration=acceleration,
+            frequency=frequency,
+        )
 
 
 class _Layout(NamedTuple):
@@ -122,7 +231,7 @@ class _Layout(NamedTuple):
     friction: Uniform | None
     velocity: Float
     acceleration: Float
-    pulse: Uniform
+    frequency: Uniform
 
     @property
     def rest(self) -> list[tuple[str, Float | Uniform]]:
@@ -149,49 +258,64 @@ _LAYOUTS = {
 }  # fmt: skip
 
 
-def widths(grids: Grids) -> tuple[int, ...]:
-    layout = _LAYOUTS[grids.value.size]
-    return (layout.normal.width,) * grids.value.size + tuple(field.width for _, field in layout.rest)
+class SurfacePredictor(Predictor):
+    name = "surface"
+    geometric = describes_contact = True
+    estimated = True
+
+    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:
+        contact = ContactEstimator(least_force)
+        hypotheses = (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)
+        return Candidates([hypothesis(contact, limits) for hypothesis in hypotheses], contact.follow)
+
+    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
+        layout = _LAYOUTS[grid.value.size]
+        return (layout.normal.width,) * grid.value.size + tuple(field.width for _, field in layout.rest)
+
+    def levels(self, model: SurfacePatch, newest: Sample, grid: SampleGrid) -> list[int]:  # noqa: ARG002
+        layout = _LAYOUTS[grid.value.size]
+        normal = [layout.normal.level(each) for each in grid.value.components(model.normal)]
+        return normal + [field.level(getattr(model, name)) for name, field in layout.rest]
+
+    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> SurfacePatch | None:
+        """None where the bits are of no surface, or of one that is not accepted."""
+        layout, size = _LAYOUTS[grid.value.size], grid.value.size
+        x, y, z = grid.value.vector([layout.normal.number(field) for field in fields[:size]])
+        length = sqrt(x * x + y * y + z * z)
+        if not length > 0.0:
+            return None
+        numbers = {name: field.number(level) for (name, field), level in zip(layout.rest, fields[size:], strict=True)}
+        normal = (x / length, y / length, z / length)
+        return patch(newest, normal, 1.0 / numbers.pop("stiffness"), numbers.pop("curvature", 0.0), limits, **numbers)
 
 
-def levels(model: Surface, newest: Sample, grids: Grids) -> list[int]:  # noqa: ARG001
-    layout = _LAYOUTS[grids.value.size]
-    normal = [layout.normal.level(each) for each in grids.value.components(model.normal)]
-    return normal + [field.level(getattr(model, name)) for name, field in layout.rest]
+SURFACE = SurfacePredictor()
 
 
-def build(fields: Sequence[int], newest: Sample, grids: Grids, trust: Trust) -> Surface | None:
-    """None where the bits are of no surface, or of one that is not trusted."""
-    layout, size = _LAYOUTS[grids.value.size], grids.value.size
-    x, y, z = grids.value.vector([layout.normal.number(field) for field in fields[:size]])
-    length = sqrt(x * x + y * y + z * z)
-    if not length > 0.0:
-        return None
-    numbers = {name: field.number(level) for (name, field), level in zip(layout.rest, fields[size:], strict=True)}
-    normal = (x / length, y / length, z / length)
-    return patch(newest, normal, 1.0 / numbers.pop("stiffness"), numbers.pop("curvature", 0.0), trust, **numbers)
+def _curved(curvature: float) -> float:
+    return curvature if abs(curvature) > LEAST_CURVATURE else 0.0
 
 
-def patch(
-    newest: Sample, normal: Vector, compliance: float, curvature: float, trust: Trust, **motion: float
-) -> Surface | None:
-    """The patch that says a sample, or None where it is not trusted.
-
-    Args:
-        newest: the sample.
-        normal: unit vector.
-        compliance: 1/s [m/N].
-        curvature: [1/m].
-        trust: the range that is believed.
-        motion: friction and motion, as the fields of a surface.
-    """
-    if not trust.believes_compliance(compliance):
-        return None
-    if curvature != 0.0 and not trust.believes_radius(1.0 / curvature):
-        return None
-    force, place = newest.value, newest.position
-    point = (place[0] + compliance * force[0], place[1] + compliance * force[1], place[2] + compliance * force[2])
-    return Surface(normal, point, newest.tick, 1.0 / compliance, curvature, **motion)
-
-
-SURFACE = Parametric(widths, levels, build, geometric=True)
+def _motion(history: History, normal: Vector, compliance: float, frequency: float, window: int) -> tuple[float, float]:
+    """Velocity and acceleration of the surface, by least squares over where it held the probe."""
+    values, places = history.values, history.places
+    a, b, c = normal
+    here = dot(normal, places[-1]) + compliance * dot(normal, values[-1])
+    xx = xz = zz = xq = zq = 0.0
+    for back in range(window, 0, -MOTION_STEP):
+        (u, v, w), (x, y, z) = values[-1 - back], places[-1 - back]
+        q = a * (x + compliance * u) + b * (y + compliance * v) + c * (z + compliance * w) - here
+        ahead = -float(back)
+        first, second = ahead, 0.5 * ahead * ahead
+        if frequency > 0.0:
+            angle = frequency * ahead
+            first, second = sine(angle) / frequency, (1.0 - cosine(angle)) / (frequency * frequency)
+        xx += first * first
+        xz += first * second
+        zz += second * second
+        xq += first * q
+        zq += second * q
+    determinant = xx * zz - xz * xz
+    if not determinant > 0.0:
+        return 0.0, 0.0
+    return (xq * zz - zq * xz) / determinant, (xx * zq - xz * xq) / determinant

@@ -1,49 +1,122 @@
-"""A straight line in time whose value and slope the sender works out from all of its samples: f_0 + g (t - t_1).
+"""A straight line in time towards where the signal will be in the next ticks: f_0 + g (t - t_1), estimated.
 
-Unlike `linear` it need not pass through a sample: f_0 is where the signal is expected to be soon, within the deadband
-of where it is (`weberlink.codec.adaptive.trend` says how).
+Noise and tremor of a force made by a person are about as large as the deadband. A model through the newest sample,
+which is sent because it is an extreme one, leaves the deadband again soon. Here f_0 lies within the deadband around
+that sample, where a fixed linear filter of the latest samples expects the signal. The filters are the least-squares
+regression of the next 20 (or 40) samples of recorded signals on differences of the latest ones, weighted by one over
+the deadband; docs/adaptive/ says of which recordings, and how to repeat it.
 """
 
 from collections.abc import Sequence
 
-from weberlink.codec.parameters import EXPONENT_BITS, Block, room
-from weberlink.codec.predictors.contract import Parametric, Trust
-from weberlink.codec.predictors.linear import Line
-from weberlink.codec.quantizer import Grids
-from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import add, subtract
+from weberlink.codec.parameters import EXPONENT_BITS, Block
+from weberlink.codec.predictors.contract import Candidates, EncodeContext, History, Predictor
+from weberlink.codec.predictors.model import FitLimits, Line
+from weberlink.codec.sample import Sample, SampleGrid
+from weberlink.geometry.vector import Vector, add, distance, norm, scale, subtract
+from weberlink.update import parameter_bits
 
 FINEST = 2.0**-4
 """Last digit of an offset, in wire steps."""
 SLOWEST = 2.0**-12
 """Last digit of a slope, in wire steps per tick."""
 WIDEST = 12
+"""Largest number of bits of a component."""
+LAGS = (1, 2, 4, 8, 16, 32)
+"""Ticks; the filters read the newest sample less those so long before."""
+NEAREST = 0.8
+"""Share of the deadband within which a line begins: the rest is for rounding and for what comes."""
+
+Filter = tuple[float, float, float, float, float, float]
 
 
-def widths(grids: Grids) -> tuple[int, ...]:
-    offset, slope = _blocks(grids)
-    return offset.widths + slope.widths
+class TrendFilter:
+    """A line by a filter for its value and one for its slope.
+
+    Args:
+        value: weights of the differences, for the offset from the newest sample.
+        slope: likewise per tick; None for a line that holds.
+    """
+
+    __slots__ = ("_slope", "_value")
+
+    def __init__(self, value: Filter, slope: Filter | None = None) -> None:
+        self._value = value
+        self._slope = slope
+
+    def model(self, context: EncodeContext) -> Line | None:
+        newest, history = context.newest, context.history
+        if len(history) <= LAGS[0]:
+            return None
+        differences = _differences(history)
+        offset, slope = _filtered(self._value, differences), (0.0, 0.0, 0.0)
+        if self._slope is not None:
+            slope = _filtered(self._slope, differences)
+        # The sample is off by the wire's rounding already, which a deadband of a few steps has no room for.
+        rounding = distance(newest.value, history.values[-1])
+        longest, length = max(0.0, min(NEAREST * context.bound, context.bound - rounding)), norm(offset)
+        if length > longest:
+            offset = scale(offset, longest / length)
+        return Line(add(newest.value, offset), slope, newest.tick)
 
 
-def levels(model: Line, newest: Sample, grids: Grids) -> list[int]:
-    """Offset from the sample, rounded towards it, and slope."""
-    offset, slope = _blocks(grids)
-    components = grids.value.components
-    return offset.levels(components(subtract(model.value, newest.value))) + slope.levels(components(model.slope))
+HOLD_20 = TrendFilter((1.046715, -0.543725, 0.386702, 0.046513, -0.036738, 0.095743))
+"""The mean of the next 20 samples."""
+LINE_40 = TrendFilter(
+    (0.882514, -0.504821, 0.283134, 0.011596, -0.045712, 0.024697),
+    (0.002182, -0.000879, 0.002855, 0.001140, 0.001674, 0.003865),
+)
+"""A line through the next 40."""
 
 
-def build(fields: Sequence[int], newest: Sample, grids: Grids, trust: Trust) -> Line:  # noqa: ARG001
-    offset, slope = _blocks(grids)
-    half = len(offset.widths)
-    vector = grids.value.vector
-    start = add(newest.value, vector(offset.numbers(fields[:half])))
-    return Line(start, vector(slope.numbers(fields[half:])), newest.tick)
+class Trend(Predictor):
+    name = "trend"
+    estimated = True
+    doubt = 1.1
+
+    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
+        return Candidates([HOLD_20, LINE_40])
+
+    def widths(self, grid: SampleGrid) -> tuple[int, ...]:
+        offset, slope = _blocks(grid)
+        return offset.widths + slope.widths
+
+    def levels(self, model: Line, newest: Sample, grid: SampleGrid) -> list[int]:
+        """Offset from the sample, rounded towards it, and slope."""
+        offset, slope = _blocks(grid)
+        components = grid.value.components
+        return offset.levels(components(subtract(model.value, newest.value))) + slope.levels(components(model.slope))
+
+    def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Line:  # noqa: ARG002
+        offset, slope = _blocks(grid)
+        half = len(offset.widths)
+        vector = grid.value.vector
+        start = add(newest.value, vector(offset.numbers(fields[:half])))
+        return Line(start, vector(slope.numbers(fields[half:])), newest.tick)
 
 
-def _blocks(grids: Grids) -> tuple[Block, Block]:
-    value = grids.value
-    width = min(WIDEST, (room(grids.size) // 2 - EXPONENT_BITS) // value.size)
+TREND = Trend()
+
+
+def _differences(history: History) -> list[Vector]:
+    """Of the newest sample and earlier ones; the earliest there is stands for those before it."""
+    values = history.values
+    x, y, z = values[-1]
+    last = len(values) - 1
+    chosen = [values[-1 - min(lag, last)] for lag in LAGS]
+    return [(x - a, y - b, z - c) for a, b, c in chosen]
+
+
+def _filtered(weights: Filter, differences: list[Vector]) -> Vector:
+    x = y = z = 0.0
+    for weight, (a, b, c) in zip(weights, differences, strict=True):
+        x += weight * a
+        y += weight * b
+        z += weight * c
+    return (x, y, z)
+
+
+def _blocks(grid: SampleGrid) -> tuple[Block, Block]:
+    value = grid.value
+    width = min(WIDEST, (parameter_bits(grid.size) // 2 - EXPONENT_BITS) // value.size)
     return Block(FINEST * value.step, width, value.size), Block(SLOWEST * value.step, width, value.size)
-
-
-TREND = Parametric(widths, levels, build)

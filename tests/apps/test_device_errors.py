@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.system.systems import CONFIGS
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.umockdev import HidNode, Testbed, missing
 from weberlink.master.emulators import load
 from weberlink.protocol.keys import generate

@@ -23,15 +23,15 @@ from weberlink.apps import rules
 from weberlink.apps.devices import DeviceAccess, DriverFamily, DriverStatus, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.cli import app
-from weberlink.hardware.found import UDEV_RULES, Found, UsbId
+from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.master import devices
 from weberlink.slave import robots
 
 RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
-PORT = Found("/dev/ttyACM0", "Paddle", "17")
+PORT = PluggedDevice("/dev/ttyACM0", "Paddle", "17")
 
 
-def driver(*found: Found, **attributes: Any) -> Any:
+def driver(*found: PluggedDevice, **attributes: Any) -> Any:
     """A hardware driver with these devices plugged in."""
     return type("Driver", (), {"USB": (), "plugged": classmethod(lambda cls: list(found)), **attributes})
 
@@ -121,7 +121,7 @@ def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatc
     assert all(each.package is None for each in found.drivers if not each.driver.startswith("others"))
 
 
-def fails(cls: Any) -> list[Found]:
+def fails(cls: Any) -> list[PluggedDevice]:
     raise OSError("no\nbus")
 
 
@@ -132,7 +132,7 @@ def fails(cls: Any) -> list[Found]:
         (type("Driver", (), {"NEEDS": ("json", "x")}), "ready", ()),
         (driver(), "nothing plugged in", ()),
         (driver(plugged=classmethod(fails)), "broken", ("plugged devices cannot be listed: OSError: no bus",)),
-        (driver(Found("/dev/p", problem="in boot mode")), "not usable", ("/dev/p: in boot mode",)),
+        (driver(PluggedDevice("/dev/p", problem="in boot mode")), "not usable", ("/dev/p: in boot mode",)),
     ],
 )
 def test_state_comes_with_its_fix(candidate: Any, state: str, advice: tuple[str, ...]) -> None:
@@ -150,7 +150,7 @@ def test_identical_devices_are_listed_by_stable_names(tmp_path: Path) -> None:
     second.touch()
     (links / "usb-Paddle_17").symlink_to(second)
     access = DeviceAccess(accessible=lambda path: True, rules=(), links=links)
-    found = status(access, paddle=driver(Found(str(first)), Found(str(second))))
+    found = status(access, paddle=driver(PluggedDevice(str(first)), PluggedDevice(str(second))))
     assert found.state == "ready"
     assert found.advice == (
         f"2 are plugged in; say which under master.device: port: {first} or port: {links / 'usb-Paddle_17'}",
@@ -173,7 +173,7 @@ def refused(folder: Path, text: str | None = RULES, groups: frozenset[int] = fro
 
 @pytest.mark.parametrize("text", [None, RULES.replace("0006", "0007")], ids=["no rules", "rules of another version"])
 def test_missing_rules_come_with_the_install_line(text: str | None, node: Path, tmp_path: Path) -> None:
-    port = driver(Found(str(node)))
+    port = driver(PluggedDevice(str(node)))
     found = surveyed(refused(tmp_path, text), paddle=port, other=port)
     assert [each.state for each in found.drivers] == ["rules not installed"] * 2
     (line,) = found.advice
@@ -182,7 +182,7 @@ def test_missing_rules_come_with_the_install_line(text: str | None, node: Path, 
 
 
 def test_no_permission_despite_the_rules_means_replugging(node: Path, tmp_path: Path) -> None:
-    found = status(refused(tmp_path), paddle=driver(Found(str(node))))
+    found = status(refused(tmp_path), paddle=driver(PluggedDevice(str(node))))
     assert found.state == "no permission"
     assert found.advice == (f"unplug {node} and plug it in again: it was plugged in before the rules were installed",)
 
@@ -194,7 +194,7 @@ def test_missing_group_is_named_only_if_it_helps(node: Path, tmp_path: Path) -> 
 
     def advice(mode: int, groups: frozenset[int] = frozenset()) -> str:
         node.chmod(mode)
-        (line,) = status(refused(tmp_path, groups=groups), paddle=driver(Found(str(node)))).advice
+        (line,) = status(refused(tmp_path, groups=groups), paddle=driver(PluggedDevice(str(node)))).advice
         return line
 
     assert advice(0o660).startswith(f"sudo usermod -aG {group.gr_name} $USER ")
@@ -218,8 +218,8 @@ def test_new_member_of_the_group_must_log_in_again(node: Path) -> None:
 
 def test_rules_are_not_advised_for_other_packages(node: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = (
-        "from weberlink.hardware.found import Found\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
-        f"        return [Found({str(node)!r})]\n"
+        "from weberlink.hardware.discovery import PluggedDevice\nclass Odd:\n    @classmethod\n    def plugged(cls):\n"
+        f"        return [PluggedDevice({str(node)!r})]\n"
     )
     install(tmp_path, "odd-device", {"odd_device": source}, "[weberlink.devices]\nodd_device = odd_device:Odd\n")
     monkeypatch.syspath_prepend(str(tmp_path))
@@ -235,7 +235,7 @@ def test_slow_latency_timer_comes_with_a_fix(text: str, end: str, tmp_path: Path
     timer.write_text("16\n")
     (tmp_path / UDEV_RULES).write_text(text, encoding="utf-8")
     access = DeviceAccess(accessible=lambda path: True, rules=(tmp_path,), ttys=tmp_path)
-    plugged = driver(Found("/dev/ttyUSB0"), Found("/dev/ttyACM0"))
+    plugged = driver(PluggedDevice("/dev/ttyUSB0"), PluggedDevice("/dev/ttyACM0"))
     found = status(access, arm=plugged)
     assert found.state == "ready"
     assert found.advice[0].startswith("/dev/ttyUSB0 delays replies by 16 ms (latency timer): ")
@@ -247,12 +247,14 @@ def test_slow_latency_timer_comes_with_a_fix(text: str, end: str, tmp_path: Path
 def test_table_fits_80_columns_and_fixes_are_unbroken() -> None:
     found = surveyed(
         polhem_serial=driver(
-            Found("/dev/ttyACM0", "USB Serial", "12345670"),
-            Found("/dev/ttyACM1", "A Very Talkative Haptic Device of Somebody", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"),
+            PluggedDevice("/dev/ttyACM0", "USB Serial", "12345670"),
+            PluggedDevice(
+                "/dev/ttyACM1", "A Very Talkative Haptic Device of Somebody", "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"
+            ),
             NEEDS=("json", "statistics"),
         ),
         a_name_that_is_longer_than_any_driver_has_had=driver(),
-        paddle=driver(Found("/dev/" + "x" * 100, problem="press the button")),
+        paddle=driver(PluggedDevice("/dev/" + "x" * 100, problem="press the button")),
     )
     lines = shown(found)
     table = lines[: -len(found.advice)]

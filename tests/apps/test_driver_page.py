@@ -20,11 +20,10 @@ from tests.system.packages import install
 from tests.system.processes import document
 from tests.system.systems import CONFIGS
 from weberlink.apps.devices import survey
-from weberlink.hardware.emulator import WireFaults
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master import devices
 
-PAGE = (CONFIGS.parent / "docs" / "drivers.md").read_text(encoding="utf-8")
+PAGE = (CONFIGS.parent / "docs" / "tutorial.md").read_text(encoding="utf-8")
 SWING_M = 0.02
 YIELDS_M_N = 0.0003
 

@@ -20,10 +20,9 @@ from weberlink.apps.emulate import names, run
 from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
-from weberlink.hardware.umockdev import missing
-from weberlink.hardware.umockdev.testbed import ADVICE
+from weberlink.hardware.umockdev import ADVICE, missing
 from weberlink.master import emulators as devices
-from weberlink.master.devices.polhem.bracket import Status, StatusReader, encode_currents
+from weberlink.master.devices.polhem.serial_protocol import SerialStatus, SerialStatusReader, encode_currents
 from weberlink.slave import emulators as robots
 from weberlink.system.configuration import ConfigurationError
 
@@ -94,8 +93,8 @@ def emulate(
         process.communicate()
 
 
-def ask(port: SerialPort, current: int) -> Status:
-    reader = StatusReader()
+def ask(port: SerialPort, current: int) -> SerialStatus:
+    reader = SerialStatusReader()
     port.write(encode_currents((current, 0, 0)))
     deadline = monotonic() + PATIENCE
     while monotonic() < deadline:
@@ -181,17 +180,17 @@ def test_hid_device_is_driven_by_the_command(tmp_path: Path) -> None:
     host = """
 import sys
 from time import monotonic
-from weberlink.hardware.found import UsbId, hid_devices
+from weberlink.hardware.discovery import UsbId, hid_devices
 from weberlink.hardware.hid_port import HidPort
-from weberlink.master.devices.polhem.reports import decode_sensors, encode_command
+from weberlink.master.devices.polhem.hid_protocol import decode_sensors, encode_command
 
 (found,) = hid_devices([UsbId(0x1234, 6)])
 port = HidPort(found.path)
-port.read(14, monotonic() + 20.0)
+port.read_all(monotonic() + 20.0)
 places = set()
 for number in range(200):
     port.write(encode_command((number, 0, 0), 14))
-    places.add(decode_sensors(port.read(64, monotonic() + 20.0)).counts)
+    places.add(decode_sensors(port.read_all(monotonic() + 20.0)[-1]).counts)
 print(found.serial_number, len(places) > 1, flush=True)
 sys.stdin.readline()
 """

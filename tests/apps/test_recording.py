@@ -18,7 +18,7 @@ from tests.system.test_daemons import free_port
 from weberlink.cli import app
 from weberlink.codec import Encoder
 from weberlink.master.trace import read_motion, read_trace
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
 from weberlink.system.scoring.recorded import COUNTERS, put_together

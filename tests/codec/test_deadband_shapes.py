@@ -11,9 +11,15 @@ from hypothesis import strategies as st
 from tests.codec.signals import contact_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, Update, force_channel, position_channel
-from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
+from weberlink.codec.deadband import (
+    SHAPES,
+    ConeDeadband,
+    Deadband,
+    ForceDeadband,
+    LevelCrossingDeadband,
+    VelocityDeadband,
+)
 from weberlink.codec.deadband.level_crossing import POWERS, level_after, level_below, past_level
-from weberlink.codec.deadband.shapes import SHAPES
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 K, FLOOR = 0.10, 0.02

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.geometry.quaternion import inverse, product, turned
-from weberlink.geometry.rotation import IDENTITY, Quaternion
+from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, turned
 from weberlink.geometry.vector import Vector, dot, norm
 
 part = st.floats(-1.0, 1.0)

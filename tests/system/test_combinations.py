@@ -20,9 +20,9 @@ pytestmark = pytest.mark.hypothesis  # so that `make hunt` runs it
 RATE = 500.0
 SECONDS = 0.4
 SCHEMES = ("none", "tdpa", "mmt", "auto")
-SHAPES = ("isotropic", "cone", "level_crossing", "velocity_adaptive")
+DEADBANDS = ("isotropic", "cone", "level_crossing", "velocity_adaptive")
 FILES: dict[object, str] = {3: "scene-height-field.yaml", 6: "rotation.yaml"}
-CHOICES = ((*PREDICTORS, *BANKS), SCHEMES, SHAPES, tuple(FILES))
+CHOICES = ((*PREDICTORS, *BANKS), SCHEMES, DEADBANDS, tuple(FILES))
 PRESSED = (
     "master.device.script=[{motion: reach, to_m: [0.0, 0.0, -0.008], duration_s: 0.15},"
     " {motion: reach, to_m: [0.01, 0.0, -0.008], duration_s: 0.15}]"

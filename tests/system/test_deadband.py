@@ -11,9 +11,16 @@ from typer.testing import CliRunner
 from tests.system.systems import steps, system
 from weberlink.cli import app
 from weberlink.codec import Encoder
-from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
-from weberlink.codec.deadband.shapes import SHAPES
-from weberlink.system.composition.link import agreement, channels
+from weberlink.codec.deadband import (
+    DEADBANDS,
+    ConeDeadband,
+    Deadband,
+    ForceDeadband,
+    LevelCrossingDeadband,
+    VelocityDeadband,
+)
+from weberlink.system.composition.channels import channels
+from weberlink.system.composition.link import agreement
 from weberlink.system.configuration import Configuration, ConfigurationError, load
 
 HERE = Path(__file__).parents[2]
@@ -84,7 +91,7 @@ def test_the_example_of_the_documentation_is_complete_and_runs(tmp_path: Path) -
     assert ran.exit_code == 0, ran.output
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", DEADBANDS)
 def test_a_session_keeps_the_law_of_its_shape(shape: str) -> None:
     simulation = system(f"codec.force.deadband={{shape: {shape}}}", "slave.scene=[{shape: plane, stiffness_n_m: 500}]")
     seen = list(steps(simulation, 2.0))

@@ -19,7 +19,7 @@ from weberlink.codec.predictors import PREDICTORS, Model, Predictor, Trust
 from weberlink.codec.sample import Sample
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.system.composition.link import channels
+from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.configuration import load
 
@@ -109,7 +109,7 @@ def modules(key: Path) -> Modules:
 def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, side: str, key: Path) -> None:
     there = modules[name, side]
     system = load(CONFIGS / name, [f"link.key_file={key}"]).system
-    scene, scheme = system.slave.scene, system.control.scheme
+    scheme = system.control.scheme
     simulated = side == "slave" and system.slave.robot.driver == "simulated"
     mujoco = side == "slave" and system.slave.robot.driver == "mujoco"
     point = side == "slave" and system.slave.robot.driver == "point"
@@ -121,12 +121,10 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
         "weberlink.protocol.psk": system.link.security != "none",
         "weberlink.protocol.keys": system.link.security != "none",
         "weberlink.protocol.checksum": system.link.security == "none",
-        "weberlink.slave.scenes.friction": side == "slave" and any(thing.friction is not None for thing in scene),
-        "weberlink.slave.scenes.damping": side == "slave" and any(thing.damping_n_s_m is not None for thing in scene),
         "weberlink.master.devices.replay": side == "master" and system.master.device.driver == "replay",
         "weberlink.master.devices.operator": side == "master" and system.master.device.driver == "operator",
         "weberlink.slave.robots.simulated": simulated,
-        **{f"slave.integrators.{integrator}": integrator == picked for integrator in INTEGRATORS},
+        **{f"weberlink.slave.integrators.{integrator}": integrator == picked for integrator in INTEGRATORS},
         "weberlink.control.tdpa": scheme in ("tdpa", "auto"),
         "weberlink.control.mmt": scheme == "auto" or (scheme == "mmt" and side == "master"),
         "weberlink.control.auto": scheme == "auto",
@@ -137,8 +135,7 @@ def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, 
         "weberlink.master.devices.turning": turns and side == "master",
         "weberlink.slave.rotation": turns and side == "slave",
         "weberlink.slave.robots.tool": turns and point,
-        "weberlink.slave.robots.mjcf.pose_impedance": turns and mujoco,
-        "weberlink.slave.robots.mjcf.torque_sensing": turns and mujoco,
+        "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
         "weberlink.master.devices.polhem": side == "master" and system.master.device.driver == "polhem_serial",
         "weberlink.slave.robots.dynamixel": side == "slave" and system.slave.robot.driver == "dynamixel",
         "weberlink.slave.robots.mjcf": mujoco,
@@ -156,8 +153,6 @@ def test_the_shipped_files_between_them_name_what_is_optional(modules: Modules) 
     """Or the test above would see one answer only."""
     optional = {
         "cryptography",
-        "weberlink.slave.scenes.friction",
-        "weberlink.slave.scenes.damping",
         "weberlink.master.devices.replay",
         "weberlink.slave.robots.simulated",
         "weberlink.slave.integrators.exact",
@@ -167,7 +162,7 @@ def test_the_shipped_files_between_them_name_what_is_optional(modules: Modules) 
         "weberlink.master.mapping",
         "weberlink.geometry.rotation",
         "weberlink.slave.robots.tool",
-        "weberlink.slave.robots.mjcf.pose_impedance",
+        "weberlink.slave.robots.mjcf.rotation",
         "mujoco",
         "serial",
     }

@@ -16,7 +16,8 @@ from weberlink.protocol.states import State
 from weberlink.slave.robots.contract import RobotReading
 from weberlink.slave.robots.point import PointRobot
 from weberlink.system.check import describe
-from weberlink.system.composition.link import agreement, streams
+from weberlink.system.composition.channels import streams
+from weberlink.system.composition.link import agreement
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.simulate import build_simulation, simulate

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from weberlink.apps import rules
-from weberlink.hardware.found import Found
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master import devices
 from weberlink.slave import robots
 
@@ -79,7 +79,7 @@ class DriverStatus:
     extra: str | None
     """The extra of this project that it needs."""
     state: str
-    plugged: tuple[Found, ...] = ()
+    plugged: tuple[PluggedDevice, ...] = ()
     advice: tuple[str, ...] = ()
 
 
@@ -182,17 +182,17 @@ class _Inspection:
         return self._status("hardware", extra, state, plugged, *advice)
 
     def _status(
-        self, kind: str | None, extra: str | None, state: str, plugged: tuple[Found, ...] = (), *advice: str
+        self, kind: str | None, extra: str | None, state: str, plugged: tuple[PluggedDevice, ...] = (), *advice: str
     ) -> DriverStatus:
         return DriverStatus(self.name, self.driver, self.package, kind, extra, state, plugged, advice)
 
-    def _state(self, found: Found) -> str:
+    def _state(self, found: PluggedDevice) -> str:
         if found.path.startswith("/") and not self.host.accessible(found.path):
             # The rules name the devices of the built-in drivers alone.
             return NO_PERMISSION if self.has_rules or self.package is not None else NO_RULES
         return READY if found.problem is None else UNUSABLE
 
-    def _advice(self, found: Found, state: str) -> Iterator[str]:
+    def _advice(self, found: PluggedDevice, state: str) -> Iterator[str]:
         if state == NO_RULES:
             yield rules.install_line()
         elif state == NO_PERMISSION:
@@ -206,7 +206,7 @@ class _Inspection:
         else:
             yield from self._latency(found)
 
-    def _latency(self, found: Found) -> Iterator[str]:
+    def _latency(self, found: PluggedDevice) -> Iterator[str]:
         """Advice for a slow latency timer, which only FTDI chips have."""
         timer = self.host.ttys / Path(found.path).name / "device" / "latency_timer"
         try:

@@ -13,7 +13,7 @@ from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 
-from weberlink.hardware.found import UDEV_RULES
+from weberlink.hardware.discovery import UDEV_RULES
 
 RULES_DIR = Path("/etc/udev/rules.d")
 FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))

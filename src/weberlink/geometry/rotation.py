@@ -1,15 +1,14 @@
-"""Orientations as the codec carries them: a rotation vector, the unit axis times the angle [rad].
+"""Orientations as unit quaternions (w, x, y, z) and as rotation vectors: the unit axis times the angle [rad].
 
-Owns the way between it and a unit quaternion (w, x, y, z), and the arithmetic of turning at a limited rate. Three
-numbers in radians have a bound in radians: two rotations are apart by no more than the distance of their vectors (the
-exponential map of SO(3) does not stretch), so a deadband on the vectors is one on the rotations, on the safe side.
+An orientation turns the axes of what is oriented into those of the frame that it is oriented in.
 
-A rotation has more than one vector: by an axis u, the angles a and a - 2 pi are one. `vector` takes the one that is
-nearest to the last, as long as its length is within `LONGEST`, so that a hand that trembles about half a turn does not
-jump from one to the other. Where the vector does jump, both are the same rotation within rounding.
+The codec carries rotation vectors: two rotations differ by no more than the distance of their vectors (the exponential
+map of SO(3) does not stretch), so a deadband on the vectors also bounds the rotations. A rotation has more than one
+vector: by an axis u, the angles a and a - 2 pi are the same rotation. `vector` takes the one nearest to the last as
+long as its length is within `LONGEST`, so that a hand that trembles about half a turn does not jump from one to the
+other.
 
-These functions are at the ends, outside of the closed loop of the codec: nothing that both hosts must hold alike
-depends on their last bit.
+These functions are outside of the closed loop of the codec: the two hosts need not agree on their last bit.
 """
 
 from math import atan2, cos, inf, pi, sin, sqrt
@@ -94,3 +93,31 @@ def negative(orientation: Quaternion) -> Quaternion:
     """The other quaternion of the same rotation."""
     w, x, y, z = orientation
     return (-w, -x, -y, -z)
+
+
+def product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """First b, then a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def inverse(a: Quaternion) -> Quaternion:
+    """Of a unit quaternion."""
+    return (a[0], -a[1], -a[2], -a[3])
+
+
+def turned(a: Quaternion, v: Vector) -> Vector:
+    """`v` turned by the unit quaternion `a`: v + 2 w (u x v) + 2 u x (u x v), u its vector part."""
+    w, x, y, z = a
+    cx, cy, cz = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
+    return (
+        v[0] + w * cx + y * cz - z * cy,
+        v[1] + w * cy + z * cx - x * cz,
+        v[2] + w * cz + x * cy - y * cx,
+    )

@@ -1,6 +1,6 @@
-"""The `check` command: what a file composes, what that costs here, and what is unwise about it.
+"""The `check` command: the parts that a file composes, their cost on this machine, and warnings.
 
-Everything is said of the parts themselves, built as the daemons build them; nothing is opened or sent.
+The parts are built as the daemons build them; nothing is opened or sent.
 """
 
 from collections.abc import Iterator
@@ -18,8 +18,8 @@ from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
-from weberlink.system.composition.deadband import deadband_in_words
-from weberlink.system.composition.link import build_security, channels, streams
+from weberlink.system.composition.channels import channels, streams
+from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, build_scene
 from weberlink.system.composition.trial import lacks
@@ -33,18 +33,16 @@ SAMPLES = 2000
 
 @runtime_checkable
 class Described(Protocol):
-    """A part that has something to say of what it picked."""
+    """A part that can describe what it chose."""
 
-    def description(self) -> str:
-        """In a few words."""
-        ...
+    def description(self) -> str: ...
 
 
 def describe(configuration: Configuration) -> Iterator[str]:
-    """The lines to print.
+    """Describe a configuration, line by line.
 
     Raises:
-        ConfigurationError: if a part cannot be made as the file asks.
+        ConfigurationError: a part cannot be built as the file asks.
     """
     system = configuration.system
     device = None if configuration.device is None else build_device(configuration)
@@ -57,7 +55,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield from _link(system)
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
-        + ("" if (shape := deadband_in_words(system)) == "isotropic" else f"; {shape}")
+        + ("" if (shape := channels(system)[1].deadband.describe()) == "isotropic" else f"; {shape}")
     )
     yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
     bound_mm = 1e3 * system.codec.position.bound_m
@@ -109,7 +107,7 @@ def _mapping(mapping: MappingSettings) -> str:
 
 
 def _measured(spec: RobotSpec) -> Iterator[str]:
-    """How good the readings of a robot are, where they are not ideal."""
+    """Lag and accuracy of a robot's readings, unless ideal."""
     absolute, relative = spec.force_error
     if spec.lag_s > 0.0:
         yield f"          readings lag by {1e3 * spec.lag_s:.1f} ms, at {spec.rate_hz:g} Hz"
@@ -138,14 +136,14 @@ def _sizes(channel: Channel, tag: int, system: System) -> str:
 
 def _layout(channel: Channel, system: System) -> UpdateLayout:
     return UpdateLayout(
-        channel.level_count,
+        channel.grid.size,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
         further_acks=0 if system.codec.rotation is None else 1,
     )
 
 
 def _rotation(system: System, tag: int) -> Iterator[str]:
-    """The channels of the rotation, and what it does not do."""
+    """The channels of the rotation."""
     coded = system.codec.rotation
     if coded is None:
         return
@@ -161,13 +159,13 @@ def _rotation(system: System, tag: int) -> Iterator[str]:
 
 
 def _uncoded_kbit(system: System, tag: int) -> float:
-    sizes = [UpdateLayout(each.level_count).size(with_previous=False) for way in streams(system) for each in way]
+    sizes = [UpdateLayout(each.grid.size).size(with_previous=False) for way in streams(system) for each in way]
     octets = sum(size + tag + UDP_IP_BYTES for size in sizes)
     return octets * 8 * system.rate_hz / 1e3
 
 
 def _codec_us(channel: Channel) -> float:
-    """Median time of a tick on a stroke over a soft wall, which sends now and then as real contact does."""
+    """Median time per tick [us] on a stroke over a soft wall, which sends as often as real contact does."""
     encoder, decoder = Encoder(channel), Decoder(channel)
     times = []
     for tick in range(SAMPLES):
@@ -207,20 +205,20 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
     if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
         yield (
-            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms, so "
-            f"the sides would lose each other; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
+            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms: "
+            f"sessions would be interrupted; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
         )
     if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
         yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"
     if system.codec.force.floor_n == 0.0:
-        yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
+        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick"
     if round_trip_ms > 0.0 and system.control.scheme == "none":
         yield (
             f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; "
             "use tdpa, mmt or auto"
         )
     if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no model to feel"
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model"
 
 
 def _knows_geometry(system: System) -> bool:

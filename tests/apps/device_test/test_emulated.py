@@ -16,7 +16,7 @@ from tests.system.processes import PATIENCE
 from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run
 from weberlink.apps.device_test.master import PUSH_N
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.master import devices, emulators
 
 HASTE = 20.0

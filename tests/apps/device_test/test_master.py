@@ -22,7 +22,7 @@ from weberlink.apps.device_test.master import (
     try_master,
 )
 from weberlink.geometry.vector import ZERO, Vector, add, norm
-from weberlink.hardware.found import Found
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
 WIDTH = 80
@@ -54,7 +54,7 @@ class Handle:
         cls.hand, cls.turn, cls.log, cls.fails_at = ZERO, staticmethod(lambda hand: hand), [], None
 
     @classmethod
-    def plugged(cls) -> list[Found]:
+    def plugged(cls) -> list[PluggedDevice]:
         return []
 
     @classmethod

@@ -14,8 +14,8 @@ from tests.apps.device_test.people import Clock, sitting
 from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, run
 from weberlink.apps.device_test.robot import WAY_M, RobotView, try_robot
 from weberlink.geometry.vector import Vector, distance
-from weberlink.hardware.found import Found
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.discovery import PluggedDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave import emulators, robots
 from weberlink.slave.robots.contract import RobotReading, RobotSpec
 
@@ -31,7 +31,7 @@ class Arm:
     log: ClassVar[list[tuple[str, Any]]]
 
     @classmethod
-    def plugged(cls) -> list[Found]:
+    def plugged(cls) -> list[PluggedDevice]:
         return []
 
     def __init__(self) -> None:

@@ -24,7 +24,7 @@ from weberlink.apps.doctor.network import CHARGED_BYTES, firewall, key_file, por
 from weberlink.apps.doctor.processors import cpu_list, cpu_quota, governor, idle_states, isolation, processors
 from weberlink.apps.doctor.rights import huge_pages, shared_memory, swap
 from weberlink.apps.doctor.software import extras, judge_build, judge_drivers, optional, python, tools, uvloop
-from weberlink.hardware.found import Found
+from weberlink.hardware.discovery import PluggedDevice
 from weberlink.protocol.keys import generate
 from weberlink.telemetry.record import RECORD
 
@@ -343,7 +343,7 @@ def test_extras_are_those_of_the_project() -> None:
     assert optional()["recording"] == ["mcap", "zstandard"]
 
 
-PADDLE = Found("/dev/ttyACM0", "Paddle")
+PADDLE = PluggedDevice("/dev/ttyACM0", "Paddle")
 NAMED = Needs(drivers=(("master", "paddle"), ("slave", "point")))
 LATENCY = "/dev/ttyUSB0 delays replies by 16 ms (latency timer): echo 1 | sudo tee x"
 INSTALL = "sudo weberlink devices --install-rules"

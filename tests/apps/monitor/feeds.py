@@ -7,7 +7,7 @@ import numpy as np
 
 from tests.system.systems import CONFIGS
 from weberlink.protocol.states import State
-from weberlink.system.composition.link import banks, channels
+from weberlink.system.composition.channels import banks, channels
 from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from tests.examples import examples
-from weberlink.geometry.quaternion import turned
-from weberlink.geometry.rotation import IDENTITY, Quaternion, vector
+from weberlink.geometry.rotation import IDENTITY, Quaternion, turned, vector
 from weberlink.geometry.vector import ZERO, Vector, add, dot, is_finite, norm, scale, subtract
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.slave.robots.contract import OrientedRobot, RobotReading

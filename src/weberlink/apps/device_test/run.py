@@ -17,7 +17,7 @@ from weberlink.system.composition.link import construct
 from weberlink.system.configuration import MASTER, ConfigurationError, load
 from weberlink.system.configuration.document import override
 from weberlink.system.configuration.errors import describe
-from weberlink.system.configuration.paths import settle
+from weberlink.system.configuration.loading import make_absolute
 from weberlink.system.extras import need
 
 RATE_HZ = 1000.0
@@ -106,7 +106,7 @@ def _alone(name: str, side: str, overrides: Sequence[str]) -> _DriverUnderTest:
         options = driver.Options.model_validate(content)
     except ValidationError as error:
         raise ConfigurationError(describe(error, driver.Options, (name,))) from None
-    return _DriverUnderTest(side, driver, settle(options, Path.cwd(), overridden), 1.0 / RATE_HZ)
+    return _DriverUnderTest(side, driver, make_absolute(options, Path.cwd(), overridden), 1.0 / RATE_HZ)
 
 
 def need_of(driver: Any, name: str) -> None:

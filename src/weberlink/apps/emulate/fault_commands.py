@@ -21,7 +21,7 @@ WORDS = {"status": "print the state of the device as JSON", "help": "list the co
 
 
 class Pluggable(Protocol):
-    """A device that can be unplugged; see `weberlink.hardware.pty_device`."""
+    """A device that can be unplugged; see `weberlink.hardware.emulator`."""
 
     @property
     def plugged(self) -> bool: ...

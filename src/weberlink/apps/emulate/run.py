@@ -17,8 +17,8 @@ from pydantic import ValidationError
 
 from weberlink.apps.emulate.fault_commands import FaultCommands
 from weberlink.apps.tasks import first_result
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.pty_device import PtyDevice
 from weberlink.hardware.umockdev import HidNode, Testbed
 from weberlink.master import emulators as devices
 from weberlink.realtime.process import prepare

@@ -7,8 +7,7 @@ from typing import Any
 
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
-from weberlink.slave.scenes.height_field import bumps
-from weberlink.slave.scenes.settings import read_heights
+from weberlink.slave.scenes.height_field import bumps, read_heights
 from weberlink.telemetry.fault import Fault
 
 HYBRID = "hybrid"

@@ -1,6 +1,6 @@
 """Whether the force of a device ends when this host stops."""
 
-from weberlink.master.devices.contract import Device, Guarded
+from weberlink.master.devices.contract import Device, GuardedDevice
 from weberlink.system.configuration import ConfigurationError
 
 
@@ -16,9 +16,9 @@ def check_force_ends(device: Device, driver: str, accepted: str | None) -> None:
         ConfigurationError: the device has force and neither of the two, and the file does not accept that.
     """
     spec = device.spec
-    ends = spec.watchdog_s is not None or (isinstance(device, Guarded) and device.guarded)
+    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
     if spec.force_feedback and not ends and accepted != driver:
         raise ConfigurationError(
             f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
-            f"no guardian (see docs/drivers.md); to accept that, set master.accept_no_watchdog: {driver}"
+            f"no guardian (see docs/tutorial.md); to accept that, set master.accept_no_watchdog: {driver}"
         )

@@ -1,21 +1,18 @@
-"""What both sides build alike from a configuration: channels, agreement, security, endpoint, emulated faults."""
+"""What both sides build alike from a configuration: agreement, security, endpoint, emulated faults."""
 
 from collections.abc import Callable
 from functools import wraps
 from secrets import token_bytes
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
-from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.predictors import Trust
-from weberlink.codec.smoothing import Smoothing
+from weberlink.codec import Channel
 from weberlink.control.contract import Settings as ControlSettings
 from weberlink.control.table import SCHEMES
+from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
-from weberlink.protocol.roles import Role
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
-from weberlink.system.composition.deadband import force_deadband
 from weberlink.system.configuration import Configuration, ConfigurationError, System
 
 Entropy = Callable[[int], bytes]
@@ -53,70 +50,6 @@ def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Conca
             raise ConfigurationError(f"{configuration.path}: {error}") from None
 
     return build_located
-
-
-def channels(system: System) -> tuple[Channel, Channel]:
-    """The forward (position) and the backward (force) channel, as both sides build them."""
-    force, position = system.codec.force, system.codec.position
-    forward = position_channel(
-        predictor=position.predictor,
-        bank=position.bank,
-        weber=position.weber,
-        bound=position.bound_m,
-        axes=system.axes,
-        position_step=position.step_m,
-    )
-    backward = force_channel(
-        predictor=force.predictor,
-        bank=force.bank,
-        axes=system.axes,
-        force_step=force.step_n,
-        position_step=position.step_m,
-        trust=Trust(force.trust.stiffness_n_m, force.trust.radius_m),
-        deadband=force_deadband(system, force.weber),
-        smoothing=_smoothing(system),
-    )
-    return forward, backward
-
-
-def _smoothing(system: System) -> Smoothing | None:
-    """Of the force, in ticks."""
-    length = system.codec.force.smooth_ms
-    return Smoothing(max(1, round(length * 1e-3 * system.rate_hz))) if length > 0.0 else None
-
-
-def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
-    """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
-
-    An orientation is coded as a position and a torque as a force, in radians and newton metres.
-    """
-    forward, backward = channels(system)
-    if system.codec.rotation is None:
-        return (forward,), (backward,)
-    torque, orientation = system.codec.rotation.torque, system.codec.rotation.orientation
-    turning = position_channel(
-        predictor=orientation.predictor,
-        bank=orientation.bank,
-        weber=orientation.weber,
-        bound=orientation.bound_rad,
-        position_step=orientation.step_rad,
-    )
-    twisting = force_channel(
-        predictor=torque.predictor,
-        bank=torque.bank,
-        weber=torque.weber,
-        floor=torque.floor_nm,
-        reference=torque.reference,
-        force_step=torque.step_nm,
-        position_step=orientation.step_rad,
-    )
-    return (forward, turning), (backward, twisting)
-
-
-def banks(system: System) -> tuple[tuple[str, ...], tuple[str, ...] | None]:
-    """Names of the predictors of the force channel and of the torque channel; None where there is no rotation."""
-    _, (force, *rotation) = streams(system)
-    return force.bank, rotation[0].bank if rotation else None
 
 
 def agreement(system: System) -> dict[str, object]:
@@ -170,8 +103,9 @@ def build_endpoint(
     return Endpoint(
         role=role,
         agreement=agreement(system),
-        outgoing_values=[channel.level_count for channel in outgoing],
-        incoming_values=[channel.level_count for channel in incoming],
+        outgoing_values=[channel.grid.size for channel in outgoing],
+        incoming_values=[channel.grid.size for channel in incoming],
+        incoming_parametric=[channel.parametric for channel in incoming],
         security=security,
         entropy=entropy,
         epoch=epoch,

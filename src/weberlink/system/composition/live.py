@@ -5,7 +5,7 @@ from weberlink.codec.predictors import BANKS
 from weberlink.control.contract import Imposable, MasterControl, SlaveControl
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import Settings, Tuning
-from weberlink.system.composition.deadband import force_deadband
+from weberlink.system.composition.channels import force_deadband
 from weberlink.system.configuration import System
 
 AUTO = "auto"

@@ -10,10 +10,11 @@ from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device
 from weberlink.master.loop import MasterLoop
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.protocol import Role
 from weberlink.protocol.events import Address
-from weberlink.protocol.roles import Role
+from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import FADE_SHARE, HORIZON_SHARE
+from weberlink.system.composition.channels import streams
 from weberlink.system.composition.guardian import check_force_ends
 from weberlink.system.composition.link import (
     ANONYMOUS,
@@ -25,7 +26,6 @@ from weberlink.system.composition.link import (
     construct,
     control_settings,
     located,
-    streams,
 )
 from weberlink.system.composition.live import build_master_tuning
 from weberlink.system.composition.mapping import build_mapping

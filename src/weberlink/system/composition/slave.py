@@ -5,14 +5,15 @@ from typing import TYPE_CHECKING
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_slave_control
-from weberlink.protocol.roles import Role
+from weberlink.protocol import Role
+from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import HORIZON_SHARE
 from weberlink.slave.loop import SlaveLoop
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.safety import CommandGuard, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
+from weberlink.system.composition.channels import streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -23,7 +24,6 @@ from weberlink.system.composition.link import (
     construct,
     control_settings,
     located,
-    streams,
 )
 from weberlink.system.composition.live import build_slave_tuning
 from weberlink.system.configuration import Configuration, ConfigurationError, System

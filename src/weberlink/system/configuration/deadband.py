@@ -1,55 +1,72 @@
-"""What a configuration file may say of the shape of the force's deadband. What each rests on: docs/deadbands.md."""
+"""What a configuration file may say of the shape of the force's deadband: made from the registry of deadbands."""
 
-from math import degrees
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from functools import cache
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, SerializeAsAny, ValidationError, create_model
+from pydantic_core import InitErrorDetails
 
-from weberlink.codec.deadband.cone import DIRECTION_RAD
-from weberlink.codec.deadband.level_crossing import HYSTERESIS
-from weberlink.codec.deadband.velocity import MOST_WEBER, SLOPE_S_M
-
-DIRECTION_DEG = round(degrees(DIRECTION_RAD), 6)
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, Deadband
 
 
-class _Shape(BaseModel):
+class ShapeSettings(BaseModel):
+    """The name of a deadband; its options are the fields of a subclass."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    shape: str
 
-class IsotropicSettings(_Shape):
-    """The same bound in all directions."""
+    @classmethod
+    def variants(cls) -> list[type["ShapeSettings"]]:
+        """The settings of each built-in shape."""
+        return [settings_of(name) for name in DEADBANDS.built_in] if cls is ShapeSettings else []
 
-    shape: Literal["isotropic"] = "isotropic"
+    @property
+    def deadband(self) -> type[Deadband]:
+        return DEADBANDS[self.shape]
 
-
-class ConeSettings(_Shape):
-    """Magnitude and direction apart."""
-
-    shape: Literal["cone"]
-    direction_deg: float = Field(default=DIRECTION_DEG, gt=0, le=180)
-    """Largest angle between measured and displayed force that stays unsent [degrees]."""
-
-
-class LevelCrossingSettings(_Shape):
-    """Sent when the magnitude crosses a level of a fixed grid, or the direction leaves its cone; needs floor_n > 0."""
-
-    shape: Literal["level_crossing"]
-    direction_deg: float = Field(default=DIRECTION_DEG, gt=0, le=180)
-    """Largest angle between measured and displayed force that stays unsent [degrees]."""
-    hysteresis: float = Field(default=HYSTERESIS, ge=0, le=1)
-    """How far beyond a level counts as crossed, as a share of the spacing of levels there."""
+    @property
+    def options(self) -> dict[str, float]:
+        return self.model_dump(exclude={"shape"})
 
 
-class VelocityAdaptiveSettings(_Shape):
-    """The Weber factor grows with the speed of the hand."""
+@cache
+def settings_of(shape: str) -> type[ShapeSettings]:
+    """The settings of a shape: its options as fields."""
+    deadband = DEADBANDS[shape]
+    fields: dict[str, Any] = {
+        name: (
+            float,
+            Field(
+                default=option.default,
+                ge=option.least,
+                gt=option.above,
+                le=option.most,
+                description=option.text,
+            ),
+        )
+        for name, option in deadband.options.items()
+    }
+    title = "".join(part.title() for part in shape.split("_")) + "Settings"
+    fields = {"shape": (Literal[shape], ...)} | fields
+    return create_model(title, __base__=ShapeSettings, __doc__=deadband.summary, **fields)
 
-    shape: Literal["velocity_adaptive"]
-    slope_s_m: float = Field(default=SLOPE_S_M, ge=0, le=100)
-    """Growth of the Weber factor with speed [s/m]."""
-    most_weber: float = Field(default=MOST_WEBER, ge=0, le=1)
-    """The Weber factor grows no further."""
+
+def _settings(data: Any) -> Any:
+    """The settings of the shape that is named; errors have the shape in their location, as those of a tagged union."""
+    if not (isinstance(data, Mapping) and isinstance(data.get("shape"), str)):
+        return data
+    shape = DEADBANDS.check_known(data["shape"])
+    try:
+        return settings_of(shape).model_validate(data)
+    except ValidationError as error:
+        details = [
+            InitErrorDetails(type=each["type"], loc=(shape, *each["loc"]), input=each["input"], ctx=each.get("ctx", {}))
+            for each in error.errors(include_url=False)
+        ]
+        raise ValidationError.from_exception_data(error.title, details) from None
 
 
-DeadbandSettings = Annotated[
-    IsotropicSettings | ConeSettings | LevelCrossingSettings | VelocityAdaptiveSettings, Field(discriminator="shape")
-]
+DeadbandSettings = Annotated[SerializeAsAny[ShapeSettings], BeforeValidator(_settings)]
+ISOTROPIC_SETTINGS = settings_of(ISOTROPIC)(shape=ISOTROPIC)

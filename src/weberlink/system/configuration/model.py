@@ -4,29 +4,69 @@ Owns the schema only; reading files and building parts are elsewhere. The option
 to the driver, and are validated against it once its name is known.
 """
 
+from collections.abc import Callable
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    field_validator,
+    model_validator,
+)
+from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
 
-from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, HYBRID, PARAMETRIC
-from weberlink.protocol.endpoint import MOST_TICKS
+from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
+from weberlink.protocol.conversation import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings
-from weberlink.system.configuration.deadband import (
-    ConeSettings,
-    DeadbandSettings,
-    IsotropicSettings,
-    LevelCrossingSettings,
-)
+from weberlink.system.configuration.deadband import ISOTROPIC_SETTINGS, DeadbandSettings
+from weberlink.update import MAX_SELECTOR
 
-PredictorName = Literal["zoh", "linear", "plane", "sphere", "trend", "affine", "surface"]
-PositionPredictorName = Literal["zoh", "linear", "trend"]
-POSITION_BANK = ("zoh", "linear", "trend")
-TorquePredictorName = Literal["zoh", "linear", "trend", "affine"]
-TORQUE_BANK = ("zoh", "linear", "trend", "affine")
+
+class PredictorFor:
+    """Validates the name of a predictor that suits a channel.
+
+    Args:
+        suits: whether a predictor may be used on the channel.
+        others: names that are allowed too.
+    """
+
+    def __init__(self, suits: Callable[[Predictor], bool], *others: str) -> None:
+        self._suits = suits
+        self.built_in = tuple(name for name in PREDICTORS.built_in if suits(PREDICTORS[name]))
+        self._known = (*self.built_in, *others)
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(schema) | {"enum": list(self._known)}
+
+    def _check(self, name: str) -> str:
+        known = self._known
+        if name in known or (name in PREDICTORS and self._suits(PREDICTORS[name])):
+            return name
+        raise ValueError(f"should be {', '.join(map(repr, known[:-1]))} or {known[-1]!r}, not {name!r}")
+
+
+_BANK_SIZE = Field(min_length=1, max_length=MAX_SELECTOR + 1)
+_FORCE = PredictorFor(lambda _: True)
+_TORQUE = PredictorFor(lambda predictor: not predictor.describes_contact)
+_POSITION = PredictorFor(lambda predictor: not predictor.geometric)
+ForceBank = Annotated[tuple[Annotated[str, _FORCE], ...], _BANK_SIZE]
+TorqueBank = Annotated[tuple[Annotated[str, _TORQUE], ...], _BANK_SIZE]
+PositionBank = Annotated[tuple[Annotated[str, _POSITION], ...], _BANK_SIZE]
+ForcePredictor = Annotated[str, PredictorFor(lambda _: True, *BANKS)]
+TorquePredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.describes_contact, *BANKS)]
+PositionPredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.geometric, *BANKS)]
+
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
 Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
 Interval = tuple[float, float]
@@ -71,9 +111,9 @@ class PredictedSettings(Settings):
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
-        parametric = [name for name in self.bank if name in PARAMETRIC]
-        if self.predictor == HYBRID and parametric:
-            raise ValueError(f"bank: {', '.join(parametric)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
+        estimated = [name for name in self.bank if PREDICTORS[name].estimated]
+        if self.predictor == HYBRID and estimated:
+            raise ValueError(f"bank: {', '.join(estimated)} in a bank needs predictor: {ADAPTIVE}, not {HYBRID}")
         return self
 
 
@@ -187,9 +227,9 @@ class ForceCodecSettings(PredictedSettings):
 
     ADAPTIVE_BANK = ADAPTIVE_BANK
 
-    predictor: PredictorName | Literal["hybrid", "adaptive"] = "hybrid"
+    predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
-    bank: tuple[PredictorName, ...] = Field(default=("zoh", "linear", "plane", "sphere"), min_length=1, max_length=7)
+    bank: ForceBank = HYBRID_BANK
     """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. By
     default these four, or plane, surface, affine, trend, zoh."""
     weber: float = Field(default=0.10, ge=0, le=1)
@@ -198,7 +238,7 @@ class ForceCodecSettings(PredictedSettings):
     """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which force k scales."""
-    deadband: DeadbandSettings = IsotropicSettings()
+    deadband: DeadbandSettings = ISOTROPIC_SETTINGS
     """The shape of what stays unsent: isotropic, cone, level_crossing or velocity_adaptive."""
     step_n: float = Field(default=0.001, gt=0, le=1)
     """Wire step [N]; 16 bits span +-32767 steps."""
@@ -208,16 +248,16 @@ class ForceCodecSettings(PredictedSettings):
 
     @model_validator(mode="after")
     def _smoothed(self) -> "ForceCodecSettings":
-        if self.smooth_ms > 0.0 and isinstance(self.deadband, ConeSettings | LevelCrossingSettings):
+        if self.smooth_ms > 0.0 and not self.deadband.deadband.is_ball:
             raise ValueError(f"smooth_ms needs a deadband that is a ball, not {self.deadband.shape}")
         return self
 
     @model_validator(mode="after")
     def _shaped(self) -> "ForceCodecSettings":
-        shape = self.deadband.shape
-        if isinstance(self.deadband, ConeSettings | LevelCrossingSettings) and self.reference != "actual":
+        shape, deadband = self.deadband.shape, self.deadband.deadband
+        if deadband.needs_actual and self.reference != "actual":
             raise ValueError(f"deadband {shape} needs reference: actual, since it is drawn around the measured force")
-        if isinstance(self.deadband, LevelCrossingSettings) and self.floor_n == 0.0:
+        if deadband.needs_floor and self.floor_n == 0.0:
             raise ValueError(f"deadband {shape} needs floor_n above 0: it is the lowest level")
         return self
 
@@ -225,10 +265,10 @@ class ForceCodecSettings(PredictedSettings):
 class PositionCodecSettings(PredictedSettings):
     """The forward channel."""
 
-    ADAPTIVE_BANK = POSITION_BANK
+    ADAPTIVE_BANK = _POSITION.built_in
 
-    predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
-    bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
+    predictor: PositionPredictor = "linear"
+    bank: PositionBank = ("zoh", "linear")
     """What `hybrid` (of zoh, linear) or `adaptive` (of all three) chooses among."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor of velocity."""
@@ -241,11 +281,11 @@ class PositionCodecSettings(PredictedSettings):
 class TorqueCodecSettings(PredictedSettings):
     """The backward channel of the rotation."""
 
-    ADAPTIVE_BANK = TORQUE_BANK
+    ADAPTIVE_BANK = _TORQUE.built_in
 
-    predictor: TorquePredictorName | Literal["hybrid", "adaptive"] = "hybrid"
+    predictor: TorquePredictor = "hybrid"
     """What both ends predict with."""
-    bank: tuple[TorquePredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=4)
+    bank: TorqueBank = ("zoh", "linear")
     """What `hybrid` (of zoh, linear) or `adaptive` (of all four, which is its default) chooses among."""
     weber: float = Field(default=0.13, ge=0, le=1)
     """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
@@ -260,11 +300,11 @@ class TorqueCodecSettings(PredictedSettings):
 class OrientationCodecSettings(PredictedSettings):
     """The forward channel of the rotation."""
 
-    ADAPTIVE_BANK = POSITION_BANK
+    ADAPTIVE_BANK = _POSITION.built_in
 
-    predictor: PositionPredictorName | Literal["hybrid", "adaptive"] = "linear"
+    predictor: PositionPredictor = "linear"
     """What both ends predict with."""
-    bank: tuple[PositionPredictorName, ...] = Field(default=("zoh", "linear"), min_length=1, max_length=3)
+    bank: PositionBank = ("zoh", "linear")
     """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor of angular velocity."""
@@ -334,7 +374,7 @@ class MasterLimits(Settings):
     force_n: float = Field(default=10.0, gt=0)
     """Largest force [N], on top of the device's own limit."""
     torque_nm: float = Field(default=0.5, gt=0)
-    """Largest torque [N m], on top of the device's own limit; with `weberlink.geometry.rotation`."""
+    """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
     slew_n_s: float | None = Field(default=None, gt=0)
     """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
     slew_nm_s: float | None = Field(default=None, gt=0)
@@ -419,7 +459,7 @@ class SlaveLimits(Settings):
     approach_speed_m_s: float = Field(default=0.25, gt=0)
     """Speed at which the robot approaches the operator's position after an engagement."""
     turn_rad_s: float = Field(default=10.0, gt=0)
-    """Largest angular speed while following; with `weberlink.geometry.rotation`."""
+    """Largest angular speed while following; with `codec.rotation`."""
     approach_turn_rad_s: float = Field(default=1.5, gt=0)
     """Angular speed at which the tool turns to the operator's orientation after an engagement."""
     on_silence: Literal["hold", "retract"] = "hold"

@@ -11,9 +11,11 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from weberlink.codec.deadband import DEADBANDS
 from weberlink.master import devices
 from weberlink.slave import robots
 from weberlink.system.configuration import model
+from weberlink.system.configuration.deadband import ShapeSettings
 from weberlink.system.configuration.model import System
 
 
@@ -28,6 +30,18 @@ def schema() -> dict[str, Any]:
         # A driver of another package may take any options.
         other = {"properties": {"driver": {"not": {"enum": list(table.BUILT_IN)}, "type": "string"}}}
         definitions[owner]["properties"][field] = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
+    del definitions["ShapeSettings"]
+    shapes = {each.__name__: each.model_json_schema() for each in ShapeSettings.variants()}
+    definitions.update(shapes)
+    # A deadband of another package may take any options.
+    other_shape = {"not": {"enum": list(DEADBANDS.built_in)}, "type": "string"}
+    other_deadband: dict[str, Any] = {"properties": {"shape": other_shape}, "type": "object"}
+    default = definitions["ForceCodecSettings"]["properties"]["deadband"]["default"]
+    definitions["ForceCodecSettings"]["properties"]["deadband"] = {
+        "default": default,
+        "oneOf": [*({"$ref": f"#/$defs/{name}"} for name in shapes), other_deadband],
+        "title": "Deadband",
+    }
     return document | {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "WeberLink configuration"}
 
 

@@ -24,10 +24,10 @@ from weberlink.apps.monitor.remote.stream import (
     telemetry_key,
 )
 from weberlink.protocol.dialer import Dialer
+from weberlink.protocol.events import DropReason
 from weberlink.protocol.handshake import INSTANCE_BYTES, Caller, pack_agreement
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.reasons import DropReason
 
 KEY = bytes(range(32))
 LIMIT_S = 5.0

@@ -1,0 +1,94 @@
+"""Negotiation of parameter changes that both ends make at the same tick.
+
+One end proposes, the other answers; both repeat until the other has heard. That an answer was heard is not confirmed
+again: if every answer is lost until the tick has passed, the proposer makes the change when the first one arrives, and
+the other end has made it by then.
+"""
+
+from math import inf
+from typing import NamedTuple
+
+from weberlink.protocol.events import ChangeAnswered, ChangeProposed
+
+NUMBERS = 8
+PACE = 0.02
+"""Least time between two repeats [s]."""
+ACCEPTED, REFUSED = b"\x01", b"\x00"
+
+
+class Change(NamedTuple):
+    """A proposal or an answer: number (3 bits), the sender's tick of a proposal (0 in an answer), and the content."""
+
+    number: int
+    tick: int
+    body: bytes
+    is_answer: bool
+
+
+class ParameterNegotiation:
+    """One end's part in the changes of a session: its own proposal, and its answer to the newest one of the peer."""
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._proposal: Change | None = None
+        self._due = inf
+        self._answering: tuple[int, int] | None = None
+        self._answer: Change | None = None
+        self._answer_due = False
+
+    @property
+    def is_proposing(self) -> bool:
+        """Whether a proposal of ours waits for its answer."""
+        return self._proposal is not None
+
+    @property
+    def due(self) -> float:
+        """When there is something to send [s]."""
+        return -inf if self._answer_due else self._due
+
+    def propose(self, tick: int, body: bytes, now: float) -> None:
+        """Begin a proposal; there must be none under way.
+
+        Args:
+            tick: of ours, at which the change is to be made.
+            body: what is to be changed.
+            now: [s].
+        """
+        assert self._proposal is None
+        self._number = (self._number + 1) % NUMBERS
+        self._proposal = Change(self._number, tick, body, is_answer=False)
+        self._due = now
+
+    def answer(self, refusal: str | None) -> None:
+        """Answer the newest proposal of the peer: None to accept it, or why not."""
+        assert self._answering is not None
+        body = ACCEPTED if refusal is None else REFUSED + refusal.encode(errors="replace")
+        self._answer = Change(self._answering[0], 0, body, is_answer=True)
+        self._answer_due = True
+
+    def take(self, now: float, rtt: float) -> Change:
+        """The message to send, when one is due."""
+        if self._answer_due:
+            assert self._answer is not None
+            self._answer_due = False
+            return self._answer
+        assert self._proposal is not None
+        self._due = now + max(PACE, 1.5 * rtt)
+        return self._proposal
+
+    def heard_proposal(self, number: int, tick: int, body: bytes) -> ChangeProposed | None:
+        """Receive a proposal with its full tick; None for a repeated one, which is answered again."""
+        if self._answering == (number, tick):
+            self._answer_due = self._answer is not None
+            return None
+        self._answering, self._answer, self._answer_due = (number, tick), None, False
+        return ChangeProposed(tick, body)
+
+    def heard_answer(self, number: int, body: bytes) -> ChangeAnswered | None:
+        """Receive an answer; None if it answers no present proposal of ours."""
+        proposal = self._proposal
+        if proposal is None or number != proposal.number or not body:
+            return None
+        self._proposal, self._due = None, inf
+        refusal = None if body[:1] == ACCEPTED else body[1:].decode(errors="replace")
+        return ChangeAnswered(proposal.tick, proposal.body, refusal)

@@ -1,0 +1,141 @@
+"""Changes that both ends make at one moment, over links that lose what says so."""
+
+import pytest
+
+from tests.protocol.harness import TICK, Pair
+from weberlink.protocol import ChangeAnswered, ChangeProposed
+from weberlink.protocol.emulation import Emulation
+from weberlink.protocol.negotiation import ParameterNegotiation
+from weberlink.protocol.wire import LONGEST_CHANGE, Kind, kind_of
+
+BODY = b'{"weber":0.2}'
+
+
+def proposals(pair: Pair) -> list[ChangeProposed]:
+    return [event for event in pair.slave.events if isinstance(event, ChangeProposed)]
+
+
+def answers(pair: Pair) -> list[ChangeAnswered]:
+    return [event for event in pair.master.events if isinstance(event, ChangeAnswered)]
+
+
+def propose(pair: Pair, body: bytes = BODY, ahead: int = 500) -> int:
+    """The master proposes a change; returns its tick."""
+    tick = pair.ticks + ahead
+    assert pair.master.endpoint.propose_change(pair.master.local(pair.now), tick, body)
+    return tick
+
+
+def test_a_proposal_arrives_with_its_tick_and_its_answer_comes_back() -> None:
+    pair = Pair().engage()
+    tick = propose(pair)
+    pair.run(0.02)
+    assert proposals(pair) == [ChangeProposed(tick, BODY)]
+    pair.slave.endpoint.answer_change(None)
+    pair.run(0.02)
+    assert answers(pair) == [ChangeAnswered(tick, BODY, None)]
+
+
+def test_a_refusal_says_why() -> None:
+    pair = Pair().engage()
+    tick = propose(pair)
+    pair.run(0.02)
+    pair.slave.endpoint.answer_change("weber is fixed")
+    pair.run(0.02)
+    assert answers(pair) == [ChangeAnswered(tick, BODY, "weber is fixed")]
+
+
+def test_nothing_goes_on_being_sent_once_the_answer_is_there() -> None:
+    pair = Pair().engage()
+    propose(pair)
+    pair.run(0.02)
+    pair.slave.endpoint.answer_change(None)
+    pair.run(0.2)
+    sent = sum(kind_of(data) == Kind.CHANGE for _, _, data in pair.tap)
+    pair.run(1.0)
+    assert sum(kind_of(data) == Kind.CHANGE for _, _, data in pair.tap) == sent <= 4
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_half_of_everything_lost_in_runs_changes_nothing_but_the_time_it_takes(seed: int) -> None:
+    bad = Emulation(delay_s=0.02, jitter_s=0.005, loss=0.5, burst=3.0, reorder=0.1, duplicate=0.2)
+    pair = Pair().engage()
+    pair.forward, pair.backward = pair.link(bad), pair.link(bad)
+    pair.run(0.001 * (1 + seed))
+    tick = propose(pair)
+    for _ in range(100):
+        pair.run(0.05)
+        if proposals(pair):
+            pair.slave.endpoint.answer_change(None)
+            break
+    pair.run(5.0)
+    assert proposals(pair) == [ChangeProposed(tick, BODY)], "heard once, however often it was repeated"
+    assert answers(pair) == [ChangeAnswered(tick, BODY, None)], "and so is its answer"
+
+
+def test_one_proposal_at_a_time_and_the_next_after_its_answer() -> None:
+    pair = Pair().engage()
+    propose(pair)
+    assert not pair.master.endpoint.propose_change(pair.now, 10, BODY)
+    pair.run(0.02)
+    pair.slave.endpoint.answer_change(None)
+    pair.run(0.02)
+    for number in range(40):  # more than there are numbers
+        body = b"%d" % number
+        tick = propose(pair, body)
+        pair.run(0.02)
+        assert proposals(pair)[-1] == ChangeProposed(tick, body)
+        pair.slave.endpoint.answer_change(None)
+        pair.run(0.02)
+        assert answers(pair)[-1].body == body
+
+
+def test_both_may_propose_at_once() -> None:
+    pair = Pair().engage()
+    propose(pair)
+    assert pair.slave.endpoint.propose_change(pair.now, pair.ticks + 600, b"other")
+    pair.run(0.02)
+    assert [event.body for event in pair.master.of(ChangeProposed)] == [b"other"]
+    pair.slave.endpoint.answer_change("busy")
+    pair.master.endpoint.answer_change("busy")
+    pair.run(0.02)
+    assert [event.refusal for event in pair.slave.of(ChangeAnswered)] == ["busy"]
+    assert [event.refusal for event in answers(pair)] == ["busy"]
+
+
+def test_clocks_that_differ_do_not_move_the_tick() -> None:
+    pair = Pair(offsets=(12_345.0, 3.0)).engage()
+    tick = round((pair.master.local(pair.now) - 12_345.0) / TICK) + 700
+    assert pair.master.endpoint.propose_change(pair.master.local(pair.now), tick, BODY)
+    pair.run(0.02)
+    assert proposals(pair)[0].tick == tick
+
+
+def test_without_a_session_nothing_is_proposed_and_an_answer_goes_nowhere() -> None:
+    pair = Pair()
+    assert not pair.master.endpoint.propose_change(0.0, 10, BODY)
+    pair.slave.endpoint.answer_change(None)
+    assert not pair.slave.endpoint.datagrams_to_send()
+
+
+@pytest.mark.parametrize("body", [b"", b"x" * (LONGEST_CHANGE + 1)])
+def test_a_body_that_does_not_fit_is_refused(body: bytes) -> None:
+    with pytest.raises(ValueError, match=f"1 to {LONGEST_CHANGE} bytes"):
+        Pair().engage().master.endpoint.propose_change(0.0, 1, body)
+
+
+def test_a_change_far_from_the_time_of_its_datagram_is_not_believed() -> None:
+    pair = Pair().engage()
+    assert pair.master.endpoint.propose_change(pair.now, pair.ticks + 60_000, BODY)
+    pair.run(0.05)
+    assert not proposals(pair)
+
+
+def test_an_answer_to_nothing_is_nothing() -> None:
+    negotiation = ParameterNegotiation()
+    assert negotiation.heard_answer(3, b"\x01") is None
+    negotiation.propose(10, BODY, 0.0)
+    assert negotiation.heard_answer(7, b"\x01") is None
+    assert negotiation.heard_answer(1, b"") is None
+    assert negotiation.heard_answer(1, b"\x01") == ChangeAnswered(10, BODY, None)
+    assert negotiation.heard_answer(1, b"\x00late") is None
