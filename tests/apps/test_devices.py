@@ -17,6 +17,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from tests.apps.packages import add_drivers
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
 from weberlink.apps import rules
@@ -108,7 +109,7 @@ def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatc
         "operator = others_things_bad:Bad\n"
         "[weberlink.robots]\nothers_none = others_things_good:None_\nothers_odd = others_things_good\n",
     )
-    monkeypatch.syspath_prepend(str(tmp_path))
+    add_drivers(tmp_path, monkeypatch)
     found = survey()
     others = {each.driver: each for each in found.drivers if each.driver.startswith("others")}
     assert {each.package for each in others.values()} == {"others-things"}
@@ -222,7 +223,7 @@ def test_rules_are_not_advised_for_other_packages(node: Path, tmp_path: Path, mo
         f"        return [PluggedDevice({str(node)!r})]\n"
     )
     install(tmp_path, "odd-device", {"odd_device": source}, "[weberlink.devices]\nodd_device = odd_device:Odd\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
+    add_drivers(tmp_path, monkeypatch)
     (found,) = (each for each in survey(refused(tmp_path, None)).drivers if each.driver == "odd_device")
     assert found.state == "no permission"
     assert found.advice == (f"no permission to open {node}; odd-device documents the udev rule that it needs",)

@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.apps.packages import add_drivers
 from tests.master.devices import test_contract as contract
 from tests.master.devices.benches import TICK, Bench, real_time
 from tests.system.packages import install
@@ -88,7 +89,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def driver(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    monkeypatch.syspath_prepend(str(folder))
+    add_drivers(folder, monkeypatch)
     yield devices.load("paddle")
     sys.modules.pop("paddle", None)
 

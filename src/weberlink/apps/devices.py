@@ -157,6 +157,8 @@ class _Inspection:
     def status(self) -> DriverStatus:
         try:
             driver = self.side.table.load(self.driver)
+            if not isinstance(driver, type):
+                raise TypeError(f"{driver!r} is no class")  # noqa: TRY301 - as an error of its import
         except Exception as error:  # another package may raise anything at import
             return self._status(None, None, BROKEN, (), f"cannot be loaded: {_in_words(error)}")
         kind = "hardware" if hasattr(driver, "plugged") else "virtual"

@@ -159,11 +159,6 @@ def test_ended_sessions_are_forgotten() -> None:
         ([], "expected"),
         ({"type": "stop"}, "expected"),
         ({"type": "change"}, "nothing to change"),
-        ({"type": "change", "floor_n": 1}, "'floor_n' cannot be changed"),
-        ({"type": "change", "weber": 2}, "0 to 1"),
-        ({"type": "change", "weber": float("nan")}, "0 to 1"),
-        ({"type": "change", "weber": True}, "0 to 1"),
-        ({"type": "change", "predictor": 3}, "predictor must be a name"),
         ({"type": "change", "weber": 0.1}, "no session"),
     ],
 )

@@ -25,7 +25,7 @@ from weberlink.apps.monitor.remote.stream import (
 )
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.events import DropReason
-from weberlink.protocol.handshake import INSTANCE_BYTES, Caller, pack_agreement
+from weberlink.protocol.handshake import INSTANCE_BYTES, LocalEnd, pack_agreement
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.psk import PresharedKey
 
@@ -219,23 +219,15 @@ def test_repeated_missing_or_reflected_message_ends_the_connection() -> None:
 def test_no_message_is_valid_in_the_daemons_protocol() -> None:
     """The daemons prove the same key."""
     daemons = PresharedKey(KEY)
-    agreement = pack_agreement({"rate_hz": 1000})
-    dialer = Dialer(
-        daemons,
-        os.urandom,
-        agreement,
-        2,
-        0.0,
-        caller=Caller("master", bytes(INSTANCE_BYTES)),
-        stamp=lambda now: 1,
-    )
+    end = LocalEnd(daemons, os.urandom, pack_agreement({"rate_hz": 1000}), 2, 0.0, "master", "")
+    dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     dialer.start(0.0)
     theirs = dialer.hello(0.0)
 
     async def test() -> None:
         assert await answered(len(theirs).to_bytes(2, "little") + theirs) == []
         ours = (await hello())[2:]
-        listener = Listener(daemons, os.urandom, {}, 2, 0.0, lambda *_: None, name="slave")  # type: ignore[arg-type]
+        listener = Listener(end._replace(name="slave"), lambda *_: None)  # type: ignore[arg-type,return-value]
         assert isinstance(listener.receive(ours, ("192.0.2.1", 1), 0.0), DropReason)
 
     run(test())

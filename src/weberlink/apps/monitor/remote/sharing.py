@@ -19,10 +19,9 @@ from weberlink.apps.monitor.remote.messages import (
     pack_records,
 )
 from weberlink.apps.monitor.remote.stream import SecureStream, StreamError, accept, close
-from weberlink.apps.monitor.rings import RingFeed, RingFile, find_rings
+from weberlink.apps.monitor.rings import RingFeed, RingFile, RingOpener, find_rings
 from weberlink.apps.tasks import first_result
 from weberlink.protocol.psk import PresharedKey
-from weberlink.telemetry.ring import RingFormatError
 
 LOOK_S = 0.05
 FIND_S = 0.25
@@ -160,7 +159,7 @@ class RingMessages:
         self._only = only
         self._feeds: dict[str, RingFeed] = {}
         self._session: str | None = None
-        self._known: set[tuple[str, int]] = set()
+        self._opener = RingOpener()
         self._find_at = 0.0
 
     def close(self) -> None:
@@ -196,19 +195,10 @@ class RingMessages:
             if self._feeds:
                 break
 
-    def _open(self, found: RingFile) -> Messages:
-        key = (str(found.path), found.inode)
-        if key in self._known or found.side in self._feeds:
-            return
-        self._known.add(key)
-        try:
-            feed = RingFeed(found.path)
-        except (RingFormatError, OSError):
-            return
-        if not feed.alive:
-            feed.close()
-            return
-        self._feeds[found.side] = feed
-        self._session = found.session
-        introduction = SideIntroduction(found.session, found.side, feed.rate_hz, feed.began, feed.description)
-        yield LinkMessage.BEGIN, pack_introduction(introduction)
+    def _open(self, ring: RingFile) -> Messages:
+        feed = None if ring.side in self._feeds else self._opener.open(ring)
+        if feed is not None:
+            self._feeds[ring.side] = feed
+            self._session = ring.session
+            introduction = SideIntroduction(ring.session, ring.side, feed.rate_hz, feed.began, feed.description)
+            yield LinkMessage.BEGIN, pack_introduction(introduction)
