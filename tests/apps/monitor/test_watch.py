@@ -1,4 +1,4 @@
-"""The one reader: which sessions there are, and which of them a page sees."""
+"""Sessions that come and go, and which of them each page is shown."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The messages of an open connection: there and back, and bounded whatever comes."""
+"""Messages of the telemetry link: round trip and limits."""
 
 import json
 import zlib
