@@ -22,7 +22,7 @@ from weberlink.apps.monitor.remote.sharing import Sharing
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.apps.tasks import first_result
-from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.sealed_stream import StreamTerms
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -47,8 +47,8 @@ class MonitorSettings:
     """Host and port to share this host's telemetry on."""
     source: tuple[str, int] | None = None
     """Host and port that shares its telemetry."""
-    security: PresharedKey | None = None
-    """Key of `share` and `source`, see `remote.stream.telemetry_key`."""
+    terms: StreamTerms | None = None
+    """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
 
 
 def run(settings: MonitorSettings) -> None:
@@ -84,16 +84,16 @@ async def _serve(settings: MonitorSettings) -> None:
             tell("waiting for a daemon; start weberlink loopback")
         running: list[Coroutine[Any, Any, Any]] = [watch.run(), over.wait()]
         if settings.source is not None:
-            assert settings.security is not None
-            running.append(Following(settings.security, settings.source, watch, None, tell).run())
+            assert settings.terms is not None
+            running.append(Following(settings.terms, settings.source, watch, None, tell).run())
         await first_result(running)
 
 
 async def _share(settings: MonitorSettings) -> Sharing:
     """Start sharing the telemetry of this host."""
     assert settings.share is not None
-    assert settings.security is not None
-    sharing = Sharing(settings.security, None, settings.session, tell)
+    assert settings.terms is not None
+    sharing = Sharing(settings.terms, None, settings.session, tell)
     try:
         host, port = await sharing.open(*settings.share)
     except OSError as error:

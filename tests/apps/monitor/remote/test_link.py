@@ -22,7 +22,7 @@ from weberlink.apps.monitor.remote.messages import (
     pack_records,
 )
 from weberlink.apps.monitor.remote.sharing import MOST_CALLERS, MOST_UNPROVEN, Sharing
-from weberlink.apps.monitor.remote.stream import SecureStream, accept, close, connect, telemetry_key
+from weberlink.apps.monitor.remote.stream import MessageStream, accept, close, connect, telemetry_terms
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.scoring.session import Records, SessionScore
@@ -69,7 +69,7 @@ class Host:
 
     @asynccontextmanager
     async def sharing(self, key: bytes = KEY, port: int = 0) -> AsyncIterator[int]:
-        sharing = Sharing(telemetry_key(key), self.folder, None, self.said.append)
+        sharing = Sharing(telemetry_terms(key), self.folder, None, self.said.append)
         _, port = await sharing.open("127.0.0.1", port)
         try:
             yield port
@@ -79,7 +79,7 @@ class Host:
     @asynccontextmanager
     async def looking(self, port: int, key: bytes = KEY) -> AsyncIterator[SessionWatcher]:
         watch = SessionWatcher(self.folder, None, lambda _: None)
-        following = Following(telemetry_key(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
+        following = Following(telemetry_terms(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
         tasks = [asyncio.ensure_future(task) for task in (watch.run(), following.run())]
         try:
             yield watch
@@ -164,10 +164,10 @@ def test_wrong_key_is_one_line_and_sees_nothing(robot: Host, operator: Host) -> 
     assert robot.said == []
 
 
-async def viewer(port: int) -> tuple[SecureStream, asyncio.StreamWriter]:
+async def viewer(port: int) -> tuple[MessageStream, asyncio.StreamWriter]:
     """A caller who has proved the key."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
-    stream = await connect(reader, writer, telemetry_key(KEY), PATIENCE)
+    stream = await connect(reader, writer, telemetry_terms(KEY), PATIENCE)
     await stream.send(LinkMessage.READY, b"", PATIENCE)
     return stream, writer
 
@@ -212,13 +212,13 @@ def test_idle_callers_of_another_user_lock_nobody_out(robot: Host) -> None:
 
 def test_caller_has_limited_time_to_prove_the_key(robot: Host) -> None:
     async def test() -> None:
-        sharing = Sharing(telemetry_key(KEY), robot.folder, None, robot.said.append, handshake_s=0.2)
+        sharing = Sharing(telemetry_terms(KEY), robot.folder, None, robot.said.append, handshake_s=0.2)
         _, port = await sharing.open("127.0.0.1", 0)
         for is_silent in (True, False):
             began = monotonic()
             reader, writer = await asyncio.open_connection("127.0.0.1", port)
             if not is_silent:  # proves the key, and then says nothing
-                await connect(reader, writer, telemetry_key(KEY), PATIENCE)
+                await connect(reader, writer, telemetry_terms(KEY), PATIENCE)
             await reader.read()
             assert 0.1 < monotonic() - began < 2.0
             writer.close()
@@ -409,7 +409,7 @@ RECORDS = RecordBlock("slave", 10, 0, records(10))
 def test_invalid_messages_end_the_connection(sent: list[tuple[int, bytes]], complaint: str, operator: Host) -> None:
     async def called(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError):
-            stream = await accept(reader, writer, telemetry_key(KEY), PATIENCE)
+            stream = await accept(reader, writer, telemetry_terms(KEY), PATIENCE)
             assert stream is not None
             for kind, payload in sent:
                 await stream.send(kind, payload, PATIENCE)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
-from weberlink.apps.monitor.remote.stream import StreamError
 from weberlink.apps.monitor.rings import Feed, RingFeed, find_rings, joined
 from weberlink.control.table import SCHEMES
+from weberlink.protocol.sealed_stream import StreamError
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.recorded import ANOTHER_CLOCK_S, COUNTERS, LATEST_S, MARGIN_S, VECTORS
