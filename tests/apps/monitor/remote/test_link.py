@@ -9,7 +9,7 @@ from time import monotonic
 import numpy as np
 import pytest
 
-from tests.apps.monitor.feeds import BANK, RATE, description, records
+from tests.apps.monitor.feeds import BANK, RATE, description, records, write
 from tests.strangers import Stranger, hold_connections, needs_root
 from tests.system.processes import PATIENCE
 from weberlink.apps.monitor.remote import following as following_module
@@ -105,14 +105,6 @@ def operator(tmp_path: Path) -> Iterator[Host]:
     host = Host(tmp_path / "operator")
     yield host
     host.close()
-
-
-def write(ring: RingWriter, made: Records) -> None:
-    for record in made:
-        values: list[float] = []
-        for value in record.item():
-            values += value.tolist() if isinstance(value, np.ndarray) else [value]
-        ring.write(values)
 
 
 def ticks(session: WatchedSession | None, side: str) -> int:
