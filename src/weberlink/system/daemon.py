@@ -26,8 +26,7 @@ from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
 from weberlink.system import description
-from weberlink.system.composition.link import Identity, build_security
-from weberlink.system.composition.live import permitted
+from weberlink.system.composition.link import Identity, build_security, permitted
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
@@ -176,7 +175,7 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
     link = configuration.system.link
     emulated = None
     if link.emulate is not None:
-        from weberlink.system.composition.emulation import build_link  # noqa: PLC0415
+        from weberlink.system.composition.link import build_link  # noqa: PLC0415
 
         # Each side distorts what it sends, by its own chance.
         uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311

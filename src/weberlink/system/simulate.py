@@ -6,8 +6,7 @@ from time import perf_counter
 from typing import Any
 
 from weberlink.system.composition.channels import banks, measure_of
-from weberlink.system.composition.emulation import build_link
-from weberlink.system.composition.link import build_security
+from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
