@@ -1,7 +1,6 @@
 """One daemon: one side of a configuration, in real time, in a process of its own.
 
-Owns the composition of a side with clock, socket, telemetry and the rights it asks of the kernel. Started by the
-launcher with an `Order` as JSON; answers with a summary as JSON on standard output. It prints nothing else there.
+The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary as JSON on standard output.
 """
 
 import json
@@ -48,12 +47,12 @@ class StartError(Exception):
 
 
 class Stopped(Exception):  # noqa: N818 - an end like any other
-    """A signal came while the device or the robot was being opened; says which, as an outcome does."""
+    """A signal came while the device or the robot was being opened; the message is the outcome."""
 
 
 @dataclass(frozen=True)
-class Order:
-    """What the launcher tells a daemon to run.
+class DaemonOrder:
+    """What a daemon runs.
 
     Args:
         side: "master" or "slave".
@@ -77,14 +76,14 @@ class Order:
         return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> "Order":
+    def from_json(cls, text: str) -> "DaemonOrder":
         values = json.loads(text)
         return cls(**{**values, "overrides": tuple(values["overrides"])})
 
 
 def main(text: str) -> int:
     """Run an order; returns the exit status. Errors are one line on standard error."""
-    order = Order.from_json(text)
+    order = DaemonOrder.from_json(text)
     die_with_parent(SIGHUP, order.parent)
     try:
         configuration = load(Path(order.file), order.overrides, sides=[order.side])
@@ -97,7 +96,7 @@ def main(text: str) -> int:
     return FAILED if summary["failed"] else COMPLETED
 
 
-def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
+def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     """Run one side to its end.
 
     Returns:
@@ -111,7 +110,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic() + HEAD_START
     side = _build(order, configuration, epoch)
-    # Not before: what a side imports may be large, and importing it with real-time rights holds up the other side.
+    # After the imports of the side: with real-time rights they would hold up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
     transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
     if permitted(system):
@@ -128,7 +127,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     return _summary(run_, side, grants)
 
 
-def _build(order: Order, configuration: Configuration, epoch: float) -> Side:
+def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Side:
     security = build_security(configuration)
     link = configuration.system.link
     identity = Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns())
@@ -159,7 +158,7 @@ def _build(order: Order, configuration: Configuration, epoch: float) -> Side:
 
 
 def _default_name(side: str, listen: str) -> str:
-    """What a side calls itself where the file does not say."""
+    """The name of a side where the file gives none."""
     host = gethostname()
     if side == SLAVE:
         name = f"{host}:{split_address(listen)[1]}"
@@ -177,7 +176,7 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
     if link.emulate is not None:
         from weberlink.system.composition.link import build_link  # noqa: PLC0415
 
-        # Each side distorts what it sends, by its own chance.
+        # Each side emulates the faults of what it sends, with its own random numbers.
         uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
         to_slave, to_master = link.emulate.directions
         emulated = build_link(to_slave if name == MASTER else to_master, uniform, epoch)
@@ -187,7 +186,7 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
 
 
 def _drive(
-    side: Side, transport: Transport, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
+    side: Side, transport: Transport, configuration: Configuration, order: DaemonOrder, epoch: float, ring: RingWriter
 ) -> Run:
     missed = 0
     last_index: int | None = None
@@ -223,7 +222,7 @@ def _drive(
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """A request to stop ends what takes long before the loop runs: a device may wait for a person to home it."""
+    """Let stop signals end what takes long before the loop runs: a device may wait for a person to home it."""
 
     def stop(number: int, _frame: FrameType | None) -> None:
         raise Stopped(REASONS.get(Signals(number), "terminated"))
@@ -250,11 +249,11 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
 
 
 def failure(outcome: str) -> dict[str, Any]:
-    """The summary of a daemon that never came to its first tick, or could not tell how it ended."""
+    """The summary of a daemon without a first tick, or one that could not report its end."""
     return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
 
 
-def _complain(order: Order, error: Exception, status: int) -> int:
+def _complain(order: DaemonOrder, error: Exception, status: int) -> int:
     # An OSError's own text begins with its number.
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     sys.stderr.write(f"weberlink {order.side}: {text}\n")

@@ -1,4 +1,4 @@
-"""A configuration in virtual time: composed as the daemons are, driven by a simulation instead of a clock."""
+"""Runs a configuration in virtual time, composed as the daemons are."""
 
 from pathlib import Path
 from random import Random
@@ -21,7 +21,7 @@ DEFAULT_DURATION = 60.0
 
 
 def build_simulation(configuration: Configuration) -> Simulation:
-    """Both sides and their link, not yet begun. Chance comes from the seed of `link.emulate` alone.
+    """Both sides and their link, not yet begun. All random numbers follow from the seed of `link.emulate`.
 
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
@@ -57,7 +57,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
 
 
 def _refuse_hardware(configuration: Configuration) -> None:
-    """What is plugged in has a time of its own."""
+    """Hardware drivers cannot run in virtual time."""
     system = configuration.system
     for where, part, name in (
         ("master.device", configuration.device, system.master.device.driver),
@@ -65,8 +65,8 @@ def _refuse_hardware(configuration: Configuration) -> None:
     ):
         if part is not None and hasattr(part.driver, "plugged"):
             raise ConfigurationError(
-                f"{configuration.path}: {where}.driver: {name} is hardware, and virtual time is not its; "
-                f"run it live, against `weberlink emulate {name}` if need be"
+                f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "
+                f"virtual time; run it live, against `weberlink emulate {name}` if need be"
             )
 
 
@@ -92,7 +92,7 @@ def simulate(
     simulation = build_simulation(configuration)
     score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
     recorder = TraceRecorder()
-    recording = None if record is None else Recording(configuration, record)
+    recording = None if record is None else VirtualRecording(configuration, record)
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
     began = perf_counter()
     simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
@@ -113,8 +113,8 @@ def simulate(
     return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
 
 
-class Recording:
-    """What a live session's recorder would write, its clock beginning at 0. A full disk costs the recording alone.
+class VirtualRecording:
+    """Writes the recording of a live session, on a clock that begins at 0. A full disk ends the recording alone.
 
     Raises:
         ConfigurationError: from the constructor, if the file cannot be made.
@@ -158,5 +158,5 @@ class Recording:
 
 
 def _no_time() -> float:
-    """The stopwatch of virtual time: equal runs must be equal bit for bit."""
+    """The stopwatch of virtual time, so that equal runs are equal bit for bit."""
     return 0.0

@@ -10,8 +10,7 @@ from mcap.writer import CompressionType, Writer
 
 from tests.telemetry.recording.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
-from weberlink.telemetry.recording.origin import TOPICS
+from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.recording.reader import RecordingError, read_recording
 
 

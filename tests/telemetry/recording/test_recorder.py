@@ -19,7 +19,7 @@ from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.record import COLUMNS, FIELDS
 from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.recorder import Order, Source
+from weberlink.telemetry.recording.recorder import RecordingOrder, RingSource
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingWriter
 
@@ -47,7 +47,7 @@ class Session:
 
     def recorder(self, sides=SIDES, **changes):
         rings = {side: str(self.ring(side)) for side in sides}
-        order = Order(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
+        order = RecordingOrder(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
         return self._start("-m", "weberlink.telemetry.recording.recorder", order.to_json())
 
     def _start(self, *arguments):
@@ -94,8 +94,8 @@ def assert_whole(records, count=None):
 
 
 def test_an_order_survives_its_way():
-    order = Order({"master": "/a"}, "/b", FACTS)
-    assert Order.from_json(order.to_json()) == order
+    order = RecordingOrder({"master": "/a"}, "/b", FACTS)
+    assert RecordingOrder.from_json(order.to_json()) == order
 
 
 def test_every_record_of_both_sides_is_there(session):
@@ -187,7 +187,7 @@ def test_when_all_are_killed_what_was_flushed_is_there(session):
 
 def test_it_outlives_whoever_started_it(session):
     session.daemon("slave", 1500)
-    order = Order({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
+    order = RecordingOrder({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
     parent = subprocess.Popen(
         [sys.executable, "-c", "import subprocess, sys, time\n"
          "process = subprocess.Popen([sys.executable, '-m', 'weberlink.telemetry.recording.recorder', sys.argv[1]],"
@@ -366,7 +366,7 @@ class DyingRing:
 
 
 def test_the_last_record_of_a_writer_that_dies_meanwhile_is_taken(session):
-    source = Source("slave", "")
+    source = RingSource("slave", "")
     source.ring = DyingRing()
     with RecordingWriter.create(session.out, {}) as writer:
         writer.add_side(origin("slave"))

@@ -1,8 +1,7 @@
-"""The process that records: reads the rings of a session while its daemons run, and writes one MCAP file.
+"""The recorder process: reads the rings of a session while its daemons run, and writes one MCAP file.
 
-Owns the way from rings to file, and when it is over. Started with an `Order` as JSON, beside the daemons and not by
-them; answers with a summary as JSON on standard output. The daemons do not know of it, and it outlives its parent: what
-they leave in their rings is still to be written.
+It starts with a `RecordingOrder` as JSON and answers with a summary as JSON on standard output. It outlives its parent,
+so that what the daemons leave in their rings is still written.
 """
 
 import json
@@ -17,8 +16,7 @@ from time import monotonic, process_time, sleep
 from typing import Any
 
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.recording.message import COMPLETE
-from weberlink.telemetry.recording.origin import Origin
+from weberlink.telemetry.recording.message import COMPLETE, Origin
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
 
@@ -35,7 +33,7 @@ NICENESS = 10
 
 
 @dataclass(frozen=True)
-class Order:
+class RecordingOrder:
     """What to record.
 
     Args:
@@ -52,11 +50,11 @@ class Order:
         return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> "Order":
+    def from_json(cls, text: str) -> "RecordingOrder":
         return cls(**json.loads(text))
 
 
-class Source:
+class RingSource:
     """One ring on its way into the file.
 
     Args:
@@ -106,16 +104,16 @@ class Source:
             self.ring.close()
 
 
-class Recording:
+class RingRecorder:
     """The sources and the file, which is made when the first ring is there.
 
     Args:
         order: what to record.
     """
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: RecordingOrder) -> None:
         self._order = order
-        self._sources = [Source(side, path) for side, path in order.rings.items()]
+        self._sources = [RingSource(side, path) for side, path in order.rings.items()]
         self._clock: tuple[float, float] | None = None
         self._told: list[Signals] = []
         self.writer: RecordingWriter | None = None
@@ -160,7 +158,7 @@ class Recording:
                 source.move(self.writer)
             self.writer.flush()
 
-    def _announce(self, source: Source) -> None:
+    def _announce(self, source: RingSource) -> None:
         ring = source.ring
         assert ring is not None
         if self._clock is None:
@@ -184,8 +182,8 @@ class Recording:
 def main(text: str) -> int:
     """Run an order; returns the exit status."""
     began = monotonic()
-    order = Order.from_json(text)
-    recording = Recording(order)
+    order = RecordingOrder.from_json(text)
+    recording = RingRecorder(order)
     signal.signal(SIGHUP, SIG_IGN)
     for number in STOP_SIGNALS:
         signal.signal(number, recording.stop)
@@ -205,7 +203,7 @@ def _words(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
-def _summary(order: Order, writer: RecordingWriter | None, outcome: str, began: float) -> Mapping[str, Any]:
+def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str, began: float) -> Mapping[str, Any]:
     return {
         "path": order.out,
         "bytes": 0 if writer is None else writer.size,

@@ -1,7 +1,6 @@
-"""Writing a recording: the records of one or both sides, in order of time, into one MCAP file.
+"""Writes a recording: the records of one or both sides, in order of time, into one MCAP file.
 
-Owns what is in the file and when it gets there. Knows no ring and no process. What was flushed stays readable whatever
-happens next: the file is a row of whole chunks at any moment.
+What was flushed stays readable whatever happens next: at any moment the file is a sequence of whole chunks.
 """
 
 import errno
@@ -18,8 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.container import McapFile
-from weberlink.telemetry.recording.framing import FRAME, rows_of
+from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
 from weberlink.telemetry.recording.message import (
     COMPLETE,
     ENCAPSULATION,
@@ -29,9 +27,9 @@ from weberlink.telemetry.recording.message import (
     SCHEMA_ENCODING,
     SCHEMA_NAME,
     SCHEMA_TEXT,
+    Origin,
     Rows,
 )
-from weberlink.telemetry.recording.origin import Origin
 
 __all__ = ["Origin", "RecordingExistsError", "RecordingWriter"]
 
