@@ -127,8 +127,7 @@ class TdpaSlave(_TankedPort):
         self._prediction.reset(peer_credit)
         self._target = None
 
-    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  #
-    noqa: ARG002
+    def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
         self._tank.receive(peer_credit)
         ahead = self._prediction.ahead(peer_credit, elapsed)
         goal = self._caught_up(target, here, elapsed)
