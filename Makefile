@@ -10,7 +10,7 @@ DEV := $(VENV)/.dev
 MINUTES ?= 60
 TIMES ?= 10
 
-.PHONY: system demo test hunt lint format fuzz model safety soak bench figures vendor lock schema clean
+.PHONY: system demo test hunt lint format docs fuzz model safety soak bench figures vendor lock schema clean
 
 system:  ## Debian packages for tests of HID devices and in a browser, which skip without them; needs root
 	command -v umockdev-wrapper >/dev/null || apt-get install -y -q umockdev gir1.2-umockdev-1.0 python3-gi
@@ -27,7 +27,7 @@ test: $(DEV)  ## the whole test suite, on all processors; live sessions last, an
 	$(BIN)/python -m pytest -n auto
 
 hunt: $(DEV)  ## every property at ten times the examples, other ones each time; TIMES=100 for a night
-	$(BIN)/python -m pytest -n auto -m "hypothesis and not realtime" --hunt $(TIMES)
+	$(BIN)/python -m pytest -n auto -m "hunt or (hypothesis and not realtime)" --hunt $(TIMES)
 
 lint: $(DEV)  ## style, types, and the direction of imports
 	$(BIN)/ruff check .
@@ -69,9 +69,13 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink adaptive $(TRACES) --docs docs/adaptive
 	$(BIN)/weberlink bench --plots docs/bench --json docs/bench/bench.json
 	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/apps/monitor/test_page_live.py -k picture
+	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures/demo.gif
 
 schema: $(DEV)  ## the JSON Schema of configuration files, for editors
 	$(BIN)/python -m weberlink.system.configuration.schema configs/weberlink.schema.json
+
+docs: $(DEV)  ## the documentation as a site, in docs/_build
+	$(BIN)/python -m sphinx -q -W -b html docs docs/_build
 
 vendor: $(DEV)  ## the libraries of the live page, by the versions and checksums of their manifest
 	$(BIN)/python src/weberlink/apps/monitor/page/vendor/fetch.py
@@ -81,7 +85,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
-		--extra compiled --extra monitor \
+		--extra monitor --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 
 clean:

@@ -26,10 +26,10 @@ from benchmarks.rights import Rights
 from weberlink.codec import Decoder, Encoder
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
+from weberlink.protocol import Role
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
-from weberlink.protocol.roles import Role
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent

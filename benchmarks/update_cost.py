@@ -25,8 +25,8 @@ from benchmarks.coded_echo import OVERRIDES, contact
 from benchmarks.percentiles import Series, summary
 from benchmarks.rights import Rights
 from weberlink.codec import Decoder, Encoder
+from weberlink.protocol import Role
 from weberlink.protocol.events import UpdateReceived
-from weberlink.protocol.roles import Role
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.process import die_with_parent

@@ -110,10 +110,11 @@ class Shadow:
 class AdaptiveChoice:
     """The shadows of all candidates of a bank, and the choice among them."""
 
-    __slots__ = ("_channel", "_followers", "_history", "_measure", "_shadows")
+    __slots__ = ("_channel", "_followers", "_grid", "_history", "_measure", "_shadows")
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
+        self._grid = channel.grid
         self._measure: Measure = channel.deadband.error
         self.reset()
 
@@ -144,7 +145,7 @@ class AdaptiveChoice:
             place: where models are evaluated.
             bound: the deadband now.
         """
-        measure, history, channel = self._measure, self._history, self._channel
+        measure, history, grid = self._measure, self._history, self._grid
         follows = history.add(tick, actual, place)
         for follow in self._followers:
             follow(history, follows)
@@ -152,7 +153,7 @@ class AdaptiveChoice:
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, measure):
                 if sample is None:
-                    sample = channel.grid.sample(tick, channel.grid.levels(actual, place))
+                    sample = grid.sample(tick, grid.levels(actual, place))
                 shadow.send(sample, bound, history)
 
     def choose(

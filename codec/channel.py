@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from math import inf
 
 from weberlink.codec.deadband import Deadband, ForceDeadband, PositionDeadband, Reference
@@ -67,7 +66,7 @@ class Channel:
         if estimated and len(self.bank) > 1 and not self.adaptive:
             raise ValueError(f"{', '.join(estimated)}: a hybrid fits no parameters; choose {ADAPTIVE} for this bank")
 
-    @cached_property
+    @property
     def predictors(self) -> tuple[Predictor, ...]:
         return tuple(PREDICTORS[name] for name in self.bank)
 
@@ -81,7 +80,7 @@ class Channel:
         """Selectors whose updates carry model parameters."""
         return tuple(selector for selector, predictor in enumerate(self.predictors) if predictor.estimated)
 
-    @cached_property
+    @property  # not cached: a cache in __dict__ would make every other attribute slower to read
     def grid(self) -> SampleGrid:
         return SampleGrid(self.value_quantizer, self.position_quantizer)
 

@@ -24,10 +24,22 @@ class Decoder:
         selected: index in the bank of the predictor in use.
     """
 
-    __slots__ = ("_channel", "_first", "_memory", "_noted", "_predictors", "_ramp", "model", "newest", "selected")
+    __slots__ = (
+        "_channel",
+        "_first",
+        "_grid",
+        "_memory",
+        "_noted",
+        "_predictors",
+        "_ramp",
+        "model",
+        "newest",
+        "selected",
+    )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
+        self._grid = channel.grid
         self._predictors = channel.predictors
         self.reset()
 
@@ -64,7 +76,7 @@ class Decoder:
         Raises:
             ValueError: if it does not fit the channel (selector, number of levels, payload); the state is unchanged.
         """
-        channel, grid = self._channel, self._channel.grid
+        channel, grid = self._channel, self._grid
         if len(update.newest) != grid.size:
             raise ValueError(f"update has {len(update.newest)} levels, expected {grid.size}")
         if not 0 <= update.selector < len(self._predictors):

@@ -41,9 +41,11 @@ class Encoder:
         "_choice",
         "_confine",
         "_forced",
+        "_grid",
         "_last",
         "_levels",
         "_measure",
+        "_mirrored",
         "_newest",
         "_predictors",
         "_previous",
@@ -58,7 +60,9 @@ class Encoder:
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._predictors = channel.predictors
+        self._grid = channel.grid
         self.mirror = Decoder(channel)
+        self._mirrored = self.mirror.value
         self._confine = channel.value_quantizer.confine
         self._choice = AdaptiveChoice(channel) if channel.estimates else None
         self._measure_with(channel.deadband)
@@ -126,7 +130,7 @@ class Encoder:
         if self._reads_motion:
             place = position if self._channel.position_quantizer is not None else actual
             moved, self._last = distance(place, self._last if self._last is not None else place), place
-        displayed = self.predicted = self.mirror.value(tick, position)
+        displayed = self.predicted = self._mirrored(tick, position)
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
@@ -136,9 +140,8 @@ class Encoder:
         error = self._measure(displayed, actual) if displayed is not None and not self._forced else inf
         if error <= self.bound:
             return None
-        grid = self._channel.grid
-        levels = grid.levels(actual, position)
-        sample = grid.sample(tick, levels)
+        levels = self._grid.levels(actual, position)
+        sample = self._grid.sample(tick, levels)
         if error <= self._measure(sample.value, actual):
             return None
         update = self._update(sample, levels, tick, actual, position)
@@ -160,7 +163,7 @@ class Encoder:
             selector, model = self._choose(tick, actual, position), None
         else:
             selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound)
-        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._channel.grid)
+        payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
         return Update(tick, selector, levels, payload)
 
     def _usable(self, tick: int) -> Sample | None:

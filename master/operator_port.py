@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 from weberlink.control.contract import LinkQuality, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, Explaining
+from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol.endpoint import Endpoint
 
@@ -136,7 +136,7 @@ class OperatorPort:
 
     @property
     def trouble(self) -> str | None:
-        return self.device.trouble if isinstance(self.device, Explaining) else None
+        return self.device.trouble if isinstance(self.device, ReportsTrouble) else None
 
     @property
     def at_rest(self) -> bool:

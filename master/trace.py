@@ -1,7 +1,7 @@
-"""Recorded teleoperation signals: positions and forces over time, read from CSV or from a recording of a session."""
+"""Recorded teleoperation signals: positions and forces over time, from CSV or from a recording of a session."""
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from math import isfinite
@@ -11,14 +11,20 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.protocol.states import State
+
 COLUMNS = ("t", "px", "py", "pz", "fx", "fy", "fz")
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 FEWEST_ROWS = 2
-BEYOND = 1e12
-"""No time, position or force of a recording is this large in SI units; squares of what is below can be summed up."""
+LIMIT = 1e12
+"""Times, positions and forces in SI units must be smaller; squares of such values can be summed."""
 GAP_FACTOR = 5.0
 
 Array = NDArray[np.float64]
+Side = Literal["master", "slave"]
+
+SIGNALS = {"slave": ("output", "raw"), "master": ("raw", "output")}
+"""Position and force of each side: commanded and measured of the robot, measured and displayed of the device."""
 
 
 class TraceError(ValueError):
@@ -27,13 +33,14 @@ class TraceError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """A recording.
+    """A recorded signal.
 
     Args:
-        time_s: Strictly increasing, shape (n,) [s]. position_m: Commanded or measured positions, shape (n, 3) [m].
-        force_n: Contact forces, shape (n, 3) [N]. gaps_s: Where sampling paused for more than five median periods,
-        shape (g, 2): the time of the last sample before the
-            gap, and its length [s].
+        time_s: strictly increasing, shape (n,) [s].
+        position_m: commanded or measured positions, shape (n, 3) [m].
+        force_n: contact forces, shape (n, 3) [N].
+        gaps_s: where sampling paused for more than five median periods, shape (g, 2): the time of the last sample
+            before the gap, and its length [s].
     """
 
     time_s: Array
@@ -52,55 +59,66 @@ class Trace:
 
 
 def read_trace(path: Path | str) -> Trace:
-    """What the teleoperator was commanded and felt.
+    """Read what the teleoperator was commanded and felt.
 
-    Reads a CSV file whose header names t, px, py, pz, fx, fy, fz, in any order (other columns are ignored), or an MCAP
+    The file is CSV with a header of t, px, py, pz, fx, fy, fz in any order (other columns are ignored), or an MCAP
     recording that has the slave's side (extra: recording).
 
     Raises:
-        TraceError: With file, row (the header is row 1), column, and what was expected.
+        TraceError: with file, row (the header is row 1), column, and what was expected.
     """
     return _read(Path(path), ("slave",))
 
 
 def read_motion(path: Path | str) -> Trace:
-    """What the operator did: the motion of the device, or of the robot where a recording has the slave's side alone.
-
-    A CSV file is taken as it is.
+    """Read what the operator did: the motion of the device, or of the robot in a recording of the slave's side alone.
 
     Raises:
-        TraceError: As of `read_trace`.
+        TraceError: as for `read_trace`.
     """
     return _read(Path(path), ("master", "slave"))
 
 
-def _check_regular(path: Path) -> None:
-    """A pipe or a device may never end, and is read more than once here."""
+def as_trace(table: Array) -> Trace:
+    """From rows of time, position and force, shape (n, 7), the time strictly rising."""
+    time = table[:, 0]
+    steps = np.diff(time)
+    paused = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
+    gaps = np.column_stack((time[paused], steps[paused]))
+    return Trace(time.copy(), table[:, 1:4].copy(), table[:, 4:7].copy(), gaps)
+
+
+def _read(path: Path, sides: Sequence[Side]) -> Trace:
     try:
+        # A pipe or a device may never end, and the file is read more than once.
         is_other = path.exists() and not path.is_file() and not path.is_dir()
-    except OSError as error:  # a name that no file can have
+    except OSError as error:  # not a valid file name
         raise TraceError(f"{path}: cannot be read: {error.strerror}") from None
     if is_other:
         raise TraceError(f"{path}: is no regular file; expected a trace")
-
-
-def _read(path: Path, sides: tuple[Literal["master", "slave"], ...]) -> Trace:
-    _check_regular(path)
-    if is_recording(path):
+    if _is_recording(path):
         if find_spec("mcap") is None:
             raise TraceError(f'{path}: reading it needs mcap; install it with: pip install "weberlink[recording]"')
-        from weberlink.master.recorded import table_of  # noqa: PLC0415 - an optional library
-
-        return as_trace(table_of(path, sides))
-    columns = positions_in_header(path)
-    table = numbers(path, columns)
+        return as_trace(_recorded(path, sides))
+    columns = _columns(path)
+    table = _numbers(path, columns)
     if table is None:
-        raise TraceError(first_fault(path, columns))
-    return checked(path, table)
+        raise TraceError(_first_fault(path, columns))
+    time = table[:, 0]
+    if len(time) < FEWEST_ROWS:
+        raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found {len(time)}")
+    falling = np.diff(time) <= 0.0
+    if falling.any():
+        index = int(np.argmax(falling)) + 1
+        row = [number for number, _ in _data_rows(path)][index]
+        raise TraceError(
+            f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g} s, found {time[index]:.9g} s"
+        )
+    return as_trace(table)
 
 
-def is_recording(path: Path) -> bool:
-    """Whether a file says that it is MCAP, by its name or its first bytes."""
+def _is_recording(path: Path) -> bool:
+    """Whether a file is MCAP by its name or its first bytes."""
     if path.suffix.lower() == ".mcap":
         return True
     try:
@@ -110,41 +128,34 @@ def is_recording(path: Path) -> bool:
         return False
 
 
-def numbers(path: Path, columns: list[int]) -> Array | None:
-    """All rows at once, shape (n, 7); None where anything is not a finite number, or there is no row."""
+def _recorded(path: Path, sides: Sequence[Side]) -> Array:
+    """Rows of one side while it was engaged, shape (n, 7), the time from 0; of the first of `sides` that is there."""
+    from weberlink.telemetry.recording.reader import RecordingError, read_recording  # noqa: PLC0415 - optional library
+
     try:
-        if next(data_rows(path), None) is None:
-            return None
-        table = np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns, ndmin=2, comments=None, encoding="utf-8")
-    except (ValueError, OSError, csv.Error):
-        return None
-    return table if (np.abs(table) < BEYOND).all() else None
+        recording = read_recording(path)
+    except RecordingError as error:
+        raise TraceError(str(error)) from None
+    side = next((side for side in sides if len(recording.records.get(side, ()))), None)
+    if side is None:
+        held = ", ".join(recording.records) or "neither"
+        raise TraceError(f"{path}: expected the {sides[0]}'s side of a session, found {held}")
+    records = recording.records[side]
+    lacks = {*SIGNALS[side], "at", "state"} - set(records.dtype.names or ())
+    if lacks:
+        raise TraceError(f"{path}: the {side}'s records lack {', '.join(sorted(lacks))}")
+    position, force = SIGNALS[side]
+    engaged = records[records["state"] == State.ENGAGED.value]
+    engaged = engaged[np.isfinite(engaged[position]).all(axis=1) & np.isfinite(engaged[force]).all(axis=1)]
+    if len(engaged) < FEWEST_ROWS:
+        raise TraceError(f"{path}: expected at least {FEWEST_ROWS} ticks of an engaged session, found {len(engaged)}")
+    if not (np.diff(engaged["at"]) > 0.0).all():
+        raise TraceError(f"{path}: the time of the {side}'s ticks does not rise; the recording is damaged")
+    return np.column_stack((engaged["at"] - engaged["at"][0], engaged[position], engaged[force]))
 
 
-def checked(path: Path, table: Array) -> Trace:
-    time = table[:, 0]
-    if len(time) < FEWEST_ROWS:
-        raise TraceError(f"{path}: expected at least {FEWEST_ROWS} rows of samples, found {len(time)}")
-    steps = np.diff(time)
-    if not (steps > 0.0).all():
-        index = int(np.argmax(steps <= 0.0)) + 1
-        row = line_numbers(path)[index]
-        raise TraceError(
-            f"{path}: row {row}, column t: expected a time after {time[index - 1]:.9g} s, found {time[index]:.9g} s"
-        )
-    return as_trace(table)
-
-
-def as_trace(table: Array) -> Trace:
-    """Rows of time, position and force, shape (n, 7), the time strictly rising."""
-    time = table[:, 0]
-    steps = np.diff(time)
-    paused = np.flatnonzero(steps > GAP_FACTOR * np.median(steps))
-    gaps = np.column_stack((time[paused], steps[paused]))
-    return Trace(time.copy(), table[:, 1:4].copy(), table[:, 4:7].copy(), gaps)
-
-
-def positions_in_header(path: Path) -> list[int]:
+def _columns(path: Path) -> list[int]:
+    """Index of each of `COLUMNS` in the header."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             header = next(csv.reader(file), None)
@@ -164,36 +175,44 @@ def positions_in_header(path: Path) -> list[int]:
     return [names.index(name) for name in COLUMNS]
 
 
-def first_fault(path: Path, columns: list[int]) -> str:
-    """Goes through a file that the fast reader refused, row by row, for the first thing wrong with it."""
+def _numbers(path: Path, columns: list[int]) -> Array | None:
+    """All rows at once, shape (n, 7); None where anything is not a finite number, or there is no row."""
     try:
-        for number, cells in data_rows(path):
+        if next(_data_rows(path), None) is None:
+            return None
+        table = np.loadtxt(path, delimiter=",", skiprows=1, usecols=columns, ndmin=2, comments=None, encoding="utf-8")
+    except (ValueError, OSError, csv.Error):
+        return None
+    return table if (np.abs(table) < LIMIT).all() else None
+
+
+def _first_fault(path: Path, columns: list[int]) -> str:
+    """Describe the first error in a file that `_numbers` could not read, searching row by row."""
+    try:
+        for number, cells in _data_rows(path):
             for name, column in zip(COLUMNS, columns, strict=True):
+                at = f"{path}: row {number}, column {name}"
                 if column >= len(cells):
-                    return f"{path}: row {number}, column {name}: expected a number, found only {len(cells)} values"
+                    return f"{at}: expected a number, found only {len(cells)} values"
                 text = cells[column].strip()
                 try:
                     value = float(text)
                 except ValueError:
-                    return f"{path}: row {number}, column {name}: expected a number, found {text!r}"
-                if not abs(value) < BEYOND:
-                    expected = f"less than {BEYOND:g} in SI units" if isfinite(value) else "a finite number"
-                    return f"{path}: row {number}, column {name}: expected {expected}, found {text!r}"
+                    return f"{at}: expected a number, found {text!r}"
+                if not abs(value) < LIMIT:
+                    expected = f"less than {LIMIT:g} in SI units" if isfinite(value) else "a finite number"
+                    return f"{at}: expected {expected}, found {text!r}"
+        if next(_data_rows(path), None) is None:
+            return f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none"
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         return f"{path}: expected a readable CSV file ({error})"
-    if next(data_rows(path), None) is None:
-        return f"{path}: expected at least {FEWEST_ROWS} rows of samples, found none"
     return f"{path}: expected numbers with commas between them and no quotes"
 
 
-def data_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+def _data_rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         next(reader, None)
         for cells in reader:
             if any(cell.strip() for cell in cells):
                 yield reader.line_num, cells
-
-
-def line_numbers(path: Path) -> list[int]:
-    return [number for number, _ in data_rows(path)]

@@ -1,7 +1,7 @@
-"""Datagram session between the two ends of a teleoperation link: sans-I/O core, and a thin shell in `protocol.aio`.
+"""Datagram session between the two ends of a teleoperation link: sans-I/O core, and an asyncio shell in `protocol.aio`.
 
-Pure but for that shell: no socket, no clock, no randomness of its own. It carries integers and knows no codec. Security
-suites are imported where they are chosen: `weberlink.protocol.psk` or `weberlink.protocol.checksum`.
+The core is pure: sockets, clocks and randomness are handed in. Security suites are imported where they are chosen
+(`weberlink.protocol.psk`, `weberlink.protocol.checksum`).
 """
 
 from weberlink.protocol.endpoint import Endpoint
@@ -11,6 +11,7 @@ from weberlink.protocol.events import (
     ChangeProposed,
     Connected,
     DatagramDropped,
+    DropReason,
     Event,
     PeerClosed,
     PeerReturned,
@@ -21,10 +22,8 @@ from weberlink.protocol.events import (
     UpdateLost,
     UpdateReceived,
 )
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.roles import Role
-from weberlink.protocol.states import State, StateError
-from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.mailbox import Statistics
+from weberlink.protocol.states import Role, State, StateError
 
 __all__ = [
     "Address",

@@ -1,4 +1,4 @@
-"""The suite without secrecy: finds damage and mix-ups, not forgery. For one host, where it must be asked for by name.
+"""Security suite without a key, for loopback: detects damaged and misdirected datagrams, not forged ones.
 
 A CRC-32 that starts from a session id, the direction and the full sequence number, so that a damaged, reflected or
 misnumbered datagram and one of another session fail as they would under a real key.
@@ -14,9 +14,7 @@ _NONCE = 16
 
 
 class Checksum:
-    """The `Security` of a link that is trusted."""
-
-    __slots__ = ()
+    """The `Security` of a trusted link."""
 
     tag_size = _TAG
     overhead = _NONCE + _TAG
@@ -33,62 +31,56 @@ class Checksum:
 class OutgoingExchange:
     """The initiator's part in one handshake."""
 
-    __slots__ = ("_nonce", "_said")
-
     def __init__(self, prologue: bytes, nonce: bytes) -> None:
-        self._said = prologue
+        self._transcript = prologue
         self._nonce = nonce
 
     def hello(self, payload: bytes) -> bytes:
-        message = _wrap(self._said, self._nonce + payload)
-        self._said += message
+        message = _wrap(self._transcript, self._nonce + payload)
+        self._transcript += message
         return message
 
     def open(self, message: bytes) -> "tuple[bytes, ChecksumProtection] | None":
-        payload = _unwrap(self._said, message)
+        payload = _unwrap(self._transcript, message)
         if payload is None:
             return None
-        forward, backward = _starts(self._said + message)
+        forward, backward = _starts(self._transcript + message)
         return payload, ChecksumProtection(forward, backward)
 
 
 class IncomingExchange:
     """The responder's part in one handshake."""
 
-    __slots__ = ("_said", "payload")
-
-    def __init__(self, said: bytes, payload: bytes) -> None:
-        self._said = said
+    def __init__(self, transcript: bytes, payload: bytes) -> None:
+        self._transcript = transcript
         self.payload = payload
 
     def answer(self, payload: bytes, private: bytes) -> "tuple[bytes, ChecksumProtection]":
-        message = _wrap(self._said, private + payload)
-        forward, backward = _starts(self._said + message)
+        message = _wrap(self._transcript, private + payload)
+        forward, backward = _starts(self._transcript + message)
         return message, ChecksumProtection(backward, forward)
 
 
 def _wrap(before: bytes, content: bytes) -> bytes:
-    """Content and its checksum, which starts from what was said before; a checksum over both would not depend on it."""
+    """Content and its checksum, which starts from a hash of the transcript."""
     start = int.from_bytes(sha256(before).digest()[:4], "little")
     return content + crc32(content, start).to_bytes(_TAG, "little")
 
 
 def _unwrap(before: bytes, message: bytes) -> bytes | None:
-    """The payload of a message: a nonce, the payload, the checksum of all that was said."""
+    """The payload of a message (nonce, payload, checksum); None if the checksum is wrong."""
     content = message[:-_TAG]
     return content[_NONCE:] if len(content) >= _NONCE and _wrap(before, content) == message else None
 
 
-def _starts(said: bytes) -> tuple[int, int]:
-    """Where the checksums of each direction start, from all that was said."""
-    session = sha256(said).digest()
+def _starts(transcript: bytes) -> tuple[int, int]:
+    """Start values of the checksums of each direction."""
+    session = sha256(transcript).digest()
     return int.from_bytes(session[:4], "little"), int.from_bytes(session[4:8], "little")
 
 
 class ChecksumProtection:
     """One session's start values of the CRC; a change of keys changes them."""
-
-    __slots__ = ("_incoming", "_outgoing", "_previous")
 
     def __init__(self, outgoing: int, incoming: int) -> None:
         self._outgoing = outgoing

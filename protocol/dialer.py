@@ -1,8 +1,7 @@
-"""The initiator's half of the handshake: says HELLO until it is answered. Its mirror is `weberlink.protocol.listener`.
+"""The initiator's half of the handshake: send HELLOs until one is answered (counterpart: `protocol.listener`).
 
-Each HELLO is a key exchange of its own, with a fresh ephemeral key: under one key two different HELLOs must not be
-sealed. The exchanges of the latest HELLOs stay open, since on a long path the answer to one comes after the next ones
-have left.
+Each HELLO is a key exchange of its own, with a fresh ephemeral key, because one key must not seal two different HELLOs.
+The exchanges of the latest HELLOs stay open: on a long path the answer to one arrives after the next ones have left.
 """
 
 from collections import OrderedDict
@@ -10,12 +9,13 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
+from weberlink.protocol.events import DropReason
 from weberlink.protocol.handshake import (
     LARGEST_STAMP,
     WELCOME_HEADER,
-    Caller,
     Hello,
     HelloHeader,
+    LocalEnd,
     identity_of,
     pack_hello,
     read_answered,
@@ -23,18 +23,17 @@ from weberlink.protocol.handshake import (
     read_map,
     read_welcome,
 )
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.security import Outgoing, Protection, Security
+from weberlink.protocol.security import Outgoing, Protection
 
 FIRST_INTERVAL = 0.02
 LONGEST_INTERVAL = 0.1
-"""A slave under a flood of calls reads a part of what comes; ten calls a second find their way."""
+"""A slave under a flood of calls reads only a part of them; ten calls per second get through."""
 OPEN_CALLS = 16
-"""HELLOs whose answer is still taken."""
+"""HELLOs whose answer is still accepted."""
 
 
 class Answer(NamedTuple):
-    """What a WELCOME that agrees brings: the keys, and one measurement of the link in each direction [s]."""
+    """An accepting WELCOME: the keys, and one measurement of the link in each direction [s]."""
 
     protection: Protection
     peer_clock: float
@@ -43,42 +42,20 @@ class Answer(NamedTuple):
 
 
 class Dialer:
-    """One call after another.
+    """Calls the slave, again and again until it answers.
 
     Attributes:
         due: when the next HELLO is to be sent [s]; infinity when not calling.
-        expects: name of the slave that is called; "" until it is known. The first that answers sets it.
-        takes_over: whether a master that the slave serves is to be replaced; not any more after the first answer, so
-            that two masters do not take the slave from each other for ever.
+        expects: name of the slave that is called; "" until it is known. The first slave that answers sets it.
+        takes_over: whether to replace a master that the slave serves; cleared by the first answer, so that two masters
+            do not take the slave from each other for ever.
     """
-
-    __slots__ = (
-        "_agreement",
-        "_caller",
-        "_entropy",
-        "_epoch",
-        "_first_interval",
-        "_interval",
-        "_newest",
-        "_open",
-        "_security",
-        "_stamp",
-        "_version",
-        "due",
-        "expects",
-        "takes_over",
-    )
 
     def __init__(
         self,
-        security: Security,
-        entropy: Callable[[int], bytes],
-        agreement: bytes,
-        version: int,
-        epoch: float,
+        end: LocalEnd,
+        instance: bytes,
         *,
-        caller: Caller,
-        expects: str = "",
         takes_over: bool = False,
         stamp: Callable[[float], int],
         silence: float = 0.0,
@@ -86,27 +63,20 @@ class Dialer:
         """Prepare to call.
 
         Args:
-            entropy: random bytes of a number, for keys.
-            agreement: from `pack_agreement`.
-            epoch: when our clock was at 0 [s].
-            caller: who calls.
-            expects: name of the slave; "" for any.
+            end: the caller.
+            instance: random bytes of this run of it.
             takes_over: as of the attribute.
-            stamp: wall clock [ns] at `now` [s]; where it goes back, stamps go on rising by one.
+            stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
             silence: of the session [s]; the round trip is shorter. Pauses grow from a twentieth to a fifth of it, or to
-                what is longer, so that the listener keeps the session of each HELLO until its answer is back.
+                the longer constants, so that the listener keeps the session of each HELLO until its answer is back.
         """
-        self._security = security
-        self._entropy = entropy
-        self._agreement = agreement
-        self._version = version
-        self._epoch = epoch
-        self._caller = caller
+        self._end = end
+        self._instance = instance
         self._stamp = stamp
         self._newest = 0
         self._open: OrderedDict[int, Outgoing] = OrderedDict()
         self._first_interval = self._interval = max(FIRST_INTERVAL, 0.05 * silence)
-        self.expects = expects
+        self.expects = end.expects
         self.takes_over = takes_over
         self.due = inf
 
@@ -117,7 +87,7 @@ class Dialer:
         self.due = now
 
     def stop(self) -> None:
-        """Hang up; an answer that still comes is not expected any more."""
+        """Stop calling, and accept no more answers."""
         self._open.clear()
         self.due = inf
 
@@ -126,26 +96,28 @@ class Dialer:
         self.due = now + self._interval
         self._interval = min(2.0 * self._interval, max(LONGEST_INTERVAL, 4.0 * self._first_interval))
         self._newest = max(self._stamp(now), self._newest + 1)
+        end, security = self._end, self._end.security
         hello = Hello(
-            self._agreement,
-            round((now - self._epoch) * 1e6),
-            *self._caller,
+            end.agreement,
+            round((now - end.epoch) * 1e6),
+            end.name,
+            self._instance,
             expects=self.expects,
             takes_over=self.takes_over,
         )
-        header = HelloHeader(self._version, identity_of(self._caller.name), self._newest).pack()
-        exchange = self._security.call(header, self._entropy(self._security.private_size))
+        header = HelloHeader(end.version, identity_of(end.name), self._newest).pack()
+        exchange = security.call(header, end.entropy(security.private_size))
         self._open[self._newest] = exchange
         if len(self._open) > OPEN_CALLS:
             self._open.popitem(last=False)
-        return header + exchange.hello(pack_hello(hello, self._security.overhead))
+        return header + exchange.hello(pack_hello(hello, security.overhead))
 
     def receive(self, data: bytes) -> Answer | str | DropReason | None:
         """Take a WELCOME.
 
         Returns:
-            The session that it opens, the text of a refusal, why it is of no use, or None if all that follows from it
-            is that the next HELLO is due at once.
+            The session that it opens, the text of a refusal, the reason to drop it, or None if its only consequence is
+            that the next HELLO is due at once.
         """
         answered = read_answered(data)
         exchange = None if answered is None else self._open.get(answered)
@@ -165,11 +137,11 @@ class Dialer:
         return self._agree(body, protection)
 
     def _catch_up(self, body: dict[str, object]) -> DropReason | None:
-        """The slave has heard a later stamp of this master: our clock went back. Go on from there."""
+        """The slave knows a later stamp of this master, because our clock went back: continue from there."""
         newest = read_integer(body, "newest", LARGEST_STAMP - 1)
         if newest is None:
             return DropReason.MALFORMED
-        if newest <= self._newest:  # it answers a copy of a HELLO that was repeated since
+        if newest <= self._newest:  # it answers an older HELLO
             return DropReason.SUPERSEDED
         self._newest = newest
         self.due = -inf
@@ -186,5 +158,5 @@ class Dialer:
 
 
 def unexpected_slave(expected: str, name: str) -> str:
-    """Why there is no session with another slave than the one that was meant."""
+    """Message to the user: another slave than the expected one answered."""
     return f"the master expects slave {expected!r}, and {name!r} answered"

@@ -91,18 +91,6 @@ class LinkCounters:
 class EmulatedLink(Generic[T]):
     """One direction of a faulty link; `T` is whatever the owner wants back with a datagram (an address)."""
 
-    __slots__ = (
-        "_busy_until",
-        "_emulation",
-        "_epoch",
-        "_flights",
-        "_in_burst",
-        "_last_due",
-        "_numbers",
-        "_uniform",
-        "counters",
-    )
-
     def __init__(self, emulation: Emulation, uniform: Callable[[], float], epoch: float = 0.0) -> None:
         """Lay the link.
 

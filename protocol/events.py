@@ -1,17 +1,55 @@
-"""What an endpoint tells its owner. Plain values; knows nothing of how they come about."""
+"""Events that an endpoint reports to its owner, and the reasons for which it drops datagrams."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import NamedTuple
 
-from weberlink.protocol.reasons import DropReason
 from weberlink.update import Update
 
 Address = tuple[str, int]
 """Host and UDP port."""
 
 
+class DropReason(StrEnum):
+    """Why a datagram was dropped, as counters, events and tests name it. None of them ends a session."""
+
+    TRUNCATED = "truncated"
+    """Shorter than its kind can be."""
+    WRONG_LENGTH = "wrong_length"
+    """Longer than its kind can be."""
+    UNKNOWN_KIND = "unknown_kind"
+    FOREIGN_ADDRESS = "foreign_address"
+    """Not from the peer that the initiator calls."""
+    UNEXPECTED = "unexpected"
+    """A handshake datagram that this role does not accept, or not in this state."""
+    UNPROVEN = "unproven"
+    """A handshake datagram whose sender did not prove the key, or that was damaged on the way."""
+    OVERLOADED = "overloaded"
+    """A call before the next key exchange is allowed; the caller repeats it."""
+    REFUSED = "refused"
+    """A call of a master that gets no session, and was told why."""
+    MALFORMED = "malformed"
+    """Authentic, but the content does not fit its layout."""
+    NO_SESSION = "no_session"
+    """A session datagram while there is no session."""
+    WRONG_SESSION = "wrong_session"
+    """Authentic under the keys of the previous session."""
+    BAD_TAG = "bad_tag"
+    """Forged, damaged, or of an unknown session."""
+    REPLAYED = "replayed"
+    """Received before, or too old to tell. A call: its stamp is not above the newest one that its sender has proven."""
+    IMPLAUSIBLE = "implausible"
+    """Authentic, but its time stamp, clock report or tick cannot be true."""
+    UNTIMED = "untimed"
+    """An update that arrived before the clocks were mapped, so that its age is unknown."""
+    STALE = "stale"
+    """Older than the silence limit on arrival."""
+    SUPERSEDED = "superseded"
+    """An update older than one that was already delivered."""
+
+
 class Connected(NamedTuple):
-    """A new session has begun; whatever was held of an older one (codec states) is void."""
+    """A new session has begun; codec states of an older one are invalid."""
 
     address: Address
     agreement: Mapping[str, object]
@@ -32,10 +70,8 @@ class UpdateReceived(NamedTuple):
 
 
 class UpdateLost(NamedTuple):
-    """The peer does not hold our newest update of a stream; the owner should send a new state.
-
-    It has forgotten it, or the update has not arrived within the silence limit.
-    """
+    """The peer does not hold our newest update of a stream: it asked for the full state, or the update has not arrived
+    within the silence limit. The owner should send a new state."""
 
     stream: int
 
@@ -44,18 +80,18 @@ class PeerSilent(NamedTuple):
     """The loop age has passed the silence limit: the two ends do not hear each other.
 
     Args:
-        is_heard: whether the peer is still heard, so that it is this end that the peer does not hear.
+        is_heard: whether the peer is still heard, so that it is the peer that does not hear this end.
     """
 
     is_heard: bool
 
 
 class PeerReturned(NamedTuple):
-    """The two ends hear each other again in the session that had fallen silent; both should send a new state."""
+    """The two ends hear each other again in the same session; both should send a new state."""
 
 
 class SessionExpired(NamedTuple):
-    """The session is over after seconds of silence; another one may follow."""
+    """The session has ended after seconds of silence; another one may follow."""
 
 
 class PeerClosed(NamedTuple):
@@ -65,7 +101,7 @@ class PeerClosed(NamedTuple):
 
 
 class TakenOver(NamedTuple):
-    """The slave serves another master from now on, which asked for that; final for this one."""
+    """Another master, of that name, has taken over the slave; final for this one."""
 
     name: str
 
@@ -73,26 +109,26 @@ class TakenOver(NamedTuple):
 class Refused(NamedTuple):
     """The two ends do not agree; `message` names each key and both values.
 
-    Final for an initiator. A responder is told only while it has no session; the call changes nothing there.
+    Final for an initiator. A responder reports it only while it has no session, and goes on listening.
     """
 
     message: str
 
 
 class PathAsked(NamedTuple):
-    """The peer asks whether this end is where the datagram came; for the endpoint itself."""
+    """The peer asks whether this end is at the address that received the datagram; handled by the endpoint itself."""
 
     token: bytes
 
 
 class PathAnswered(NamedTuple):
-    """The peer is where this came from; for the endpoint itself."""
+    """The peer has answered such a question; handled by the endpoint itself."""
 
     token: bytes
 
 
 class ChangeProposed(NamedTuple):
-    """The peer proposes a change; the owner must answer (`Endpoint.answer_change`).
+    """The peer proposes a change; the owner must call `Endpoint.answer_change`.
 
     Args:
         tick: of the peer, at which both are to make it.
@@ -109,7 +145,7 @@ class ChangeAnswered(NamedTuple):
     Args:
         tick: of ours, as proposed.
         body: as proposed.
-        refusal: None if it makes the change.
+        refusal: None if the peer makes the change, else why it does not.
     """
 
     tick: int
@@ -118,7 +154,7 @@ class ChangeAnswered(NamedTuple):
 
 
 class DatagramDropped(NamedTuple):
-    """A received datagram was of no use."""
+    """A received datagram was dropped."""
 
     reason: DropReason
 

@@ -1,33 +1,34 @@
-"""The two messages that open a session, and the comparison of what the two ends were configured with.
+"""The two messages that open a session, and the comparison of the two configurations.
 
 | datagram | in clear, authenticated | then |
 |---|---|---|
 | HELLO | kind u8, version u8, identity 8s, stamp u64 | first message of the key exchange |
 | WELCOME | kind u8, version u8, stamp u64 of the HELLO that it answers | second message |
 
-Little endian. The header of the HELLO is the prologue of the key exchange (`protocol.security`), so both ends agree on
-it or there is no session; that of the WELCOME says nothing else. The payload of both messages is a msgpack map:
-`Hello`; `Welcome`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must
-exceed). Header and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
+Little endian. The header of the HELLO is the prologue of the key exchange (`protocol.security`), so a changed header
+opens no session. The payload of both messages is a msgpack map: `Hello`; `Welcome`, or `refusal` (text: why there is no
+session), or `newest` (the stamp that the next HELLO must exceed). Header and `refusal` are the same in every version
+from 2 on, so that two versions can tell each other apart.
 
-The identity is a hash of the master's name. The stamp, in ns, rises with every HELLO of a master, so that a responder
+The identity is a hash of the master's name. The stamp [ns] rises with every HELLO of a master, so that a responder
 drops a recorded HELLO for the cost of a look-up. Both messages carry the sender's clock, so the first two datagrams
-already map the clocks. Pure; `weberlink.protocol.dialer` and `weberlink.protocol.listener` drive it.
+already map the clocks.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from hashlib import sha256
 from struct import Struct
 from typing import NamedTuple
 
 import msgpack
 
-from weberlink.protocol.roles import Role
+from weberlink.protocol.security import Security
+from weberlink.protocol.states import Role
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind
 
 PROTOCOL_VERSION = 2
 PADDED_HELLO = 512
-"""A HELLO is at least this long, so that an answer with a reason in it need not be longer than the question."""
+"""A HELLO is at least this long, so that an answer with a reason need not be longer than the HELLO."""
 INSTANCE_BYTES = 8
 LONGEST_NAME = 64
 """Characters of the name of an end."""
@@ -39,15 +40,37 @@ _LONGEST_CLOCK_US = 1 << 53
 _NOTHING = object()
 
 
+class LocalEnd(NamedTuple):
+    """What the handshake knows of this end.
+
+    Args:
+        security: the suite, with its key.
+        entropy: returns that many random bytes.
+        agreement: packed, from `pack_agreement`.
+        version: of the protocol.
+        epoch: when our clock was at 0 [s].
+        name: of this end.
+        expects: name of the only peer that is accepted; "" for any with the key.
+    """
+
+    security: Security
+    entropy: Callable[[int], bytes]
+    agreement: bytes
+    version: int
+    epoch: float
+    name: str
+    expects: str
+
+
 class Caller(NamedTuple):
-    """A master: what it calls itself, and random bytes of this run of it."""
+    """A master: its name, and random bytes of this run of it."""
 
     name: str
     instance: bytes
 
 
 class Hello(NamedTuple):
-    """What the initiator opens with.
+    """The first message.
 
     Args:
         agreement: packed.
@@ -74,7 +97,7 @@ class Welcome(NamedTuple):
 
 
 class HelloHeader(NamedTuple):
-    """What a HELLO says in clear."""
+    """The part of a HELLO in clear."""
 
     version: int
     identity: bytes
@@ -93,10 +116,10 @@ def identity_of(name: str) -> bytes:
 
 
 def check_name(name: str) -> str:
-    """The name of an end.
+    """Return the name of an end if it is valid.
 
     Raises:
-        ValueError: it is empty, too long, or cannot be printed.
+        ValueError: it is empty, too long, or not printable.
     """
     if not _is_name(name):
         raise ValueError(f"a name has 1 to {LONGEST_NAME} printable characters, not {name!r}")
@@ -180,7 +203,7 @@ def read_integer(body: Mapping[str, object], name: str, largest: int) -> int | N
 
 
 def pack_agreement(agreement: Mapping[str, object]) -> bytes:
-    """The agreement as it travels.
+    """The packed agreement.
 
     Raises:
         ValueError: naming the key whose value msgpack cannot carry, or if the whole does not fit a datagram.

@@ -1,20 +1,20 @@
-"""When a heartbeat is due, and whether it asks for an answer. Knows no bytes, no clock and no state of the endpoint.
+"""Schedule heartbeats, and decide whether one asks for an answer.
 
-Any datagram shows that we are there, so heartbeats fill the gaps between updates. The peer may take part only while the
-loop age (`protocol.liveness`) is within its limit. Without loss the loop age is at most the round trip and one interval
-of each end. An end whose loop age is larger asks, every few milliseconds, and is answered at once: each question that
-arrives and is answered brings the loop age back to the round trip. So the interval is half of what round trip and
-questions leave of the limit, and the number of questions follows from the measured loss.
+Any datagram shows that this end is alive, so heartbeats fill the gaps between updates. Without loss the loop age
+(`protocol.liveness`) is at most the round trip and one interval of each end. An end whose loop age is larger asks every
+few milliseconds, and is answered at once: each answered question brings the loop age back to the round trip. So the
+interval is half of what round trip and questions leave of the silence limit, and the number of questions follows from
+the measured loss.
 """
 
 from math import ceil, inf, log
 
-from weberlink.protocol.liveness import UNITS
+from weberlink.protocol.liveness import FADE_SHARE, UNITS
 
 LONGEST_INTERVAL = 0.2
 """Longest gap between datagrams without loss [s]."""
 LEAST_SHARE = 0.1
-"""Shortest gap without loss, as a share of the silence limit: a limit too short for its path is not worth a flood."""
+"""Shortest gap without loss, as a share of the silence limit: a limit too short for its path must not cause a flood."""
 ROUND_TRIP_SHARE = 0.4
 """Largest round trip, as a share of the silence limit, that is advised. Two round trips pass before the first echo of a
 session; where these take longer than the limit, it falls silent for some ticks as it begins."""
@@ -22,14 +22,13 @@ LATE_TICKS = 3
 """How late the two ends together may be with a heartbeat, in ticks."""
 INTRODUCTIONS = 5
 INTRODUCTION_INTERVAL = 0.02
-"""Pace of heartbeats until the peer was heard and as many again were sent, updates or not [s]: it can date none of our
-updates before one of our reports."""
+"""Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
 REPORT_INTERVAL = 1.0
 """A heartbeat goes out at least this often, however many updates do [s]."""
 ASK_PACE = 0.004
 """Least time between two asks [s], so that a silence of 100 ms hears at most 25 of them."""
 LEAST_QUESTIONS = 2
-"""Before the limit of silence, on a link that has lost nothing yet: the first loss must not end a contact."""
+"""Before the silence limit, on a link that has lost nothing yet: the first loss must not end a contact."""
 MOST_QUESTIONS = 50
 FALSE_ALARMS_PER_S = 1.0 / 3600.0
 CHANCE_FADES_PER_S = 1.0 / 10.0
@@ -37,33 +36,20 @@ CHANCE_FADES_PER_S = 1.0 / 10.0
 
 
 class HeartbeatSchedule:
-    """The times of one direction's heartbeats."""
+    """Times of the heartbeats of one direction.
 
-    __slots__ = (
-        "_answer_wanted",
-        "_answered_in",
-        "_ask_after",
-        "_asked_at",
-        "_confirmed_at",
-        "_due_engaged",
-        "_fade",
-        "_interval",
-        "_introductions",
-        "_reported_at",
-        "_sent_at",
-        "_silence",
-        "_tick_period",
-    )
+    Attributes:
+        interval: longest gap between two datagrams without loss [s].
+    """
 
-    def __init__(self, now: float, *, fade: float, silence: float, tick_period: float) -> None:
+    def __init__(self, now: float, *, silence: float, tick_period: float) -> None:
         """Begin with one that is due.
 
         Args:
-            fade: loop age at which the owner at the other end begins to fade [s].
-            silence: loop age at which it gives us up [s].
+            silence: loop age at which the peer declares us silent [s].
             tick_period: how late a heartbeat may be sent [s].
         """
-        self._fade = fade
+        self._fade = FADE_SHARE * silence
         self._silence = silence
         self._tick_period = tick_period
         self._introductions = INTRODUCTIONS
@@ -87,22 +73,17 @@ class HeartbeatSchedule:
         unanswered = 1.0 - (1.0 - outgoing) * (1.0 - incoming)
         shortest = LEAST_SHARE * self._silence
         clean = max(shortest, min(LONGEST_INTERVAL, 0.5 * (self._fade - overhead)))
-        self._interval = clean
+        self.interval = clean
         for limit, rate, least in (
             (self._fade, CHANCE_FADES_PER_S, 0),
             (self._silence, FALSE_ALARMS_PER_S, LEAST_QUESTIONS),
         ):
             questions = max(least, questions_needed(unanswered, rate * clean))
             asking = questions * (ASK_PACE + self._tick_period) + (path if questions else 0.0)
-            self._interval = max(shortest, min(self._interval, 0.5 * (limit - overhead - asking)))
-        self._ask_after = 2.0 * self._interval + overhead
+            self.interval = max(shortest, min(self.interval, 0.5 * (limit - overhead - asking)))
+        self._ask_after = 2.0 * self.interval + overhead
         self._answered_in = rtt + jitter + 2.0 * self._tick_period
         self._due_engaged = None
-
-    @property
-    def interval(self) -> float:
-        """Longest gap between two datagrams without loss [s]."""
-        return self._interval
 
     def confirmed(self, at: float) -> None:
         """The peer is known to have heard what left then [s]."""
@@ -129,7 +110,7 @@ class HeartbeatSchedule:
         self._due_engaged = None
 
     def asks(self, now: float) -> bool:
-        """Whether a heartbeat sent now asks for an answer: the loop age is too large, and can still be mended."""
+        """Whether a heartbeat sent now asks for an answer: the loop age is too large, and an answer can be in time."""
         return self._ask_due() <= now <= self._confirmed_at + self._silence - self._answered_in
 
     def _ask_due(self) -> float:
@@ -139,28 +120,26 @@ class HeartbeatSchedule:
     def due(self, *, is_engaged: bool) -> float:
         """When to send the next one, if nothing else goes out [s]."""
         if not is_engaged:
-            return min(self._reported_at + REPORT_INTERVAL, self._sent_at + self._interval)
-        if self._due_engaged is None:  # asked several times a tick, and changed by a datagram only
+            return min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.interval)
+        if self._due_engaged is None:  # read several times a tick, changed by a datagram only
             self._due_engaged = self._find_due()
         return self._due_engaged
 
     def _find_due(self) -> float:
         if self._answer_wanted:
             return self._sent_at
-        due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self._interval, self._ask_due())
+        due = min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.interval, self._ask_due())
         return min(due, self._reported_at + INTRODUCTION_INTERVAL) if self._introductions else due
 
 
 def questions_needed(unanswered: float, rate: float) -> int:
-    """The least number of questions, so that a loop that was interrupted stays so more rarely than `rate`.
+    """The least number of questions for which all of them stay unanswered more rarely than `rate`.
 
-    An interval's datagrams interrupt the loop at most as often as a question stays unanswered; it stays interrupted
-    where as many questions as these stay unanswered too, if losses are independent. Bursts that are longer than the
-    questions are not covered: nothing that is sent outlasts them.
+    Losses are taken as independent. Bursts longer than the questions are not covered: no datagram arrives during them.
 
     Args:
         unanswered: share of questions whose answer does not come, 0..1.
-        rate: of failures that may be, for each interval.
+        rate: failures allowed per interval.
     """
     if unanswered <= rate:
         return 0

@@ -1,7 +1,4 @@
-"""The key file: one line of text that only its owner may read. Knows no cryptography.
-
-weberlink-key-1 <64 hexadecimal digits>
-"""
+"""Write and read key files: `weberlink-key-1 <64 hexadecimal digits>`, one line that only its owner may read."""
 
 import errno
 import os

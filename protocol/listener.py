@@ -1,32 +1,33 @@
-"""The responder's half of the handshake: answers HELLOs. Its mirror is `weberlink.protocol.dialer`.
+"""The responder's half of the handshake: answer HELLOs (counterpart: `protocol.dialer`).
 
-An answer opens a session only on paper. It becomes the session of the endpoint when the first datagram under its keys
-arrives, which only the sender of the HELLO can make: a recorded HELLO that somebody plays back opens nothing.
+An answer opens a pending session. It becomes the session of the endpoint when the first datagram under its keys
+arrives, which only the sender of the HELLO can make: a replayed HELLO opens nothing.
 
-What a HELLO costs, in this order:
+A HELLO is processed in this order, from cheap to expensive:
 
-1. A look-up, if its stamp is not above the newest one that this master has proven. Recordings end here.
+1. A look-up, if its stamp is not above the newest one that this master has proven. Replays end here.
 2. Opening its payload. A forgery ends here, and changes nothing.
-3. A key exchange, at a pace for each master, or a refusal, at one pace for all. The stamp counts as proven in any case.
+3. A key exchange, rate-limited for each master, or a refusal, rate-limited for all. The stamp counts as proven anyway.
 
-A listener that was restarted knows no stamps, so recordings pass step 1 until the first HELLO of the master itself is
-opened. Its stamp is above theirs. From then on they end at step 1, and the master's next HELLO finds the pace free.
+A restarted listener knows no stamps, so replays pass step 1 until the first HELLO of the master itself is opened. Its
+stamp is above theirs. From then on they end at step 1, and the master's next HELLO is within the rate limit.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
 from weberlink.protocol.dialer import unexpected_slave
-from weberlink.protocol.events import Address
+from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
     WELCOME_HEADER,
     Caller,
     Hello,
     HelloHeader,
+    LocalEnd,
     Welcome,
     differences,
     identity_of,
@@ -37,19 +38,18 @@ from weberlink.protocol.handshake import (
     read_map,
     version_mismatch,
 )
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.roles import Role
-from weberlink.protocol.security import Incoming, Protection, Security
+from weberlink.protocol.security import Incoming, Protection
 from weberlink.protocol.session import Session
+from weberlink.protocol.states import Role
 
 PENDING_LIMIT = 8
-"""Sessions on paper of one master. A HELLO repeated before its answer can be back opens a further one."""
+"""Pending sessions of one master. A HELLO repeated before its answer can be back opens a further one."""
 KNOWN_MASTERS = 16
-"""Masters that are remembered, those with the newest stamps: a recording pushes out no master that calls now."""
+"""Masters remembered, those with the newest stamps: a replay cannot push out a master that calls now."""
 EXCHANGE_PACE = 0.01
 """Least time between two key exchanges with one master, each of which takes some 0.2 ms [s]."""
 EXCHANGE_PACE_ENGAGED = 0.1
-"""The same while there is a session whose peer is heard: who else calls can wait [s]."""
+"""The same while there is a session whose peer is heard: other callers can wait [s]."""
 REFUSAL_PACE = 0.1
 """Least time between two refusals, which take a key exchange too [s]."""
 STALE_PACE = 0.25
@@ -71,7 +71,7 @@ class _Pending(NamedTuple):
 
 @dataclass(slots=True)
 class _Master:
-    """What is remembered of a master that has proven the key: newest stamp, latest exchange, sessions on paper."""
+    """A master that has proven the key: newest stamp, latest exchange, pending sessions."""
 
     stamp: int
     exchanged_at: float = -inf
@@ -81,57 +81,22 @@ class _Master:
 class Listener:
     """Answers HELLOs and keeps the sessions that they may become."""
 
-    __slots__ = (
-        "_agreement",
-        "_answered_stale_at",
-        "_entropy",
-        "_epoch",
-        "_expects",
-        "_floor",
-        "_masters",
-        "_name",
-        "_open_session",
-        "_refused_at",
-        "_security",
-        "_version",
-    )
-
-    def __init__(
-        self,
-        security: Security,
-        entropy: Callable[[int], bytes],
-        agreement: Mapping[str, object],
-        version: int,
-        epoch: float,
-        open_session: Callable[[Protection, float, float], Session],
-        *,
-        name: str,
-        expects: str = "",
-    ) -> None:
+    def __init__(self, end: LocalEnd, open_session: Callable[[Protection, float, float], Session]) -> None:
         """Prepare to be called.
 
         Args:
-            entropy: random bytes of a number, for keys.
-            agreement: as msgpack gives it back.
-            epoch: when our clock was at 0 [s].
+            end: the slave.
             open_session: makes a session of its keys, the peer's clock [s] and now [s].
-            name: of this slave.
-            expects: name of the only master that is served; "" for any with the key.
         """
-        self._security = security
-        self._entropy = entropy
-        self._agreement = agreement
-        self._version = version
-        self._epoch = epoch
+        self._end = end
+        self._agreement = read_map(end.agreement) or {}
         self._open_session = open_session
-        self._name = name
-        self._expects = expects
         self._masters: dict[bytes, _Master] = {}
         self._floor = 0
         self._refused_at = self._answered_stale_at = -inf
 
     @property
-    def pending(self) -> Iterable[Session]:
+    def pending(self) -> tuple[Session, ...]:
         """Sessions that no datagram has confirmed yet."""
         return tuple(pending.session for master in self._masters.values() for pending in master.pending)
 
@@ -141,14 +106,14 @@ class Listener:
         return next((each.caller, each.address) for each in pending if each.session is session)
 
     def settle(self) -> None:
-        """One of them was confirmed, or none is wanted: the others are void."""
+        """Discard all pending sessions: one was confirmed, or none is wanted."""
         for master in self._masters.values():
             master.pending.clear()
 
     def receive(
         self, data: bytes, address: Address, now: float, *, serving: Caller | None = None, is_engaged: bool = False
     ) -> Reply | DropReason:
-        """Take a HELLO: the answer to send, never longer than the HELLO, or why there is none.
+        """Take a HELLO: the answer to send, never longer than the HELLO, or the reason to drop it.
 
         Args:
             data: the datagram.
@@ -164,7 +129,7 @@ class Listener:
         newest = self._floor if master is None else master.stamp
         if header.stamp <= newest:
             return self._answer_stale(header, data, newest, now)
-        exchange = self._security.hear(data[:HELLO_HEADER], data[HELLO_HEADER:])
+        exchange = self._end.security.hear(data[:HELLO_HEADER], data[HELLO_HEADER:])
         if exchange is None:
             return DropReason.UNPROVEN
         master = self._remember(header)
@@ -177,18 +142,18 @@ class Listener:
         return hello if isinstance(hello, DropReason) else self._refuse(header, exchange, hello, len(data), now)
 
     def _answer_stale(self, header: HelloHeader, data: bytes, newest: int, now: float) -> Reply | DropReason:
-        """Tell a master whose clock went back, now and then, which stamp it must exceed; drop recordings."""
+        """Tell a master whose clock went back which stamp it must exceed, at a limited rate; drop replays."""
         if header.stamp == newest or now < self._answered_stale_at + STALE_PACE:
             return DropReason.REPLAYED
         self._answered_stale_at = now
-        exchange = self._security.hear(data[:HELLO_HEADER], data[HELLO_HEADER:])
+        exchange = self._end.security.hear(data[:HELLO_HEADER], data[HELLO_HEADER:])
         if exchange is None:
             return DropReason.UNPROVEN
         return self._reply(header, exchange, pack_map({"newest": newest}))
 
     def _remember(self, header: HelloHeader) -> _Master:
-        """Take a stamp as proven. Of too many masters the one with the oldest stamp is forgotten; its stamp is from
-        then on the least that an unknown master must exceed, so that nothing recorded is taken again."""
+        """Record a stamp as proven. Of too many masters the one with the oldest stamp is forgotten; unknown masters
+        must exceed its stamp from then on, so that no replay is accepted."""
         master = self._masters.get(header.identity)
         if master is not None:
             master.stamp = header.stamp
@@ -202,39 +167,39 @@ class Listener:
     def _read(
         self, header: HelloHeader, exchange: Incoming, serving: Caller | None, *, is_engaged: bool
     ) -> Hello | str | DropReason:
-        """What a HELLO says, why it is refused, or why it is of no use."""
+        """The content of a HELLO, the text of a refusal, or the reason to drop it."""
         body = read_map(exchange.payload)
         if body is None:
             return DropReason.MALFORMED
-        if header.version != self._version:
-            return version_mismatch(header.version, self._version)
+        if header.version != self._end.version:
+            return version_mismatch(header.version, self._end.version)
         hello = read_hello(body)
         agreement = None if hello is None else read_map(hello.agreement)
         if hello is None or agreement is None or header.identity != identity_of(hello.name):
             return DropReason.MALFORMED
         if serving is not None and serving.name == hello.name and not is_engaged:
-            serving = None  # a master that was started again calls in the silence of its former run
+            serving = None  # a restarted master calls in the silence of its former run
         return self._objection(hello, agreement, serving) or hello
 
     def _objection(self, hello: Hello, agreement: dict[str, object], serving: Caller | None) -> str:
-        """Why this master gets no session; "" if it does."""
-        if hello.expects and hello.expects != self._name:
-            return unexpected_slave(hello.expects, self._name)
-        if self._expects and hello.name != self._expects:
-            return f"slave {self._name!r} serves master {self._expects!r} alone, and {hello.name!r} called"
+        """Message to the user: why this master gets no session; "" if it does."""
+        if hello.expects and hello.expects != self._end.name:
+            return unexpected_slave(hello.expects, self._end.name)
+        if self._end.expects and hello.name != self._end.expects:
+            return f"slave {self._end.name!r} serves master {self._end.expects!r} alone, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):
             return message
         if serving is None or hello.instance == serving.instance or hello.takes_over:
             return ""
         another = "another run of " if hello.name == serving.name else ""
-        return f"slave {self._name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"
+        return f"slave {self._end.name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"
 
     def _welcome(
         self, header: HelloHeader, exchange: Incoming, hello: Hello, master: _Master, address: Address, now: float
     ) -> Reply | DropReason:
-        clock, departure = now - self._epoch, hello.clock_us * 1e-6
-        welcome = Welcome(round(clock * 1e6), round((clock - departure) * 1e6), self._name)
-        answered = exchange.answer(pack_map(welcome._asdict()), self._entropy(self._security.private_size))
+        clock, departure = now - self._end.epoch, hello.clock_us * 1e-6
+        welcome = Welcome(round(clock * 1e6), round((clock - departure) * 1e6), self._end.name)
+        answered = exchange.answer(pack_map(welcome._asdict()), self._end.entropy(self._end.security.private_size))
         if answered is None:
             return DropReason.MALFORMED
         message, protection = answered
@@ -248,12 +213,12 @@ class Listener:
         if now < self._refused_at + REFUSAL_PACE:
             return DropReason.OVERLOADED
         self._refused_at = now
-        room = size - WELCOME_HEADER - self._security.overhead
+        room = size - WELCOME_HEADER - self._end.security.overhead
         return self._reply(header, exchange, pack_refusal(refusal, room), refusal)
 
     def _reply(
         self, header: HelloHeader, exchange: Incoming, payload: bytes, refusal: str | None = None
     ) -> Reply | DropReason:
         """An answer without a session."""
-        answered = exchange.answer(payload, self._entropy(self._security.private_size))
+        answered = exchange.answer(payload, self._end.entropy(self._end.security.private_size))
         return DropReason.MALFORMED if answered is None else Reply(header.pack_answer() + answered[0], refusal)

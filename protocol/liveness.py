@@ -1,16 +1,16 @@
-"""Whether the two ends hear each other, measured by each of them on its own clock.
+"""Measure whether the two ends hear each other: the loop age, on each end's own clock.
 
 Every datagram echoes the departure of the newest datagram that its sender has heard from the receiver, as a time on the
 receiver's clock. So an end knows the loop age: the time since the departure of its newest datagram that the peer is
-known to have heard. It contains the way there, the wait at the peer, the way back and the time since, needs no
-common clock, and makes no assumption about how the round trip divides. It bounds the age of whatever the peer has sent.
+known to have heard. It contains both delays, the wait at the peer and the time since, needs no common clock, and does
+not depend on how the round trip divides. It bounds the age of whatever the peer has sent.
 
-An end takes part only while the loop age is within the silence limit. This is bidirectional forwarding detection (RFC
+An end is engaged only while the loop age is within the silence limit. This is bidirectional forwarding detection (RFC
 5880) with the ages of both directions added: hearing the peer is not enough, the peer must hear this end too.
 
 The echo has 8 bits: the departure in units of 1/64 of the limit, rounded down, modulo 255; 255 if nothing was heard
-within the limit. It is unambiguous for almost four limits. What is heard is at most one limit old by the mapped
-clocks, which err by less than half a round trip, and is echoed for at most one limit.
+within the limit. It is unambiguous for almost four limits: a datagram that counts is at most one limit old by the
+mapped clocks, which err by less than half a round trip, and is echoed for at most one limit.
 """
 
 from math import floor, inf
@@ -20,6 +20,10 @@ DEAF = 255
 UNITS = 64
 """Units of the echo in the silence limit; the loop age is overestimated by at most one."""
 _MODULUS = 255
+FADE_SHARE = 0.8
+"""Share of the silence limit at which owners begin to fade force out, as loop age."""
+HORIZON_SHARE = 0.6
+"""Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 
 
 class Liveness:
@@ -28,26 +32,12 @@ class Liveness:
     Attributes:
         heard_at: arrival of the newest fresh datagram [s].
         confirmed_at: departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
-        encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, and since whose
-            departure no update is known to be missing [s]; -inf before the first.
-        is_peer_encoding: whether the encoder of the peer ran when the newest fresh datagram left that says so.
-        encodes_until: end of the time in which what the peer encodes may be acted on [s]; -inf if it may not.
-        in_touch_at: the earlier of `confirmed_at` and `encoder_heard_at` [s]; the ends have been out of touch since.
+        encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, with no update
+            known to be missing since its departure [s]; -inf before the first.
+        is_peer_encoding: whether the peer's encoder ran, by the newest fresh datagram that says so.
+        encodes_until: until when the peer's updates may be executed [s]; -inf if they may not.
+        in_touch_at: the earlier of `confirmed_at` and `encoder_heard_at` [s]; out of touch since then.
     """
-
-    __slots__ = (
-        "_departure",
-        "_epoch",
-        "_newest",
-        "_silence",
-        "_unit",
-        "confirmed_at",
-        "encoder_heard_at",
-        "encodes_until",
-        "heard_at",
-        "in_touch_at",
-        "is_peer_encoding",
-    )
 
     def __init__(self, epoch: float, silence: float, departure: float, now: float, confirmed_at: float = -inf) -> None:
         """Begin with a handshake datagram of the peer.
@@ -70,7 +60,7 @@ class Liveness:
         self.is_peer_encoding = False
 
     def echo(self, now: float) -> int:
-        """What a datagram that leaves now tells the peer."""
+        """The echo of a datagram that leaves now."""
         if now - self.heard_at > self._silence:
             return DEAF
         return floor(self._departure / self._unit) % _MODULUS
@@ -93,7 +83,7 @@ class Liveness:
             sequence: its number.
             departure: on the peer's clock [s].
             echo: what it says.
-            says_encoding: whether the sender's encoder ran and all its updates are held here; None if it does not say.
+            says_encoding: whether the sender's encoder ran and this end holds all its updates; None if unknown.
             now: [s].
         """
         self.heard_at = now

@@ -1,19 +1,52 @@
-"""What waits between an endpoint and its owner: datagrams to send, and events. Bounded, and counted."""
+"""Bounded queues between an endpoint and its owner, and the counters of both."""
 
-from collections import deque
+from collections import Counter, deque
+from dataclasses import dataclass, field
 
-from weberlink.protocol.events import Address, DatagramDropped, Event
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.events import Address, DatagramDropped, DropReason, Event
+from weberlink.protocol.wire import UPDATE_KINDS
 
 QUEUED_DATAGRAMS = 64
 QUEUED_EVENTS = 256
 
 
-class Mailbox:
-    """Two queues that lose their oldest entries when the owner does not come."""
+@dataclass(slots=True)
+class Statistics:
+    """Cumulative counters over all sessions of an endpoint, and the current measurements of the link.
 
-    __slots__ = ("_datagrams", "_events", "_statistics")
+    `sent` and `bytes_sent` count every datagram (UDP payload); `received` counts authentic ones. An update that was
+    sent again counts under `repeats`, not under `updates_sent`.
+    """
+
+    sent: int = 0
+    bytes_sent: int = 0
+    received: int = 0
+    bytes_received: int = 0
+    updates_sent: list[int] = field(default_factory=lambda: [0] * len(UPDATE_KINDS))
+    """By stream."""
+    updates_received: list[int] = field(default_factory=lambda: [0] * len(UPDATE_KINDS))
+    """By stream."""
+    repeats: int = 0
+    heartbeats: int = 0
+    lost: int = 0
+    """Datagrams of the peer that never came, from gaps in its sequence numbers."""
+    overflowed: int = 0
+    """Datagrams of ours that the owner did not fetch in time."""
+    dropped: Counter[DropReason] = field(default_factory=Counter)
+    """Received and dropped, by reason; `drops` is their sum."""
+    drops: int = 0
+    rtt: float | None = None
+    """Round trip of the newest datagrams of the two directions [s]."""
+    one_way: float | None = None
+    """Delay of the newest datagram of the peer [s]."""
+    incoming_loss: float = 0.0
+    """Recent loss of the peer's datagrams, 0..1."""
+    outgoing_loss: float = 0.0
+    """Recent loss of our datagrams, as the peer measured it, 0..1."""
+
+
+class Mailbox:
+    """Datagrams to send and events; a full queue drops its oldest entry."""
 
     def __init__(self, statistics: Statistics) -> None:
         self._statistics = statistics
@@ -36,19 +69,19 @@ class Mailbox:
         self._events.append(event)
 
     def count(self, data: bytes) -> None:
-        """Count a datagram that proved authentic."""
+        """Count an authentic datagram."""
         self._statistics.received += 1
         self._statistics.bytes_received += len(data)
 
     def drop(self, reason: DropReason) -> None:
-        """Count a datagram of no use; a flood of them gets half the queue, so that it pushes out nothing else."""
+        """Count a dropped datagram; a flood of them fills half the queue at most, so other events are not lost."""
         self._statistics.dropped[reason] += 1
         self._statistics.drops += 1
         if len(self._events) < QUEUED_EVENTS // 2:
             self._events.append(DatagramDropped(reason))
 
     def datagrams(self) -> list[tuple[bytes, Address]]:
-        """All datagrams, oldest first; the queue is empty then."""
+        """Take all datagrams, oldest first."""
         if not self._datagrams:
             return []
         datagrams = list(self._datagrams)
@@ -56,5 +89,5 @@ class Mailbox:
         return datagrams
 
     def next_event(self) -> Event | None:
-        """The oldest event, or None."""
+        """Take the oldest event; None if there is none."""
         return self._events.popleft() if self._events else None

@@ -1,8 +1,8 @@
-"""Changes that both ends make at one moment: proposed by one, answered by the other, repeated until that arrives.
+"""Negotiation of parameter changes that both ends make at the same tick.
 
-Owns the one proposal that each end may have under way, and the answer to the newest one of the peer. Knows no layout,
-and no meaning of what is proposed. That an answer was heard is not confirmed again: if every answer is lost until the
-moment has come, the proposer makes the change when the first one arrives, and the other end has made it by then.
+One end proposes, the other answers; both repeat until the other has heard. That an answer was heard is not confirmed
+again: if every answer is lost until the tick has passed, the proposer makes the change when the first one arrives, and
+the other end has made it by then.
 """
 
 from math import inf
@@ -17,7 +17,7 @@ ACCEPTED, REFUSED = b"\x01", b"\x00"
 
 
 class Change(NamedTuple):
-    """What travels: an identity of three bits, the sender's tick of a proposal (0 in an answer), and the content."""
+    """A proposal or an answer: number (3 bits), the sender's tick of a proposal (0 in an answer), and the content."""
 
     number: int
     tick: int
@@ -26,9 +26,7 @@ class Change(NamedTuple):
 
 
 class ParameterNegotiation:
-    """One end's part in the changes of a session."""
-
-    __slots__ = ("_answer", "_answer_due", "_answering", "_due", "_number", "_proposal")
+    """One end's part in the changes of a session: its own proposal, and its answer to the newest one of the peer."""
 
     def __init__(self) -> None:
         self._number = 0
@@ -62,14 +60,14 @@ class ParameterNegotiation:
         self._due = now
 
     def answer(self, refusal: str | None) -> None:
-        """Answer the newest proposal of the peer: None to agree, or why not."""
+        """Answer the newest proposal of the peer: None to accept it, or why not."""
         assert self._answering is not None
         body = ACCEPTED if refusal is None else REFUSED + refusal.encode(errors="replace")
         self._answer = Change(self._answering[0], 0, body, is_answer=True)
         self._answer_due = True
 
     def take(self, now: float, rtt: float) -> Change:
-        """What is to be sent now that something is due."""
+        """The message to send, when one is due."""
         if self._answer_due:
             assert self._answer is not None
             self._answer_due = False
@@ -79,7 +77,7 @@ class ParameterNegotiation:
         return self._proposal
 
     def heard_proposal(self, number: int, tick: int, body: bytes) -> ChangeProposed | None:
-        """A proposal of the peer, its tick in full; None for one heard before, whose answer is due again."""
+        """Receive a proposal with its full tick; None for a repeated one, which is answered again."""
         if self._answering == (number, tick):
             self._answer_due = self._answer is not None
             return None
@@ -87,7 +85,7 @@ class ParameterNegotiation:
         return ChangeProposed(tick, body)
 
     def heard_answer(self, number: int, body: bytes) -> ChangeAnswered | None:
-        """The answer to our proposal; None if it is to no proposal of ours, or not the first."""
+        """Receive an answer; None if it answers no present proposal of ours."""
         proposal = self._proposal
         if proposal is None or number != proposal.number or not body:
             return None

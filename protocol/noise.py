@@ -1,18 +1,19 @@
-"""Noise_NNpsk0_25519_AESGCM_SHA256: two messages that make fresh keys of a pre-shared one.
+"""Key exchange Noise_NNpsk0_25519_AESGCM_SHA256: two messages that derive fresh keys from a pre-shared one.
 
 Section numbers are those of the Noise Protocol Framework, revision 34. The pattern (sections 7.4 and 9.4):
 
-    -> psk, e       `Initiator.write`, `Responder.read`
-    <- e, ee        `Initiator.read`, `Responder.write`
+    -> psk, e       `Initiator.hello`, `Responder.read`
+    <- e, ee        `Initiator.open`, `Responder.answer`
 
-Both messages carry an encrypted payload. What the first one shows is that its sender holds the key at some time; it may
-be a recording. The keys of `split` are known to nobody but the two ends, even if the pre-shared key is known later.
-An ephemeral key must never be used for two messages: the payload is encrypted under a key that follows from it.
+Both messages carry an encrypted payload. The first one proves that its sender held the key at some time; it may be a
+recording. Only the two ends know the derived keys, even if the pre-shared key becomes known later. An ephemeral key
+must never be used for two messages: the payload is encrypted under a key derived from it.
 """
 
+from collections.abc import Callable
 from hashlib import sha256
 from hmac import digest
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.asymmetric.x25519 import X25519PrivateKey, X25519PublicKey
@@ -28,14 +29,17 @@ OVERHEAD = PUBLIC_BYTES + 16
 """Bytes that each message adds to its payload: the public key and the tag."""
 
 
+T = TypeVar("T")
+
+
 class Secrets(NamedTuple):
-    """What two ends have in common after both messages."""
+    """The secrets that both ends share after both messages."""
 
     forward: bytes
     """Key from initiator to responder, of 32 bytes."""
     backward: bytes
     handshake_hash: bytes
-    """Of everything that was said (section 11.2)."""
+    """Hash of both messages (section 11.2)."""
 
 
 def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:
@@ -51,16 +55,12 @@ def hkdf(chaining_key: bytes, material: bytes, count: int) -> list[bytes]:
 class SharedKey:
     """A pre-shared key after the token `psk` (section 9.2), which comes first and so is the same in every handshake."""
 
-    __slots__ = ("chaining_key", "mixed")
-
     def __init__(self, psk: bytes) -> None:
         self.chaining_key, self.mixed, _ = hkdf(_FIRST, psk, 3)
 
 
 class SymmetricState:
     """Section 5.2, with the CipherState of section 5.1; ready for the first token after `psk`."""
-
-    __slots__ = ("_chaining_key", "_hash", "_key", "_nonce")
 
     def __init__(self, shared: SharedKey, prologue: bytes) -> None:
         self._chaining_key = shared.chaining_key
@@ -70,7 +70,7 @@ class SymmetricState:
         self._nonce = 0
 
     def copy(self) -> "SymmetricState":
-        """The same state, to try something with."""
+        """The same state, so that a message that fails changes nothing."""
         other = object.__new__(SymmetricState)
         other._chaining_key, other._hash = self._chaining_key, self._hash
         other._key, other._nonce = self._key, self._nonce
@@ -94,7 +94,7 @@ class SymmetricState:
         return sealed
 
     def decrypt_and_hash(self, sealed: bytes) -> bytes | None:
-        """The clear text; None, and the state is of no more use, if it is not authentic."""
+        """The clear text; None if it is not authentic, and the state must not be used again."""
         try:
             clear = AESGCM(self._key).decrypt(self._take_nonce(), sealed, self._hash)
         except InvalidTag:
@@ -113,30 +113,30 @@ class SymmetricState:
         return Secrets(forward, backward, self._hash)
 
 
-class Initiator:
+class Initiator(Generic[T]):
     """Writes the first message and reads the second."""
 
-    __slots__ = ("_private", "_state")
-
-    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes) -> None:
+    def __init__(self, shared: SharedKey, prologue: bytes, private: bytes, finish: Callable[[Secrets], T]) -> None:
         """Prepare.
 
         Args:
             shared: made of `PSK_BYTES`.
-            prologue: what both ends must see alike; it is not sent by this.
+            prologue: data that both ends must have alike; it is not part of the messages.
             private: `PRIVATE_BYTES` random bytes that serve for this message alone.
+            finish: makes the result of the exchange from its secrets.
         """
         self._private = X25519PrivateKey.from_private_bytes(private)
         self._state = SymmetricState(shared, prologue)
+        self._finish = finish
 
-    def write(self, payload: bytes) -> bytes:
+    def hello(self, payload: bytes) -> bytes:
         """The message `psk, e`; only once."""
         public = self._private.public_key().public_bytes_raw()
         self._state.mix_ephemeral(public)
         return public + self._state.encrypt_and_hash(payload)
 
-    def read(self, message: bytes) -> tuple[bytes, Secrets] | None:
-        """Payload of the message `e, ee`, and the secrets; None if it is not authentic. May be tried again."""
+    def open(self, message: bytes) -> tuple[bytes, T] | None:
+        """Payload of the message `e, ee`, and the result; None if it is not authentic. May be tried again."""
         state, public = self._state.copy(), message[:PUBLIC_BYTES]
         state.mix_ephemeral(public)
         shared = _exchange(self._private, public)
@@ -144,33 +144,34 @@ class Initiator:
             return None
         state.mix_key(shared)
         payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
-        return None if payload is None else (payload, state.split())
+        return None if payload is None else (payload, self._finish(state.split()))
 
 
-class Responder:
+class Responder(Generic[T]):
     """Has read the first message, and writes the second.
 
     Attributes:
         payload: of the first message.
     """
 
-    __slots__ = ("_peer", "_state", "payload")
-
-    def __init__(self, state: SymmetricState, peer: bytes, payload: bytes) -> None:
+    def __init__(self, state: SymmetricState, peer: bytes, payload: bytes, finish: Callable[[Secrets], T]) -> None:
+        self.payload = payload
         self._state = state
         self._peer = peer
-        self.payload = payload
+        self._finish = finish
 
     @classmethod
-    def read(cls, shared: SharedKey, prologue: bytes, message: bytes) -> "Responder | None":
-        """Take the message `psk, e`; None if it is not authentic. Costs no X25519."""
+    def read(
+        cls, shared: SharedKey, prologue: bytes, message: bytes, finish: Callable[[Secrets], T]
+    ) -> "Responder[T] | None":
+        """Read the message `psk, e`; None if it is not authentic. Needs no X25519."""
         state, public = SymmetricState(shared, prologue), message[:PUBLIC_BYTES]
         state.mix_ephemeral(public)
         payload = state.decrypt_and_hash(message[PUBLIC_BYTES:])
-        return None if payload is None else cls(state, public, payload)
+        return None if payload is None else cls(state, public, payload, finish)
 
-    def write(self, payload: bytes, private: bytes) -> tuple[bytes, Secrets] | None:
-        """The message `e, ee` and the secrets; only once. None if the peer's public key is none.
+    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, T] | None:
+        """The message `e, ee` and the result; only once. None if the peer's public key is invalid.
 
         Args:
             payload: to be sent.
@@ -183,7 +184,7 @@ class Responder:
         public = ours.public_key().public_bytes_raw()
         self._state.mix_ephemeral(public)
         self._state.mix_key(shared)
-        return public + self._state.encrypt_and_hash(payload), self._state.split()
+        return public + self._state.encrypt_and_hash(payload), self._finish(self._state.split())
 
 
 def _exchange(private: X25519PrivateKey, public: bytes) -> bytes | None:

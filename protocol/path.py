@@ -1,10 +1,9 @@
-"""Where the peer is: an address is used once the peer has shown that it receives what is sent there.
+"""Validate the peer's address: use a new one only after the peer has shown that it receives datagrams there.
 
-Whoever copies the peer's datagrams and delivers them first from an address of its own must not attract what is sent
-to the peer. So a datagram from elsewhere makes its address a candidate only. The candidate is sent random bytes and has
-to return them, as in RFC 9000, section 8.2; and as long as authentic datagrams come from the present address, copies
-included, nothing moves. A relay that forwards everything both ways is part of the network, and no address tells it
-from the peer.
+An attacker who copies the peer's datagrams and delivers them first from its own address must not receive what is sent
+to the peer. So a datagram from elsewhere only makes its address a candidate. The candidate is sent random bytes and
+must return them (RFC 9000, section 8.2), and the address stays as it is while authentic datagrams, copies included,
+come from it. A relay that forwards everything both ways cannot be told from the network.
 """
 
 from collections.abc import Callable
@@ -20,30 +19,18 @@ OVERTAKEN = 3
 
 
 class Path:
-    """The addresses of one session's peer.
+    """The address of one session's peer, and a candidate for it.
 
     Attributes:
         address: where the peer is.
     """
-
-    __slots__ = (
-        "_answered",
-        "_asked_at",
-        "_candidate",
-        "_entropy",
-        "_heard_at",
-        "_in_a_row",
-        "_quiet",
-        "_token",
-        "address",
-    )
 
     def __init__(self, address: Address, entropy: Callable[[int], bytes], quiet: float) -> None:
         """Begin at the address where the peer has received our part of the handshake.
 
         Args:
             address: of the peer.
-            entropy: random bytes of a number.
+            entropy: returns that many random bytes.
             quiet: how long nothing must come from an address before another one is used [s].
         """
         self.address = address
@@ -57,7 +44,7 @@ class Path:
         self._asked_at = -inf
 
     def hear(self, source: Address, now: float, *, is_fresh: bool) -> None:
-        """Take note of an authentic datagram; it is fresh if neither a copy nor one that left later came before it."""
+        """Record an authentic datagram; it is fresh if neither a copy nor a later one came before it."""
         if source == self.address:
             self._heard_at, self._in_a_row = now, 0
         elif is_fresh:
@@ -67,7 +54,7 @@ class Path:
             self._settle(now)
 
     def challenge(self, now: float) -> tuple[bytes, Address] | None:
-        """Token to be sent now, and where to; None if nothing has to be asked."""
+        """Token to send now, and the address to send it to; None if no question is due."""
         if self._candidate is None or self._answered or now < self._asked_at + PACE:
             return None
         self._asked_at = now
@@ -75,7 +62,7 @@ class Path:
         return self._token, self._candidate
 
     def answer(self, token: bytes, now: float) -> None:
-        """Take the answer to a challenge, from whatever address: only who got it at the candidate knows the token."""
+        """Take the answer to a challenge, from any address: only the receiver at the candidate knows the token."""
         if self._token and token == self._token:
             self._answered = True
             self._settle(now)

@@ -1,9 +1,9 @@
-"""The suite with a pre-shared key: fresh session keys, every datagram encrypted and authenticated.
+"""Security suite with a pre-shared key: fresh session keys, every datagram encrypted and authenticated.
 
-With `protocol.noise` the only module that loads `cryptography`; nothing imports it unless a key is configured.
+This module and `protocol.noise` load `cryptography`; they are imported only where a key is configured.
 
-- Handshake: Noise_NNpsk0_25519_AESGCM_SHA256 (`protocol.noise`). Who learns the key later cannot read what was recorded
-  earlier.
+- Handshake: Noise_NNpsk0_25519_AESGCM_SHA256 (`protocol.noise`). A key that leaks later does not reveal recorded
+  sessions.
 - Secret of a direction: HKDF-Extract (RFC 5869) of that direction's key from Split(), with the handshake hash as salt.
 - Key and nonce salt of a direction: HKDF-Expand of its secret. The next secret: HKDF-Expand of it under another label.
 - Datagrams: AES-128-CCM with an 8-byte tag (RFC 6655 uses the same), which keeps a 3-DoF update at 48 bytes. Nonce:
@@ -28,8 +28,6 @@ _TAG = 8
 class PresharedKey:
     """The `Security` of two ends that hold the same key."""
 
-    __slots__ = ("_key",)
-
     tag_size = _TAG
     overhead = OVERHEAD
     private_size = PRIVATE_BYTES
@@ -44,59 +42,24 @@ class PresharedKey:
             raise ValueError(f"a pre-shared key has {KEY_BYTES} bytes, not {len(key)}")
         self._key = SharedKey(key)
 
-    def call(self, prologue: bytes, private: bytes) -> "OutgoingExchange":
-        return OutgoingExchange(Initiator(self._key, prologue, private))
+    def call(self, prologue: bytes, private: bytes) -> "Initiator[CcmProtection]":
+        return Initiator(self._key, prologue, private, _initiator_keys)
 
-    def hear(self, prologue: bytes, message: bytes) -> "IncomingExchange | None":
-        heard = Responder.read(self._key, prologue, message)
-        return None if heard is None else IncomingExchange(heard)
-
-
-class OutgoingExchange:
-    """The initiator's part in one handshake."""
-
-    __slots__ = ("_initiator",)
-
-    def __init__(self, initiator: Initiator) -> None:
-        self._initiator = initiator
-
-    def hello(self, payload: bytes) -> bytes:
-        return self._initiator.write(payload)
-
-    def open(self, message: bytes) -> "tuple[bytes, CcmProtection] | None":
-        opened = self._initiator.read(message)
-        if opened is None:
-            return None
-        payload, secrets = opened
-        forward, backward = _traffic_secrets(secrets)
-        return payload, CcmProtection(forward, backward)
+    def hear(self, prologue: bytes, message: bytes) -> "Responder[CcmProtection] | None":
+        return Responder.read(self._key, prologue, message, _responder_keys)
 
 
-class IncomingExchange:
-    """The responder's part in one handshake."""
-
-    __slots__ = ("_responder",)
-
-    def __init__(self, responder: Responder) -> None:
-        self._responder = responder
-
-    @property
-    def payload(self) -> bytes:
-        return self._responder.payload
-
-    def answer(self, payload: bytes, private: bytes) -> "tuple[bytes, CcmProtection] | None":
-        written = self._responder.write(payload, private)
-        if written is None:
-            return None
-        message, secrets = written
-        forward, backward = _traffic_secrets(secrets)
-        return message, CcmProtection(backward, forward)
+def _initiator_keys(secrets: Secrets) -> "CcmProtection":
+    return CcmProtection(_traffic_secret(secrets, secrets.forward), _traffic_secret(secrets, secrets.backward))
 
 
-def _traffic_secrets(secrets: Secrets) -> tuple[bytes, bytes]:
-    """First secret of the direction from initiator to responder, and of the other."""
-    forward, backward = (digest(secrets.handshake_hash, key, "sha256") for key in (secrets.forward, secrets.backward))
-    return forward, backward
+def _responder_keys(secrets: Secrets) -> "CcmProtection":
+    return CcmProtection(_traffic_secret(secrets, secrets.backward), _traffic_secret(secrets, secrets.forward))
+
+
+def _traffic_secret(secrets: Secrets, key: bytes) -> bytes:
+    """The first secret of a direction, from its key."""
+    return digest(secrets.handshake_hash, key, "sha256")
 
 
 class CcmProtection:
@@ -104,8 +67,6 @@ class CcmProtection:
 
     Secrets are replaced as in RFC 9001 section 6; sequence numbers go on.
     """
-
-    __slots__ = ("_decrypt", "_encrypt", "_incoming", "_next", "_outgoing", "_previous")
 
     def __init__(self, outgoing: bytes, incoming: bytes) -> None:
         """Take the secret of each direction, of `SECRET_BYTES`."""
@@ -147,8 +108,6 @@ class CcmProtection:
 
 class _Cipher:
     """AES-128-CCM under the key and nonce salt of one secret."""
-
-    __slots__ = ("_decrypt", "encrypt", "salt")
 
     def __init__(self, secret: bytes) -> None:
         material = _expand(secret, b"weberlink key", _CCM_KEY + _SALT)

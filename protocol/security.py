@@ -1,6 +1,6 @@
-"""What a security suite gives to the handshake and to a session.
+"""Interfaces of a security suite: the key exchange of the handshake, and the protection of a session.
 
-Two suites exist: `protocol.psk` (on by default between hosts) and `protocol.checksum` (for loopback). This file imports
+There are two suites: `protocol.psk` (default between hosts) and `protocol.checksum` (for loopback). This file imports
 neither, so that a side without a key never loads a crypto library.
 """
 
@@ -8,25 +8,25 @@ from typing import Protocol
 
 
 class Protection(Protocol):
-    """Both directions of one session."""
+    """The keys of both directions of one session."""
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
         """The datagram to send; the first `CLEAR_BYTES` stay readable. Never twice for one sequence number."""
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        """What follows the first `CLEAR_BYTES`, if the whole is authentic under this number, else None."""
+        """What follows the first `CLEAR_BYTES`; None if the datagram is not authentic under this number."""
 
     def rekey_outgoing(self) -> None:
-        """Replace the outgoing keys by the next ones, which follow from them in one direction only."""
+        """Replace the outgoing keys by the next ones, which are derived from them one-way."""
 
     def rekey_incoming(self) -> None:
-        """Replace the incoming keys by the next ones; `open_previous` knows those until now."""
+        """Replace the incoming keys by the next ones; `open_previous` keeps those used until now."""
 
     def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
-        """As `open`, under the incoming keys after the present ones; changes nothing, however often it is asked."""
+        """As `open`, under the next incoming keys; changes nothing."""
 
     def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
-        """As `open`, under the incoming keys before the present ones; None before the first change of keys."""
+        """As `open`, under the previous incoming keys; None before the first change of keys."""
 
 
 class Outgoing(Protocol):
@@ -36,7 +36,7 @@ class Outgoing(Protocol):
         """The first message; only once."""
 
     def open(self, message: bytes) -> tuple[bytes, Protection] | None:
-        """Payload of the second message, and the session that it opens; None if it is no answer to the first."""
+        """Payload of the second message, and the keys of the session; None if it does not answer the first."""
 
 
 class Incoming(Protocol):
@@ -46,11 +46,10 @@ class Incoming(Protocol):
         payload: of the first message, whose sender holds or once held the secret.
     """
 
-    @property
-    def payload(self) -> bytes: ...
+    payload: bytes
 
     def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection] | None:
-        """The second message and the session that it opens; only once. None if the first held no public key.
+        """The second message and the keys of the session; only once. None if the first held no valid public key.
 
         Args:
             payload: to be sent.
@@ -77,7 +76,7 @@ class Security(Protocol):
         """Begin a key exchange.
 
         Args:
-            prologue: sent in clear beside the messages; the exchange fails where the two ends see it differently.
+            prologue: sent in clear beside the messages; the exchange fails if the two ends see different ones.
             private: `private_size` random bytes, for this call alone.
         """
 

@@ -1,31 +1,25 @@
-"""One session, from the keys on: reads its datagrams, and holds what makes them (`weberlink.protocol.sending`).
+"""The receiving half of a session: check its datagrams, and read what they say.
 
-Owns replay window, clock mapping, loss and credit of one pair of session keys. Knows no address, no handshake and no
-state of the endpoint; what it carries are integers that it does not interpret.
+The sending half is `Session.sender` (`weberlink.protocol.sending`).
 """
 
 from math import inf
 from typing import NamedTuple
 
-from weberlink.protocol.credit import Credit
-from weberlink.protocol.direction import Direction
+from weberlink.protocol.counters import SEQUENCE_BITS, Credit, LossMeter, ReplayWindow, expand_counter
 from weberlink.protocol.events import (
     ChangeAnswered,
     ChangeProposed,
+    DropReason,
     PathAnswered,
     PathAsked,
     PeerClosed,
     UpdateReceived,
 )
-from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.liveness import Liveness
-from weberlink.protocol.loss import LossMeter
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.replay import ReplayWindow
+from weberlink.protocol.mailbox import Statistics
 from weberlink.protocol.security import Protection
-from weberlink.protocol.sending import Sender
-from weberlink.protocol.sequence import SEQUENCE_BITS, expand_counter
-from weberlink.protocol.statistics import Statistics
+from weberlink.protocol.sending import Parameters, Sender
 from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
@@ -36,60 +30,32 @@ from weberlink.protocol.wire import (
     Report,
     read_head,
     sequence_of,
-    split_acks,
     stream_of,
     unpack_bye,
     unpack_change,
-    unpack_credit,
     unpack_path,
     unpack_report,
 )
 
 TICK_LEAD = 1.0
 """How far a sample tick may lie after the datagram that carries it [s]; the owner's tick grid need not be exact."""
-
 CHANGE_LEAD = 30.0
 """How far ahead of its datagram a proposed change may lie [s]."""
-
 TICK_AGE_SLACK = 0.01
 """How much older than the silence limit a sample may be when its datagram leaves [s]: the owner's ticks may be late."""
-
-FADE_SHARE = 0.8
-"""Share of the silence limit at which owners begin to fade force out, as loop age."""
-HORIZON_SHARE = 0.6
-"""Share of the silence limit for which a motion is extrapolated after the peer's encoder was last known to run."""
 EXPIRY = 3.0
 """How long a session outlives the silence limit [s]. Time stamps wrap after 168 s."""
 LONGEST_SILENCE = 10.0
-"""Largest silence limit [s]; with `EXPIRY` far below half of what a time stamp counts."""
-# Looking a member up costs more than comparing it.
+"""Largest silence limit [s]; with `EXPIRY` far below half of the range of a time stamp."""
+# A comparison with an int is faster than one with a member of an enumeration.
 _HEARTBEAT, _BYE, _CHANGE, _PATH = int(Kind.HEARTBEAT), int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
 _WITHOUT_TAIL = (_BYE, _CHANGE, _PATH)
 """Kinds that carry neither credit nor acknowledgements of further streams."""
 _TICK_MASK = (1 << TICK_BITS) - 1
-_FOR_THE_ENDPOINT = (_HEARTBEAT, _PATH)
-
-
-class Parameters(NamedTuple):
-    """What all sessions of an endpoint have in common.
-
-    Args:
-        outgoing, incoming: layouts of each direction.
-        epoch: when our clock was at 0 [s].
-        tick_period: of both ends [s].
-        silence: age beyond which nothing is executed, and silence beyond which the peer counts as gone [s].
-    """
-
-    outgoing: Direction
-    incoming: Direction
-    epoch: float
-    tick_period: float
-    silence: float
-
 
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
-"""What an authentic datagram says, or why it is of no use; None where nobody need be told."""
+"""What an authentic datagram says, or why it is dropped; None if it concerns nobody else."""
 
 
 class Opened(NamedTuple):
@@ -101,35 +67,16 @@ class Opened(NamedTuple):
 
 
 class Session:
-    """Both directions of one session.
+    """One session from the keys on.
 
     Attributes:
         clock: mapping to the peer's clock.
-        credit: what each end has handed to the other, where the session carries that.
+        credit: granted by each end to the other, where the session carries it.
         liveness: whether each end hears the other.
         is_fresh: whether the datagram accepted last was no older than the silence limit.
+        is_newest: whether no datagram sent after that one was accepted before it.
         sender: makes our datagrams.
     """
-
-    __slots__ = (
-        "_floor",
-        "_held_ticks",
-        "_incoming",
-        "_incoming_phase",
-        "_loss",
-        "_mark",
-        "_marked_at",
-        "_newest_report",
-        "_parameters",
-        "_protection",
-        "_replay",
-        "_statistics",
-        "clock",
-        "credit",
-        "is_fresh",
-        "liveness",
-        "sender",
-    )
 
     def __init__(
         self,
@@ -157,31 +104,25 @@ class Session:
         self._statistics = statistics
         self.clock = Clock(parameters.epoch, peer_clock, now)
         self.credit = Credit()
-        self.is_fresh = False
         self.liveness = Liveness(parameters.epoch, parameters.silence, peer_clock, now, confirmed_at)
+        self.is_fresh = False
+        self.is_newest = False
         self._replay = ReplayWindow()
+        self._loss = LossMeter()
         self._incoming_phase = 0
         self._held_ticks = [0] * len(parameters.incoming.updates)
-        self._loss = LossMeter()
         self._newest_report = -1
         self._floor = self._mark = -1
         self._marked_at = now
         self.sender = Sender(
             protection,
-            parameters.outgoing,
+            parameters,
             statistics,
             clock=self.clock,
             credit=self.credit,
             loss=self._loss,
             liveness=self.liveness,
-            heartbeats=HeartbeatSchedule(
-                now,
-                fade=FADE_SHARE * parameters.silence,
-                silence=parameters.silence,
-                tick_period=parameters.tick_period,
-            ),
             first_sequence=first_sequence,
-            silence=parameters.silence,
             now=now,
         )
 
@@ -195,18 +136,19 @@ class Session:
         """When the session is over [s]."""
         return self.silent_at + EXPIRY
 
-    def retime(self, departure: float, now: float) -> None:
-        """Take a repeated handshake datagram as one more measurement of the clock."""
-        if self.clock.is_plausible(departure, now):
-            self.clock.record(departure, now)
-
     def request_full_state(self) -> None:
-        """The peer's updates are held no more: acknowledge none, so that it sends complete ones."""
+        """Acknowledge no update any more, so that the peer sends its full state."""
         self.sender.delivered = [0] * len(self.sender.delivered)
         self._held_ticks = [0] * len(self._held_ticks)
 
+    def measure(self) -> None:
+        """Write the present measurements into the statistics."""
+        self._statistics.rtt = self.clock.rtt
+        self._statistics.one_way = self.clock.one_way
+        self._statistics.incoming_loss = self._loss.fraction
+
     def authenticate(self, data: bytes) -> Opened | None:
-        """Whether a datagram, of the right length, is of this session; changes nothing."""
+        """Open a datagram of the right length; None if it is not of this session. Changes nothing."""
         sequence = expand_counter(sequence_of(data), SEQUENCE_BITS, self._replay.newest + 1)
         if data[0] & PHASE == self._incoming_phase:
             body = self._protection.open(sequence, data)
@@ -216,21 +158,17 @@ class Session:
             body = self._protection.open_previous(sequence, data)
         return None if body is None else Opened(sequence, data[0], body)
 
-    def is_newest(self, opened: Opened) -> bool:
-        """Whether no datagram sent after this one has been accepted."""
-        return opened.sequence > self._replay.newest
-
     def accept(self, opened: Opened, now: float) -> Outcome:
         """Take an authentic datagram."""
         sequence, first, body = opened
         self.is_fresh = False
+        self.is_newest = sequence > self._replay.newest
         if not self._replay.is_new(sequence):
             return DropReason.REPLAYED
-        if sequence > self._replay.newest and first & PHASE != self._incoming_phase:
+        if self.is_newest and first & PHASE != self._incoming_phase:
             self._protection.rekey_incoming()
             self._incoming_phase = first & PHASE
         self._raise_floor(now)
-        is_newest = sequence > self._replay.newest
         self._replay.mark(sequence)
         self._statistics.lost += self._loss.record(sequence)
         self.sender.is_confirmed = True
@@ -241,37 +179,44 @@ class Session:
         if sequence <= self._floor:
             return DropReason.STALE
         self.clock.record(departure, now)
-        body = self._take_acks(head, body, departure, is_newest=is_newest)
+        self._take_acks(head, body, departure)
         if head.kind == _BYE:
             return PeerClosed(unpack_bye(body))
         if head.kind == _HEARTBEAT and not self._take_report(sequence, unpack_report(body)):
             return DropReason.IMPLAUSIBLE
         outcome = self._deliver(sequence, head, departure, body, now)
-        is_untrue = outcome is DropReason.IMPLAUSIBLE or outcome is DropReason.MALFORMED
-        if (
-            self._incoming.carries_credit and not is_untrue and head.kind not in _WITHOUT_TAIL
-        ):  # what is late is still true of a growing count
-            self.credit.learn(sequence, *unpack_credit(head.kind, body))
+        is_false = outcome is DropReason.IMPLAUSIBLE or outcome is DropReason.MALFORMED
+        # A late credit is still true, because the count only grows.
+        if self._incoming.carries_credit and not is_false and head.kind not in _WITHOUT_TAIL:
+            self.credit.learn(sequence, *self._incoming.read_credit(head.kind, body))
         return outcome
 
     def _raise_floor(self, now: float) -> None:
-        """Keep a number that was accepted at least one silence limit ago: what is numbered no higher left before that.
+        """Reject numbers up to one that was accepted at least one silence limit ago: they left before that.
 
-        Time stamps and echoes wrap, so one that was held back for minutes may look new; its number does not.
+        Time stamps and echoes wrap, so a datagram that was held back for minutes may look new; its number does not.
         """
         if now - self._marked_at >= self._parameters.silence:
             self._floor, self._mark, self._marked_at = self._mark, self._replay.newest, now
 
-    def _take_acks(self, head: Head, body: bytes, departure: float, *, is_newest: bool) -> bytes:
-        """What the datagram acknowledges of each stream of ours; returns the rest of it."""
-        self.sender.acknowledge(head.ack, departure, is_newest=is_newest)
-        count = self._incoming.further_acks
-        if not count or head.kind in _WITHOUT_TAIL:
-            return body
-        rest, acks = split_acks(body, count)
-        for stream, ack in enumerate(acks, 1):
-            self.sender.acknowledge(ack, departure, stream, is_newest=is_newest)
-        return rest
+    def _take_acks(self, head: Head, body: bytes, departure: float) -> None:
+        self.sender.acknowledge(head.ack, departure, is_newest=self.is_newest)
+        if self._incoming.further_acks and head.kind not in _WITHOUT_TAIL:
+            for stream, ack in enumerate(self._incoming.read_acks(body), 1):
+                self.sender.acknowledge(ack, departure, stream, is_newest=self.is_newest)
+
+    def _take_report(self, sequence: int, report: Report) -> bool:
+        """Read the peer's measurements; False if they cannot be true."""
+        if sequence < self._newest_report:
+            return True
+        if not self.clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
+            return False
+        self._newest_report = sequence
+        loss = report.loss_65535 / 65_535
+        self._statistics.outgoing_loss = loss
+        rtt = self.clock.rtt
+        self.sender.heartbeats.adapt(loss, self._loss.fraction, inf if rtt is None else rtt, self.clock.jitter)
+        return True
 
     def _deliver(self, sequence: int, head: Head, departure: float, body: bytes, now: float) -> Outcome:
         age = self.clock.age(departure, now)
@@ -280,27 +225,28 @@ class Session:
         self.is_fresh = True
         self.liveness.hear(sequence, departure, head.echo, says_encoding=self._says_encoding(head), now=now)
         self.sender.heartbeats.confirmed(self.liveness.confirmed_at)
-        if head.kind in _FOR_THE_ENDPOINT:
-            return self._note(head, body)
+        if head.asks:
+            self.sender.heartbeats.asked()
+        if head.kind == _HEARTBEAT:
+            return None
+        if head.kind == _PATH:
+            token = unpack_path(body)
+            return PathAnswered(token) if head.mark else PathAsked(token)
         if age is None:
             return DropReason.UNTIMED
         if not self.liveness.is_current(head.echo, now):
             return DropReason.STALE
-        return self._execute(sequence, head, departure, body, age)
-
-    def _execute(self, sequence: int, head: Head, departure: float, body: bytes, age: float) -> Outcome:
-        """Take what the owner acts on."""
-        if head.kind == _CHANGE:
-            return self._deliver_change(head, departure, body)
-        if sequence < self.sender.delivered[stream_of(head.kind)]:
-            return DropReason.SUPERSEDED
-        return self._deliver_update(sequence, head, departure, body, age)
+        return (
+            self._deliver_change(head, departure, body)
+            if head.kind == _CHANGE
+            else self._deliver_update(sequence, head, departure, body, age)
+        )
 
     def _says_encoding(self, head: Head) -> bool | None:
-        """Whether the peer's encoder runs and this end holds what it encodes; None where the datagram does not say.
+        """Whether the peer's encoder runs and this end holds what it encodes; None if the datagram does not say.
 
-        A heartbeat whose ticks are not those of the newest updates held here tells of an update that is missing. It
-        does not count, or who drops updates alone would have an old one followed for as long as heartbeats come.
+        A heartbeat whose ticks are not those of the newest updates held here shows that an update is missing. It does
+        not count: otherwise an attacker who drops only updates could keep an old one in use as long as heartbeats come.
         """
         if head.kind == _HEARTBEAT:
             if head.is_encoding and head.tick != sum(self._held_ticks) & _TICK_MASK:
@@ -308,19 +254,12 @@ class Session:
             return head.is_encoding
         return True if head.is_encoding else None
 
-    def _note(self, head: Head, body: bytes) -> PathAsked | PathAnswered | None:
-        """Take what asks nothing of the owner."""
-        if head.kind == _PATH:
-            token = unpack_path(body)
-            return PathAnswered(token) if head.has_previous else PathAsked(token)
-        if head.asks:
-            self.sender.heartbeats.asked()
-        return None
-
     def _deliver_update(
         self, sequence: int, head: Head, departure: float, body: bytes, age: float
     ) -> UpdateReceived | DropReason:
         stream = stream_of(head.kind)
+        if sequence < self.sender.delivered[stream]:
+            return DropReason.SUPERSEDED
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(head.tick, TICK_BITS, int(sent_tick))
         update = self._incoming.updates[stream].unpack(body, head, tick)
@@ -339,28 +278,10 @@ class Session:
         self, head: Head, departure: float, body: bytes
     ) -> ChangeProposed | ChangeAnswered | DropReason | None:
         negotiation, (low_tick, content) = self.sender.negotiation, unpack_change(body)
-        if head.has_previous:
+        if head.mark:
             return negotiation.heard_answer(head.selector, content)
         sent_tick = departure / self._parameters.tick_period
         tick = expand_counter(low_tick, CHANGE_TICK_BITS, int(sent_tick))
         if abs(tick - sent_tick) * self._parameters.tick_period > CHANGE_LEAD:
             return DropReason.IMPLAUSIBLE
         return negotiation.heard_proposal(head.selector, tick, content)
-
-    def _take_report(self, sequence: int, report: Report) -> bool:
-        if sequence < self._newest_report:
-            return True
-        if not self.clock.learn(report.minimum_us * 1e-6, report.latest_us * 1e-6, report.late_us * 1e-6):
-            return False
-        self._newest_report = sequence
-        loss = report.loss_65535 / 65_535
-        self._statistics.outgoing_loss = loss
-        rtt = self.clock.rtt
-        self.sender.heartbeats.adapt(loss, self._loss.fraction, inf if rtt is None else rtt, self.clock.jitter)
-        return True
-
-    def measure(self) -> None:
-        """Write the present measurements into the statistics."""
-        self._statistics.rtt = self.clock.rtt
-        self._statistics.one_way = self.clock.one_way
-        self._statistics.incoming_loss = self._loss.fraction

@@ -1,26 +1,34 @@
-"""The states of an endpoint and the table of moves between them, alone.
-
-Knows no role: the two sides differ in which triggers they meet, not in what a trigger does. Knows no time and no bytes.
-"""
+"""The roles and states of an endpoint, and the table of moves between the states."""
 
 from enum import Enum, auto
 
 
+class Role(Enum):
+    """Which end of the link an endpoint is; the value is its name in messages to the user."""
+
+    INITIATOR = "master"
+    RESPONDER = "slave"
+
+    @property
+    def other(self) -> "Role":
+        return Role.RESPONDER if self is Role.INITIATOR else Role.INITIATOR
+
+
 class State(Enum):
-    """Where a conversation with the peer stands."""
+    """State of the conversation with the peer."""
 
     IDLE = auto()
-    """Nothing begun, or the last session has ended and the next one is about to begin."""
+    """Not started, or the last session has ended and the next one is about to begin."""
     CONNECTING = auto()
     """Calling the peer until it answers."""
     LISTENING = auto()
     """Waiting to be called."""
     ENGAGED = auto()
-    """In a session, with a loop age (`protocol.liveness`) within the silence limit: each end hears the other."""
+    """In a session whose loop age (`protocol.liveness`) is within the silence limit: each end hears the other."""
     SILENT = auto()
     """In a session whose loop age has passed the silence limit; it ends a few seconds later."""
     CLOSED = auto()
-    """Over, by our own wish or because the peer refused. Final."""
+    """Closed by this end, or refused by the peer. Final."""
 
 
 class Trigger(Enum):
@@ -38,7 +46,7 @@ class Trigger(Enum):
 
 
 class StateError(RuntimeError):
-    """A call that the state of the endpoint does not allow: a fault of the caller, never of the peer."""
+    """The state of the endpoint does not allow this call: a fault of the caller, never of the peer."""
 
 
 TABLE: dict[State, dict[Trigger, State]] = {
@@ -75,10 +83,10 @@ TABLE: dict[State, dict[Trigger, State]] = {
 
 
 def next_state(state: State, trigger: Trigger) -> State:
-    """Where `trigger` leads from `state`.
+    """The state that `trigger` leads to.
 
     Raises:
-        StateError: if the table has no such move; the state is as before.
+        StateError: if the table has no such move; the state stays as it was.
     """
     try:
         return TABLE[state][trigger]

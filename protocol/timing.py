@@ -1,4 +1,4 @@
-"""The mapping between the clocks of the two ends, measured from the datagrams themselves.
+"""Map the clocks of the two ends to each other, from the time stamps of the datagrams.
 
 Each end sees raw delays: arrival on its own clock minus departure on the other's. With o = peer's clock minus ours,
 
@@ -9,12 +9,12 @@ took equally long (the assumption of NTP, RFC 5905, section 8; an asymmetric pat
 Queues only ever add delay, hence minima; they are taken over a sliding window, so that drifting clocks are followed: an
 error of at most half the window times the drift, 0.1 ms at 50 ppm.
 
-Knows no socket and no clock of its own. Clocks count seconds since the epoch of their owner.
+Clocks count seconds since the epoch of their owner.
 """
 
 from math import floor, inf
 
-from weberlink.protocol.sequence import expand
+from weberlink.protocol.counters import expand
 
 WINDOW = 4.0
 """Length of the minimum filter [s]."""
@@ -27,7 +27,7 @@ _STAMP_MASK = (1 << STAMP_BITS) - 1
 _STAMPS_PER_S = 1e5
 
 EARLY_LIMIT = 0.05
-"""How much faster than physics allows a datagram may seem before its stamp is not believed [s]."""
+"""How much faster than physics allows a datagram may seem before its time stamp is rejected [s]."""
 _EARLY_LIMIT_UNMAPPED = 5.0
 LONGEST_RTT = 60.0
 _LEAST_RTT = -0.001  # clocks drift between two reports, and stamps are cut off
@@ -36,17 +36,11 @@ _LEAST_RTT = -0.001  # clocks drift between two reports, and stamps are cut off
 class SlidingMinimum:
     """Minimum over the last `WINDOW` seconds, in steps of an eighth of it; constant work for each sample."""
 
-    __slots__ = ("_bucket", "_minima", "_newest_at", "_value")
-
     def __init__(self) -> None:
         self._minima = [inf] * _BUCKETS
         self._bucket = 0
         self._newest_at = -inf
-        self._value = inf
-
-    @property
-    def value(self) -> float:
-        return self._value
+        self.value = inf
 
     def is_expired(self, now: float) -> bool:
         return now - self._newest_at > WINDOW
@@ -58,18 +52,18 @@ class SlidingMinimum:
         index = bucket % _BUCKETS
         if sample < self._minima[index]:
             self._minima[index] = sample
-            self._value = min(self._minima)
+            self.value = min(self._minima)
         self._newest_at = now
 
     def _rotate(self, bucket: int) -> None:
         for passed in range(min(max(bucket - self._bucket, 0), _BUCKETS)):
             self._minima[(bucket - passed) % _BUCKETS] = inf
         self._bucket = bucket
-        self._value = min(self._minima)
+        self.value = min(self._minima)
 
 
 class Clock:
-    """Our clock, and the peer's as seen from here.
+    """Our clock, and the mapping to the peer's.
 
     Attributes:
         late: by how much few datagrams of the outward direction exceed their least delay [s].
@@ -79,24 +73,8 @@ class Clock:
         jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
     """
 
-    __slots__ = (
-        "_early_limit",
-        "_epoch",
-        "_excess",
-        "_inward",
-        "_latest",
-        "_offset",
-        "_outward",
-        "_variation",
-        "jitter",
-        "late",
-        "one_way",
-        "peer_latest",
-        "rtt",
-    )
-
     def __init__(self, epoch: float, peer_clock: float, now: float) -> None:
-        """Start from a first datagram, whose departure was stated in full.
+        """Start from a first datagram whose departure is known in full.
 
         Args:
             epoch: when our clock was at 0 [s].
@@ -118,30 +96,26 @@ class Clock:
         self.jitter = 0.0
         self.record(peer_clock, now)
 
-    def time(self, now: float) -> float:
-        """Our own clock [s]."""
-        return now - self._epoch
-
     def stamp(self, now: float) -> int:
-        """Our own clock as it travels."""
+        """Time stamp of a datagram that leaves now."""
         return floor((now - self._epoch) * _STAMPS_PER_S) & _STAMP_MASK
 
     def departure(self, stamp: int, now: float) -> float:
-        """Full time [s] on the peer's clock of a stamp that has just arrived."""
+        """Time on the peer's clock [s] of a stamp that has just arrived."""
         near = int((now - self._epoch - self._inward.value) * _STAMPS_PER_S)
         return expand(stamp, STAMP_BITS, near) * STAMP_UNIT
 
     def is_plausible(self, departure: float, now: float) -> bool:
-        """Whether a datagram can have left then: not by much after it has arrived.
+        """Whether a datagram can have left then: not much later than it arrived.
 
-        The true delay is not below 0, and the offset is wrong by at most half the least round trip. After a whole
-        window without a plausible datagram any stamp is believed: then a clock was stepped, not a datagram damaged.
+        The true delay is at least 0, and the offset is wrong by at most half the least round trip. After a whole window
+        without a plausible datagram any stamp is accepted: then a clock was stepped, not a datagram damaged.
         """
         early = self._inward.value - (now - self._epoch - departure)
         return early <= self._early_limit or self._inward.is_expired(now)
 
     def record(self, departure: float, now: float) -> None:
-        """Take the raw delay of a plausible datagram into the mapping."""
+        """Update the mapping with the raw delay of a plausible datagram."""
         delay = now - self._epoch - departure
         before = self._inward.value
         self._inward.record(delay, now)
@@ -156,12 +130,12 @@ class Clock:
         self._measure()
 
     def report(self) -> tuple[float, float, float]:
-        """For the peer [s]: least raw delay, and above it the latest and the one that few datagrams exceed."""
+        """Raw delays for the peer [s]: the least, and above it the latest and a bound that few datagrams exceed."""
         minimum = self._inward.value
         return minimum, self._latest - minimum, max(0.0, self._excess) + 4.0 * self._variation
 
     def learn(self, minimum: float, latest: float, late: float) -> bool:
-        """Take the peer's report; False, and nothing is changed, if no real link could give it."""
+        """Take the peer's report; False, with nothing changed, if no real link can cause it."""
         if not _LEAST_RTT - EARLY_LIMIT <= self._inward.value + minimum <= LONGEST_RTT:
             return False
         self._outward = minimum
@@ -181,15 +155,15 @@ class Clock:
         return None if self._offset is None else now - self._epoch + self._offset
 
     def latest_receivable_peer_time(self, now: float) -> float | None:
-        """The peer's clock at the departure of a datagram that comes now by the fastest way [s]."""
+        """The peer's clock at the departure of a datagram that arrives now with the least delay [s]."""
         return None if self._offset is None else now - self._epoch - self._inward.value
 
     def age(self, departure: float, now: float) -> float | None:
-        """Time since then [s], not negative; None until both directions are measured."""
+        """Time since a departure on the peer's clock [s], not negative; None until both directions are measured."""
         return None if self._offset is None else max(0.0, now - self._epoch + self._offset - departure)
 
     def arrival_bound(self, sent_at: float) -> float | None:
-        """By when [s, peer's clock] nearly every datagram that we sent at `sent_at` [s] has arrived."""
+        """Time on the peer's clock [s] by which nearly every datagram that we sent at `sent_at` [s] has arrived."""
         if self._outward is None:
             return None
         return sent_at - self._epoch + self._outward + self.late
@@ -207,7 +181,7 @@ class Clock:
             self._early_limit = _EARLY_LIMIT_UNMAPPED
 
     def _measure(self) -> None:
-        """Work out what is asked for in every tick, and changes with a datagram only."""
+        """Compute what is read in every tick and changes with a datagram only."""
         latest = self._latest
         self.rtt = None if self._outward is None else max(0.0, latest + self._outward + self.peer_latest)
         self.one_way = None if self._offset is None else max(0.0, latest + self._offset)

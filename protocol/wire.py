@@ -1,7 +1,7 @@
-"""Binary layout of the datagrams of a session. Knows no keys and no meaning of what it carries.
+"""Binary layout of the datagrams of a session.
 
-A session carries one stream of updates each way, or two; each has a kind of update of its own, and all else in common.
-All fields are little endian; n is the number of values that the two ends agreed on for the stream.
+A session carries one or two streams of updates each way; each stream has its own kind of update. All fields are little
+endian; n is the number of values that the two ends agreed on for the stream.
 
 | part | field | format | bytes | meaning |
 |---|---|---|---|---|
@@ -37,41 +37,37 @@ encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) s
 
 from collections.abc import Collection, Sequence
 from enum import IntEnum
+from itertools import chain, repeat
 from struct import Struct, error
 from typing import NamedTuple
 
-from weberlink.protocol.credit import HEARTBEAT_BITS, UPDATE_BITS
-from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.events import DropReason
 from weberlink.update import MAX_GAP, MAX_SELECTOR, ModelParameters, PreviousSample, Update, parameter_bits
 
-CHANGE_TICK_BYTES = 4
 CLEAR_BYTES = 4
 """Kind and sequence number, which travel in clear."""
 HEAD_BYTES = 12
 TICK_BITS = 16
+CHANGE_TICK_BITS = 32
 ACK_BYTES = 2
+TOKEN_BYTES = 8
 LONGEST_REASON = 64
 LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
 """Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
-CHANGE_TICK_BITS = 32
-TOKEN_BYTES = 8
+MARK = 0b1000
+PHASE = 0b1000_0000
 
 _KIND_MASK = 0b0111
-MARK = 0b1000
 _SELECTOR_SHIFT = 4
-PHASE = 0b1000_0000
 _SHAPE_MASK = _KIND_MASK | MARK
+_U32_MAX = 0xFFFF_FFFF
 _WORD = Struct("<Q")
+_PREFIX = Struct("<IQ")
 _HEARTBEAT = Struct("<IQqIIH")
 _HEARTBEAT_BODY = Struct("<qIIH")
-_UPDATE_CREDIT = Struct("<H")
-_HEARTBEAT_CREDIT = Struct("<I")
-HEARTBEAT_BYTES = _HEARTBEAT.size
-HEARTBEAT_CREDIT_BYTES = _HEARTBEAT_CREDIT.size
-_UPDATE_CREDIT_MASK = (1 << UPDATE_BITS) - 1
-_HEARTBEAT_CREDIT_MASK = (1 << HEARTBEAT_BITS) - 1
-_U32_MAX = 0xFFFF_FFFF
+_CHANGE_TICK = Struct("<I")
+UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS = 16, 32
 
 
 class Kind(IntEnum):
@@ -91,16 +87,15 @@ class Kind(IntEnum):
 
 UPDATE_KINDS = (Kind.UPDATE, Kind.SECOND_UPDATE)
 """By stream."""
-_UPDATE, _HEARTBEAT_KIND, _BYE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.BYE)
-_SECOND_UPDATE = int(Kind.SECOND_UPDATE)
-_CHANGE_TICK = Struct("<I")
+# A comparison with an int is faster than one with a member of an enumeration.
+_UPDATE, _HEARTBEAT_KIND, _SECOND_UPDATE = int(Kind.UPDATE), int(Kind.HEARTBEAT), int(Kind.SECOND_UPDATE)
 
 
 class Head(NamedTuple):
-    """The part that all datagrams of a session have, still truncated."""
+    """The fields that all datagrams of a session have, still truncated."""
 
     kind: int
-    has_previous: bool
+    mark: bool
     selector: int
     ack: int
     sent: int
@@ -110,7 +105,7 @@ class Head(NamedTuple):
     @property
     def asks(self) -> bool:
         """Whether the sender wants an answer at once."""
-        return self.has_previous and self.kind == _HEARTBEAT_KIND
+        return self.mark and self.kind == _HEARTBEAT_KIND
 
     @property
     def is_encoding(self) -> bool:
@@ -133,13 +128,23 @@ def kind_of(data: bytes) -> int:
     return data[0] & _KIND_MASK
 
 
+def stream_of(kind: int) -> int:
+    """The stream that an update of this kind belongs to."""
+    return 1 if kind == _SECOND_UPDATE else 0
+
+
 def sequence_of(data: bytes) -> int:
     """Truncated sequence number of a datagram of at least `CLEAR_BYTES`."""
     return int.from_bytes(data[1:4], "little")
 
 
+def pack_word(ack: int, sent: int, echo: int, tick: int = 0) -> int:
+    """The encrypted part of a head as one number."""
+    return ack | sent << 16 | tick << 40 | echo << 56
+
+
 def read_head(first: int, body: bytes) -> Head:
-    """Take the head apart.
+    """Read the head.
 
     Args:
         first: first byte of the datagram.
@@ -157,9 +162,8 @@ def read_head(first: int, body: bytes) -> Head:
     )
 
 
-def pack_word(ack: int, sent: int, echo: int, tick: int = 0) -> int:
-    """The encrypted part of a head as one number."""
-    return ack | sent << 16 | tick << 40 | echo << 56
+# Each `pack` makes a datagram without tag, from a truncated sequence number and a word of `pack_word`; each `unpack`
+# takes a body as `read_head` does.
 
 
 def pack_heartbeat(
@@ -172,7 +176,7 @@ def pack_heartbeat(
     asks: bool = False,
     is_encoding: bool = False,
 ) -> bytes:
-    """Datagram of a heartbeat, without tag; `credit` and the acknowledgements of further streams where carried."""
+    """A heartbeat, with credit and the acknowledgements of further streams where the direction carries them."""
     data = _HEARTBEAT.pack(
         Kind.HEARTBEAT | asks * MARK | is_encoding << _SELECTOR_SHIFT | sequence << 8,
         word,
@@ -182,48 +186,27 @@ def pack_heartbeat(
         report.loss_65535,
     )
     if credit is not None:
-        data += _HEARTBEAT_CREDIT.pack(credit & _HEARTBEAT_CREDIT_MASK)
-    return data + b"".join(each.to_bytes(ACK_BYTES, "little") for each in further_acks) if further_acks else data
+        data += (credit & _U32_MAX).to_bytes(HEARTBEAT_CREDIT_BITS // 8, "little")
+    return data + b"".join(ack.to_bytes(ACK_BYTES, "little") for ack in further_acks) if further_acks else data
 
 
 def unpack_report(body: bytes) -> Report:
     return Report._make(_HEARTBEAT_BODY.unpack_from(body, _WORD.size))
 
 
-def unpack_credit(kind: int, body: bytes) -> tuple[int, int]:
-    """Truncated credit of an update or heartbeat that carries it, and its number of bits.
-
-    Args:
-        kind: of the datagram.
-        body: without acknowledgements of further streams.
-    """
-    if kind != _HEARTBEAT_KIND:
-        return _UPDATE_CREDIT.unpack_from(body, len(body) - _UPDATE_CREDIT.size)[0], UPDATE_BITS
-    return _HEARTBEAT_CREDIT.unpack_from(body, len(body) - _HEARTBEAT_CREDIT.size)[0], HEARTBEAT_BITS
-
-
-def split_acks(body: bytes, count: int) -> tuple[bytes, tuple[int, ...]]:
-    """The body of an update or heartbeat without the acknowledgements of `count` further streams, and these."""
-    end = len(body) - ACK_BYTES * count
-    return body[:end], tuple(
-        int.from_bytes(body[at : at + ACK_BYTES], "little") for at in range(end, len(body), ACK_BYTES)
-    )
-
-
-def stream_of(kind: int) -> int:
-    """The stream that an update of this kind belongs to."""
-    return 1 if kind == _SECOND_UPDATE else 0
-
-
 def pack_bye(sequence: int, word: int, reason: str) -> bytes:
     text = reason.encode(errors="replace")[:LONGEST_REASON].decode(errors="ignore").encode()
-    return (Kind.BYE | sequence << 8).to_bytes(4, "little") + _WORD.pack(word) + text
+    return _PREFIX.pack(Kind.BYE | sequence << 8, word) + text
+
+
+def unpack_bye(body: bytes) -> str:
+    return body[_WORD.size :].decode(errors="replace")
 
 
 def pack_change(sequence: int, word: int, tick: int, number: int, body: bytes, *, is_answer: bool) -> bytes:
-    """Datagram of a proposed change or of the answer to one, without tag."""
+    """A proposed change, or the answer to one."""
     first = Kind.CHANGE | is_answer * MARK | number << _SELECTOR_SHIFT | sequence << 8
-    return first.to_bytes(4, "little") + _WORD.pack(word) + _CHANGE_TICK.pack(tick) + body[:LONGEST_CHANGE]
+    return _PREFIX.pack(first, word) + _CHANGE_TICK.pack(tick) + body[:LONGEST_CHANGE]
 
 
 def unpack_change(body: bytes) -> tuple[int, bytes]:
@@ -232,22 +215,16 @@ def unpack_change(body: bytes) -> tuple[int, bytes]:
 
 
 def pack_path(sequence: int, word: int, token: bytes, *, is_answer: bool) -> bytes:
-    """Datagram that asks whether the peer is at an address, or answers that; without tag."""
-    return (Kind.PATH | is_answer * MARK | sequence << 8).to_bytes(4, "little") + _WORD.pack(word) + token
+    """The question whether the peer is at an address, or the answer."""
+    return _PREFIX.pack(Kind.PATH | is_answer * MARK | sequence << 8, word) + token
 
 
 def unpack_path(body: bytes) -> bytes:
     return body[_WORD.size :]
 
 
-def unpack_bye(body: bytes) -> str:
-    return body[_WORD.size :].decode(errors="replace")
-
-
 class UpdateLayout:
     """Packs and unpacks the updates of one stream."""
-
-    __slots__ = ("_kind", "_paired", "_paired_body", "_parametric", "_plain", "_plain_body", "carries_credit", "values")
 
     def __init__(
         self,
@@ -262,13 +239,13 @@ class UpdateLayout:
 
         Args:
             values: levels of a sample.
-            carries_credit: whether each datagram carries the sender's.
+            carries_credit: whether each datagram carries the sender's credit.
             further_acks: streams of the other direction beside the first, which each datagram acknowledges too.
             kind: of the updates.
             parametric: selectors whose updates carry model parameters and not the previous sample.
 
         Raises:
-            ValueError: if an update of so many would not fit a datagram.
+            ValueError: if so many levels do not fit a datagram.
         """
         if not 1 <= values <= 256:
             raise ValueError(f"an update carries 1 to 256 values, not {values}")
@@ -294,10 +271,10 @@ class UpdateLayout:
         credit: int = 0,
         further_acks: tuple[int, ...] = (),
     ) -> bytes:
-        """Datagram of one update, without tag; `sequence` and acknowledgements already truncated."""
+        """An update; acknowledgements are truncated already."""
         newest, payload = update.newest, update.payload
         first = self._kind | update.selector << _SELECTOR_SHIFT | sequence << 8
-        last = (credit & _UPDATE_CREDIT_MASK, *further_acks) if self.carries_credit else further_acks
+        last = (credit & 0xFFFF, *further_acks) if self.carries_credit else further_acks
         if payload is None:
             return self._plain.pack(first, word, *newest, *last)
         gap, previous = payload if isinstance(payload, PreviousSample) else _words(payload.bits, self.values)
@@ -305,7 +282,7 @@ class UpdateLayout:
         return self._paired.pack(first | MARK, word, *newest, gap, *difference, *last)
 
     def check(self, update: Update) -> None:
-        """See that an update can be packed without loss.
+        """Check that an update can be packed without loss.
 
         Raises:
             ValueError: naming the field and its range.
@@ -328,9 +305,9 @@ class UpdateLayout:
                 raise ValueError(f"a sample must be {self.values} levels of int16, not {levels!r}") from None
 
     def unpack(self, body: bytes, head: Head, tick: int) -> Update | None:
-        """The update in a body as `read_head` takes it, `tick` expanded; None if its gap is 0."""
+        """The update, with its tick in full; None if its gap is 0."""
         values, selector = self.values, head.selector
-        if not head.has_previous:
+        if not head.mark:
             return Update(tick, selector, self._plain_body.unpack_from(body, _WORD.size))
         fields = self._paired_body.unpack_from(body, _WORD.size)
         newest, gap = fields[:values], fields[values]
@@ -357,8 +334,77 @@ def _bits(gap: int, words: Sequence[int]) -> int:
     return bits << 15 | gap & 0x7FFF
 
 
+class DirectionLayout:
+    """The layouts of all datagrams of one direction.
+
+    Attributes:
+        updates: by stream.
+        carries_credit: whether each update and heartbeat carries the sender's credit.
+        further_acks: how many streams of the other direction each of them acknowledges beside the first.
+    """
+
+    def __init__(
+        self,
+        values: Sequence[int],
+        *,
+        carries_credit: bool = False,
+        further_acks: int = 0,
+        parametric: Sequence[Collection[int]] = (),
+    ) -> None:
+        """Prepare for streams whose samples have `values` levels each; `parametric` as for `UpdateLayout`, by stream.
+
+        Raises:
+            ValueError: for no stream or more than there are kinds of updates, or for a sample that fits no datagram.
+        """
+        if not 1 <= len(values) <= len(UPDATE_KINDS):
+            raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of values, not {len(values)}")
+        self.carries_credit = carries_credit
+        self.further_acks = further_acks
+        self.updates = tuple(
+            UpdateLayout(
+                count, carries_credit=carries_credit, further_acks=further_acks, kind=kind, parametric=selectors
+            )
+            for count, kind, selectors in zip(values, UPDATE_KINDS, chain(parametric, repeat(())), strict=False)
+        )
+
+    def read_acks(self, body: bytes) -> tuple[int, ...]:
+        """Acknowledgements of further streams at the end of an update or heartbeat."""
+        return tuple(
+            int.from_bytes(body[at : at + ACK_BYTES], "little")
+            for at in range(len(body) - ACK_BYTES * self.further_acks, len(body), ACK_BYTES)
+        )
+
+    def read_credit(self, kind: int, body: bytes) -> tuple[int, int]:
+        """Truncated credit of an update or heartbeat that carries it, and its number of bits."""
+        end = len(body) - ACK_BYTES * self.further_acks
+        bits = HEARTBEAT_CREDIT_BITS if kind == _HEARTBEAT_KIND else UPDATE_CREDIT_BITS
+        return int.from_bytes(body[end - bits // 8 : end], "little"), bits
+
+    def lengths(self, tag_size: int) -> dict[int, tuple[int, int]]:
+        """Shortest and longest datagram of each shape (kind and mark) that a peer of these layouts sends."""
+        bye = HEAD_BYTES + tag_size
+        credit = HEARTBEAT_CREDIT_BITS // 8 if self.carries_credit else 0
+        heartbeat = _HEARTBEAT.size + credit + ACK_BYTES * self.further_acks + tag_size
+        change = bye + _CHANGE_TICK.size
+        path = bye + TOKEN_BYTES
+        updates = {
+            kind | mark: (layout.size(with_previous=bool(mark)) + tag_size,) * 2
+            for layout, kind in zip(self.updates, UPDATE_KINDS, strict=False)
+            for mark in (0, MARK)
+        }
+        return updates | {
+            Kind.HEARTBEAT: (heartbeat, heartbeat),
+            Kind.HEARTBEAT | MARK: (heartbeat, heartbeat),
+            Kind.BYE: (bye, bye + LONGEST_REASON),
+            Kind.CHANGE: (change + 1, change + LONGEST_CHANGE),
+            Kind.CHANGE | MARK: (change + 1, change + LONGEST_CHANGE),
+            Kind.PATH: (path, path),
+            Kind.PATH | MARK: (path, path),
+        }
+
+
 def length_fault(data: bytes, lengths: dict[int, tuple[int, int]]) -> DropReason | None:
-    """Whether a datagram, not empty, has the length of its shape."""
+    """Why the length of a datagram, not empty, does not fit its shape; None if it does."""
     limits = lengths.get(data[0] & _SHAPE_MASK)
     if limits is None:
         return DropReason.UNKNOWN_KIND

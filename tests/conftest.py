@@ -1,7 +1,8 @@
-"""How the whole suite runs: on its own or shared among workers (`pytest -n`), and what of it has the machine to itself.
+"""How the suite runs, alone or shared among workers (`pytest -n`).
 
-A test marked `realtime` runs live sessions, whose daemons take the silence of a peer for a fault. Such tests come last,
-and while one of them runs, no other worker runs anything.
+A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last. They run
+alone, unless this user may use SCHED_FIFO: daemons then go before all other work, and only those marked
+`realtime(alone=True)`, which measure time, run alone. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
@@ -9,6 +10,7 @@ import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +22,13 @@ from tests import examples
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-LONG_FIRST = ("weberlink", "evaluation", "protocol", "telemetry", "control")
-"""Folders whose files take long: they are begun first, so that no worker is left alone with one of them at the end."""
+LONG_FIRST = ("system", "studies", "apps", "cli", "protocol", "telemetry", "control")
+"""Folders with slow files start first, so that no worker is left alone with one of them at the end."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
-        "--hunt", type=int, default=0, metavar="TIMES", help="so many times the examples of hypothesis, by chance"
+        "--hunt", type=int, default=0, metavar="TIMES", help="explore: random examples, TIMES as many as usual"
     )
 
 
@@ -38,25 +40,44 @@ def is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    here = Path(__file__).parent
+def is_alone(item: pytest.Item) -> bool:
+    return any(mark.kwargs.get("alone", not may_use_fifo()) for mark in item.iter_markers("realtime"))
 
-    def place(item: pytest.Item) -> tuple[bool, int]:
+
+@cache
+def may_use_fifo() -> bool:
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, policy, parameters)
+    return True
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    here = Path(__file__).parent
+    if not config.option.hunt:
+        explores = [item for item in items if item.get_closest_marker("hunt") is not None]
+        config.hook.pytest_deselected(items=explores)
+        items[:] = [item for item in items if item not in explores]
+
+    def place(item: pytest.Item) -> tuple[bool, bool, int]:
         folder = item.path.relative_to(here).parts[0]
-        return is_realtime(item), LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
+        return is_alone(item), is_realtime(item), LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
 
     items.sort(key=place)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_collection_finish() -> None:
-    """What has been imported and collected stays: the collector need not look at it again and again."""
+    """Exclude what collection has created from garbage collection."""
     gc.collect()
     gc.freeze()
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Hook of pytest-xdist, in the process that hands out the tests."""
+    """Hook of pytest-xdist, in the process that distributes the tests."""
     from tests.scheduling import FileByFile  # noqa: PLC0415 - pytest-xdist is there if this is called
 
     return FileByFile(config, log)
@@ -67,15 +88,15 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if not hasattr(item.config, "workerinput"):
         return (yield)
     # The temporary folder of a worker is in that of the run.
-    with held(Path(item.config.option.basetemp).parent / "machine", alone=is_realtime(item)):
+    with held(Path(item.config.option.basetemp).parent / "machine", alone=is_alone(item)):
         return (yield)
 
 
 @contextmanager
 def held(path: Path, *, alone: bool) -> Iterator[None]:
-    """The machine, shared with the other workers of this run or for this test alone; the kernel keeps the account.
+    """Hold the machine, shared with other workers or `alone`, by a lock on a file.
 
-    It is given back by word, so a process that a test left behind with a copy of the descriptor holds up nobody.
+    It is unlocked explicitly: a process that a test left behind may hold a copy of the descriptor.
     """
     descriptor = os.open(path, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:

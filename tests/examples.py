@@ -1,24 +1,21 @@
-"""What hypothesis tries: the same examples in every run of the suite, others and more of them where one hunts.
-
-A run that says whether a change is sound must not say it by chance; what chance finds is found by `make hunt`.
-"""
+"""Settings of hypothesis: the suite uses the same examples in every run; `make hunt` uses more, random ones."""
 
 from typing import Any
 
 from hypothesis import HealthCheck, settings
 
 COUNT = 100
-"""Of a test that does not say how many."""
+"""Examples of a test that does not set a number."""
 
 _times = 1
 
 
 def hunt(times: int) -> None:
-    """Before any test is imported: so many times the examples, chosen by chance; for 0 once, and always the same."""
-    global _times  # noqa: PLW0603 - decorators are evaluated by the import of a test, and no argument reaches them
+    """Set the number and choice of examples, before any test is imported; 0 for the fixed examples."""
+    global _times  # noqa: PLW0603 - decorators run at the import of a test and take no argument from here
     _times = max(1, times)
     patient = [HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much] if times else []
-    # A machine that is busy with other work is slow, which says nothing about an example.
+    # No deadline: a busy machine is slow, which says nothing about an example.
     settings.register_profile(
         "weberlink",
         deadline=None,
@@ -30,5 +27,5 @@ def hunt(times: int) -> None:
 
 
 def examples(count: int, **others: Any) -> settings:
-    """Decorator of a test that is worth `count` examples; `others` as of `hypothesis.settings`."""
+    """Decorate a test to use `count` examples; `others` as of `hypothesis.settings`."""
     return settings(max_examples=count * _times, **others)

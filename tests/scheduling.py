@@ -1,7 +1,4 @@
-"""The order in which tests go to the workers of pytest-xdist: file by file, whoever is free takes the next.
-
-Knows nothing of what a test needs; the order of the files is that of the collection.
-"""
+"""Distribute tests to the workers of pytest-xdist file by file, in the order of the collection."""
 
 from itertools import groupby
 
@@ -10,9 +7,9 @@ from xdist.workermanage import WorkerController
 
 
 class FileByFile(LoadScheduling):
-    """Whole files, as fixtures of a module are made once for each worker that has a test of it.
+    """Sends whole files, since each worker makes the fixtures of a module once.
 
-    A worker begins a test only when it knows the next one or that there is none: it is given more when one is left.
+    A worker starts a test only when it knows the next one or that there is none, so it gets more when one is left.
     """
 
     def schedule(self) -> None:
@@ -33,7 +30,7 @@ class FileByFile(LoadScheduling):
             node.shutdown()
 
     def _next_file(self) -> int:
-        """How many of the tests to be given away are of one file."""
+        """Number of pending tests that belong to the next file."""
         assert self.collection is not None
         collection = self.collection
         _, tests = next(groupby(self.pending, key=lambda index: collection[index].partition("::")[0]))

@@ -16,7 +16,7 @@ from typer.main import get_command
 from tests.system.processes import Program, document
 from weberlink.apps.doctor import rights
 from weberlink.cli import app
-from weberlink.hardware.found import UDEV_RULES
+from weberlink.hardware.discovery import UDEV_RULES
 from weberlink.protocol.states import State
 from weberlink.system import journal
 from weberlink.system.configuration.model import RealtimeSettings
@@ -172,8 +172,8 @@ os.execv(sys.argv[1], sys.argv[1:])
 
 
 @pytest.mark.realtime
-def test_a_session_lives_without_new_privileges_and_without_writable_code() -> None:
-    """What NoNewPrivileges= and MemoryDenyWriteExecute= ask of it; the kernel holds its children to both."""
+def test_a_session_runs_without_new_privileges_and_writable_code() -> None:
+    """As the units ask with NoNewPrivileges= and MemoryDenyWriteExecute=, which the kernel applies to children too."""
     with Program("loopback", "--duration", 1, "--json", "-", prefix=(sys.executable, "-c", CONFINED)) as session:
         status, output, errors = session.finish()
     if status == 77:
@@ -189,8 +189,8 @@ def test_what_the_container_copies_is_there_and_is_all_that_is_needed() -> None:
     copied = [source for line in re.findall(r"^COPY (.+) \S+$", CONTAINER, re.M) for source in line.split()]
     for source in copied:
         assert (ROOT / source).exists(), source
-    packages = {pattern.rstrip("*") for pattern in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]}
-    assert packages <= {source.rstrip("/") for source in copied}
+    links = {link.name for link in (ROOT / "src" / "weberlink").iterdir() if link.is_symlink()}
+    assert {"src", *links} <= {source.rstrip("/") for source in copied}
     assert {PROJECT["project"]["readme"], *PROJECT["project"]["license-files"], "pyproject.toml"} <= set(copied)
 
 
@@ -206,11 +206,11 @@ def test_the_container_installs_what_make_installs() -> None:
     assert tuple(map(int, base.groups())) >= tuple(map(int, least.groups()))
 
 
-def test_the_container_runs_a_command_of_the_readme_as_an_ordinary_user() -> None:
+def test_the_container_runs_a_documented_command_as_an_ordinary_user() -> None:
     (words,) = re.findall(r"^CMD (.+)$", CONTAINER, re.M)
     program, command = json.loads(words)
     assert program in PROJECT["project"]["scripts"]
-    assert f"`{program} {command} " in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"`{program} {command} " in (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
     (user,) = re.findall(r"^USER (\w+)$", CONTAINER, re.M)
     assert user != "root"
     assert re.search(rf"^RUN useradd .* {user}$", CONTAINER, re.M)
@@ -277,7 +277,7 @@ def test_every_line_for_jq_works() -> None:
 
 
 def test_the_units_are_shipped() -> None:
-    patterns = PROJECT["tool"]["setuptools"]["package-data"]["configs"]
+    patterns = PROJECT["tool"]["setuptools"]["package-data"]["weberlink.configs"]
     for path in UNITS.iterdir():
         name = str(path.relative_to(ROOT / "configs"))
         assert any(fnmatch(name, pattern) for pattern in patterns), f"{name}: in no pattern of package-data"

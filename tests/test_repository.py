@@ -16,29 +16,19 @@ from weberlink.system.configuration.schema import schema
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = [
-    "codec",
-    "control",
-    "protocol",
-    "telemetry",
-    "realtime",
-    "hardware",
-    "master",
-    "slave",
-    "evaluation",
-    "weberlink",
-]
+PACKAGES = sorted(path.parent.name for path in (ROOT / "src" / "weberlink").glob("*/__init__.py"))
 
 
-def test_readme_lists_the_folders_that_are_there() -> None:
-    listed = set(re.findall(r"^\| `(\w+)/` \|", README, re.M))
-    there = {path.parent.name for path in ROOT.glob("*/__init__.py")} - {"tests"}
-    assert listed == there
+def test_readme_is_short_and_its_example_runs() -> None:
+    assert len(README.splitlines()) <= 120
+    (example,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    exec(compile(example, "README.md", "exec"), {})
 
 
-def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
+def test_command_table_matches_the_program() -> None:
     commands = get_command(app).commands  # type: ignore[attr-defined]
-    rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*)\|", README, re.M))
+    table = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `weberlink (\w+)([^|]*(?:\\\|[^|]*)*)\|", table, re.M))
     assert set(rows) == set(commands)
     for name, row in rows.items():
         # A group, as `device`, has its options in its own commands.
@@ -47,9 +37,12 @@ def test_readme_lists_the_commands_that_are_there_with_their_options() -> None:
         assert set(re.findall(r"--[a-z-]*[a-z]", row)) <= known
 
 
-def test_files_that_the_readme_names_are_there() -> None:
-    for path in re.findall(r"`?((?:configs|docs|master|slave)/[\w/.-]+\.\w+)", README):
-        assert (ROOT / path).is_file(), path
+def test_links_of_the_documents_lead_to_files() -> None:
+    for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")]:
+        if "_build" in page.parts or page.name == "configuration.md":
+            continue
+        for target in re.findall(r"\]\((?!https?:|#)([^)#]+)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists() or target.endswith("library.md"), f"{page.name}: {target}"
 
 
 def test_make_targets_that_the_documents_name_are_there() -> None:
@@ -79,17 +72,22 @@ def test_lock_files_pin_every_dependency() -> None:
     assert needed - {"setuptools"} <= pinned("requirements-dev.lock")
 
 
-def test_packages_of_the_linters_and_of_the_wheel_are_the_same() -> None:
-    assert set(PROJECT["tool"]["importlinter"]["root_packages"]) == set(PACKAGES)
-    assert set(PROJECT["tool"]["mypy"]["packages"]) == set(PACKAGES)
-    included = {pattern.rstrip("*") for pattern in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]}
-    assert included == {*PACKAGES, "configs"}
+def test_the_wheel_installs_one_name() -> None:
+    """Package names such as `control` belong to other distributions."""
+    (found,) = PROJECT["tool"]["setuptools"]["packages"]["find"]["where"]
+    assert [path.name for path in (ROOT / found).iterdir() if not path.name.endswith(".egg-info")] == ["weberlink"]
+    layers = " ".join(PROJECT["tool"]["importlinter"]["contracts"][0]["layers"])
+    assert {f"weberlink.{name}" for name in PACKAGES} - {"weberlink.configs"} <= set(
+        re.findall(r"weberlink\.\w+", layers)
+    )
+    banned = PROJECT["tool"]["ruff"]["lint"]["flake8-tidy-imports"]["banned-api"]
+    assert {link.name for link in (ROOT / found / "weberlink").iterdir() if link.is_symlink()} <= set(banned)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_module_imports_says_what_it_is_and_exports_what_it_has(package: str) -> None:
-    root = importlib.import_module(package)
-    names = [package, *(info.name for info in pkgutil.walk_packages(root.__path__, f"{package}."))]
+    root = importlib.import_module(f"weberlink.{package}")
+    names = [root.__name__, *(info.name for info in pkgutil.walk_packages(root.__path__, f"{root.__name__}."))]
     for name in names:
         if name.endswith("__main__"):
             continue

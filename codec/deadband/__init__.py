@@ -21,7 +21,6 @@ def _check(name: str, entry: Any) -> None:
 _HERE = "weberlink.codec.deadband"
 ISOTROPIC = "isotropic"
 DEADBANDS: Registry[type[Deadband]] = Registry(
-    "weberlink.deadbands",
     "deadband",
     {
         ISOTROPIC: f"{_HERE}.isotropic:ForceDeadband",
@@ -29,6 +28,7 @@ DEADBANDS: Registry[type[Deadband]] = Registry(
         "level_crossing": f"{_HERE}.level_crossing:LevelCrossingDeadband",
         "velocity_adaptive": f"{_HERE}.velocity:VelocityDeadband",
     },
+    "weberlink.deadbands",
     _check,
 )
 """Those of a force, by name."""

@@ -18,7 +18,6 @@ def _check(name: str, entry: Any) -> None:
 
 _HERE = "weberlink.codec.predictors"
 PREDICTORS: Registry[Predictor] = Registry(
-    "weberlink.predictors",
     "predictor",
     {
         "zoh": f"{_HERE}.zoh:ZOH",
@@ -29,6 +28,7 @@ PREDICTORS: Registry[Predictor] = Registry(
         "affine": f"{_HERE}.affine:AFFINE",
         "surface": f"{_HERE}.surface:SURFACE",
     },
+    "weberlink.predictors",
     _check,
 )
 """By name, the paper's first, in the order in which a hybrid breaks ties: the simplest first."""

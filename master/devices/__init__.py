@@ -1,11 +1,7 @@
-"""The haptic devices there are: a table of drivers, imported only on use and extended by entry points."""
-
-from difflib import get_close_matches
-from importlib import import_module
-from importlib.metadata import entry_points
-from typing import cast
+"""The table of haptic device drivers, extended by entry points of the group `weberlink.devices`."""
 
 from weberlink.master.devices.contract import DeviceDriver
+from weberlink.registry import Registry
 
 BUILT_IN = {
     "haply_2diy": "weberlink.master.devices.haply.device:HaplyDevice",
@@ -14,26 +10,20 @@ BUILT_IN = {
     "polhem_serial": "weberlink.master.devices.polhem.serial_device:PolhemSerialDevice",
     "replay": "weberlink.master.devices.replay:ReplayDevice",
 }
+DEVICES: Registry[DeviceDriver] = Registry("device", BUILT_IN, "weberlink.devices")
 
 COMPUTED = frozenset({"operator", "replay"})
-"""Those that move nothing real. All others count as hardware, those of other packages included."""
+"""Drivers that move nothing real. All others count as hardware, those of other distributions included."""
 
-
-def drivers() -> dict[str, str]:
-    """Name to "module:Class"; the built-in ones win over entry points of the group `weberlink.apps.devices`."""
-    return {entry.name: entry.value for entry in entry_points(group="weberlink.apps.devices")} | BUILT_IN
+drivers = DEVICES.places
 
 
 def load(name: str) -> DeviceDriver:
     """The driver class; raises ValueError for an unknown name, ImportError where its package is missing."""
-    table = BUILT_IN if name in BUILT_IN else drivers()  # which has to look through all packages that are installed
-    if name not in table:
-        nearest = get_close_matches(name, table, n=1, cutoff=0.0)
-        raise ValueError(
-            f"driver: no device is called {name!r}; nearest is {nearest[0]!r}, there are {', '.join(sorted(table))}"
-        )
-    module, _, attribute = table[name].partition(":")
-    return cast(DeviceDriver, getattr(import_module(module), attribute))
+    try:
+        return DEVICES.load(name)
+    except ValueError as error:
+        raise ValueError(f"driver: {error}") from None
 
 
 def is_hardware(name: str) -> bool:

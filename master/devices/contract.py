@@ -104,7 +104,7 @@ class TorqueDevice(Device, Protocol):
 
 
 @runtime_checkable
-class Explaining(Protocol):
+class ReportsTrouble(Protocol):
     """A device that knows more about samples that do not come than that they do not come."""
 
     @property
@@ -114,7 +114,7 @@ class Explaining(Protocol):
 
 
 @runtime_checkable
-class Guarded(Protocol):
+class GuardedDevice(Protocol):
     """A device that says whether another process takes its force off when this one stops."""
 
     @property

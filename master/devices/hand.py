@@ -1,6 +1,7 @@
-"""A model of the operator's arm and hand on the handle; knows nothing of scripts, traces or time of day."""
+"""A model of the operator's hand on the handle: impedance and physiological tremor."""
 
-from math import cos, cosh, exp, sin, sinh, sqrt
+from collections.abc import Callable
+from math import cos, cosh, exp, hypot, pi, sin, sinh, sqrt
 from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -89,3 +90,79 @@ def transition(mass: float, damping: float, stiffness: float, step: float) -> tu
         slow, fast = exp(angle - decay * step), exp(-angle - decay * step)
         even, odd = (slow + fast) / 2.0, (slow - fast) / (2.0 * angle) * step
     return even + decay * odd, odd, -stiffness / mass * odd, even - decay * odd
+
+
+LOWEST_HZ, HIGHEST_HZ = 8.0, 12.0
+COMPONENTS = 4
+
+
+class Tremor:
+    """What is added to the intended position so that the free hand trembles by `rms` along each axis.
+
+    A few sinusoids between 8 and 12 Hz (the band of the neural component; Elble, "Physiologic and enhanced
+    physiologic tremor", Handbook of Clinical Neurophysiology 1, 2003) with drawn frequencies and phases: a pure
+    function of time, and reproducible. Each is divided by the gain of the hand at its frequency, so that it is the
+    hand that trembles by the stated amount; against a wall it yields like any other intention. The same holds for the
+    orientation, with a rotation vector in place of the position.
+
+    Args:
+        rms: Root mean square per axis of the free hand [m] or [rad]; some tens of micrometres in a healthy adult.
+        hand: The impedance that the tremor passes through.
+        uniform: Draws from [0, 1).
+    """
+
+    __slots__ = ("_axes",)
+
+    def __init__(self, rms: float, hand: Oscillator, uniform: Callable[[], float]) -> None:
+        self._axes: list[list[Vector]] = []
+        for _ in range(3):
+            waves: list[Vector] = []
+            for _ in range(COMPONENTS):
+                omega = 2.0 * pi * (LOWEST_HZ + (HIGHEST_HZ - LOWEST_HZ) * uniform())
+                amplitude = rms * sqrt(2.0 / COMPONENTS) / gain(hand, omega)
+                waves.append((amplitude, omega, 2.0 * pi * uniform()))
+            self._axes.append(waves)
+
+    def at(self, time: float) -> Vector:
+        """Displacement [m] or [rad] of the intention at `time` [s]."""
+        x, y, z = self._axes
+        return (_sum(x, time), _sum(y, time), _sum(z, time))
+
+
+def _sum(waves: list[Vector], time: float) -> float:
+    """Written out, since this is done three times a tick."""
+    (a, w, p), (b, x, q), (c, y, r), (d, z, s) = waves
+    return a * sin(w * time + p) + b * sin(x * time + q) + c * sin(y * time + r) + d * sin(z * time + s)
+
+
+def gain(hand: Oscillator, omega: float) -> float:
+    """|x / intended| of the free hand at `omega` [rad/s]: k / |k - m omega^2 + j b omega|."""
+    real = hand.stiffness - hand.inertia * omega * omega
+    return hand.stiffness / hypot(real, hand.damping * omega)
+
+
+class WristOptions(BaseModel):
+    """Rotational impedance of hand and handle about the tip, alike about every axis; and what turns it unasked.
+
+    The defaults are an assumption, not a measurement: natural frequency (5 Hz) and damping ratio (0.42) are those of
+    the hand that moves, and 2 N m/rad is meant for a hand that holds on. A real wrist is stiffer in some directions
+    than in others, and relaxed it is softer (Formica, Charles, Zollo, Guglielmelli, Hogan and Krebs, "The passive
+    stiffness of the wrist and forearm", J. Neurophysiol. 108, 2012).
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    inertia_kg_m2: float = Field(default=0.002, gt=0.0, description="hand and handle")
+    damping_n_m_s_rad: float = Field(default=0.053, ge=0.0)
+    stiffness_n_m_rad: float = Field(default=2.0, gt=0.0, description="how hard it holds on to how it wants to be")
+    tremor_rad: float = Field(
+        default=0.0005, ge=0.0, le=0.1, description="RMS about each axis of the free hand, 8 to 12 Hz; 0 for none"
+    )
+    wobble_deg: Vector = Field(
+        default=ZERO, description="amplitude of a slow turning about x, y, z on top of the script, as one who explores"
+    )
+    wobble_hz: float = Field(default=0.3, gt=0.0, le=5.0)
+
+    @property
+    def oscillator(self) -> Oscillator:
+        return Oscillator(self.inertia_kg_m2, self.damping_n_m_s_rad, self.stiffness_n_m_rad)

@@ -12,9 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
-from weberlink.master.devices.hand import Hand, HandOptions
-from weberlink.master.devices.tremor import Tremor
-from weberlink.master.devices.wrist import WristOptions
+from weberlink.master.devices.hand import Hand, HandOptions, Tremor, WristOptions
 
 if TYPE_CHECKING:
     from weberlink.master.devices.turning import Turning

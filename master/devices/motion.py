@@ -1,4 +1,4 @@
-"""Minimum-jerk motion along timed legs: how a hand goes from one point to the next."""
+"""Minimum-jerk motion along timed legs, as a hand goes from one point to the next."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -11,12 +11,10 @@ from weberlink.geometry.vector import Vector
 
 
 class Leg(Protocol):
-    """One stretch of motion that begins and ends at rest."""
+    """A part of the motion that begins and ends at rest; `duration` in seconds."""
 
     @property
-    def duration(self) -> float:
-        """[s]"""
-        ...
+    def duration(self) -> float: ...
 
     def at(self, share: float) -> Vector:
         """Position [m] after this share of the duration, 0 to 1."""
@@ -29,8 +27,8 @@ def minimum_jerk(share: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
-    """Straight from `start` to `end`; the same point twice is a rest."""
+class StraightLeg:
+    """Straight from `start` to `end`; with the same point twice, a rest."""
 
     start: Vector
     end: Vector
@@ -43,7 +41,7 @@ class Line:
 
 
 @dataclass(frozen=True, slots=True)
-class Circle:
+class CircularLeg:
     """`turns` around `center` in a horizontal plane, counterclockwise from the side of +x."""
 
     center: Vector
@@ -51,17 +49,18 @@ class Circle:
     turns: float
     duration: float
 
+    @property
+    def end(self) -> Vector:
+        return self.at(1.0)
+
     def at(self, share: float) -> Vector:
         angle = 2.0 * pi * self.turns * minimum_jerk(share)
         x, y, z = self.center
         return (x + self.radius * cos(angle), y + self.radius * sin(angle), z)
 
 
-class Motion:
-    """Legs one after another, once or for ever.
-
-    A repeated motion is expected to end where it begins; the caller adds the way back.
-    """
+class LegSequence:
+    """Legs one after another, once or for ever; a repeated sequence must end where it begins."""
 
     __slots__ = ("_ends", "_legs", "_repeat", "duration")
 
@@ -72,12 +71,11 @@ class Motion:
         self._ends = list(accumulate(leg.duration for leg in self._legs))
         self._repeat = repeat
         self.duration = self._ends[-1]
-        """Of one round [s]."""
+        """Duration of one round [s]."""
 
     def at(self, time: float) -> tuple[Vector, bool]:
         """Position [m] at `time` [s] from the start, and whether the motion is over."""
-        over = not self._repeat and time >= self.duration
-        if over:
+        if not self._repeat and time >= self.duration:
             return self._legs[-1].at(1.0), True
         time = time % self.duration if self._repeat else max(time, 0.0)
         index = min(bisect_right(self._ends, time), len(self._legs) - 1)

@@ -9,11 +9,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import Circle, Leg, Line, Motion
+from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
 
 Duration = Annotated[float, Field(gt=0.0, le=3600.0)]
 
 WAY_BACK_S = 1.0
+
+ScriptLeg = StraightLeg | CircularLeg
 
 
 def half_turn_at_most(vector_deg: Vector) -> Vector:
@@ -29,18 +31,24 @@ Turn = Annotated[
 ]
 
 
-class Step(BaseModel):
-    """One motion of the script; it begins wherever the one before left the hand."""
+class ScriptStep(BaseModel):
+    """One motion of the script; it begins where the one before left the hand."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    def legs(self, start: Vector) -> list[ScriptLeg]:
+        raise NotImplementedError
+
+    def end(self, start: Vector) -> Vector:
+        return self.legs(start)[-1].end
+
     def turned(self, start: Vector) -> Vector:
-        """Rotation vector at the end [rad], for that at the beginning."""
+        """Rotation vector at the end [rad], given the one at the beginning."""
         return start
 
 
-class Reach(Step):
-    """To a point, the smoothest way; and turning on that way, axis and angle changing evenly together."""
+class ReachStep(ScriptStep):
+    """To a point by minimum jerk; turning on the way, axis and angle changing evenly together."""
 
     motion: Literal["reach"]
     to_m: Vector
@@ -50,14 +58,11 @@ class Reach(Step):
     def turned(self, start: Vector) -> Vector:
         return start if self.turn_deg is None else scale(self.turn_deg, radians(1.0))
 
-    def legs(self, start: Vector) -> list[Leg]:
-        return [Line(start, self.to_m, self.duration_s)]
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return self.to_m
+    def legs(self, start: Vector) -> list[ScriptLeg]:
+        return [StraightLeg(start, self.to_m, self.duration_s)]
 
 
-class Slide(Step):
+class SlideStep(ScriptStep):
     """Along points, pressed below them by a depth; every second pass goes back the same way."""
 
     motion: Literal["slide"]
@@ -67,19 +72,16 @@ class Slide(Step):
     passes: int = Field(default=1, ge=1, le=1000)
     approach_s: Duration = Field(default=0.8, description="to the first point")
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         points = [below(point, self.depth_m) for point in self.points_m]
-        legs: list[Leg] = [Line(start, points[0], self.approach_s)]
+        legs: list[ScriptLeg] = [StraightLeg(start, points[0], self.approach_s)]
         for number in range(self.passes):
             way = points if number % 2 == 0 else points[::-1]
-            legs += [Line(a, b, self.duration_s) for a, b in pairwise(way)]
+            legs += [StraightLeg(a, b, self.duration_s) for a, b in pairwise(way)]
         return legs
 
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return below(self.points_m[-1 if self.passes % 2 else 0], self.depth_m)
 
-
-class CircleAround(Step):
+class CircleStep(ScriptStep):
     """Around a point in a horizontal plane, pressed below it by a depth."""
 
     motion: Literal["circle"]
@@ -90,15 +92,12 @@ class CircleAround(Step):
     duration_s: Duration = 3.0
     approach_s: Duration = Field(default=0.8, description="to where the circle begins, on the side of +x")
 
-    def legs(self, start: Vector) -> list[Leg]:
-        circle = Circle(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
-        return [Line(start, circle.at(0.0), self.approach_s), circle]
-
-    def end(self, start: Vector) -> Vector:
-        return self.legs(start)[-1].at(1.0)
+    def legs(self, start: Vector) -> list[ScriptLeg]:
+        circle = CircularLeg(below(self.center_m, self.depth_m), self.radius_m, self.turns, self.duration_s)
+        return [StraightLeg(start, circle.at(0.0), self.approach_s), circle]
 
 
-class Tap(Step):
+class TapStep(ScriptStep):
     """Up and down over a point, a number of times at a frequency."""
 
     motion: Literal["tap"]
@@ -109,16 +108,14 @@ class Tap(Step):
     count: int = Field(default=4, ge=1, le=10_000)
     approach_s: Duration = 0.8
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
         half = 0.5 / self.frequency_hz
-        return [Line(start, up, self.approach_s), *[Line(up, down, half), Line(down, up, half)] * self.count]
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return below(self.at_m, -self.height_m)
+        tap = [StraightLeg(up, down, half), StraightLeg(down, up, half)]
+        return [StraightLeg(start, up, self.approach_s), *tap * self.count]
 
 
-class Press(Step):
+class PressStep(ScriptStep):
     """Onto a point, into it to a depth, hold, and release to a height."""
 
     motion: Literal["press"]
@@ -129,59 +126,48 @@ class Press(Step):
     duration_s: Duration = Field(default=0.6, description="to go in, and again to come out")
     approach_s: Duration = 0.8
 
-    def legs(self, start: Vector) -> list[Leg]:
+    def legs(self, start: Vector) -> list[ScriptLeg]:
         up, down = below(self.at_m, -self.height_m), below(self.at_m, self.depth_m)
-        return [
-            Line(start, up, self.approach_s),
-            Line(up, down, self.duration_s),
-            Line(down, down, self.hold_s),
-            Line(down, up, self.duration_s),
-        ]
-
-    def end(self, start: Vector) -> Vector:  # noqa: ARG002
-        return below(self.at_m, -self.height_m)
+        ways = ((start, up, self.approach_s), (up, down, self.duration_s), (down, down, self.hold_s))
+        return [StraightLeg(*way) for way in (*ways, (down, up, self.duration_s))]
 
 
-class Rest(Step):
+class RestStep(ScriptStep):
     """Stays where it is."""
 
     motion: Literal["rest"]
     duration_s: Duration = 1.0
 
-    def legs(self, start: Vector) -> list[Leg]:
-        return [Line(start, start, self.duration_s)]
-
-    def end(self, start: Vector) -> Vector:
-        return start
+    def legs(self, start: Vector) -> list[ScriptLeg]:
+        return [StraightLeg(start, start, self.duration_s)]
 
 
-class TurnTo(Step):
+class TurnStep(ScriptStep):
     """Turns where it is."""
 
     motion: Literal["turn"]
     turn_deg: Turn
     duration_s: Duration = 1.0
 
-    def legs(self, start: Vector) -> list[Leg]:
-        return [Line(start, start, self.duration_s)]
-
-    def end(self, start: Vector) -> Vector:
-        return start
+    def legs(self, start: Vector) -> list[ScriptLeg]:
+        return [StraightLeg(start, start, self.duration_s)]
 
     def turned(self, start: Vector) -> Vector:  # noqa: ARG002
         return scale(self.turn_deg, radians(1.0))
 
 
-Script = Annotated[Reach | Slide | CircleAround | Tap | Press | Rest | TurnTo, Field(discriminator="motion")]
+Script = Annotated[
+    ReachStep | SlideStep | CircleStep | TapStep | PressStep | RestStep | TurnStep, Field(discriminator="motion")
+]
 
 DEFAULT_SCRIPT: tuple[Script, ...] = (
-    Slide(motion="slide", points_m=((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0)), passes=2),
-    Reach(motion="reach", to_m=(-0.03, -0.02, 0.02), duration_s=0.6),
-    Tap(motion="tap", at_m=(0.0, 0.0, 0.0)),
-    Press(motion="press", at_m=(0.01, -0.01, 0.0)),
-    CircleAround(motion="circle", center_m=(0.0, 0.0, 0.0), radius_m=0.025),
-    Reach(motion="reach", to_m=(0.0, 0.0, 0.03)),
-    Rest(motion="rest", duration_s=0.5),
+    SlideStep(motion="slide", points_m=((-0.03, -0.02, 0.0), (0.03, 0.02, 0.0)), passes=2),
+    ReachStep(motion="reach", to_m=(-0.03, -0.02, 0.02), duration_s=0.6),
+    TapStep(motion="tap", at_m=(0.0, 0.0, 0.0)),
+    PressStep(motion="press", at_m=(0.01, -0.01, 0.0)),
+    CircleStep(motion="circle", center_m=(0.0, 0.0, 0.0), radius_m=0.025),
+    ReachStep(motion="reach", to_m=(0.0, 0.0, 0.03)),
+    RestStep(motion="rest", duration_s=0.5),
 )
 
 
@@ -199,7 +185,7 @@ class OperatorOptions(HandDeviceOptions):
                 if any(max(map(abs, leg.at(i / 16.0))) > self.workspace_m for i in range(17)):
                     raise ValueError(f"script.{number}: expected motion within the workspace of +-{self.workspace_m} m")
             position = step.end(position)
-            if self.wrist is None and isinstance(step, Reach | TurnTo) and step.turn_deg is not None:
+            if self.wrist is None and isinstance(step, ReachStep | TurnStep) and step.turn_deg is not None:
                 raise ValueError(f"script.{number}.turn_deg: only a hand with a wrist turns; add `wrist: {{}}`")
         return self
 
@@ -219,37 +205,29 @@ class OperatorDevice(HandDevice):
             super().__init__("operator", options, moved.at, tick_period, lambda time: turned.at(time)[0])
 
 
-def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
+def motion_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
     """All legs of the script from `home` on; a repeated one returns there smoothly."""
-    legs: list[Leg] = []
-    position = home
-    for step in script:
-        legs += step.legs(position)
-        position = step.end(position)
-    if repeat and away(script, home):
-        legs.append(Line(position, home, WAY_BACK_S))
-    return Motion(legs, repeat)
+    return _sequences(script, home, repeat)[0]
 
 
-def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> Motion:
-    """The same for the rotation vector [rad], step for step beside the positions; it begins level."""
-    legs: list[Leg] = []
+def turning_of(script: Sequence[Script], home: Vector, repeat: bool) -> LegSequence:
+    """The rotation vectors [rad] beside the positions, step for step; it begins level."""
+    return _sequences(script, home, repeat)[1]
+
+
+def _sequences(script: Sequence[Script], home: Vector, repeat: bool) -> tuple[LegSequence, LegSequence]:
+    moves: list[ScriptLeg] = []
+    turns: list[ScriptLeg] = []
     position, turn = home, ZERO
     for step in script:
-        duration = sum(leg.duration for leg in step.legs(position))
-        legs.append(Line(turn, step.turned(turn), duration))
-        position, turn = step.end(position), step.turned(turn)
-    if repeat and away(script, home):
-        legs.append(Line(turn, ZERO, WAY_BACK_S))
-    return Motion(legs, repeat)
-
-
-def away(script: Sequence[Script], home: Vector) -> bool:
-    """Whether the script ends elsewhere, or turned."""
-    position, turn = home, ZERO
-    for step in script:
-        position, turn = step.end(position), step.turned(turn)
-    return distance(position, home) > 0.0 or turn != ZERO
+        legs = step.legs(position)
+        moves += legs
+        turns.append(StraightLeg(turn, step.turned(turn), sum(leg.duration for leg in legs)))
+        position, turn = legs[-1].end, step.turned(turn)
+    if repeat and (distance(position, home) > 0.0 or turn != ZERO):
+        moves.append(StraightLeg(position, home, WAY_BACK_S))
+        turns.append(StraightLeg(turn, ZERO, WAY_BACK_S))
+    return LegSequence(moves, repeat), LegSequence(turns, repeat)
 
 
 def below(point: Vector, depth: float) -> Vector:

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
-from weberlink.master.devices.motion import Line
+from weberlink.master.devices.motion import StraightLeg
 from weberlink.master.trace import Trace, read_motion
 
 
@@ -43,7 +43,7 @@ class ReplayDevice(HandDevice):
     def __init__(self, options: ReplayOptions, tick_period: float) -> None:
         """Raises TraceError (a ValueError) where the file is not a trace."""
         samples = placed(read_motion(options.trace), options)
-        super().__init__("replay", options, Replay(samples, options).at, tick_period)
+        super().__init__("replay", options, TraceFollower(samples, options).at, tick_period)
 
 
 Samples = tuple[list[float], list[Vector]]
@@ -67,7 +67,7 @@ def placed(trace: Trace, options: ReplayOptions) -> Samples:
     return times, [(x, y, z) for x, y, z in moved.tolist()]
 
 
-class Replay:
+class TraceFollower:
     """The trace as an intention: a smooth approach from home, then linear between samples.
 
     Asked with times that never go back, so it remembers which sample it has reached.
@@ -77,8 +77,8 @@ class Replay:
 
     def __init__(self, samples: Samples, options: ReplayOptions) -> None:
         self._times, self._positions = samples
-        self._approach = Line(options.home_m, self._positions[0], options.approach_s)
-        self._return = Line(self._positions[-1], self._positions[0], options.approach_s)
+        self._approach = StraightLeg(options.home_m, self._positions[0], options.approach_s)
+        self._return = StraightLeg(self._positions[-1], self._positions[0], options.approach_s)
         self._repeat = options.repeat
         self._round = 0.0
         self._index = 0

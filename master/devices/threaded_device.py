@@ -1,8 +1,6 @@
-"""A device that blocks, as a `Device` that does not: its exchange with the hardware runs in a thread of its own.
+"""A blocking device behind the non-blocking `Device` contract: its exchange runs in a thread."""
 
-Owns what is alike for all such devices: the limit of the force, faults, and the same answer for the same time. Knows no
-bytes and no mechanics.
-"""
+from hashlib import sha256
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.hardware.fault import HardwareFault
@@ -104,3 +102,12 @@ class ThreadedDevice:
         """With the name in front, once."""
         name = f"{self.spec.name}: "
         return DeviceFault(name + why.removeprefix(name))
+
+
+def fingerprint(settings: str) -> str:
+    """Eight hexadecimal digits of settings, put in words by a driver.
+
+    The first is a letter, so that a YAML file takes it for a text and not for a number.
+    """
+    digest = sha256(settings.encode()).digest()
+    return f"{digest[0] | 0xA0:02x}{digest[1:4].hex()}"

@@ -5,9 +5,7 @@ from math import pi, radians, sin
 
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, unit_quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, add, scale
-from weberlink.master.devices.hand import Oscillator, transition
-from weberlink.master.devices.tremor import Tremor
-from weberlink.master.devices.wrist import WristOptions
+from weberlink.master.devices.hand import Oscillator, Tremor, WristOptions, transition
 
 
 class Wrist:

@@ -14,10 +14,16 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import WireFaults
-from weberlink.master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
-from weberlink.master.devices.haply.frame import Frame
-from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
-from weberlink.master.devices.operator import CircleAround, Reach, Rest, Script, Slide
+from weberlink.master.devices.haply.linkage import (
+    MOST_TORQUE_N_M,
+    VERSIONS,
+    HaplyFrame,
+    Pair,
+    Unreachable,
+    degrees,
+    radians,
+)
+from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, Script, SlideStep
 from weberlink.master.emulators.handle import Handle, HandleOptions
 
 PATIENCE_S = 1.0
@@ -32,10 +38,10 @@ _ENCODER = Struct("<2f")
 
 
 AROUND: tuple[Script, ...] = (
-    Reach(motion="reach", to_m=ZERO),
-    CircleAround(motion="circle", center_m=ZERO, radius_m=0.025, depth_m=0.0),
-    Slide(motion="slide", points_m=((0.025, -0.04, 0.0), (0.025, 0.04, 0.0)), depth_m=0.0, passes=2),
-    Rest(motion="rest", duration_s=0.5),
+    ReachStep(motion="reach", to_m=ZERO),
+    CircleStep(motion="circle", center_m=ZERO, radius_m=0.025, depth_m=0.0),
+    SlideStep(motion="slide", points_m=((0.025, -0.04, 0.0), (0.025, 0.04, 0.0)), depth_m=0.0, passes=2),
+    RestStep(motion="rest", duration_s=0.5),
 )
 """Stays in the plane."""
 
@@ -101,7 +107,7 @@ class HaplyEmulator:
     def __init__(self, options: HaplyEmulatorOptions) -> None:
         self.faults = WireFaults()
         self._version = VERSIONS[options.version]
-        self._frame = Frame(self._version.center)
+        self._frame = HaplyFrame(self._version.center)
         self.handle = Handle(self._held(options.handle))
         self._angles: Pair = self._version.bar.angles(self._frame.tip(self.handle.position))
         self.torques: Pair = (0.0, 0.0)

@@ -4,9 +4,7 @@ Everything beyond this package is in the robot's frame: what is encoded, sent, d
 is a device like any other, so that no loop knows whether there is a map.
 """
 
-from weberlink.master.mapping.clutch import Clutch
-from weberlink.master.mapping.frame import FrameMap
-from weberlink.master.mapping.mapped_device import MappedDevice
-from weberlink.master.mapping.walls import Walls
+from weberlink.master.mapping.frame import FrameMap, Walls
+from weberlink.master.mapping.mapped_device import Clutch, MappedDevice
 
 __all__ = ["Clutch", "FrameMap", "MappedDevice", "Walls"]

@@ -1,9 +1,9 @@
-"""Rotation, scale and offset between two frames; pure."""
+"""Rotation, scale and offset between the frames of device and robot, and virtual walls."""
 
 from math import cos, radians, sin
 
 from weberlink.geometry.rotation import Quaternion, inverse, product
-from weberlink.geometry.vector import Vector, add, scale
+from weberlink.geometry.vector import Vector, add, scale, subtract
 
 Box = tuple[Vector, Vector]
 """Lowest and highest corner."""
@@ -108,3 +108,39 @@ def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:
         b[0] * v[0] + b[1] * v[1] + b[2] * v[2],
         c[0] * v[0] + c[1] * v[1] + c[2] * v[2],
     )
+
+
+class Walls:
+    """A box in the robot's frame. The position that is sent stays inside; the hand beyond it is pushed back.
+
+    Args:
+        box: lowest and highest corner [m].
+        stiffness: of the wall, felt by the hand [N/m].
+    """
+
+    __slots__ = ("_high", "_low", "_stiffness")
+
+    def __init__(self, box: Box, stiffness: float) -> None:
+        self._low, self._high = box
+        self._stiffness = stiffness
+
+    @property
+    def box(self) -> Box:
+        return self._low, self._high
+
+    def inside(self, position: Vector) -> Vector:
+        """The position, or the point of the box that is nearest to it [m]."""
+        low, high = self._low, self._high
+        return (
+            min(max(position[0], low[0]), high[0]),
+            min(max(position[1], low[1]), high[1]),
+            min(max(position[2], low[2]), high[2]),
+        )
+
+    def force(self, way: Vector) -> Vector:
+        """On the hand [N], which is this displacement [m, device frame] away from where the wall holds it."""
+        return scale(way, -self._stiffness)
+
+    def beyond(self, position: Vector) -> Vector:
+        """How far a position is outside [m]."""
+        return subtract(position, self.inside(position))

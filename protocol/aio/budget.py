@@ -13,8 +13,6 @@ class WorkBudget:
         now: [s].
     """
 
-    __slots__ = ("_left", "_most", "_share", "_updated_at")
-
     def __init__(self, share: float, most: float, now: float) -> None:
         self._share = share
         self._most = most

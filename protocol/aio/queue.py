@@ -28,8 +28,6 @@ class ReceiveQueue:
         errors: reads that the system refused, such as for an ICMP error of an earlier send.
     """
 
-    __slots__ = ("_budget", "_loop", "_now", "_on_datagrams", "_resume", "_take", "errors", "socket")
-
     def __init__(
         self,
         bound: socket.socket,

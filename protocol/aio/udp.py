@@ -36,22 +36,6 @@ class AddressInUseError(OSError):
 class UdpShell:
     """Drives one endpoint over UDP."""
 
-    __slots__ = (
-        "_endpoint",
-        "_link",
-        "_listen",
-        "_loop",
-        "_names",
-        "_now",
-        "_numeric",
-        "_open",
-        "_peer",
-        "_peer_address",
-        "_send_errors",
-        "_timer",
-        "_timer_at",
-    )
-
     def __init__(
         self,
         endpoint: Endpoint,

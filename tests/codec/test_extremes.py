@@ -22,7 +22,7 @@ from weberlink.codec.predictors.zoh import Hold
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, scale
 from weberlink.master.safety import ForceLimiter
-from weberlink.protocol.sequence import expand_counter
+from weberlink.protocol.counters import expand_counter
 from weberlink.protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, pack_word, read_head
 
 Samples = Sequence[tuple[int, Vector, Vector]]

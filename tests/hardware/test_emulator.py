@@ -1,15 +1,20 @@
-"""The loop between an emulated device and its host: what it carries, and the faults it adds."""
+"""The loop between an emulated device and its host, and the pseudo terminal that carries it."""
 
 import os
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from time import monotonic
 
-from tests.hardware.scripted import wait_for
+import pytest
+
+from tests.hardware.scripted import descriptors, wait_for
 from weberlink.hardware.emulator import LONGEST_PAUSE_S as PAUSE_S
-from weberlink.hardware.emulator import WireFaults, serve
+from weberlink.hardware.emulator import PtyDevice, WireFaults, serve
+from weberlink.hardware.fault import HardwareFault
+from weberlink.hardware.serial_port import SerialPort
 
 
 class Echo:
@@ -114,19 +119,6 @@ def test_late_replies_come_late_and_no_later() -> None:
         wait_for(is_prompt)
 
 
-def test_late_replies_keep_their_order() -> None:
-    echo = Echo()
-    with served(echo) as host:
-        echo.faults.late_s = 0.05
-        host.send(b"one")
-        wait_for(lambda: len(echo.heard) == 1)
-        turns = len(echo.advances)
-        wait_for(lambda: len(echo.advances) > turns + 1)
-        echo.faults.late_s = 0.0
-        host.send(b"two")
-        assert [host.recv(100), host.recv(100)] == [b"ONE", b"TWO"]
-
-
 def test_silence_loses_replies_for_good() -> None:
     echo = Echo()
     with served(echo) as host:
@@ -175,12 +167,57 @@ def test_a_host_that_is_gone_does_not_end_it() -> None:
     os.close(near)
 
 
-def test_it_does_nothing_while_nothing_is_due() -> None:
-    """A processor is not to be burnt: each wait is as long as it may be."""
-    echo = Echo()
-    turns: Callable[[], int] = lambda: len(echo.advances)  # noqa: E731
-    with served(echo):
-        began, first = monotonic(), turns()
-        wait_for(lambda: monotonic() > began + 0.1)
-        elapsed = monotonic() - began
-        assert turns() - first <= elapsed / PAUSE_S + 3
+def test_a_device_keeps_its_path_and_its_state_through_unplugging(tmp_path: Path) -> None:
+    files, threads = descriptors(), threading.active_count()
+    echo, path = Echo(), tmp_path / "tty"
+    with PtyDevice(echo, path) as device:
+        for _ in range(3):
+            assert (device.plugged, device.serving) == (True, True)
+            port = SerialPort(str(path))
+            port.write(b"hello")
+            assert port.read(monotonic() + 10.0) == b"HELLO"
+            device.unplug()
+            assert (device.plugged, device.serving) == (False, False)
+            assert not path.is_symlink()
+            with pytest.raises(HardwareFault, match="unplugged"):
+                port.read(monotonic() + 10.0)
+            with pytest.raises(HardwareFault, match="there is no such port"):
+                SerialPort(str(path))
+            port.close()
+            device.unplug()
+            device.plug()
+    assert echo.heard == [b"hello"] * 3
+    assert not path.is_symlink()
+    assert (descriptors(), threading.active_count()) == (files, threads)
+
+
+def test_every_byte_gets_through(tmp_path: Path) -> None:
+    """No line discipline changes, doubles or swallows any, not even before the host has opened and set up the port."""
+
+    class Mirror(Echo):
+        def receive(self, data: bytes, now: float) -> None:
+            self._waiting.append(data)
+
+    with PtyDevice(Mirror(), tmp_path / "tty") as device:
+        port = os.open(device.path, os.O_RDWR | os.O_NOCTTY)
+        os.write(port, bytes(range(256)))
+        came = b""
+        while len(came) < 256:
+            came += os.read(port, 1000)
+        assert came == bytes(range(256))
+        os.close(port)
+
+
+def test_a_path_that_is_taken_is_not_touched(tmp_path: Path) -> None:
+    files, threads = descriptors(), threading.active_count()
+    (tmp_path / "tty").write_text("mine")
+    device = PtyDevice(Echo(), tmp_path / "tty")
+    with pytest.raises(FileExistsError), device:
+        pass
+    assert not device.plugged
+    device.unplug()
+    assert (tmp_path / "tty").read_text() == "mine"
+    assert (descriptors(), threading.active_count()) == (files, threads)
+    with pytest.raises(FileNotFoundError):
+        PtyDevice(Echo(), tmp_path / "none" / "tty").plug()
+    assert descriptors() == files

@@ -19,7 +19,7 @@ from weberlink.hardware.serial_port import SerialPort
 ZERO, OTHER_ZERO, FORCE = b"zero\n", b"nothing\n", b"force\n"
 LONG_S = 60.0
 """A command of this age is still good, and its lease twice as long: this machine may stall."""
-WHILE_S = 0.2
+WHILE_S = 0.12
 
 
 @dataclass

@@ -86,11 +86,6 @@ def test_a_file_that_is_no_trace_is_refused_in_one_line(
     assert "\n" not in message
 
 
-def test_a_folder_is_no_trace(tmp_path: Path) -> None:
-    with pytest.raises(TraceError, match="readable CSV"):
-        read_trace(tmp_path)
-
-
 @given(content=st.binary(max_size=200))
 def test_any_bytes_are_a_trace_or_a_trace_error(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     path = written(tmp_path_factory.mktemp("t") / "a.csv", HEADER.encode() + content)

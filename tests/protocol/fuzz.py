@@ -13,7 +13,7 @@ from random import Random
 from time import perf_counter
 from typing import Any
 
-from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, update_fields
+from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, sample_update
 from weberlink.protocol import Endpoint, State
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
@@ -182,8 +182,8 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
             recorded += [data for _, _, data in pair.tap[-4:]]
             del recorded[:-400], pair.tap[:-4]
             for side, source in ((pair.master, SLAVE), (pair.slave, MASTER)):
-                fields = update_fields(pair.ticks)
-                side.endpoint.send_update(side.local(pair.now), *fields, stream=random.randrange(streams))
+                update = sample_update(pair.ticks)
+                side.endpoint.send_update(side.local(pair.now), update, stream=random.randrange(streams))
                 for _ in range(random.randrange(8)):
                     harm(pair, side, source, recorded, random)
         dropped = pair.master.endpoint.statistics.dropped + pair.slave.endpoint.statistics.dropped
@@ -200,10 +200,10 @@ def recover(pair: Pair, streams: int) -> None:
     if State.CLOSED in (pair.master.endpoint.state, pair.slave.endpoint.state):
         return
     for stream in range(streams):
-        fields = update_fields(pair.ticks)
-        assert pair.master.endpoint.send_update(pair.now, *fields, stream=stream)
+        update = sample_update(pair.ticks)
+        assert pair.master.endpoint.send_update(pair.now, update, stream=stream)
         pair.run(1.0)
-        assert pair.slave.updates()[-1][:5] == fields
+        assert pair.slave.updates()[-1].update == update
         assert pair.slave.updates()[-1].stream == stream
 
 

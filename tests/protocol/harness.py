@@ -26,8 +26,8 @@ from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
-from weberlink.protocol.session import FADE_SHARE
 from weberlink.protocol.wire import kind_of
+from weberlink.update import PreviousSample, Update
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
@@ -35,7 +35,7 @@ KEY = bytes(range(32))
 AGREEMENT = {"rate_hz": 1000, "codec.force.weber": 0.1, "codec.force.predictor": "hybrid"}
 TICK = 0.001
 SILENCE = 0.1
-INTERVAL = HeartbeatSchedule(0.0, fade=FADE_SHARE * SILENCE, silence=SILENCE, tick_period=TICK).interval
+INTERVAL = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).interval
 """Of heartbeats over a path without delay [s]."""
 
 
@@ -252,7 +252,21 @@ def suites() -> list[Security]:
     return [PresharedKey(KEY), Checksum()]
 
 
-def update_fields(tick: int) -> tuple[int, int, tuple[int, ...], int, tuple[int, ...]]:
-    """Tick, selector, newest, gap, previous of a position sample that tells its tick."""
+def sample_update(tick: int) -> Update:
+    """An update of a position sample that tells its tick."""
     newest = (tick % 1000, -tick % 1000, 7)
-    return tick, tick % 8, newest, 3, (newest[0] - 5, newest[1] + 5, -7)
+    return Update(tick, tick % 8, newest, PreviousSample(3, (newest[0] - 5, newest[1] + 5, -7)))
+
+
+def engaged(security: Security, outgoing: int = 6) -> tuple[Endpoint, Endpoint]:
+    """A master and a slave, which sends `outgoing` values, that have found each other at time 0."""
+    master = make_endpoint(Role.INITIATOR, security=security, incoming_values=(outgoing,))
+    slave = make_endpoint(Role.RESPONDER, security=security, outgoing_values=(outgoing,))
+    slave.connect(0.0)
+    master.connect(0.0)
+    for _ in range(4):
+        for data, _ in master.datagrams_to_send():
+            slave.receive_datagram(data, MASTER, 0.0)
+        for data, _ in slave.datagrams_to_send():
+            master.receive_datagram(data, SLAVE, 0.0)
+    return master, slave

@@ -4,11 +4,11 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, MASTER, Pair, Side, make_endpoint, suites, update_fields
+from tests.protocol.harness import AGREEMENT, MASTER, Pair, Side, make_endpoint, sample_update, suites
 from weberlink.protocol import Address, Connected, DropReason, PeerClosed, Refused, Role, State, TakenOver
 from weberlink.protocol.dialer import Answer, Dialer
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.handshake import HELLO_HEADER, INSTANCE_BYTES, Caller, Welcome, pack_map, read_hello_header
+from weberlink.protocol.handshake import HELLO_HEADER, INSTANCE_BYTES, LocalEnd, Welcome, pack_map, read_hello_header
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import Kind, kind_of
 
@@ -164,10 +164,8 @@ def test_a_master_keeps_to_the_first_slave_that_answered() -> None:
 @pytest.mark.parametrize("security", suites())
 def test_a_master_refuses_a_welcome_under_another_name(security: Security) -> None:
     """Of a peer with the key that does not look at what the master expects."""
-    caller = Caller("ann@operator", bytes(INSTANCE_BYTES))
-    dialer = Dialer(
-        security, Random(1).randbytes, b"", 2, 0.0, caller=caller, expects="robot:47000", stamp=lambda now: 1
-    )
+    end = LocalEnd(security, Random(1).randbytes, b"", 2, 0.0, "ann@operator", "robot:47000")
+    dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     for name in ("toy:47000", "robot:47000"):
         dialer.start(0.0)
         hello = dialer.hello(0.0)
@@ -211,10 +209,10 @@ def test_recorded_calls_of_another_configuration_change_nothing() -> None:
     assert not pair.slave.of(Refused)
     assert set(pair.slave.faults()) == {DropReason.REFUSED}
     assert pair.slave.endpoint.state is pair.master.endpoint.state is State.ENGAGED
-    fields = update_fields(pair.ticks)
-    assert pair.master.endpoint.send_update(pair.now, *fields)
+    update = sample_update(pair.ticks)
+    assert pair.master.endpoint.send_update(pair.now, update)
     pair.run(0.05)
-    assert pair.slave.updates()[-1][:5] == fields
+    assert pair.slave.updates()[-1].update == update
 
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])

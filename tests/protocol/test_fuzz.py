@@ -6,22 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.cost import engaged
 from tests.protocol.fuzz import sessions
-from tests.protocol.harness import MASTER, SLAVE, suites, update_fields
+from tests.protocol.harness import MASTER, SLAVE, engaged, sample_update, suites
 from weberlink.protocol import Endpoint, Role, State
-from weberlink.protocol.direction import Direction
 from weberlink.protocol.security import Security
-from weberlink.protocol.wire import CLEAR_BYTES, Kind
+from weberlink.protocol.wire import CLEAR_BYTES, DirectionLayout, Kind
 
 DATAGRAMS = st.one_of(
     st.binary(max_size=100),
     st.builds(
         lambda first, rest: bytes([first]) + rest,
         st.integers(0, 255),
-        st.sampled_from(sorted({low for low, _ in Direction([3, 6], further_acks=1).lengths(8).values()})).flatmap(
-            lambda size: st.binary(min_size=size - 1, max_size=size - 1)
-        ),
+        st.sampled_from(
+            sorted({low for low, _ in DirectionLayout([3, 6], further_acks=1).lengths(8).values()})
+        ).flatmap(lambda size: st.binary(min_size=size - 1, max_size=size - 1)),
     ),
     st.builds(
         lambda kind, body: bytes([kind, 1]) + body,
@@ -42,7 +40,7 @@ def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list
     for sender, receiver, source in ((master, slave, MASTER), (slave, master, SLAVE)):
         assert receiver.statistics.dropped.total() == len(datagrams)
         assert sender.state is State.ENGAGED
-        assert sender.send_update(0.02, *update_fields(20))
+        assert sender.send_update(0.02, sample_update(20))
         for data, _ in sender.datagrams_to_send():
             receiver.receive_datagram(data, source, 0.02)
         assert receiver.statistics.updates_received[0] == 1
@@ -51,7 +49,7 @@ def test_no_bytes_raise_or_disturb_a_session(security: Security, datagrams: list
 @pytest.mark.parametrize("security", suites())
 def test_every_truncation_and_extension_of_a_datagram_is_dropped(security: Security) -> None:
     master, slave = engaged(security, outgoing=3)
-    master.send_update(0.01, *update_fields(10))
+    master.send_update(0.01, sample_update(10))
     (data, _) = master.datagrams_to_send()[0]
     for size in range(len(data)):
         slave.receive_datagram(data[:size], MASTER, 0.01)

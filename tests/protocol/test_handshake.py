@@ -3,6 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import AGREEMENT
+from weberlink.protocol import Role
 from weberlink.protocol.handshake import (
     INSTANCE_BYTES,
     LARGEST_STAMP,
@@ -16,16 +17,13 @@ from weberlink.protocol.handshake import (
     identity_of,
     pack_agreement,
     pack_hello,
-    pack_map,
     pack_refusal,
     read_answered,
     read_hello,
     read_hello_header,
     read_map,
     read_welcome,
-    version_mismatch,
 )
-from weberlink.protocol.roles import Role
 from weberlink.protocol.wire import Kind
 
 HELLO = Hello(pack_agreement(AGREEMENT), 123_456, "ann@operator", bytes(range(INSTANCE_BYTES)), "robot:47000", True)
@@ -52,11 +50,6 @@ def test_headers_survive(version: int, identity: bytes, stamp: int) -> None:
     assert read_hello_header(header.pack().ljust(PADDED_HELLO - 1)) is None
     assert read_answered(header.pack_answer()) == stamp
     assert read_answered(header.pack_answer()[:-1]) is None
-
-
-def test_other_names_have_other_identities() -> None:
-    assert len({identity_of(f"user{number}@host") for number in range(1000)}) == 1000
-    assert len(identity_of("ann@operator")) == 8
 
 
 @pytest.mark.parametrize("name", ["", "a" * (LONGEST_NAME + 1), "a\x1b[2J", "a\n", "\u202e"])
@@ -130,10 +123,6 @@ def test_a_refusal_is_cut_to_its_room(message: str, room: int) -> None:
     assert said == whole or whole.startswith(said.removesuffix("..."))
 
 
-def test_msgpack_is_what_travels() -> None:
-    assert pack_map({"refusal": "no"}) == b"\x81\xa7refusal\xa2no"
-
-
 VALUES = st.one_of(st.integers(-1000, 1000), st.booleans(), st.text(max_size=5), st.none(), st.floats(-10, 10))
 AGREEMENTS = st.dictionaries(st.sampled_from(["a", "b.c", "b.d", "rate_hz"]), VALUES)
 
@@ -163,10 +152,6 @@ def test_a_bank_of_predictors_given_as_tuple_or_list_is_the_same() -> None:
 
 def test_a_null_is_not_nothing() -> None:
     assert differences(Role.INITIATOR, {"a": None}, {}) == "a: master has None, slave has nothing"
-
-
-def test_versions_are_named() -> None:
-    assert version_mismatch(1, 2) == "protocol version: master has 1, slave has 2"
 
 
 @pytest.mark.parametrize("value", [object(), {1, 2}, 2**70])

@@ -23,7 +23,7 @@ FADE, SILENCE, TICK = 0.08, 0.1, 0.001
 
 
 def introduced(now: float = 0.0) -> HeartbeatSchedule:
-    schedule = HeartbeatSchedule(now, fade=FADE, silence=SILENCE, tick_period=TICK)
+    schedule = HeartbeatSchedule(now, silence=SILENCE, tick_period=TICK)
     for _ in range(INTRODUCTIONS):
         schedule.reported(now, is_confirmed=True)
         schedule.sent(now)
@@ -31,13 +31,13 @@ def introduced(now: float = 0.0) -> HeartbeatSchedule:
 
 
 def test_the_first_one_is_due_at_once() -> None:
-    schedule = HeartbeatSchedule(5.0, fade=FADE, silence=SILENCE, tick_period=TICK)
+    schedule = HeartbeatSchedule(5.0, silence=SILENCE, tick_period=TICK)
     assert schedule.due(is_engaged=True) <= 5.0
     assert schedule.due(is_engaged=False) <= 5.0
 
 
 def test_introductions_go_on_until_the_peer_was_heard() -> None:
-    schedule = HeartbeatSchedule(0.0, fade=FADE, silence=SILENCE, tick_period=TICK)
+    schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK)
     for _ in range(50):
         schedule.reported(0.0, is_confirmed=False)
         schedule.sent(0.0)

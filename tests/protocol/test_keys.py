@@ -14,12 +14,6 @@ def test_a_generated_key_can_be_read_by_its_owner_only(tmp_path: Path) -> None:
     assert len(load(path)) == KEY_BYTES
 
 
-def test_keys_differ(tmp_path: Path) -> None:
-    generate(tmp_path / "a")
-    generate(tmp_path / "b")
-    assert load(tmp_path / "a") != load(tmp_path / "b")
-
-
 def test_a_key_is_never_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "link.key"
     generate(path)
@@ -72,10 +66,6 @@ def test_what_is_no_key_is_refused(tmp_path: Path, content: bytes, message: str)
     path.chmod(0o600)
     with pytest.raises(KeyFileError, match=message):
         load(path)
-
-
-def test_the_error_is_a_value_error() -> None:
-    assert issubclass(KeyFileError, ValueError)
 
 
 def test_a_link_to_a_key_is_no_key(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
+from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.events import DatagramDropped, PeerSilent, Refused
 from weberlink.protocol.mailbox import QUEUED_DATAGRAMS, QUEUED_EVENTS, Mailbox
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.statistics import Statistics
 
 
 def test_datagrams_leave_in_order_and_once() -> None:

@@ -11,6 +11,10 @@ PSK = SharedKey(bytes(range(PSK_BYTES)))
 PROLOGUE = b"\x01\x02 who and when"
 
 
+def as_they_are(secrets: Secrets) -> Secrets:
+    return secrets
+
+
 def judge(*, initiates: bool, psk: bytes, prologue: bytes, private: bytes) -> NoiseConnection:
     """The other end, by the other implementation, with an ephemeral key that is known."""
     connection = NoiseConnection.from_name(NAME)
@@ -42,20 +46,20 @@ def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
     random = Random(seed)
     psk, prologue, first, second = (random.randbytes(size) for size in (32, seed * 9, 32, 32))
     payloads = random.randbytes(seed * 40), random.randbytes(seed * 7)
-    ours = Initiator(SharedKey(psk), prologue, first)
+    ours = Initiator(SharedKey(psk), prologue, first, as_they_are)
     theirs = judge(initiates=True, psk=psk, prologue=prologue, private=first)
-    hello = ours.write(payloads[0])
+    hello = ours.hello(payloads[0])
     assert hello == theirs.write_message(payloads[0])
-    answering = Responder.read(SharedKey(psk), prologue, hello)
+    answering = Responder.read(SharedKey(psk), prologue, hello, as_they_are)
     their_answering = judge(initiates=False, psk=psk, prologue=prologue, private=second)
     assert answering is not None
     assert answering.payload == payloads[0] == their_answering.read_message(hello)
-    written = answering.write(payloads[1], second)
+    written = answering.answer(payloads[1], second)
     assert written is not None
     welcome, secrets = written
     assert welcome == their_answering.write_message(payloads[1])
     assert len(welcome) == OVERHEAD + len(payloads[1])
-    assert ours.read(welcome) == (payloads[1], secrets)
+    assert ours.open(welcome) == (payloads[1], secrets)
     assert theirs.read_message(welcome) == payloads[1]
     assert agrees(theirs, secrets) and agrees(their_answering, secrets)
     assert theirs.encrypt(b"first") == their_answering.noise_protocol.cipher_state_decrypt.cipher.encrypt(
@@ -63,18 +67,23 @@ def test_both_roles_interoperate_byte_for_byte(seed: int) -> None:
     ), "forward is the key from the initiator"
 
 
-def exchange(prologues: tuple[bytes, bytes] = (PROLOGUE, PROLOGUE)) -> tuple[Initiator, bytes, Responder | None]:
-    ours = Initiator(PSK, prologues[0], bytes([7] * PRIVATE_BYTES))
-    hello = ours.write(b"payload")
-    return ours, hello, Responder.read(PSK, prologues[1], hello)
+def exchange(
+    prologues: tuple[bytes, bytes] = (PROLOGUE, PROLOGUE),
+) -> tuple[Initiator[Secrets], bytes, Responder[Secrets] | None]:
+    ours = Initiator(PSK, prologues[0], bytes([7] * PRIVATE_BYTES), as_they_are)
+    hello = ours.hello(b"payload")
+    return ours, hello, Responder.read(PSK, prologues[1], hello, as_they_are)
 
 
 def test_every_flipped_bit_of_either_message_is_found() -> None:
     ours, hello, answering = exchange()
     assert answering is not None
-    written = answering.write(b"answer", bytes([8] * PRIVATE_BYTES))
+    written = answering.answer(b"answer", bytes([8] * PRIVATE_BYTES))
     assert written is not None
-    for message, read in ((hello, lambda data: Responder.read(PSK, PROLOGUE, data)), (written[0], ours.read)):
+    for message, read in (
+        (hello, lambda data: Responder.read(PSK, PROLOGUE, data, as_they_are)),
+        (written[0], ours.open),
+    ):
         for bit in range(0, 8 * len(message), 5):
             if bit == 255:  # RFC 7748 section 5 has receivers ignore this bit of a key; Noise hashes it all the same
                 continue
@@ -83,19 +92,19 @@ def test_every_flipped_bit_of_either_message_is_found() -> None:
             assert read(bytes(damaged)) is None
         for size in (0, 1, 31, 32, 47, len(message) - 1):
             assert read(message[:size]) is None
-    assert ours.read(written[0]) is not None, "a bad answer spoils nothing"
+    assert ours.open(written[0]) is not None, "a bad answer spoils nothing"
 
 
 def test_another_prologue_or_key_is_not_authentic() -> None:
     _, hello, answering = exchange((PROLOGUE, b"other"))
     assert answering is None
-    assert Responder.read(SharedKey(bytes(PSK_BYTES)), PROLOGUE, hello) is None
+    assert Responder.read(SharedKey(bytes(PSK_BYTES)), PROLOGUE, hello, as_they_are) is None
 
 
 @pytest.mark.parametrize("public", [bytes(32), b"\x01" + bytes(31)])
 def test_a_public_key_of_low_order_makes_no_session(public: bytes) -> None:
     ours, _, answering = exchange()
     assert answering is not None
-    assert ours.read(public + bytes(30)) is None
+    assert ours.open(public + bytes(30)) is None
     answering._peer = public
-    assert answering.write(b"", bytes([8] * PRIVATE_BYTES)) is None
+    assert answering.answer(b"", bytes([8] * PRIVATE_BYTES)) is None

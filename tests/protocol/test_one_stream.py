@@ -4,7 +4,7 @@ from hashlib import sha256
 
 import pytest
 
-from tests.protocol.harness import KEY, Pair, Side, update_fields
+from tests.protocol.harness import KEY, Pair, sample_update
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.psk import PresharedKey
@@ -21,16 +21,12 @@ RECORDED = {
 
 def drive(pair: Pair, now: float, tick: int) -> None:
     """Updates of both sides, some with history, at paces that leave room for heartbeats and repeats."""
-    for side, pace, values in ((pair.master, 7, 3), (pair.slave, 61, 3)):
+    for side, pace in ((pair.master, 7), (pair.slave, 61)):
         if tick % pace == 0 and now < 1.2:
-            _send(side, now, tick, values, with_previous=tick % 2 == 0)
+            update = sample_update(tick)
+            update = update if tick % 2 == 0 else update._replace(payload=None)
+            side.endpoint.send_update(side.local(now), update)
             side.endpoint.credit = tick
-
-
-def _send(side: Side, now: float, tick: int, values: int, *, with_previous: bool) -> None:
-    stamp, selector, newest, gap, previous = update_fields(tick)
-    previous, gap = (previous, max(gap, 1)) if with_previous else ((), 0)
-    side.endpoint.send_update(side.local(now), stamp, selector, newest[:values], gap, previous[:values])
 
 
 @pytest.mark.parametrize("suite", ["checksum", "psk"])

@@ -9,6 +9,7 @@ from tests.protocol.harness import Pair, Side
 from weberlink.protocol import Address, Connected, State
 from weberlink.protocol.path import OVERTAKEN, Path
 from weberlink.protocol.wire import Kind, kind_of
+from weberlink.update import Update
 
 HOME: Address = ("192.0.2.1", 40_000)
 ELSEWHERE: Address = ("203.0.113.9", 9)
@@ -65,7 +66,7 @@ def test_racer_who_drops_nothing_gets_only_challenges() -> None:
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for side, values in ((pair.master, 3), (pair.slave, 6)):
             if side.sessions and tick % 7 == 0:
-                side.endpoint.send_update(now, tick, 0, (tick % 100,) * values, 0, ())
+                side.endpoint.send_update(now, Update(tick, 0, (tick % 100,) * values))
 
     def race(side: Side, data: bytes) -> bool:
         if side is pair.master and kind_of(data) != Kind.HELLO:

@@ -9,7 +9,7 @@ import pytest
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
 from weberlink.protocol.dialer import Dialer
-from weberlink.protocol.handshake import INSTANCE_BYTES, Caller, HelloHeader, pack_agreement, read_hello_header
+from weberlink.protocol.handshake import INSTANCE_BYTES, HelloHeader, LocalEnd, pack_agreement, read_hello_header
 from weberlink.protocol.listener import (
     EXCHANGE_PACE,
     EXCHANGE_PACE_ENGAGED,
@@ -27,15 +27,9 @@ STRANGER = ("203.0.113.9", 9)
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
     """HELLOs of earlier runs of a master: proven, with rising stamps, and nobody waits for their answers."""
     stamps = iter(range(first, first + count * step, step))
-    dialer = Dialer(
-        PresharedKey(KEY),
-        Random(f"{name} {first}").randbytes,
-        pack_agreement(AGREEMENT),
-        2,
-        0.0,
-        caller=Caller(name, bytes(INSTANCE_BYTES)),
-        stamp=lambda now: next(stamps),
-    )
+    entropy = Random(f"{name} {first}").randbytes
+    end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), 2, 0.0, name, "")
+    dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: next(stamps))
     dialer.start(0.0)
     return [dialer.hello(0.0) for _ in range(count)]
 

@@ -127,7 +127,7 @@ def test_a_key_has_its_size(size: int) -> None:
 def test_no_crypto_library_is_loaded_without_a_key() -> None:
     program = """
 import sys
-import weberlink.protocol, protocol.aio, protocol.emulation, protocol.keys
+import weberlink.protocol, weberlink.protocol.aio, weberlink.protocol.emulation, weberlink.protocol.keys
 from weberlink.protocol import Endpoint, Role, State
 from weberlink.protocol.checksum import Checksum
 ends = [Endpoint(role=role, agreement={}, outgoing_values=(3,), incoming_values=(3,), security=Checksum(),

@@ -4,23 +4,22 @@ from itertools import pairwise
 
 import pytest
 
-from tests.protocol.harness import exchanged, suites, update_fields
+from tests.protocol.harness import exchanged, sample_update, suites
+from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.direction import Direction
 from weberlink.protocol.events import PeerClosed, UpdateReceived
 from weberlink.protocol.heartbeat import INTRODUCTIONS
-from weberlink.protocol.reasons import DropReason
 from weberlink.protocol.security import Security
 from weberlink.protocol.sending import REKEY_AFTER_S
 from weberlink.protocol.session import Parameters, Session
-from weberlink.protocol.statistics import Statistics
-from weberlink.protocol.wire import PHASE, pack_word
+from weberlink.protocol.wire import PHASE, DirectionLayout, pack_word
+from weberlink.update import PreviousSample, Update
 
 
 def pair(
     security: Security, first_sequence: int = 1, silence: float = 0.1
 ) -> tuple[Session, Session, Statistics, Statistics]:
-    parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, silence)
+    parameters = Parameters(DirectionLayout([3]), DirectionLayout([3]), 0.0, 0.001, silence)
     made: list[Session] = []
     counted: list[Statistics] = []
     for side, protection in enumerate(exchanged(security)):
@@ -46,9 +45,9 @@ def test_a_session_goes_on_past_the_wrap_of_its_numbers(security: Security) -> N
     last = -1
     for step in range(1000):
         now = step * 0.001
-        outcome = deliver(receiver, sender.sender.send_update(now, *update_fields(step)), now)
+        outcome = deliver(receiver, sender.sender.send_update(now, sample_update(step)), now)
         assert isinstance(outcome, UpdateReceived)
-        assert outcome.tick == step > last
+        assert outcome.update.tick == step > last
         last = step
         assert deliver(sender, receiver.sender.send_heartbeat(now), now) is None
         assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > now
@@ -60,7 +59,7 @@ def test_acknowledgements_go_on_past_the_wrap_of_theirs() -> None:
     sender, receiver, counted, _ = pair(Checksum(), first_sequence=2**16 - 50, silence=10.0)
     for step in range(100):
         now = 0.5 * step
-        deliver(receiver, sender.sender.send_update(now, *update_fields(500 * step)), now)
+        deliver(receiver, sender.sender.send_update(now, sample_update(500 * step)), now)
         deliver(sender, receiver.sender.send_heartbeat(now), now)
         while sender.sender.handle_timer(now + 0.4, is_engaged=True, is_encoding=True) is not None:
             pass  # without an acknowledgement this would repeat the update
@@ -70,11 +69,11 @@ def test_acknowledgements_go_on_past_the_wrap_of_theirs() -> None:
 def test_an_acknowledgement_of_long_ago_is_not_taken_for_one_of_now() -> None:
     """The receiver has one update and nothing after it; 2^16 datagrams later the same low bits come round."""
     sender, receiver, counted, _ = pair(Checksum(), silence=10.0)
-    deliver(receiver, sender.sender.send_update(0.0, *update_fields(0)), 0.0)
+    deliver(receiver, sender.sender.send_update(0.0, sample_update(0)), 0.0)
     deliver(sender, receiver.sender.send_heartbeat(0.0), 0.0)
     for _ in range(2**16 - 1):
         sender.sender.send_heartbeat(0.0)
-    sender.sender.send_update(1.0, *update_fields(1))
+    sender.sender.send_update(1.0, sample_update(1))
     for step in range(100):
         now = 1.02 + step * 0.05
         deliver(sender, receiver.sender.send_heartbeat(now), now)
@@ -86,7 +85,7 @@ def test_an_acknowledgement_of_long_ago_is_not_taken_for_one_of_now() -> None:
 def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
     sender, receiver, counted, _ = pair(Checksum(), silence=10.0)
     deliver(sender, receiver.sender.send_heartbeat(0.5), 0.5)
-    sender.sender.send_update(0.5, *update_fields(500))
+    sender.sender.send_update(0.5, sample_update(500))
     due = sender.sender.next_timer(is_engaged=True, is_encoding=True)
     deliver(sender, receiver.sender.send_heartbeat(0.51), 0.51)
     assert sender.sender.next_timer(is_engaged=True, is_encoding=True) < due
@@ -95,7 +94,7 @@ def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
     assert counted.repeats == 1
     outcome = deliver(receiver, data, 0.511)
     assert isinstance(outcome, UpdateReceived)
-    assert outcome[:5] == update_fields(500)
+    assert outcome.update == sample_update(500)
     deliver(sender, receiver.sender.send_heartbeat(0.512), 0.512)
     assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > 0.53
 
@@ -103,7 +102,7 @@ def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
 def test_a_datagram_that_left_before_the_update_arrived_is_no_evidence() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     early = receiver.sender.send_heartbeat(0.5)
-    sender.sender.send_update(0.5, *update_fields(500))
+    sender.sender.send_update(0.5, sample_update(500))
     due = sender.sender.next_timer(is_engaged=True, is_encoding=True)
     deliver(sender, early, 0.53)
     assert sender.sender.next_timer(is_engaged=True, is_encoding=True) >= min(due, 0.55)
@@ -127,18 +126,18 @@ def test_who_is_asked_answers_at_once() -> None:
 
 
 def test_a_peer_that_has_not_reported_cannot_date_its_updates() -> None:
-    parameters = Parameters(Direction([3]), Direction([3]), 0.0, 0.001, 0.1)
+    parameters = Parameters(DirectionLayout([3]), DirectionLayout([3]), 0.0, 0.001, 0.1)
     protections = exchanged(Checksum())
     sender = Session(protections[0], parameters, Statistics(), 0.0, 0.0)
     receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
-    assert deliver(receiver, sender.sender.send_update(0.01, *update_fields(1)), 0.01) is DropReason.UNTIMED
+    assert deliver(receiver, sender.sender.send_update(0.01, sample_update(1)), 0.01) is DropReason.UNTIMED
     assert deliver(receiver, sender.sender.send_heartbeat(0.01), 0.01) is None
-    assert isinstance(deliver(receiver, sender.sender.send_update(0.02, *update_fields(2)), 0.02), UpdateReceived)
+    assert isinstance(deliver(receiver, sender.sender.send_update(0.02, sample_update(2)), 0.02), UpdateReceived)
 
 
 def test_an_update_that_contradicts_itself_is_malformed() -> None:
     """A previous sample at no distance; no owner can send it, a peer with a fault can."""
-    direction = Direction([3])
+    direction = DirectionLayout([3])
     layout = direction.updates[0]
     parameters = Parameters(direction, direction, 0.0, 0.001, 0.1)
     protections = exchanged(Checksum())
@@ -147,7 +146,7 @@ def test_an_update_that_contradicts_itself_is_malformed() -> None:
     outcomes = []
     for sequence, gap in ((1, 0), (2, 1)):
         word = pack_word(0, receiver.clock.stamp(0.01), receiver.liveness.echo(0.01), 10)
-        clear = layout.pack(sequence, word, 0, (1, 2, 3), gap, (1, 2, 3))
+        clear = layout.pack(sequence, word, Update(10, 0, (1, 2, 3), PreviousSample(gap, (1, 2, 3))))
         outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
     assert outcomes[0] is DropReason.MALFORMED
     assert isinstance(outcomes[1], UpdateReceived)
@@ -155,7 +154,7 @@ def test_an_update_that_contradicts_itself_is_malformed() -> None:
 
 def test_a_silent_peer_is_sent_heartbeats_only() -> None:
     sender, _, counted, _ = pair(Checksum(), silence=10.0)
-    sender.sender.send_update(0.0, *update_fields(0))
+    sender.sender.send_update(0.0, sample_update(0))
     silent = {"is_engaged": False, "is_encoding": False}
     times = [step for step in range(1, 1000) if sender.sender.handle_timer(step * 0.001, **silent) is not None]
     assert counted.repeats == 0
@@ -177,7 +176,7 @@ def test_keys_are_replaced_by_time_and_by_count_without_a_loss(security: Securit
     held: list[bytes] = []
     for step in range(1, 400):
         now = step * 1.0
-        data = sender.sender.send_update(now, *update_fields(1000 * step))
+        data = sender.sender.send_update(now, sample_update(1000 * step))
         phases.append(data[0] & PHASE)
         if step % 7 == 0:
             held.append(data)
@@ -194,7 +193,7 @@ def test_a_datagram_with_a_wrapped_time_stamp_is_not_new() -> None:
     """Held back for 2^24 stamps, it seems to have just left; its number says that it has not."""
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     wrap = 2**24 * 1e-5
-    held = sender.sender.send_update(1.0, *update_fields(1000))
+    held = sender.sender.send_update(1.0, sample_update(1000))
     now = 1.0
     while now < 1.0 + wrap:
         deliver(receiver, sender.sender.send_heartbeat(now), now)

@@ -6,12 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.protocol.harness import KEY
-from weberlink.protocol import wire
+from weberlink.protocol import DropReason, wire
 from weberlink.protocol.checksum import Checksum
-from weberlink.protocol.direction import Direction
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.reasons import DropReason
-from weberlink.protocol.wire import Kind, Report, UpdateLayout
+from weberlink.protocol.wire import DirectionLayout, Kind, Report, UpdateLayout
+from weberlink.update import MAX_GAP, MAX_SELECTOR, ModelParameters, PreviousSample, Update, parameter_bits
 
 LEVEL = st.integers(-32_768, 32_767)
 PSK_TAG = PresharedKey(KEY).tag_size
@@ -38,7 +37,7 @@ def documented(values: int) -> dict[str, int]:
 @pytest.mark.parametrize("values", [1, 2, 3, 6])
 def test_the_table_is_the_code(values: int, carries_credit: bool, streams: int) -> None:
     sizes = documented(values)
-    direction = Direction((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
+    direction = DirectionLayout((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
     lengths = direction.lengths(0)
     levels, acks = tuple(range(values)), (7,) * (streams - 1)
     assert set(sizes) == {
@@ -51,9 +50,9 @@ def test_the_table_is_the_code(values: int, carries_credit: bool, streams: int) 
         sizes["second_ack"] = 0
     assert sizes["head"] == wire.HEAD_BYTES
     for layout in direction.updates:
-        plain = layout.pack(1, 2, 5, levels, 0, (), 8, acks)
+        plain = layout.pack(1, 2, Update(9, 5, levels), 8, acks)
         assert len(plain) == sizes["head"] + sizes["update"] + sizes["update_credit"] + sizes["second_ack"]
-        paired = layout.pack(1, 2, 5, levels, 6, levels, 8, acks)
+        paired = layout.pack(1, 2, Update(9, 5, levels, PreviousSample(6, levels)), 8, acks)
         assert len(paired) == len(plain) + sizes["previous"]
         assert all(lengths[data[0] & 0xF] == (len(data), len(data)) for data in (plain, paired))
     heartbeat = wire.pack_heartbeat(
@@ -76,55 +75,52 @@ def test_a_three_axis_force_update_with_tag_fits_the_budget(
 ) -> None:
     """A force is not made longer by a torque; what ends its datagram is the acknowledgement of the other stream."""
     acks = (1,) * (streams - 1)
-    for layout in Direction((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
-        assert len(layout.pack(1, 2, 5, (1,) * 6, 0, (), 0, acks)) + PSK_TAG == plain
-        assert len(layout.pack(1, 2, 5, (1,) * 6, 6, (1,) * 6, 0, acks)) + PSK_TAG == paired
+    for layout in DirectionLayout((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
+        assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6), 0, acks)) + PSK_TAG == plain
+        assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6, PreviousSample(6, (1,) * 6)), 0, acks)) + PSK_TAG == paired
 
 
 def test_one_axis_is_shorter_and_no_security_shorter_still() -> None:
-    assert len(UpdateLayout(2).pack(1, 2, 5, (1, 2), 0, ())) + PSK_TAG == 24
+    assert len(UpdateLayout(2).pack(1, 2, Update(9, 5, (1, 2)))) + PSK_TAG == 24
     assert Checksum().tag_size < PSK_TAG
+
+
+LEVELS = st.lists(LEVEL, min_size=6, max_size=6).map(tuple)
+PAYLOADS = st.one_of(
+    st.none(),
+    st.builds(PreviousSample, st.integers(1, MAX_GAP), LEVELS),
+    st.builds(ModelParameters, st.integers(0, (1 << parameter_bits(6)) - 1)),
+)
+UPDATES = st.builds(Update, st.integers(0, 2**16 - 1), st.integers(0, MAX_SELECTOR), LEVELS, PAYLOADS)
 
 
 @given(
     st.integers(0, 2**24 - 1),
     st.integers(0, 2**16 - 1),
     st.integers(0, 2**24 - 1),
-    st.integers(0, 2**16 - 1),
     st.integers(0, 255),
-    st.integers(0, 7),
-    st.lists(LEVEL, min_size=6, max_size=6),
-    st.integers(1, 65_535),
-    st.one_of(st.just([]), st.lists(LEVEL, min_size=6, max_size=6)),
+    UPDATES,
     st.one_of(st.none(), st.integers(0, 2**40)),
 )
 def test_an_update_survives_the_wire(
-    sequence: int,
-    ack: int,
-    sent: int,
-    tick: int,
-    echo: int,
-    selector: int,
-    newest: list[int],
-    gap: int,
-    previous: list[int],
-    credit: int | None,
+    sequence: int, ack: int, sent: int, echo: int, update: Update, credit: int | None
 ) -> None:
-    layout = UpdateLayout(6, carries_credit=credit is not None)
-    gap = gap if previous else 0
-    layout.check(selector, tuple(newest), gap, tuple(previous))
-    word = wire.pack_word(ack, sent, echo, tick)
-    data = layout.pack(sequence, word, selector, tuple(newest), gap, tuple(previous), credit or 0)
+    parametric = (update.selector,) if isinstance(update.payload, ModelParameters) else ()
+    direction = DirectionLayout([6], carries_credit=credit is not None, parametric=[parametric])
+    (layout,) = direction.updates
+    layout.check(update)
+    data = layout.pack(sequence, wire.pack_word(ack, sent, echo, update.tick), update, credit or 0)
+    body = data[wire.CLEAR_BYTES :]
     assert wire.kind_of(data) == Kind.UPDATE
     assert wire.sequence_of(data) == sequence
-    head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
-    assert head == wire.read_head(data[0] | wire.PHASE, data[wire.CLEAR_BYTES :])
-    assert head == wire.Head(Kind.UPDATE, bool(previous), selector, ack, sent, tick, echo)
+    head = wire.read_head(data[0], body)
+    assert head == wire.read_head(data[0] | wire.PHASE, body)
+    assert head == wire.Head(Kind.UPDATE, update.payload is not None, update.selector, ack, sent, update.tick, echo)
     assert head.is_encoding
-    assert layout.unpack(data[wire.CLEAR_BYTES :], head.has_previous) == (tuple(newest), gap, tuple(previous))
-    assert wire.length_fault(data, Direction([6], carries_credit=credit is not None).lengths(0)) is None
+    assert layout.unpack(body, head, update.tick) == update
+    assert wire.length_fault(data, direction.lengths(0)) is None
     if credit is not None:
-        assert wire.unpack_credit(Kind.UPDATE, data[wire.CLEAR_BYTES :]) == (credit % 2**16, 16)
+        assert direction.read_credit(Kind.UPDATE, body) == (credit % 2**16, 16)
 
 
 @given(
@@ -139,7 +135,8 @@ def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: 
     word = wire.pack_word(6, 7, 8)
     data = wire.pack_heartbeat(5, word, report, credit)
     if credit is not None:
-        assert wire.unpack_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
+        direction = DirectionLayout([6], carries_credit=True)
+        assert direction.read_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
     assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
     head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
     assert head == wire.Head(Kind.HEARTBEAT, False, 0, 6, 7, 0, 8)
@@ -185,4 +182,4 @@ def test_a_reason_is_cut_at_a_character(reason: str) -> None:
     ],
 )
 def test_each_shape_has_its_length(data: bytes, fault: DropReason | None) -> None:
-    assert wire.length_fault(data, Direction([3]).lengths(8)) is fault
+    assert wire.length_fault(data, DirectionLayout([3]).lengths(8)) is fault

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 from random import Random
 
 from weberlink.protocol.dialer import Dialer
-from weberlink.protocol.handshake import HELLO_HEADER, PROTOCOL_VERSION, Caller, read_hello, read_hello_header, read_map
+from weberlink.protocol.handshake import (
+    HELLO_HEADER,
+    PROTOCOL_VERSION,
+    LocalEnd,
+    read_hello,
+    read_hello_header,
+    read_map,
+)
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import CLEAR_BYTES, Kind, kind_of
 
@@ -74,11 +81,11 @@ def _calls(genuine: Sequence[bytes], key: bytes, random: Random, count: int) -> 
         raise ValueError("no genuine HELLO was recorded to make others of")
     header = read_hello_header(hello)
     assert header is not None
-    caller = Caller(said.name, said.instance)
+    end = LocalEnd(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, said.name, "")
 
     def before(_now: float) -> int:
         return header.stamp - count  # and rising, as those of a recording
 
-    dialer = Dialer(security, random.randbytes, said.agreement, PROTOCOL_VERSION, 0.0, caller=caller, stamp=before)
+    dialer = Dialer(end, said.instance, stamp=before)
     dialer.start(0.0)
     return [dialer.hello(1.0) for _ in range(count)]

@@ -1,7 +1,7 @@
-"""The faults, one small function each, and what each promises: what is done to the rig, and the law that then holds.
+"""The faults: what each does to the rig, and the law that must hold meanwhile.
 
-Owns no schedule. A fault returns what broke its own law; whether the session had to be kept, and how soon it must be
-back, stands in the table `FAULTS` and is judged by the caller.
+A fault returns what broke its own law. Whether the session must live through it, and how soon it must be back, is in
+the table `FAULTS`.
 """
 
 import os
@@ -9,11 +9,19 @@ import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic, sleep, time
-from typing import Any
 
-from tests.soak import disk, intruders, laws
-from tests.soak.field import Field
-from tests.soak.underlays import DELAY, NOISE, burner
+from tests.soak import intruders, laws
+from tests.soak.conditions import (
+    DELAY,
+    FULL_S,
+    NOISE,
+    SMALL_DISK_KIB,
+    Field,
+    MountError,
+    burner,
+    recording,
+    small_disk,
+)
 from weberlink.protocol.emulation import Emulation
 from weberlink.system.configuration import MASTER, SLAVE
 
@@ -88,11 +96,11 @@ def flap(at: Field) -> list[str]:
 
 def replay(at: Field) -> list[str]:
     """Genuine datagrams of this session again, to both ends."""
-    at.watch.until(lambda: monotonic() > at.ledger.since + _HISTORY_S, _HISTORY_S)
+    at.watch.wait(_HISTORY_S)
     sent = 0
     for turn in range(4 if at.short else 20):
         now = monotonic()
-        since = at.ledger.since if turn % 2 else now - 0.5 * at.rig.silence  # old ones, and some that are not stale
+        since = 0.0 if turn % 2 else now - 0.5 * at.rig.silence  # old ones, and some that are not stale
         sent += at.rig.wire.replay("", 200, since, now - 0.01)
         at.watch.wait(0.1)
     at.notes["datagrams replayed"] = sent
@@ -118,11 +126,11 @@ def _held(way: str, side: str) -> Inject:
             # The youngest of them is too old by then; some come after a session that heard nothing has ended.
             watch.wait(silence + (0.1 if at.short else at.random.choice((0.1, 4.0 * silence, 5.0))))
             watch.begin()
-            before = getattr(watch.books(), way).handshakes
+            before = getattr(watch.books(), way)["handshakes"]
             watch.wait(0.05)
             released = wire.release_old(way, until)
             watch.wait(0.3)
-            released -= getattr(watch.books(), way).handshakes - before
+            released -= getattr(watch.books(), way)["handshakes"] - before
             at.notes["stale datagrams delivered"] = released
             return laws.nothing_stale(watch.seen(side), released, still)
         finally:
@@ -184,11 +192,11 @@ def stutter(at: Field) -> list[str]:
     It must not take longer to be heard again than it stood still: a few replayed datagrams see to it that it reads.
     """
     found, judged = [], 0
-    at.watch.until(lambda: monotonic() > at.ledger.since + _HISTORY_S, _HISTORY_S)
+    at.watch.wait(_HISTORY_S)
     for turn in range(6 if at.short else 20):
         side, way = ((MASTER, "backward"), (SLAVE, "forward"))[turn % 2]
         at.watch.begin()
-        with at.rig.wire.replaying(way, _BURST, at.ledger.since, monotonic() - 0.01):
+        with at.rig.wire.replaying(way, _BURST, monotonic() - 0.01):
             sleep(at.random.uniform(0.0, _BURST_S))
             at.rig.signal(side, signal.SIGSTOP)
             sleep(_STUTTER_SHARE * at.rig.silence)
@@ -213,7 +221,7 @@ def _moved(host: str) -> Inject:
         if at.watch.stall() > 0.5 * at.rig.silence:
             return []
         found = laws.same_session(after.calls - before.calls, after.answers - before.answers)
-        if after.backward.passed == before.backward.passed:
+        if after.backward["passed"] == before.backward["passed"]:
             found.append("the slave never answered the new address")
         return found
 
@@ -238,7 +246,7 @@ def clock_step(at: Field) -> list[str]:
 
 def stalled_disk(at: Field) -> list[str]:
     """The recorder is stopped as if its disk had not answered."""
-    with disk.recording(at.rig, at.watch) as recorder:
+    with recording(at) as recorder:
         at.watch.wait(1.0)
         os.kill(recorder.pid, signal.SIGSTOP)
         try:
@@ -252,18 +260,14 @@ def stalled_disk(at: Field) -> list[str]:
 def full_disk(at: Field) -> list[str]:
     """The recording is on a disk that fills up; the recorder ends with it, and nothing else does."""
     try:
-        small = disk.mount(at.rig.folder)
-    except disk.MountError as refused:
+        with small_disk(at.rig.folder) as small:
+            with recording(at, small) as recorder:
+                is_full = at.watch.until(lambda: not recorder.running, FULL_S)
+                outcome = str(recorder.finish().get("outcome")) if is_full else "it still runs"
+            return [] if "space" in outcome else [f"a disk of {SMALL_DISK_KIB} KiB was full; the recorder: {outcome}"]
+    except MountError as refused:
         at.notes[f"left out, {refused}"] = 1
         return []
-    try:
-        with disk.recording(at.rig, at.watch, small) as recorder:
-            if not at.watch.until(lambda: not recorder.running, disk.FULL_S):
-                return [f"the disk of {disk.SIZE_KIB} KiB was not full after {disk.FULL_S:g} s"]
-            outcome: Any = recorder.finish().get("outcome")
-        return [] if "space" in str(outcome) else [f"the disk was full, and the recorder said: {outcome}"]
-    finally:
-        disk.unmount(small)
 
 
 def busy_core(at: Field) -> list[str]:
@@ -296,11 +300,8 @@ FAULTS: dict[str, Fault] = {
     "busy_core": Fault(busy_core, keeps=True),
     "second_master": Fault(intruders.second_master, keeps=True),
     "take_over": Fault(intruders.take_over, keeps=False, limit_s=RESTART_S, rare=True),
-    "second_slave": Fault(intruders.second_slave, keeps=False, limit_s=RESTART_S, rare=True),
     "stolen_path": Fault(intruders.stolen_path, keeps=True),
-    "recorded_calls": Fault(intruders.recorded_calls(2_000), keeps=False, limit_s=RESTART_S, rare=True),
-    "many_calls": Fault(intruders.recorded_calls(20_000), keeps=False, limit_s=RESTART_S, rare=True),
-    "foreign_files": Fault(intruders.foreign_files, keeps=False, limit_s=RESTART_S, rare=True),
+    "many_calls": Fault(intruders.many_calls, keeps=False, limit_s=RESTART_S, rare=True),
     "killed_master": Fault(_killed(MASTER), keeps=False, limit_s=RESTART_S, rare=True),
     "killed_slave": Fault(_killed(SLAVE), keeps=False, limit_s=RESTART_S, rare=True),
 }

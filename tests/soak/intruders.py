@@ -1,37 +1,32 @@
-"""Faults made by somebody else: a second master, a second slave, who can copy datagrams, another user of the host."""
+"""Faults caused by others: a second master, an attacker who copies datagrams, recorded calls."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from contextlib import suppress
 from time import monotonic, time_ns
-from typing import Any, Self
+from typing import Self
 
 from tests.soak.ammunition import load
-from tests.soak.field import Field
-from tests.soak.rig import LINK, Rig, free_port
+from tests.soak.conditions import Field
+from tests.soak.rig import LINK, Rig
+from tests.soak.volley import volley
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.handshake import read_hello_header
 from weberlink.protocol.keys import load as load_key
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
-from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path
 
 START_S = 20.0
 """From the start of a program to its first tick: its imports take longest [s]."""
 NEW_SESSION_S = 3.0
-RECORDED = 10_000
+RECORDED, CALLS_PER_S = 10_000, 20_000
 """Calls in a long recording."""
 CALLS_S = 5.0
-THIEF, CALLER = "127.0.0.4", "127.0.0.3"
-NOBODY = 65_534
-_LOOK = 0.02
+THIEF, CALLER = "127.0.0.4", ("127.0.0.3", 0)
 
 
 class Rival:
@@ -143,40 +138,6 @@ def take_over(at: Field) -> list[str]:
     return found
 
 
-def second_slave(at: Field) -> list[str]:
-    """The relay leads the master to another slave with the same key: the master refuses it, and names a fault.
-
-    It may end with that refusal; then it is started again.
-    """
-    port = free_port()
-    seen: list[Records] = []
-    with Rival(at.rig, SLAVE, "--set", f"link.listen={LINK}:{port}") as rival:
-        at.watch.until(lambda: rival.look() or rival.ticks > 0 or not rival.running, START_S)
-        master = at.rig.lives.pop(MASTER)
-        at.rig.wire.swap((LINK, port))
-        deadline = monotonic() + at.rig.silence + at.lasting(1.0, 1.0, 5.0)
-        while monotonic() < deadline:
-            at.watch.wait(_LOOK)
-            rival.look()
-            seen += [records] if (records := master.read()) is not None else []
-        at.rig.wire.swap(None)
-        rival.end()
-    found = [f"the second slave was in a session for {rival.engaged} ticks"] * (rival.engaged > 0)
-    if not any(records["fault"].any() for records in seen):
-        found.append("the master named no fault")
-    at.watch.begin()  # the master's records of that time were not the watch's
-    at.ended_at = monotonic()
-    if master.daemon.running:
-        at.rig.lives[MASTER] = master
-    else:
-        outcome = str(master.daemon.finish()["outcome"])
-        found += [f"the master has ended: {outcome}"] * ("refused" not in outcome)
-        at.watch.bury(master, master.read())
-        master.close()
-        at.rig.start(MASTER)
-    return found if rival.ticks else [*found, f"the second slave did not start: {rival.outcome}"]
-
-
 def stolen_path(at: Field) -> list[str]:
     """Somebody delivers a copy of each datagram from another address before it comes itself, and drops nothing."""
     wire = at.rig.wire
@@ -199,111 +160,33 @@ def _stamp(call: bytes) -> int:
     return header.stamp
 
 
-def recorded_calls(rate: int) -> Callable[[Field], list[str]]:
-    """HELLOs of earlier calls are sent again, so many a second, while both ends begin anew and call for a session."""
-
-    def inject(at: Field) -> list[str]:
-        rig, watch, wire = at.rig, at.watch, at.rig.wire
-        # The master of a soak makes a few calls only; the others stand for a long recording.
-        # Calls of a clock that has gone back since are not taken: a master finds its way past those when they end.
-        now_ns = time_ns() + (0 if rig.wall is None else rig.wall.offset * 10**9)
-        genuine = [call for call in wire.recorded_calls() if _stamp(call) <= now_ns]
-        if not genuine:
-            at.notes["left out, nobody has called by the present clock"] = 1
-            return []
-        recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"), calls=RECORDED)
-        wire.emulate(Emulation(loss=1.0))
-        for side in (MASTER, SLAVE):
-            watch.bury(*rig.kill(side))
-            rig.start(side)
-        if not watch.until(lambda: all(life.last is not None for life in rig.lives.values()), START_S):
-            return ["a daemon did not start"]
-        with _volley(rig, recorded, rate) as gun:
-            watch.wait(0.3)
-            opened = monotonic()
-            wire.emulate(Emulation())
-            is_back = watch.until(lambda: watch.engaged(opened), NEW_SESSION_S)
-            seconds = monotonic() - opened
-            if not at.short:
-                gun.wait(CALLS_S + 10.0)
-        at.ended_at = monotonic()
-        at.notes["ms to the newest session"] = round(1e3 * seconds)
-        return [] if is_back else [f"no new session within {seconds:.1f} s while {rate} recorded calls came a second"]
-
-    return inject
-
-
-@contextmanager
-def _volley(rig: Rig, datagrams: Sequence[bytes], rate: int) -> Iterator[subprocess.Popen[bytes]]:
-    order = {
-        "target": rig.slave_address,
-        "source": (CALLER, 0),
-        "spoof": False,
-        "rate": rate,
-        "seconds": CALLS_S,
-        "datagrams": [data.hex() for data in datagrams],
-    }
-    path = rig.folder / "order.json"
-    path.write_text(json.dumps(order), encoding="ascii")
-    gun = subprocess.Popen([sys.executable, "-m", "tests.soak.volley", str(path)], stdout=subprocess.PIPE)
-    try:
-        assert gun.stdout is not None
-        gun.stdout.readline()
-        yield gun
-    finally:
-        gun.kill()
-        gun.wait()
-        assert gun.stdout is not None
-        gun.stdout.close()
-
-
-def foreign_files(at: Field) -> list[str]:
-    """Another user has made files and a FIFO where a daemon that starts again will have its telemetry."""
-    if os.geteuid() != 0:
-        at.notes["left out, another user can be had by root only"] = 1
+def many_calls(at: Field) -> list[str]:
+    """HELLOs of earlier calls are sent again, 20,000 a second, while both ends start anew and call for a session."""
+    rig, watch, wire = at.rig, at.watch, at.rig.wire
+    # The master of a soak makes a few calls only; the others stand for a long recording. Calls of a clock that has gone
+    # back since are not taken: a master gets past those when they end.
+    now_ns = time_ns() + (0 if rig.wall is None else rig.wall.offset * 10**9)
+    genuine = [call for call in wire.recorded_calls() if _stamp(call) <= now_ns]
+    if not genuine:
+        at.notes["left out, nobody has called by the present clock"] = 1
         return []
-    side = at.random.choice((MASTER, SLAVE))
-    at.watch.bury(*at.rig.kill(side))
-    ring = Path(at.rig.ring(side))
-    left = [ring, *(ring.with_suffix(suffix) for suffix in (".json", ".ask"))]
-    for path in left:  # what the killed daemon left; its launcher would have removed it
-        path.unlink(missing_ok=True)
-    planted = sum(_plant(command, path) for command, path in zip(("mkfifo", "touch", "mkfifo"), left, strict=True))
-    at.notes["files of another user"] = planted
-    at.rig.start(side)
-    life = at.rig.lives.pop(side)  # not to be looked at before its ring is its own
-    deadline = monotonic() + START_S
-    while monotonic() < deadline and life.daemon.running and not _is_own(ring):
-        at.watch.wait(_LOOK)
-    found = []
-    if not (life.daemon.running and _is_own(ring)):
-        with suppress(ProcessLookupError):
-            os.kill(life.pid, signal.SIGKILL)
-        outcome: Any = life.daemon.finish()["outcome"]
-        found.append(f"{planted} files of another user kept the {side} from starting: {outcome}")
-    for path in left:
-        with suppress(FileNotFoundError):
-            if path.lstat().st_uid == NOBODY:
-                path.unlink()
+    recorded = genuine + load("calls", genuine, at.random, load_key(rig.folder / "soak.key"), calls=RECORDED)
+    wire.emulate(Emulation(loss=1.0))
+    for side in (MASTER, SLAVE):
+        watch.bury(*rig.kill(side))
+        rig.start(side)
+    if not watch.until(lambda: all(life.last is not None for life in rig.lives.values()), START_S):
+        return ["a daemon did not start"]
+    with volley(rig.folder, recorded, rig.slave_address, CALLER, CALLS_PER_S, CALLS_S) as gun:
+        watch.wait(0.3)
+        opened = monotonic()
+        wire.emulate(Emulation())
+        is_back = watch.until(lambda: watch.engaged(opened), NEW_SESSION_S)
+        seconds = monotonic() - opened
+        if not at.short:
+            gun.wait(CALLS_S + 10.0)
     at.ended_at = monotonic()
-    if found:
-        at.rig.start(side)
-    else:
-        at.rig.lives[side] = life
-    return found
-
-
-def _plant(command: str, path: Path) -> bool:
-    """Whether another user could make it."""
-    made = subprocess.run(
-        [command, str(path)], check=False, user=NOBODY, group=NOBODY, extra_groups=[], capture_output=True
+    at.notes["ms to the newest session"] = round(1e3 * seconds)
+    return (
+        [] if is_back else [f"no new session within {seconds:.1f} s while {CALLS_PER_S} recorded calls came a second"]
     )
-    return made.returncode == 0
-
-
-def _is_own(path: Path) -> bool:
-    try:
-        found = path.lstat()
-    except (FileNotFoundError, PermissionError):
-        return False
-    return found.st_uid == os.geteuid() and found.st_size > 0

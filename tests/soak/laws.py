@@ -1,15 +1,10 @@
-"""What must hold whatever is done to a session: each law looks at telemetry and books, and names what breaks it.
-
-Pure. Each returns one line for each violation, and nothing where all is well; each can be broken by made-up telemetry,
-which its tests do.
-"""
+"""Laws that must hold whatever is done to a session; each looks at telemetry and returns a line for each violation."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from tests.soak.books import Book
 from tests.soak.processes import Footprint
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
@@ -27,8 +22,6 @@ COUNTERS = (
     "repeats",
     "heartbeats",
 )
-SLACK = 12
-"""Datagrams that two books may differ by, because they are not read at the same instant."""
 GRID_S = 1e-5
 """By how much a deadline may be off its grid, of float rounding [s]."""
 SPARE_DESCRIPTORS = 2
@@ -37,22 +30,6 @@ TICKS_S = 0.02
 STILL = 1e-9
 """[N] or [m]."""
 ENGAGED = State.ENGAGED.value
-
-
-class Reading(NamedTuple):
-    """What the three books said at one moment.
-
-    Args:
-        master, slave: a record of each.
-        forward, backward: of the relay.
-        drops: datagrams that the kernel has dropped before the socket of (master, slave), so far.
-    """
-
-    master: Any
-    slave: Any
-    forward: Book
-    backward: Book
-    drops: tuple[int, int]
 
 
 def engaged(records: Records) -> Any:
@@ -198,48 +175,6 @@ def nothing_stale(records: Records, released: int, still: Sequence[str] = ("posi
     if dropped < released:
         found.append(f"{released} stale datagrams were delivered, and only {dropped} counted as dropped")
     return found
-
-
-def books_agree(earlier: Reading, later: Reading) -> list[str]:
-    """Of one session: what an end sent, the relay got; what the relay passed on, the other end received or refused."""
-    found = []
-    ways = (
-        ("master", "slave", later.forward - earlier.forward, later.drops[1] - earlier.drops[1]),
-        ("slave", "master", later.backward - earlier.backward, later.drops[0] - earlier.drops[0]),
-    )
-    for sender, receiver, book, drops in ways:
-        sent = _grown(earlier, later, sender, "datagrams_sent")
-        came = _grown(earlier, later, receiver, "datagrams_received")
-        refused = _grown(earlier, later, receiver, "datagrams_dropped")
-        lost = _grown(earlier, later, receiver, "datagrams_lost")
-        applied = _grown(earlier, later, receiver, "updates_received")
-        updates = _grown(earlier, later, sender, "updates_sent") + _grown(earlier, later, sender, "repeats")
-        if abs(sent - book.arrived - book.kernel_drops) > SLACK:
-            found.append(f"the {sender} sent {sent} datagrams, of which the relay saw {book.arrived}")
-        whole = book.passed - book.corrupted - drops
-        least = whole - book.duplicated - book.replayed  # what comes twice may count as received or as refused
-        if not least <= came + SLACK + book.handshakes <= whole + 2 * (SLACK + book.handshakes):
-            found.append(f"{whole} whole datagrams were passed to the {receiver}, which received {came}")
-        if came + refused < book.passed - drops - SLACK:
-            found.append(
-                f"{book.passed} datagrams were passed to the {receiver}, which received {came} and refused {refused}"
-            )
-        missing = book.lost + book.corrupted + book.discarded + book.orphaned + book.refused + drops + book.kernel_drops
-        if abs(lost - missing) > SLACK + book.released + book.duplicated + sent // 65_536:
-            found.append(f"{missing} datagrams never reached the {receiver}, which counted {lost} as lost")
-        if applied > updates + SLACK:
-            found.append(f"the {sender} sent {updates} updates, the {receiver} applied {applied}")
-    return found
-
-
-def _grown(earlier: Reading, later: Reading, side: str, name: str) -> int:
-    before, after = (getattr(reading, side)[name] for reading in (earlier, later))
-    return int(after) - int(before)
-
-
-def balanced(book: Book) -> list[str]:
-    """The relay has lost track of nothing."""
-    return [f"the relay's own book is off by {book.balance}"] if book.balance else []
 
 
 def returned(seconds: float | None, limit: float) -> list[str]:

@@ -1,16 +1,77 @@
-"""What a soak has to say at the end: what was done, what broke, what grew, and whether that is a failure."""
+"""Report of a soak: what was done, what was violated, and what grew."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 from typing import Any
 
-from tests.soak.growth import Growth, fit
 from tests.soak.rig import SIDES
 from tests.soak.watch import Samples
 
 BOUNDS_PER_HOUR = {"rss_kib": 1024.0, "dirty_kib": 1024.0, "descriptors": 1.0, "threads": 1.0, "pss_kib": inf}
 """Growth of a daemon beyond which a soak has failed, per hour. PSS is told and not judged: it rises when others end."""
+WARM_UP_S = 20.0
+"""Of each life: caches fill, which is no growth [s]."""
+BLOCK_S = 30.0
+SURE = 2.0
+"""Standard deviations by which a slope must exceed its bound."""
+_FEWEST_BLOCKS = 6
+_HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class Growth:
+    """A slope per hour and its standard deviation, in the unit of the samples."""
+
+    per_hour: float
+    uncertainty: float
+    samples: int
+
+    def exceeds(self, bound: float) -> bool:
+        """Whether the slope is above the bound beyond doubt."""
+        return self.per_hour - SURE * self.uncertainty > bound
+
+
+def fit(lives: Sequence[Sequence[tuple[float, float]]], *, warm_up: float = WARM_UP_S) -> Growth | None:
+    """The common slope of several lives by least squares, each on a level of its own; None for too few samples.
+
+    Memory changes in steps, so samples are averaged over blocks, and the uncertainty is that of the blocks.
+
+    Args:
+        lives: (time [s], value) of each, in order of time; the first sample of a life is its beginning.
+    """
+    square = product = 0.0
+    centred: list[tuple[float, float]] = []
+    groups = 0
+    for life in lives:
+        blocks = _blocks(life, warm_up)
+        if len(blocks) < 2:
+            continue
+        groups += 1
+        at, level = (sum(column) / len(blocks) for column in zip(*blocks, strict=True))
+        centred += [(when - at, value - level) for when, value in blocks]
+    freedom = len(centred) - groups - 1
+    if len(centred) < _FEWEST_BLOCKS or freedom < 1:
+        return None
+    for when, value in centred:
+        square += when * when
+        product += when * value
+    slope = product / square
+    residual = sum((value - slope * when) ** 2 for when, value in centred)
+    return Growth(slope * _HOUR, sqrt(residual / freedom / square) * _HOUR, len(centred))
+
+
+def _blocks(life: Sequence[tuple[float, float]], warm_up: float) -> list[tuple[float, float]]:
+    """Means of time and value of each `BLOCK_S` after the warm-up."""
+    began = life[0][0] if life else inf
+    gathered: dict[int, list[tuple[float, float]]] = {}
+    for when, value in life:
+        if when >= began + warm_up:
+            gathered.setdefault(int((when - began - warm_up) / BLOCK_S), []).append((when, value))
+    return [
+        (sum(when for when, _ in block) / len(block), sum(value for _, value in block) / len(block))
+        for block in gathered.values()
+    ]
 
 
 @dataclass
@@ -41,9 +102,6 @@ class Report:
     lives: dict[str, int] = field(default_factory=dict)
     ticks: int = 0
     overruns: int = 0
-    pages: int = 0
-    checks: int = 0
-    datagrams: int = 0
     longest_queue_bytes: dict[str, int] = field(default_factory=dict)
     growth: dict[str, dict[str, Growth | None]] = field(default_factory=dict)
     held: dict[str, list[dict[str, list[int]]]] = field(default_factory=dict)
@@ -94,10 +152,7 @@ class Report:
                 shown.append(f"{name} per hour: {told}")
             else:
                 shown.append(f"{name}: too short to tell growth")
-        shown.append(
-            f"{self.ticks} ticks seen, {self.overruns} not; {self.datagrams} datagrams in {self.pages} sessions "
-            f"accounted for, in {self.checks} checks"
-        )
+        shown.append(f"{self.ticks} ticks seen, {self.overruns} not")
         return shown + [f"VIOLATED {text}" for text in self.failures()]
 
     def to_dict(self) -> dict[str, Any]:

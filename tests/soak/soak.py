@@ -1,6 +1,6 @@
-"""The soak itself: fault after fault, in an order drawn from the seed, and after each the laws.
+"""The soak: fault after fault, in an order drawn from the seed, and after each the laws.
 
-Owns the schedule and the judgement. The first round has every kind once; later ones lay some upon another.
+The first round has every kind once; later rounds combine some with a condition that lasts meanwhile.
 """
 
 from collections.abc import Callable, Collection
@@ -9,17 +9,15 @@ from random import Random
 from time import monotonic
 
 from tests.soak import laws
+from tests.soak.conditions import CONDITIONS, EXCLUDED, Field
 from tests.soak.faults import FAULTS, Fault
-from tests.soak.field import Field
-from tests.soak.ledger import Ledger
 from tests.soak.report import Kind, Report
 from tests.soak.rig import SIDES, SILENCE_MS, Rig
-from tests.soak.underlays import ALONE, UNDERLAYS
 from tests.soak.watch import Watch
 from weberlink.protocol.emulation import Emulation
 
 QUIET_S = 0.5
-"""After a fault, before the books are compared: until what was lost is known to be lost."""
+"""After a fault, before the session is judged."""
 LONG_QUIET_S = 4.0
 SETTLE_S = 0.5
 LAST_HOPE_S = 60.0
@@ -76,16 +74,15 @@ class Soak:
                 report.violations.append(f"no session within {LAST_HOPE_S:g} s of the start")
                 return report
             watch.wait(LONG_QUIET_S / 2)
-            ledger = Ledger(rig, watch)
-            report.violations += ledger.check() + watch.rest()
+            report.violations += watch.rest()
             try:
                 while not self._is_over(until):
-                    self._round(Field(rig, watch, ledger, self._random, self._short), until)
+                    self._round(Field(rig, watch, self._random, self._short), until)
                     report.rounds += 1
                 report.summaries = rig.stop()
                 self._judge_end()
             finally:
-                self._sum_up(watch, ledger, rig)
+                self._sum_up(watch, rig)
         return report
 
     def _is_over(self, until: float) -> bool:
@@ -103,7 +100,7 @@ class Soak:
                 return
             under = ""
             if self.report.rounds and self._random.random() < TOGETHER:
-                under = self._random.choice([other for other in UNDERLAYS if name not in ALONE[other]])
+                under = self._random.choice([other for other in CONDITIONS if name not in EXCLUDED[other]])
             self._tell(self.report, name + (f" under {under}" if under else ""), until - monotonic())
             self._torment(name, self._faults[name], under, field)
 
@@ -114,7 +111,7 @@ class Soak:
         kind.together += bool(under)
         field.notes.clear()
         field.ended_at = None
-        with UNDERLAYS[under](field) if under else nullcontext():
+        with CONDITIONS[under](field) if under else nullcontext():
             watch.wait(SETTLE_S if under else 0.0)
             watch.begin()
             found = fault.inject(field)
@@ -140,7 +137,7 @@ class Soak:
         return laws.returned(seconds, fault.limit_s)
 
     def _rest(self, field: Field) -> list[str]:
-        """A quiet moment: the session stays, the books agree, nothing has piled up."""
+        """A quiet moment: the session stays, and nothing has piled up."""
         watch = field.watch
         watch.wait(QUIET_S)
         watch.begin()
@@ -148,7 +145,7 @@ class Soak:
         records = watch.both()
         stalled = watch.stall() > _STALL_SHARE * field.rig.silence
         found = [] if stalled else [f"in the quiet afterwards {text}" for text in laws.stays(records)]
-        return found + field.ledger.check() + watch.rest()
+        return found + watch.rest()
 
     def _judge_end(self) -> None:
         for side, summary in self.report.summaries.items():
@@ -159,13 +156,12 @@ class Soak:
         if len(self.report.violations) < MOST_VIOLATIONS:
             self.report.violations.append(text)
 
-    def _sum_up(self, watch: Watch, ledger: Ledger, rig: Rig) -> None:
+    def _sum_up(self, watch: Watch, rig: Rig) -> None:
         report = self.report
         report.ticks, report.overruns = watch.ticks, watch.overruns
         if watch.overruns:
             report.violations.append(f"{watch.overruns} records were overwritten before the soak could read them")
-        report.pages, report.checks, report.datagrams = ledger.pages, ledger.checks, ledger.datagrams
         report.longest_queue_bytes = watch.longest_queue
-        report.relay = rig.wire.books().to_dict()
+        report.relay = rig.wire.books()._asdict()
         report.lives = {side: sum(of.name == side for of in watch.samples.values()) for side in SIDES}
         report.measure(watch.samples.values())

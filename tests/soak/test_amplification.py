@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.protocol.fuzz import mutate
-from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, make_endpoint, update_fields
+from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, make_endpoint, sample_update
 from tests.soak import ammunition
 from weberlink.protocol import Address, Connected, Endpoint, Role, State
 from weberlink.protocol.wire import Kind, kind_of
@@ -32,7 +32,7 @@ def recorded(seed: int) -> tuple[Pair, list[bytes]]:
 
 
 def _fields(side: Side, tick: int) -> tuple[int, int, tuple[int, ...], int, tuple[int, ...]]:
-    at, selector, newest, gap, previous = update_fields(tick)
+    at, selector, newest, gap, previous = sample_update(tick)
     if side.address == MASTER:
         return at, selector, newest, gap, previous
     return at, selector, newest * 2, gap, previous * 2

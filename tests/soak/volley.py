@@ -1,9 +1,7 @@
-"""Sends datagrams at one address, at a given rate, in a process of its own: `python -m tests.soak.volley ORDER`.
+"""Send datagrams to one address at a given rate, from a process of its own, and count the answers.
 
-Owns the speed: 64 datagrams a system call (sendmmsg), paced by the millisecond. With `spoof` it writes the IP and UDP
-headers itself, which takes root, so that they seem to come from there. Counts all that is answered. The order is a file
-of JSON: `target`, `source`, `spoof`, `rate`, `seconds` and `datagrams` (hexadecimal); the answer is a line when it
-begins, and one of JSON at the end.
+64 datagrams per system call (sendmmsg), paced by the millisecond. With `spoof` it writes the IP and UDP headers itself,
+which takes root, so that the datagrams seem to come from `source`.
 """
 
 import ctypes
@@ -11,11 +9,15 @@ import json
 import os
 import socket
 import struct
+import subprocess
 import sys
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
+
+Address = tuple[str, int]
 
 BATCH = 64
 PRIORITY = 30
@@ -96,7 +98,8 @@ def fire(order: dict[str, Any]) -> dict[str, Any]:
 
 def _fire(gun: socket.socket, magazine: Magazine, sizes: list[int], order: dict[str, Any]) -> dict[str, Any]:
     rate, seconds, hears = order["rate"], order["seconds"], not order["spoof"]
-    sent = sent_bytes = answers = answered_bytes = longest = position = 0
+    sent = sent_bytes = position = 0
+    answers: list[int] = []
     began = monotonic()
     forgiven = 0.0
     while (now := monotonic()) < began + seconds:
@@ -111,22 +114,18 @@ def _fire(gun: socket.socket, magazine: Magazine, sizes: list[int], order: dict[
             sent_bytes += sum(sizes[position : position + taken])
             sent += taken
             position = (position + taken) % len(sizes)
-        if hears:
-            for size in _heard(gun):
-                answers, answered_bytes, longest = answers + 1, answered_bytes + size, max(longest, size)
+        answers += _heard(gun) if hears else []
         sleep(_PACE)
     lasted = monotonic() - began
     sleep(0.2)
-    if hears:
-        for size in _heard(gun):
-            answers, answered_bytes, longest = answers + 1, answered_bytes + size, max(longest, size)
+    answers += _heard(gun) if hears else []
     return {
         "sent": sent,
         "sent_bytes": sent_bytes,
         "seconds": lasted,
-        "answers": answers if hears else None,
-        "answered_bytes": answered_bytes if hears else None,
-        "longest_answer": longest if hears else None,
+        "answers": len(answers) if hears else None,
+        "answered_bytes": sum(answers),
+        "longest_answer": max(answers, default=0),
         "shortest_question": min(sizes),
     }
 
@@ -138,6 +137,37 @@ def _heard(gun: socket.socket) -> list[int]:
             sizes.append(len(gun.recv(65_535)))
         except (BlockingIOError, ConnectionError):
             return sizes
+
+
+@contextmanager
+def volley(
+    folder: Path,
+    datagrams: Sequence[bytes],
+    target: Address,
+    source: Address,
+    rate: int,
+    seconds: float,
+    *,
+    spoof: bool = False,
+) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that fires; it has begun, and prints its figures as JSON when it ends by itself."""
+    order = {
+        "target": target,
+        "source": source,
+        "spoof": spoof,
+        "rate": rate,
+        "seconds": seconds,
+        "datagrams": [data.hex() for data in datagrams],
+    }
+    path = folder / "order.json"
+    path.write_text(json.dumps(order), encoding="ascii")
+    with subprocess.Popen([sys.executable, "-m", "tests.soak.volley", str(path)], stdout=subprocess.PIPE) as gun:
+        try:
+            assert gun.stdout is not None
+            gun.stdout.readline()
+            yield gun
+        finally:
+            gun.kill()
 
 
 def main() -> None:

@@ -1,8 +1,4 @@
-"""Looks at a rig all the time, from outside: telemetry, memory, descriptors, queues.
-
-Owns what was seen lately and what was sampled since the beginning, and applies the laws that hold at every moment. Does
-no harm, and does not judge a fault.
-"""
+"""Observe a rig from outside (telemetry, memory, descriptors, queues), and apply the laws that hold at every moment."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,9 +7,9 @@ from time import monotonic, sleep
 import numpy as np
 
 from tests.soak import laws
-from tests.soak.books import Books
 from tests.soak.processes import Footprint, footprint, socket_queue
 from tests.soak.rig import SIDES, Life, Rig, RigError
+from tests.soak.wire import Books
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records
 

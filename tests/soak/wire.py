@@ -1,18 +1,38 @@
-"""The relay as seen by whoever started it: a child process that is asked by lines of JSON."""
+"""The relay process as a context manager, ordered about by lines of JSON."""
 
 import json
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
-from tests.soak.books import Books
 from weberlink.protocol.emulation import Emulation
 
 Address = tuple[str, int]
+
+
+class Books(NamedTuple):
+    """What the relay has done so far.
+
+    Args:
+        forward, backward: counts of `tests.soak.relay.Direction`, to the slave and to the master.
+        calls: HELLOs from the master.
+        answers: WELCOMEs from the slave.
+        master: where the master is, or was last.
+        back: the address that the slave sees.
+        late: longest time since the last reading in which the relay itself stood still [s].
+    """
+
+    forward: Counter[str]
+    backward: Counter[str]
+    calls: int
+    answers: int
+    master: Address | None
+    back: Address
+    late: float
 
 
 class Wire:
@@ -23,17 +43,15 @@ class Wire:
             [sys.executable, "-m", "tests.soak.relay", json.dumps({"slave": slave, "seed": seed})],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for whoever started it, who ends it by closing its standard input
+            start_new_session=True,  # Ctrl-C ends whoever started it, which closes its standard input
         )
-        host, port = self._answer()
-        self.front: Address = (host, port)
+        self.front = _address(self._answer())
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
+    def __exit__(self, *_: object) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.close()
         try:
             self._process.wait(5.0)
@@ -47,7 +65,10 @@ class Wire:
         return self._process.pid
 
     def books(self) -> Books:
-        return Books.from_dict(self._ask(do="books"))
+        told = self._ask(do="books")
+        master = None if told["master"] is None else _address(told["master"])
+        ways = {way: Counter(told[way]) for way in ("forward", "backward")}
+        return Books(**{**told, **ways, "master": master, "back": _address(told["back"])})
 
     def emulate(self, emulation: Emulation, way: str = "") -> None:
         """Other faults from now on; `way` is "forward", "backward", or "" for both."""
@@ -57,7 +78,7 @@ class Wire:
         self._ask(do="hold", way=way)
 
     def release(self, way: str, *, deliver: bool) -> int:
-        """Go on; returns how many datagrams were held back."""
+        """Hold back no more; returns how many datagrams were held."""
         return int(self._ask(do="release", way=way, deliver=deliver))
 
     def release_old(self, way: str, until: float) -> int:
@@ -65,24 +86,19 @@ class Wire:
         return int(self._ask(do="release_old", way=way, until=until))
 
     def replay(self, way: str, count: int, since: float, until: float) -> int:
-        """Send up to `count` datagrams again that were passed on between then and then [s]."""
+        """Send up to `count` datagrams of this session again that were passed on between then and then [s]."""
         return int(self._ask(do="replay", way=way, count=count, since=since, until=until))
 
     @contextmanager
-    def replaying(self, way: str, count: int, since: float, until: float) -> Iterator[None]:
-        """The same, while something else is done; it has ended at the end of the `with`."""
-        self._tell(do="replay", way=way, count=count, since=since, until=until)
+    def replaying(self, way: str, count: int, until: float) -> Iterator[None]:
+        """The same of the whole session, while something else is done."""
+        self._tell(do="replay", way=way, count=count, since=0.0, until=until)
         yield
         self._answer()
 
-    def rebind(self, host: str) -> Address:
-        """Let the slave see another address; returns it."""
-        moved_to, port = self._ask(do="rebind", host=host)
-        return moved_to, port
-
-    def swap(self, slave: Address | None) -> None:
-        """Lead the master to another slave; None for the first one again."""
-        self._ask(do="swap", slave=slave)
+    def rebind(self, host: str) -> None:
+        """Let the slave see another port, on `host`."""
+        self._ask(do="rebind", host=host)
 
     def steal(self, host: str) -> tuple[int, int]:
         """Overtake the master's datagrams with copies from `host`; "" ends it.
@@ -98,7 +114,7 @@ class Wire:
         return [bytes.fromhex(text) for text in self._ask(do="recorded_calls")]
 
     def recall(self, way: str, count: int) -> list[bytes]:
-        """The newest datagrams that were passed on, as they came."""
+        """The newest datagrams of this session that were passed on."""
         return [bytes.fromhex(text) for text in self._ask(do="recall", way=way, count=count)]
 
     def _ask(self, **order: Any) -> Any:
@@ -116,3 +132,7 @@ class Wire:
         if not line:
             raise RuntimeError(f"the relay has ended, with status {self._process.wait()}")
         return json.loads(line)
+
+
+def _address(told: list[Any]) -> Address:
+    return told[0], told[1]

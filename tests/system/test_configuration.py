@@ -89,7 +89,7 @@ def test_a_wrong_link_is_named(tmp_path: Path, link: str, expected: str) -> None
         ("", "link: is missing"),
         ("- 1", "must be a mapping"),
         ("link: [", "not YAML"),
-        ("link: {}\nlink: {}", "stands twice"),
+        ("link: {}\nlink: {}", "is given twice"),
         ("? [a, b]\n: 1", "unhashable key"),
         ("codec: 5\n" + MINIMAL, "codec"),
     ],

@@ -138,30 +138,24 @@ def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     assert second["link"]["rtt_us"]["p50"] >= 10_000
 
 
-@pytest.mark.parametrize(
-    ("number", "outcome"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")], ids=["INT", "TERM"]
-)
-def test_a_signal_ends_the_run_with_its_report(number: signal.Signals, outcome: str) -> None:
+def test_a_signal_ends_the_run_with_its_report() -> None:
     with Program("loopback") as program:
         sides = [program.engaged(side) for side in ("master", "slave")]
-        program.send(number)
+        program.send(signal.SIGINT)
         status, output, errors = program.finish()
         assert (status, errors) == (0, "")
-        assert outcome in output.splitlines()[0]
+        assert "interrupted" in output.splitlines()[0]
         assert fits(output)
         assert_nothing_left(program, [side.pid for side in sides])
-        assert not sides[0].last["output"].any()  # the operator was let go before the end
+        assert not sides[0].last["output"].any()  # force is zero before the end
 
 
-@pytest.mark.parametrize(
-    ("number", "outcome"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")], ids=["INT", "TERM"]
-)
-def test_a_signal_while_the_daemons_start_is_an_orderly_end_too(number: signal.Signals, outcome: str) -> None:
+def test_a_signal_while_the_daemons_start_is_an_orderly_end() -> None:
     with Program("loopback", "--json", "-") as program:
         until(lambda: len(program.daemons()) == 2, "two daemons")
-        program.send(number)
+        program.send(signal.SIGTERM)
         status, output, errors = program.finish()
-        assert document(output)["outcome"] == outcome
+        assert document(output)["outcome"] == "terminated"
         assert (status, errors) == (0, "")
         assert_nothing_left(program, [])
 
@@ -183,24 +177,22 @@ def test_daemons_whose_launcher_is_killed_stop_by_themselves_and_in_order() -> N
     assert errors == ""
 
 
-@pytest.mark.parametrize("side", ["master", "slave"])
-def test_a_daemon_that_is_killed_fails_the_run_and_is_named(side: str) -> None:
+def test_a_daemon_that_is_killed_fails_the_run_and_is_named() -> None:
     with Program("loopback", "--json", "-") as program:
         sides = {name: program.engaged(name) for name in ("master", "slave")}
-        os.kill(sides[side].pid, signal.SIGKILL)
+        os.kill(sides["slave"].pid, signal.SIGKILL)
         status, output, errors = program.finish()
-        summary = document(output)
-        assert summary["outcome"] == f"failed: {side} killed by signal 9"
+        assert document(output)["outcome"] == "failed: slave killed by signal 9"
         assert (status, errors) == (1, "")
         assert_nothing_left(program, [telemetry.pid for telemetry in sides.values()])
-        assert not sides["master"].last["output"].any() or side == "master"
+        assert not sides["master"].last["output"].any()
 
 
 def test_a_stall_of_one_end_does_not_pass_for_silence_of_the_other() -> None:
     """A daemon that was stopped for longer than the limit finds the datagrams of its peer in the socket."""
     with Program("loopback", "--json", "-") as program:
         master, slave = (program.engaged(side) for side in ("master", "slave"))
-        for met in range(5):
+        for met in range(3):
             os.kill(slave.pid, signal.SIGSTOP)
             until(lambda: master.last["fault"] == Fault.SILENCE, f"silence {met}")
             os.kill(slave.pid, signal.SIGCONT)
@@ -209,8 +201,8 @@ def test_a_stall_of_one_end_does_not_pass_for_silence_of_the_other() -> None:
         status, output, errors = program.finish()
     assert (status, errors) == (0, "")
     faults = document(output)["faults"]
-    assert faults["master"] == {"silence": 5}
-    assert faults["slave"]["stalled"] == 5
+    assert faults["master"] == {"silence": 3}
+    assert faults["slave"]["stalled"] == 3
     assert "silence" not in faults["slave"]
 
 

@@ -12,9 +12,9 @@ from tests.system.systems import configuration, decoded, output, raw, steps, sys
 from weberlink.geometry.vector import ZERO, Vector, distance, norm
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.operator import OperatorDevice
+from weberlink.protocol import DropReason
 from weberlink.protocol.emulation import EmulatedLink, Emulation
 from weberlink.protocol.events import Address
-from weberlink.protocol.reasons import DropReason
 from weberlink.protocol.states import State
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.slave.robots.contract import RobotFault, RobotReading

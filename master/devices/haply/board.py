@@ -1,25 +1,4 @@
-"""The messages of the Haply board, values to bytes and back. Pure; knows no port, no linkage and no time.
-
-Facts, from the firmware of the board (for the Arduino Due, 2017, and for the M0, 2018) and the libraries of the vendor
-in C++ and Python, which all agree on the order of the bytes. Numbers are 32-bit floats, least significant byte first:
-
-| message | bytes |
-|---|---|
-| reset | 0, 0 |
-| setup | 1, id, motor ports, their directions, encoder ports, their directions, number and pins of analog inputs, \
-number and pins of PWM outputs, then offset [deg] and counts per turn of each encoder |
-| torques | 2, id, a byte for each PWM output, a torque for each motor [N m] |
-| answer to torques | id, a value for each analog input, an angle for each encoder [deg] |
-
-Ports are bits, port 1 the lowest; what there is for each motor or encoder comes in the order of the ports; a direction
-is 0 for clockwise, 1 for counter-clockwise. There is no framing and no checksum, and the firmware does not wait for the
-first bytes of a message: it must be written in one go. The id is of the host's choosing. A first byte that begins no
-message is ignored.
-
-The firmware says three things that no library mentions. Setup takes the arms to be at the offsets now, so setting up
-again in the middle of a run moves the origin. Neither reset nor setup takes the torque off a motor. Nothing takes it
-off when the host falls silent.
-"""
+"""Messages of the Haply board."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -49,19 +28,19 @@ LEAST_ID, IDS = 16, 112
 Pair = tuple[float, float]
 
 
-class Motor(NamedTuple):
+class BoardMotor(NamedTuple):
     port: int
     direction: int
 
 
-class Encoder(NamedTuple):
+class BoardEncoder(NamedTuple):
     port: int
     direction: int
     counts_per_turn: float
 
 
 @dataclass(frozen=True)
-class Board:
+class HaplyBoard:
     """A board with motors and encoders 1 and 2 on it.
 
     Args:
@@ -72,8 +51,8 @@ class Board:
             between, as both firmwares have it. Where bytes are lost or torn, they seldom are.
     """
 
-    motors: tuple[Motor, Motor]
-    encoders: tuple[Encoder, Encoder]
+    motors: tuple[BoardMotor, BoardMotor]
+    encoders: tuple[BoardEncoder, BoardEncoder]
     home_deg: Pair
     whole_counts: bool = True
     id: int = field(init=False)

@@ -6,15 +6,20 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from weberlink.hardware.found import Found, UsbId, only, serial_ports
+from weberlink.hardware.discovery import PluggedDevice, UsbId, only, serial_ports
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.contract import DeviceSpec
-from weberlink.master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, RESET, Board, Encoder, Motor
-from weberlink.master.devices.haply.exchange import Conduct, HaplyExchange
-from weberlink.master.devices.haply.frame import Frame
-from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS, Version
-from weberlink.master.devices.sign_check import fingerprint
-from weberlink.master.devices.threaded_device import ThreadedDevice
+from weberlink.master.devices.haply.board import (
+    CLOCKWISE,
+    COUNTER_CLOCKWISE,
+    RESET,
+    BoardEncoder,
+    BoardMotor,
+    HaplyBoard,
+)
+from weberlink.master.devices.haply.exchange import HaplyExchange
+from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, HaplyFrame, HaplyVersion
+from weberlink.master.devices.threaded_device import ThreadedDevice, fingerprint
 
 NAME = "haply_2diy"
 NO_FORCE = f"no force: signs not checked; run: weberlink device test {NAME}"
@@ -89,20 +94,18 @@ class HaplyDevice(ThreadedDevice):
     def __init__(self, options: HaplyOptions, tick_period: float) -> None:
         self._options = options
         version = _version(options)
-        frame = Frame(options.origin_m or version.center)
+        frame = HaplyFrame(options.origin_m or version.center)
         armed = options.signs_checked == self.fingerprint(options)
         zero = version.board.torques(0.0, 0.0)
         self._exchange = HaplyExchange(
             self._port,
-            Conduct(
-                version,
-                frame,
-                torque_limit=options.torque_limit_n_m,
-                torque_gain=options.torque_gain,
-                reply=options.reply_ms * 1e-3,
-                keep_home=options.home == "kept",
-            ),
+            version,
+            frame,
             Guardian(version.board.torques_off, (zero, RESET, version.board.setup)) if armed else None,
+            torque_limit=options.torque_limit_n_m,
+            torque_gain=options.torque_gain,
+            reply=options.reply_ms * 1e-3,
+            keep_home=options.home == "kept",
         )
         super().__init__(
             _spec(options, version, frame, 1.0 / tick_period, armed),
@@ -113,7 +116,7 @@ class HaplyDevice(ThreadedDevice):
         )
 
     @classmethod
-    def plugged(cls) -> list[Found]:
+    def plugged(cls) -> list[PluggedDevice]:
         """Boards that may be one: an Arduino does not say what hangs on it."""
         return serial_ports(cls.USB)
 
@@ -135,19 +138,19 @@ class HaplyDevice(ThreadedDevice):
         return only(self.plugged(), f"{NAME} (an Arduino board)", "master.device.port").path
 
 
-def _version(options: HaplyOptions) -> Version:
+def _version(options: HaplyOptions) -> HaplyVersion:
     """The kind with what the options change."""
     version = VERSIONS[options.version]
     board = version.board
     turns = options.motor_directions or [_named(each.direction) for each in board.motors]
     spins = options.encoder_directions or [_named(each.direction) for each in board.encoders]
     counts = options.counts_per_turn or [each.counts_per_turn for each in board.encoders]
-    motors = [Motor(each.port, _direction(turn)) for each, turn in zip(board.motors, turns, strict=True)]
+    motors = [BoardMotor(each.port, _direction(turn)) for each, turn in zip(board.motors, turns, strict=True)]
     encoders = [
-        Encoder(each.port, _direction(spin), count)
+        BoardEncoder(each.port, _direction(spin), count)
         for each, spin, count in zip(board.encoders, spins, counts, strict=True)
     ]
-    board = Board(
+    board = HaplyBoard(
         (motors[0], motors[1]), (encoders[0], encoders[1]), options.home_deg or board.home_deg, options.whole_counts
     )
     return replace(version, board=board)
@@ -161,7 +164,7 @@ def _direction(name: Direction) -> int:
     return COUNTER_CLOCKWISE if name == "ccw" else CLOCKWISE
 
 
-def _spec(options: HaplyOptions, version: Version, frame: Frame, rate: float, armed: bool) -> DeviceSpec:
+def _spec(options: HaplyOptions, version: HaplyVersion, frame: HaplyFrame, rate: float, armed: bool) -> DeviceSpec:
     x, y, _ = frame.position(version.center)
     across, along = version.reach
     when = "before every session" if options.home == "start" else "when it is first used after it was plugged in"

@@ -1,20 +1,204 @@
-"""The conversation with the board: torques go out, angles come back. Blocks; runs in a worker's thread."""
+"""The dialogue with the Haply board: torques out, angles in."""
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from time import monotonic
 
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import Guardian
+from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.devices.haply.board import RESET
-from weberlink.master.devices.haply.fivebar import Pair, Unreachable, degrees, radians
-from weberlink.master.devices.haply.frame import Frame
-from weberlink.master.devices.haply.line import Forgotten, Line
-from weberlink.master.devices.haply.track import Track
-from weberlink.master.devices.haply.version import Version
+from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, HaplyBoard
+from weberlink.master.devices.haply.linkage import (
+    MOST_TORQUE_N_M,
+    HaplyFrame,
+    HaplyVersion,
+    Pair,
+    PlanarFiveBar,
+    Unreachable,
+    degrees,
+    radians,
+)
+
+SETTLING_S = 0.1
+"""How long an answer that is owed is waited for before it counts as lost."""
+LEAST_SIZE = REPLY_SIZE - 1
+"""Of an answer on its way to which a byte got lost."""
+GAP_S = 0.01
+"""How long the rest of an answer is waited for once some of it is there: it leaves the board in one packet."""
+MUTE_MOST = 2
+"""How often nothing at all may come for so long."""
+RECOVERY_S = 0.05
+"""How long an answer after a bad one is waited for: it is late then, which is bad too, but is not owed any more."""
+
+
+class Forgotten(HardwareFault):
+    """The board knows no device of this id: it has never been set up so, or was restarted since."""
+
+
+class HaplyLine:
+    """An open port with the board at its other end.
+
+    An answer that comes too late would be taken for that to the next question, and so would every one after it: the
+    positions would lag for good. So after a bad answer the torque is taken off, and there is no next question until
+    nothing is owed any more.
+
+    Args:
+        path: of the port.
+        board: at the other end.
+        guardian: of the board; None where it never gets a torque.
+
+    Raises:
+        HardwareFault: the port cannot be opened.
+    """
+
+    def __init__(self, path: str, board: HaplyBoard, guardian: Guardian | None = None) -> None:
+        self._port = SerialPort(path, guardian=guardian)
+        self._board = board
+        self._guardian = guardian
+        self._owed = 0
+        self._heard = b""
+        self._recovers = False
+        self._mute = 0
+        self.asked_at = 0.0
+        """When the last question went out [s]."""
+
+    @property
+    def path(self) -> str:
+        return self._port.path
+
+    def tell(self, message: bytes) -> None:
+        """Something that is not answered."""
+        self._port.write(message)
+
+    def ask(self, torques: bytes, patience: float) -> Pair:
+        """Command torques and get the angles [deg]; after a bad answer, with a while before in which the torque is off.
+
+        Raises:
+            BadReply: no answer within `patience` [s], or one that cannot be.
+            Forgotten: the board knows nothing of us.
+            HardwareFault: the port is gone, or the board mute.
+        """
+        has_written = self._guardian is not None and self._guardian.has_written()
+        if self._owed or has_written:
+            self._settle()
+        self._port.drain()
+        self.asked_at = monotonic()
+        self._port.write(torques)
+        self._owed, self._heard = 1, b""
+        self._listen(REPLY_SIZE, max(patience, RECOVERY_S) if self._recovers else patience)
+        if not self._heard:
+            self._recovers = True
+            raise BadReply(f"no answer within {patience * 1e3:g} ms")
+        angles = self._answer()
+        if self._recovers and (elapsed := monotonic() - self.asked_at) > patience:
+            raise BadReply(f"answered after {elapsed * 1e3:.0f} ms instead of {patience * 1e3:g}")
+        self._recovers = False
+        return angles
+
+    def _answer(self) -> Pair:
+        try:
+            angles = self._board.angles(self._heard)
+        except BadReply:
+            self._recovers = True
+            raise
+        self._owed, self._heard = 0, b""
+        return angles
+
+    def doubt(self) -> None:
+        """The last answer could be read, but cannot be true."""
+        self._owed, self._recovers = 1, True
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _settle(self) -> None:
+        self._port.write(self._board.torques_off)
+        self._owed += 1
+        self._listen(LEAST_SIZE * self._owed, SETTLING_S)
+        while more := self._port.read(monotonic() + GAP_S):  # answers to a guardian, which nobody counts
+            self._heard += more
+        bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
+        forgotten = bare and self._heard != b""
+        self._owed = 0
+        if forgotten:
+            raise Forgotten("the board does not know of this device")
+        self._mute = 0 if self._heard else self._mute + 1
+        if self._mute >= MUTE_MOST:
+            raise HardwareFault(f"{self.path}: does not answer")
+
+    def _listen(self, size: int, patience: float) -> None:
+        end = until = monotonic() + patience
+        while len(self._heard) < size and (part := self._port.read(until)):
+            self._heard += part
+            until = min(end, monotonic() + GAP_S) if len(self._heard) % REPLY_SIZE else end
+
+
+FASTEST = 50.0
+"""[rad/s]; a hand at 1 m/s turns an arm of 7 cm at 14."""
+WIDEST = 3.5
+"""How far an arm turns from its starting place at most [rad]; with the other arm in the way it is less."""
+STUCK_TRAVEL = 1.5
+"""How far one arm turns while the other does not by a single count before that encoder counts as broken [rad]."""
+
+
+class AngleValidator:
+    """Follows the angles of one session.
+
+    Args:
+        bar: the linkage.
+        home: angles of the arms at the starting place [rad].
+        resolution: of the encoders [rad].
+    """
+
+    def __init__(self, bar: PlanarFiveBar, home: Pair, resolution: Pair) -> None:
+        self._bar = bar
+        self._home = home
+        self._resolution = resolution
+        self._last: Pair | None = None
+        self._asked_at = 0.0
+        self._travel = [0.0, 0.0]
+
+    def follow(self, angles: Pair, asked_at: float, now: float) -> Pair:
+        """Take over angles [rad], and give the tip [m, frame of the linkage].
+
+        They were measured some time between `asked_at` and `now` [s]: a host that stalls gets an answer late.
+
+        Raises:
+            BadReply: no posture is like this, or none that the arms could have come to since the last one.
+            HardwareFault: an encoder has stood still for too long.
+        """
+        for number, (angle, home) in enumerate(zip(angles, self._home, strict=True), 1):
+            if abs(angle - home) > WIDEST:
+                raise BadReply(f"arm {number} at {angle:.2f} rad, out of its range: bytes were lost")
+        try:
+            tip = self._bar.tip(angles)
+        except Unreachable as error:
+            raise BadReply(f"{error}: bytes were lost, or the handle was not at its starting place") from None
+        if self._last is not None:
+            self._compare(angles, self._last, max(0.0, now - self._asked_at))
+        self._last, self._asked_at = angles, asked_at
+        self._check_travel()
+        return tip
+
+    def _compare(self, angles: Pair, last: Pair, elapsed: float) -> None:
+        steps = [abs(angle - before) for angle, before in zip(angles, last, strict=True)]
+        for number, (step, resolution) in enumerate(zip(steps, self._resolution, strict=True), 1):
+            if step > FASTEST * elapsed + 1.5 * resolution:
+                raise BadReply(f"arm {number} jumped by {step:.2f} rad within {elapsed * 1e3:.1f} ms: bytes were lost")
+        for mine, other in ((0, 1), (1, 0)):
+            moved = steps[mine] > 0.5 * self._resolution[mine]
+            self._travel[mine] = 0.0 if moved else self._travel[mine] + steps[other]
+
+    def _check_travel(self) -> None:
+        for index, travel in enumerate(self._travel):
+            if travel > STUCK_TRAVEL:
+                raise HardwareFault(
+                    f"encoder {index + 1} stands still though the other arm turned by {travel:.1f} rad; "
+                    "check its cable, put the handle at its starting place and start again"
+                )
+
 
 SETUP_S = 0.5
 """How long a board may take for its first answer after it was set up."""
@@ -27,50 +211,50 @@ RESTARTED = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Conduct:
-    """What the options say of the conversation.
-
-    Args:
-        version: the kind, with all that the options change of it.
-        frame: of the device.
-        torque_limit: of either motor [N m]; both are scaled down together, so that the force keeps its direction.
-        torque_gain: what the board is told for each newton metre.
-        reply: how long an answer may take [s].
-        keep_home: whether a board that has been set up just so is left as it is.
-    """
-
-    version: Version
-    frame: Frame
-    torque_limit: float
-    torque_gain: float
-    reply: float
-    keep_home: bool
-
-
 class HaplyExchange:
     """Commands are forces [N] in the frame of the device.
 
     Args:
         find: gives the path of the port.
-        conduct: by the options.
+        version: the kind of device, with the changes of the options.
+        frame: of the device.
         guardian: takes the torque off when this process stops; None for a device without force.
+        torque_limit: of either motor [N m]; both are scaled down together, so that the force keeps its direction.
+        torque_gain: what the board is told for each newton metre.
+        reply: how long an answer may take [s].
+        keep_home: whether a board that has already been set up like this keeps its home.
     """
 
-    def __init__(self, find: Callable[[], str], conduct: Conduct, guardian: Guardian | None = None) -> None:
+    def __init__(
+        self,
+        find: Callable[[], str],
+        version: HaplyVersion,
+        frame: HaplyFrame,
+        guardian: Guardian | None = None,
+        *,
+        torque_limit: float = MOST_TORQUE_N_M,
+        torque_gain: float = 1.0,
+        reply: float = 0.01,
+        keep_home: bool = True,
+    ) -> None:
         self.guardian = guardian
         self._find = find
-        self._conduct = conduct
-        self._board = conduct.version.board
+        self._version = version
+        self._frame = frame
+        self._torque_limit = torque_limit
+        self._torque_gain = torque_gain
+        self._reply = reply
+        self._keep_home = keep_home
+        self._board = version.board
         self._zero = self._board.torques(0.0, 0.0)
-        self._line: Line | None = None
+        self._line: HaplyLine | None = None
         self.start_afresh()
 
     def start_afresh(self) -> None:
         """A new session: nothing is known of where the arms are."""
         first, second = self._board.encoders
         resolution = radians((360.0 / first.counts_per_turn, 360.0 / second.counts_per_turn))
-        self._track = Track(self._conduct.version.bar, radians(self._board.home_deg), resolution)
+        self._track = AngleValidator(self._version.bar, radians(self._board.home_deg), resolution)
         self._angles: Pair | None = None
 
     def open(self) -> DeviceReading:
@@ -80,7 +264,7 @@ class HaplyExchange:
         still be.
         """
         self.close()
-        self._line = line = Line(self._find(), self._board, self.guardian)
+        self._line = line = HaplyLine(self._find(), self._board, self.guardian)
         try:
             reading = self._known(line) or self._set_up(line)
         except BadReply as reply:
@@ -92,7 +276,7 @@ class HaplyExchange:
         if line is None:
             raise HardwareFault("not open")
         try:
-            return self._follow(line, self._message(force), self._conduct.reply)
+            return self._follow(line, self._message(force), self._reply)
         except Forgotten:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
 
@@ -106,14 +290,14 @@ class HaplyExchange:
                 line.ask(message, QUESTION_S)
         line.close()
 
-    def _known(self, line: Line) -> DeviceReading | None:
+    def _known(self, line: HaplyLine) -> DeviceReading | None:
         """Where the tip is, if the board has been set up just so and may stay so; None if it must be set up.
 
         Raises:
             BadReply: no answer was good enough to tell.
             HardwareFault: it had been set up, and is not any more.
         """
-        keeps = self._angles is not None or self._conduct.keep_home
+        keeps = self._angles is not None or self._keep_home
         bad = BadReply("does not answer")
         for _ in range(QUESTIONS):
             try:
@@ -132,7 +316,7 @@ class HaplyExchange:
             raise HardwareFault(f"{line.path}: {RESTARTED}")
         return None
 
-    def _set_up(self, line: Line) -> DeviceReading:
+    def _set_up(self, line: HaplyLine) -> DeviceReading:
         line.tell(RESET)
         line.tell(self._board.setup)
         reading = self._follow(line, self._zero, SETUP_S)
@@ -144,7 +328,7 @@ class HaplyExchange:
             )
         return reading
 
-    def _follow(self, line: Line, torques: bytes, patience: float) -> DeviceReading:
+    def _follow(self, line: HaplyLine, torques: bytes, patience: float) -> DeviceReading:
         angles, now = radians(line.ask(torques, patience)), monotonic()
         try:
             tip = self._track.follow(angles, line.asked_at, now)
@@ -152,19 +336,18 @@ class HaplyExchange:
             line.doubt()
             raise
         self._angles = angles
-        return DeviceReading(now, self._conduct.frame.position(tip))
+        return DeviceReading(now, self._frame.position(tip))
 
     def _message(self, force: Vector) -> bytes:
         """J^T F where the arms were last seen, within the limit; nothing where the linkage is singular."""
-        planar = Frame.planar(force)
+        planar = HaplyFrame.planar(force)
         if planar == (0.0, 0.0) or self._angles is None:
             return self._zero
-        conduct = self._conduct
         try:
-            first, second = conduct.version.bar.jacobian(self._angles).torques(planar)
+            first, second = self._version.bar.jacobian(self._angles).torques(planar)
         except Unreachable:
             return self._zero
-        first, second = first * conduct.torque_gain, second * conduct.torque_gain
+        first, second = first * self._torque_gain, second * self._torque_gain
         most = max(abs(first), abs(second))
-        share = conduct.torque_limit / most if most > conduct.torque_limit else 1.0
+        share = self._torque_limit / most if most > self._torque_limit else 1.0
         return self._board.torques(first * share, second * share)

@@ -1,12 +1,163 @@
-"""Waiting for the calibration button, which a person presses while the handle is in its home pose."""
+"""Homing: where the handle is, and whether the encoder counts that say so are plausible."""
 
 from collections.abc import Callable
 from time import monotonic, sleep
-from typing import TypeVar
+from typing import NamedTuple, NoReturn, TypeVar
 
+from weberlink.geometry.vector import Vector, distance
 from weberlink.hardware.fault import BadReply, HardwareFault
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.devices.polhem.parameters import MechanismParameters
 
-NEAR_COUNTS = 8
+SPEED_M_S = 3.0
+"""Faster, a hand does not go."""
+
+SLACK_M = 0.003
+"""Beyond what that speed explains, for times that are not exact."""
+
+SILENCE_S = 0.25
+"""After such a time without an answer a device may have been without power: no speed explains where it is then."""
+
+AWAY_M = 0.05
+"""Farther, the handle does not go while the device is unplugged, or it is better asked."""
+
+SHIFT_M = 0.01
+"""Nearer to the home pose, counters that began again at zero do no harm."""
+
+NEAR_COUNTS = 100
+"""Counters that began again at zero are not farther from it at the next answer."""
+
+STILL_M = 0.5
+"""No hand moves on so far and leaves one of the three encoders at exactly the same count."""
+
+Counts = tuple[int, ...]
+
+
+class _Known(NamedTuple):
+    """What was believed last: counts and position, measured after it was asked for [s]."""
+
+    counts: Counts
+    position: Vector
+    asked: float
+
+
+class PositionValidator:
+    """Makes readings of counts.
+
+    Args:
+        parameters: of the device.
+        zero: counts of the home pose.
+    """
+
+    def __init__(self, parameters: MechanismParameters, zero: Counts) -> None:
+        self._mechanism = parameters.mechanism
+        self._reach = parameters.reach_m
+        self._zero = zero
+        self._last: _Known | None = None
+        self._doubted: Vector | None = None
+        self._lost: str | None = None
+        self._still_for = [0.0, 0.0, 0.0]
+
+    def relative(self, counts: Counts) -> Counts:
+        """To the home pose."""
+        return tuple(count - zero for count, zero in zip(counts, self._zero, strict=True))
+
+    def begin(self, counts: Counts, asked: float, answered: float, *, oriented: bool = True) -> DeviceReading:
+        """The first reading of a connection, measured between two moments [s].
+
+        Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation.
+
+        Raises:
+            HardwareFault: it cannot be where it says to be, or not after where it was before.
+        """
+        known = _Known(counts, self._position(counts), asked)
+        if self._last is None:
+            self._believe_home(known)
+        else:
+            self._believe_return(known, self._last)
+        self._still_for = [0.0, 0.0, 0.0]
+        return self._take(known, answered, 0, oriented=oriented)
+
+    def next(
+        self, counts: Counts, asked: float, answered: float, buttons: int = 0, *, oriented: bool = True
+    ) -> DeviceReading:
+        """The next reading, measured between the moments when it was asked for and when the answer was read [s].
+
+        `oriented` is as for `begin`.
+
+        Raises:
+            BadReply: it cannot have got there, this once.
+            HardwareFault: nor can it have the time after: it has lost its home.
+        """
+        before = self._last
+        assert before is not None
+        known = _Known(counts, self._position(counts), asked)
+        gone, elapsed = distance(known.position, before.position), answered - before.asked
+        what = f"its position jumped by {gone * 1e3:.0f} mm in {elapsed * 1e3:.1f} ms"
+        if self._doubted is not None and distance(known.position, self._doubted) < gone:
+            self._lose(what)
+        if elapsed > SILENCE_S and gone > SHIFT_M and _began_again(counts, before.counts):
+            self._lose(what)
+        if self._is_doubtful(counts, before, gone, elapsed):
+            self._doubted = known.position
+            raise BadReply(what)
+        self._watch_encoders(before.counts, counts, gone)
+        return self._take(known, answered, buttons, oriented=oriented)
+
+    def _is_doubtful(self, counts: Counts, before: _Known, gone: float, elapsed: float) -> bool:
+        if gone > SLACK_M + SPEED_M_S * elapsed:
+            return True
+        near_zero = max(map(abs, counts[:3])) <= NEAR_COUNTS
+        return near_zero and gone > SHIFT_M and _began_again(counts, before.counts)
+
+    def _take(self, known: _Known, answered: float, buttons: int, *, oriented: bool) -> DeviceReading:
+        self._last = known
+        self._doubted = None
+        reach = self._reach
+        x, y, z = (min(max(component, -reach), reach) for component in known.position)
+        orientation = self._mechanism.orientation(self.relative(known.counts)) if oriented else None
+        return DeviceReading(answered, (x, y, z), orientation=orientation, buttons=buttons)
+
+    def _position(self, counts: Counts) -> Vector:
+        return self._mechanism.position(self.relative(counts))
+
+    def _watch_encoders(self, before: Counts, counts: Counts, gone: float) -> None:
+        for axis in range(3):
+            self._still_for[axis] = self._still_for[axis] + gone if counts[axis] == before[axis] else 0.0
+            if self._still_for[axis] > STILL_M:
+                self._lose(f"the encoder of motor {'ABC'[axis]} stands still while the others move, check its cable")
+
+    def _believe_home(self, known: _Known) -> None:
+        if max(map(abs, known.position)) > self._reach:
+            place = ", ".join(f"{component * 1e3:.0f}" for component in known.position)
+            raise HardwareFault(
+                f"is not homed: it says to be at ({place}) mm, beyond {self._reach * 1e3:.0f} mm from the middle; "
+                "see `homing` in its options"
+            )
+
+    def _believe_return(self, known: _Known, before: _Known) -> None:
+        if self._lost is not None:  # and by moving about it does not find it again
+            raise HardwareFault(self._lost)
+        gone = distance(known.position, before.position)
+        if gone > AWAY_M or (gone > SHIFT_M and _nearer_zero(known.counts[:3], before.counts[:3])):
+            self._lose(f"it came back {gone * 1e3:.0f} mm from where it was")
+
+    def _lose(self, why: str) -> NoReturn:
+        self._lost = f"has lost its home: {why}; close, put it in its home pose and home it again"
+        raise HardwareFault(self._lost)
+
+
+def _began_again(counts: Counts, before: Counts) -> bool:
+    """Whether counters look as if they had begun again at zero, those of the gimbal included."""
+    return _nearer_zero(counts[:3], before[:3]) and (len(counts) == 3 or _nearer_zero(counts[3:], before[3:]))
+
+
+def _nearer_zero(counts: Counts, before: Counts) -> bool:
+    """Whether counters are closer to zero than to where they were, or no farther from it."""
+    return max(map(abs, counts)) <= max(abs(a - b) for a, b in zip(counts, before, strict=True))
+
+
+PRESSED_WITHIN_COUNTS = 8
 """Counters that were set to zero between two looks are not farther from it."""
 
 STEP_COUNTS = 40
@@ -46,4 +197,4 @@ def await_press(look: Callable[[], Look], pressed: Callable[[Look, Look], bool],
 
 def zeroed(before: tuple[int, ...], now: tuple[int, ...]) -> bool:
     """Whether counters were set to zero between two looks."""
-    return max(map(abs, now[:3])) <= NEAR_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS
+    return max(map(abs, now[:3])) <= PRESSED_WITHIN_COUNTS and max(map(abs, before[:3])) >= STEP_COUNTS

@@ -31,7 +31,7 @@ UNKNOWN = 1_000_000
 SILENT, LATE = "does not answer", "answers late"
 
 
-class Line(Protocol[Message_contra, Answer]):
+class MessageLine(Protocol[Message_contra, Answer]):
     """Carries messages and answers; raises HardwareFault where it is cut."""
 
     def send(self, message: Message_contra) -> None: ...
@@ -53,7 +53,9 @@ class LockStep(Generic[Message, Answer]):
         clock: that of the line [s].
     """
 
-    def __init__(self, line: Line[Message, Answer], rest: Message, clock: Callable[[], float] = monotonic) -> None:
+    def __init__(
+        self, line: MessageLine[Message, Answer], rest: Message, clock: Callable[[], float] = monotonic
+    ) -> None:
         self._line = line
         self._rest = rest
         self._clock = clock

@@ -1,20 +1,109 @@
-"""From encoder counts to the handle's position, and from a force on the hand to motor currents; pure.
-
-The device's frame: x towards the operator, y to the right, z up, in metres from the middle of the workspace.
-"""
+"""Encoder counts to position, force to motor currents: the cable drive on its linkage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import copysign, cos, sin
+from math import copysign, cos, sin, tau
 
-from weberlink.geometry.vector import ZERO, Vector, dot
+from weberlink.geometry.rotation import product
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
 from weberlink.master.devices.contract import Quaternion
-from weberlink.master.devices.polhem.drive import Angles, Counts, Drive, Triple
-from weberlink.master.devices.polhem.five_bar import FiveBar
-from weberlink.master.devices.polhem.linkage import Jacobian, Linkage, SerialParallelogram
-from weberlink.master.devices.polhem.weight import Weight
+from weberlink.master.devices.polhem.linkages import Angles, Jacobian, Linkage, Triple, Weight
 
-__all__ = ["Angles", "Counts", "Drive", "FiveBar", "Jacobian", "Linkage", "Mechanism", "SerialParallelogram"]
+Counts = tuple[int, int, int]
+"""Of the encoders on the motors A, B and C, relative to the home pose."""
+
+Signs = tuple[int, int, int]
+
+MA_PER_A = 1e3
+
+
+@dataclass(frozen=True)
+class CableDrive:
+    """angle_i = e_i 2 pi (count_i + home_i) / N_i c_i / b_i, and I_i = m_i torque_i c_i / b_i / Kt_i.
+
+    The signs e and m are independent: e depends on the encoder's wiring and the firmware's counting table, m on the
+    motor's wiring and the amplifier.
+
+    Args:
+        capstan_m: diameters c on the motors [m].
+        body_m: diameters b on the bodies [m].
+        counts_per_turn: N of a motor, all edges counted.
+        encoder_directions: e, each +1 or -1.
+        motor_directions: m, each +1 or -1.
+        home_counts: what the encoders would read in the home pose if their zero were that of the angles.
+        torque_constant_n_m_a: Kt of the motors [N m/A].
+        gimbal_counts_per_turn: of the sensors of the handle's orientation, in the order of their axes; 0 for none.
+        gimbal_directions: each +1 or -1.
+        gimbal_home_counts: as `home_counts`.
+    """
+
+    capstan_m: Triple
+    body_m: Triple
+    counts_per_turn: Counts
+    encoder_directions: Signs
+    motor_directions: Signs
+    home_counts: Counts
+    torque_constant_n_m_a: Triple
+    gimbal_counts_per_turn: Counts = (0, 0, 0)
+    gimbal_directions: Signs = (1, 1, 1)
+    gimbal_home_counts: Counts = (0, 0, 0)
+
+    def __post_init__(self) -> None:
+        ratios = [c / b for c, b in zip(self.capstan_m, self.body_m, strict=True)]
+        a, b, c = (
+            d * tau / n * ratio
+            for d, n, ratio in zip(self.encoder_directions, self.counts_per_turn, ratios, strict=True)
+        )
+        object.__setattr__(self, "_per_count", (a, b, c))
+        a, b, c = (
+            d * ratio / constant * MA_PER_A
+            for d, ratio, constant in zip(self.motor_directions, ratios, self.torque_constant_n_m_a, strict=True)
+        )
+        object.__setattr__(self, "_ma_per_n_m", (a, b, c))
+
+    @property
+    def radians_per_count(self) -> Triple:
+        """Of the bodies; negative where the encoder's direction is."""
+        per_count: Triple = self._per_count  # type: ignore[attr-defined]
+        return per_count
+
+    @property
+    def ma_per_n_m(self) -> Triple:
+        """Current for a torque on the body [mA/(N m)]; negative where the motor's direction is."""
+        ma_per_n_m: Triple = self._ma_per_n_m  # type: ignore[attr-defined]
+        return ma_per_n_m
+
+    def angles(self, counts: Counts) -> Angles:
+        (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.home_counts
+        return (a * (counts[0] + home_a), b * (counts[1] + home_b), c * (counts[2] + home_c))
+
+    def counts(self, angles: Angles) -> Counts:
+        """The nearest ones."""
+        (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.home_counts
+        return (round(angles[0] / a) - home_a, round(angles[1] / b) - home_b, round(angles[2] / c) - home_c)
+
+    def currents_ma(self, torques: Triple) -> Triple:
+        """Motor currents [mA] for torques on the bodies [N m]."""
+        a, b, c = self.ma_per_n_m
+        return (a * torques[0], b * torques[1], c * torques[2])
+
+    def torques(self, currents_ma: Triple) -> Triple:
+        """Torques on the bodies [N m] of motor currents [mA]."""
+        a, b, c = self.ma_per_n_m
+        return (currents_ma[0] / a, currents_ma[1] / b, currents_ma[2] / c)
+
+    def gimbal(self, counts: Counts) -> Angles | None:
+        """The angles of the gimbal [rad]; None unless it has all three sensors."""
+        if 0 in self.gimbal_counts_per_turn:
+            return None
+        first, second, third = (
+            d * (count + home) * tau / per_turn
+            for d, count, home, per_turn in zip(
+                self.gimbal_directions, counts, self.gimbal_home_counts, self.gimbal_counts_per_turn, strict=True
+            )
+        )
+        return (first, second, third)
+
 
 LEAST_DETERMINANT = 1e-5
 """Of a Jacobian, below which a pose counts as singular [m^3]; in the middle of the workspace it is 100 times that."""
@@ -31,7 +120,7 @@ class Mechanism:
         weight: of the links; None where no masses are published.
     """
 
-    drive: Drive
+    drive: CableDrive
     linkage: Linkage
     gimbal_axes: str = "xyx"
     weight: Weight | None = None
@@ -50,6 +139,25 @@ class Mechanism:
         return self.drive.currents_ma(
             (xa * fx + ya * fy + za * fz, xb * fx + yb * fy + zb * fz, xc * fx + yc * fy + zc * fz)
         )
+
+    def limited_currents_ma(
+        self, force: Vector, counts: Sequence[int], force_n: float, current_ma: float
+    ) -> tuple[int, int, int]:
+        """Whole milliamperes for a force [N], within limits; 0 as `force_n` means never a current.
+
+        Where one motor would need more than `current_ma`, all get less, so that the force keeps its direction.
+        """
+        length = norm(force)
+        if length == 0.0 or force_n == 0.0:
+            return (0, 0, 0)
+        if length > force_n:
+            force = scale(force, force_n / length)
+        currents = self.currents_ma(force, counts)
+        largest = max(map(abs, currents))
+        if largest > current_ma:
+            currents = scale(currents, current_ma / largest)
+        a, b, c = map(int, currents)  # towards zero, hence never beyond a limit
+        return (a, b, c)
 
     def force(self, currents_ma: Triple, counts: Sequence[int]) -> Vector:
         """The force on the hand [N] that currents make; bounded at singular poses instead of infinite."""
@@ -85,9 +193,9 @@ class Mechanism:
         if gimbal is None:
             return None
         angles = self._angles(counts)
-        turned = _times(_turn("z", angles[0]), _turn("y", -self.linkage.forearm(angles)))
+        turned = product(_turn("z", angles[0]), _turn("y", -self.linkage.forearm(angles)))
         for axis, angle in zip(self.gimbal_axes, gimbal, strict=True):
-            turned = _times(turned, _turn(axis, angle))
+            turned = product(turned, _turn(axis, angle))
         return turned
 
     def _angles(self, counts: Sequence[int]) -> Angles:
@@ -101,12 +209,3 @@ def _cross(a: Vector, b: Vector) -> Vector:
 def _turn(axis: str, angle: float) -> Quaternion:
     half = sin(0.5 * angle)
     return (cos(0.5 * angle), half * (axis == "x"), half * (axis == "y"), half * (axis == "z"))
-
-
-def _times(a: Quaternion, b: Quaternion) -> Quaternion:
-    return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    )

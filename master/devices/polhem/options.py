@@ -1,13 +1,14 @@
-"""What a file may say about these devices, on either kind of cable."""
+"""Options of the Polhem drivers, and the force that they permit."""
 
 from dataclasses import replace
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from weberlink.master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, Parameters, Wiring
-from weberlink.master.devices.polhem.reports import LONG
+from weberlink.master.devices.polhem.hid_protocol import LONG
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters, Wiring
+from weberlink.master.devices.polhem.serial_protocol import CURRENT_LIMIT_MA, MODELS
+from weberlink.master.devices.threaded_device import fingerprint
 
 Sign = Literal[-1, 1]
 Signs = tuple[Sign, Sign, Sign]
@@ -69,11 +70,14 @@ class PolhemOptions(BaseModel):
     force_n: float | None = Field(
         default=None, gt=0.0, description="largest force; what its makers publish if not given, and no more"
     )
+    max_current_ma: float = Field(
+        default=2000.0, gt=0.0, le=HID_CURRENT_LIMIT_MA, description="per motor; the device has no limit of its own"
+    )
     signs_checked: Annotated[str, Field(pattern="^[0-9a-f]{8}$")] | None = Field(
         default=None, description="what `weberlink device test` printed; without it there is no force"
     )
 
-    def wire(self, name: str, board: Board) -> Parameters:
+    def wire(self, name: str, board: Board) -> MechanismParameters:
         """The set `name` with the signs published for `board`, changed as these options say.
 
         Raises:
@@ -123,7 +127,7 @@ class PolhemSerialOptions(PolhemOptions):
         default=2000.0, gt=0.0, le=CURRENT_LIMIT_MA, description="per motor; beyond 6000 the device would give none"
     )
 
-    def wired(self, model: str) -> Parameters:
+    def wired(self, model: str) -> MechanismParameters:
         """What the options make of a model, or of a stand-in for `auto`, which has no force."""
         numbers = {name: number for number, name in MODELS.items()}
         return self.wire(self.parameters or MODEL_SETS[numbers.get(model, numbers["woodenhaptics"])], "serial")
@@ -144,15 +148,12 @@ class PolhemHidOptions(PolhemOptions):
         default=14,
         description="bytes of its reports, 14 or the older 8: their firmware counts the other way round; checked",
     )
-    max_current_ma: float = Field(
-        default=2000.0, gt=0.0, le=HID_CURRENT_LIMIT_MA, description="per motor; the device has no limit of its own"
-    )
     counters_hold_home: bool = Field(
         default=False,
         description="the counters hold the home counts in the home pose, as the makers' software sets them, not zero",
     )
 
-    def wired(self) -> Parameters:
+    def wired(self) -> MechanismParameters:
         """The mechanism with the signs of these options."""
         return self.wire(self.parameters, "hid14" if self.report_bytes == LONG else "hid8")
 
@@ -160,3 +161,50 @@ class PolhemHidOptions(PolhemOptions):
     def _check(self) -> Self:
         self.wired()
         return self
+
+
+def permitted_force(options: PolhemOptions, parameters: MechanismParameters, *, checked: str, named: bool) -> float:
+    """The largest force of the device [N]; 0 unless its signs were checked with these settings.
+
+    Args:
+        options: of the driver.
+        parameters: of its mechanism.
+        checked: fingerprint of the settings.
+        named: whether the options say which device it is.
+
+    Raises:
+        ValueError: the options ask for more force than the makers publish.
+    """
+    published = parameters.force_n
+    if options.force_n is not None and options.force_n > published:
+        raise ValueError(
+            f"force_n: expected at most {published:g} N, which is published for {parameters.name}, "
+            f"got {options.force_n:g}"
+        )
+    if not named or options.signs_checked != checked:
+        return 0.0
+    return published if options.force_n is None else options.force_n
+
+
+def notes_of(
+    name: str, options: PolhemOptions, parameters: MechanismParameters, force_n: float, *, named: bool
+) -> tuple[str, ...]:
+    """What to say before a run: why there is no force, where the handle has to be, what is uncertain."""
+    notes = []
+    if not named:
+        notes.append("no force: the file does not say which device it is; set master.device.model")
+    elif force_n == 0.0:
+        stale = "" if options.signs_checked is None else " with these settings"
+        notes.append(f"no force: signs not checked{stale}; run: weberlink device test {name}")
+    if options.homing == "at_open":
+        notes.append("hold the handle in its home pose while the run starts")
+    elif options.homing == "button":
+        notes.append("press the calibration button in the home pose when the run starts")
+    return (*notes, *(parameters.warnings if named else ()))
+
+
+def signs_fingerprint(driver: str, parameters: MechanismParameters) -> str:
+    """Changes with the driver, the parameter set, the signs of encoders and motors, and the home counts."""
+    drive = parameters.mechanism.drive
+    signs = f"encoders {drive.encoder_directions} motors {drive.motor_directions}"
+    return fingerprint(f"{driver} {parameters.name} {signs} {drive.home_counts}")

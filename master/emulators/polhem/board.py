@@ -1,48 +1,113 @@
-"""What the boards have in common: faults that somebody orders, and what can be seen of them from outside."""
+"""An emulated Polhem without its bytes: a handle in a hand, encoders, motors, amplifiers, and faults to inject."""
 
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
+from math import sin, tau
 from typing import ClassVar
 
-from weberlink.geometry.vector import Vector
-from weberlink.hardware.emulator import WireFaults
-from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.emulators.polhem.body import FAULTS, Body, BodyOptions, Counts6, Currents
-from weberlink.master.emulators.polhem.built import Built
+from pydantic import BaseModel, ConfigDict, Field
 
+from weberlink.geometry.vector import ZERO, Vector, subtract
+from weberlink.hardware.emulator import WireFaults
+from weberlink.master.devices.polhem.options import SetName, Signs
+from weberlink.master.devices.polhem.parameters import PARAMETERS
+from weberlink.master.emulators.handle import Handle, HandleOptions
+from weberlink.master.emulators.polhem.host_wiring import HostWiring
+
+Currents = tuple[float, float, float]
+Counts6 = tuple[int, int, int, int, int, int]
+
+OFF: Currents = (0.0, 0.0, 0.0)
+WRIST_RAD = 0.3
+WRIST_HZ = (0.21, 0.13, 0.08)
 FARTHEST_MM = 200
 
+FAULTS: Mapping[str, str] = {
+    "stuck_encoder": "encoder 1 to 6 keeps its count from now on; 0: all are free again",
+    "restart": "power goes and comes back: counters begin at 0 wherever the handle is, motors off",
+    "trip_watchdog": "the watchdog is never fed: motors off for good; 0: it is fed again",
+    "button": "the calibration button is pressed, wherever the handle is",
+    "home": "the handle is carried to its home pose and held there",
+    "x_mm": "the handle is carried so far toward the operator from the middle, and held there",
+    "y_mm": "the same, to the right",
+    "z_mm": "the same, up",
+    "release": "the hand goes on with its script",
+}
 
-class Board:
-    """See `weberlink.hardware.emulator`; the bytes are the business of those that inherit.
+
+class BoardOptions(BaseModel):
+    """Options that the emulated Polhem devices have in common."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    handle: HandleOptions = Field(default=HandleOptions(), description="who holds it, and what that person does")
+    parameters: SetName | None = Field(default=None, description="set of its mechanism")
+    encoder_signs: Signs = Field(default=(1, 1, 1), description="-1 for an encoder that counts the wrong way round")
+    motor_signs: Signs = Field(default=(1, 1, 1), description="-1 for a motor wired the wrong way round")
+    weight: bool = Field(default=False, description="the links have their published weight, which pulls at the hand")
+    homed: bool = Field(
+        default=True, description="was in its home pose at power-up; else counters begin where the handle is"
+    )
+    processing_s: float = Field(default=0.0002, ge=0.0, le=0.1, description="from a message to what it causes")
+
+
+class PolhemBoard:
+    """Counters to read and currents to set; see `weberlink.hardware.emulator`. Subclasses speak the wire formats.
 
     Args:
         options: of the device.
-        name: of the set of parameters of its mechanism.
+        name: of the parameter set of its mechanism.
         wiring: as a published host expects it.
         watchdog_s: how long the amplifiers stay on after a message [s].
+
+    Raises:
+        ValueError: it is to have a weight, and none is published.
     """
 
     OWN_FAULTS: ClassVar[Mapping[str, str]] = FAULTS
 
-    def __init__(self, options: BodyOptions, name: str, wiring: Built, watchdog_s: float) -> None:
+    def __init__(self, options: BoardOptions, name: str, wiring: HostWiring, watchdog_s: float) -> None:
         self.faults = WireFaults()
         self.messages = 0
-        """That came, right or wrong."""
+        """Messages that came, right or wrong."""
         self.errors = 0
-        """Of them, those that were wrong."""
-        parameters = PARAMETERS[name]
-        self._parameters = parameters
-        mechanism, (a, b, c) = parameters.mechanism, options.encoder_signs
+        """Wrong ones among them."""
+        self._parameters = PARAMETERS[name]
+        mechanism, (a, b, c) = self._parameters.mechanism, options.encoder_signs
+        if options.weight and mechanism.weight is None:
+            raise ValueError("weight: no masses are published for this mechanism")
         drive = wiring.wire(mechanism.drive)
         d, e, f = drive.encoder_directions
         g, h, i = drive.home_counts
         # The home pose stays where it is: an encoder that counts the other way has its zero on the other side.
         drive = replace(drive, encoder_directions=(a * d, b * e, c * f), home_counts=(a * g, b * h, c * i))
-        self._body = Body(options, replace(mechanism, drive=drive), watchdog_s)
+        self.mechanism = replace(mechanism, drive=drive)
+        self.handle = Handle(options.handle)
+        self.currents_ma: Currents = OFF
+        """Currents in the motors now [mA]."""
+        self.enabled = False
+        """Whether the amplifiers are on."""
+        self.watchdog_trips = 0
+        self.largest_current_ma = 0.0
+        """Largest current there has been in a motor [mA]."""
+        self.last_force_at: float | None = None
+        """When there was last a current in any motor [s]; None for never."""
+        self._button_pressed = False
+        """Whether the calibration button was pressed since the board last looked."""
+        self._weight = options.weight
         self._processing = options.processing_s
-        self._orders: deque[tuple[str, float]] = deque()
+        self._injected: deque[tuple[str, float]] = deque()
+        self._motor_signs = options.motor_signs
+        self._watchdog = watchdog_s
+        self._fed = True
+        self._off_at: float | None = None
+        self._now: float | None = None
+        self._zero: Counts6 = (0, 0, 0, 0, 0, 0)
+        self._stuck: dict[int, int] = {}
+        self._truth = self._true_counts(0.0)
+        if not options.homed:
+            self._zero = self._truth
 
     def inject(self, name: str, value: float = 1.0) -> None:
         """Let one of `OWN_FAULTS` happen at the next `advance`; from any thread.
@@ -57,50 +122,103 @@ class Board:
             raise ValueError(f"{name}: expected a whole number from 0 to {highest}, got {value:g}")
         if name.endswith("_mm") and not abs(value) <= FARTHEST_MM:
             raise ValueError(f"{name}: expected a distance within +-{FARTHEST_MM} mm, got {value:g}")
-        self._orders.append((name, value))
-
-    def _take_orders(self) -> None:
-        while self._orders:
-            self._suffer(*self._orders.popleft())
-
-    def _suffer(self, name: str, value: float) -> None:
-        self._body.suffer(name, value)
-
-    @property
-    def currents_ma(self) -> Currents:
-        """That flow in the motors now [mA]."""
-        return self._body.currents_ma
-
-    @property
-    def largest_current_ma(self) -> float:
-        """There has ever been in a motor [mA]."""
-        return self._body.largest_current_ma
-
-    @property
-    def enabled(self) -> bool:
-        """Whether the amplifiers are on."""
-        return self._body.enabled
-
-    @property
-    def force(self) -> Vector:
-        """On the hand now [N], in the device's frame."""
-        return self._body.force
-
-    @property
-    def last_force_at(self) -> float | None:
-        """When there was last a current in any motor [s]; None for never."""
-        return self._body.last_force_at
-
-    @property
-    def position(self) -> Vector:
-        """Of the handle [m], in the device's frame."""
-        return self._body.handle.position
+        self._injected.append((name, value))
 
     @property
     def counts(self) -> Counts6:
-        """What the counters hold."""
-        return self._body.counts
+        """Contents of the six counters."""
+        a, b, c, d, e, f = (
+            self._stuck.get(i, true - zero) for i, (true, zero) in enumerate(zip(self._truth, self._zero, strict=True))
+        )
+        return (a, b, c, d, e, f)
 
     @property
-    def watchdog_trips(self) -> int:
-        return self._body.watchdog_trips
+    def force(self) -> Vector:
+        """Force on the hand now, in the device's frame [N]; with `weight`, that of the links is part of it."""
+        push = ZERO if self.currents_ma == OFF else self.mechanism.force(self.currents_ma, self._truth)
+        return subtract(push, self.mechanism.carrying_force(self._truth)) if self._weight else push
+
+    @property
+    def position(self) -> Vector:
+        """Position of the handle in the device's frame [m]."""
+        return self.handle.position
+
+    def _advance_to(self, now: float) -> None:
+        """Move hand, encoders and watchdog on to `now` [s]."""
+        if self._off_at is not None and now >= self._off_at:
+            self._move(self._off_at)
+            self._switch_off()
+            self.watchdog_trips += 1
+        self._move(now)
+
+    def _drive(self, currents_ma: Currents, now: float) -> None:
+        """A message has come: amplifiers on, the watchdog fed, these currents flow."""
+        if not self._fed:
+            return
+        self.enabled = True
+        self._off_at = now + self._watchdog
+        a, b, c = (sign * current for sign, current in zip(self._motor_signs, currents_ma, strict=True))
+        self.currents_ma = (a, b, c)
+        self.largest_current_ma = max(self.largest_current_ma, *map(abs, self.currents_ma))
+        if self.currents_ma != OFF:
+            self.last_force_at = self._now
+
+    def _set_counters(self, counts: Counts6) -> None:
+        """From now on the counters hold these counts."""
+        a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
+        self._zero = (a, b, c, d, e, f)
+
+    def _take_faults(self) -> None:
+        while self._injected:
+            self._suffer(*self._injected.popleft())
+
+    def _suffer(self, name: str, value: float) -> None:
+        """One of `OWN_FAULTS` happens."""
+        match name:
+            case "stuck_encoder" if value == 0:
+                self._stuck.clear()
+            case "stuck_encoder":
+                self._stuck[int(value) - 1] = self.counts[int(value) - 1]
+            case "restart":
+                self._switch_off()
+                self._fed = True
+                self._button_pressed = False
+                self._stuck.clear()
+                self._zero = self._truth
+            case "trip_watchdog":
+                self._fed = value == 0
+                if not self._fed and self.enabled:
+                    self._switch_off()
+                    self.watchdog_trips += 1
+            case "button":
+                self._button_pressed = True
+            case "release":
+                self.handle.carry(None)
+            case "home":
+                self.handle.carry(self.mechanism.position((0, 0, 0)))
+            case "x_mm" | "y_mm" | "z_mm":
+                x, y, z = (1e-3 * value * (name == f"{axis}_mm") for axis in "xyz")
+                self.handle.carry((x, y, z))
+
+    def _move(self, now: float) -> None:
+        if self._now is not None and now <= self._now:
+            return
+        if self.currents_ma != OFF:
+            self.last_force_at = now
+        self.handle.advance(self.force, now)
+        self._now = now
+        self._truth = self._true_counts(now)
+
+    def _switch_off(self) -> None:
+        self.enabled = False
+        self._off_at = None
+        self.currents_ma = OFF
+
+    def _true_counts(self, now: float) -> Counts6:
+        """Relative to the home pose; the wrist turns to and fro where there are sensors for it."""
+        a, b, c = self.mechanism.counts_at(self.handle.position)
+        d, e, f = (
+            round(turn * WRIST_RAD * sin(tau * hz * now) / tau)
+            for turn, hz in zip(self.mechanism.drive.gimbal_counts_per_turn, WRIST_HZ, strict=True)
+        )
+        return (a, b, c, d, e, f)

@@ -12,8 +12,8 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from weberlink.hardware.umockdev.description import HidIdentity
-from weberlink.master.devices.polhem.reports import (
+from weberlink.hardware.umockdev import HidIdentity
+from weberlink.master.devices.polhem.hid_protocol import (
     LONG,
     SHORT,
     WATCHDOG_S,
@@ -22,9 +22,8 @@ from weberlink.master.devices.polhem.reports import (
     decode_command,
     encode_sensors,
 )
-from weberlink.master.emulators.polhem.board import Board
-from weberlink.master.emulators.polhem.body import FAULTS, OFF, BodyOptions, Counts6
-from weberlink.master.emulators.polhem.built import Built, Host, built
+from weberlink.master.emulators.polhem.board import FAULTS, OFF, BoardOptions, Counts6, PolhemBoard
+from weberlink.master.emulators.polhem.host_wiring import Host, HostWiring, host_wiring
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
@@ -32,7 +31,7 @@ FRAME_S = 0.001
 LONG_LIMIT_MA, SHORT_LIMIT_MA = 3750.0, 3000.0
 
 
-class PolhemHidEmulatorOptions(BodyOptions):
+class PolhemHidEmulatorOptions(BoardOptions):
     """Options of the emulated `polhem_hid`. Without `parameters`, it is a WoodenHaptics of 2015."""
 
     report: Literal[14, 8] = Field(default=14, description="bytes of a report: 14 in lock-step, or the older 8")
@@ -49,16 +48,16 @@ class PolhemHidEmulatorOptions(BodyOptions):
     def set_name(self) -> str:
         return self.parameters or "woodenhaptics_2015"
 
-    def built(self) -> Built:
-        return built(self.set_name, "hid14" if self.report == LONG else "hid8", self.host)
+    def wiring(self) -> HostWiring:
+        return host_wiring(self.set_name, "hid14" if self.report == LONG else "hid8", self.host)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        self.built()
+        self.wiring()
         return self
 
 
-class PolhemHidEmulator(Board):
+class PolhemHidEmulator(PolhemBoard):
     """See `weberlink.hardware.emulator`."""
 
     Options = PolhemHidEmulatorOptions
@@ -70,7 +69,7 @@ class PolhemHidEmulator(Board):
 
     def __init__(self, options: PolhemHidEmulatorOptions | None = None) -> None:
         options = PolhemHidEmulatorOptions() if options is None else options
-        super().__init__(options, options.set_name, options.built(), WATCHDOG_S)
+        super().__init__(options, options.set_name, options.wiring(), WATCHDOG_S)
         self.identity = HidIdentity(
             VENDOR, PRODUCT, "HID DEVICE", descriptor(options.report), options.report,
             options.serial_number, "mbed.org",
@@ -97,24 +96,24 @@ class PolhemHidEmulator(Board):
     def advance(self, now: float) -> None:
         if not self._started:
             self._started = True
-            self._body.advance(now)
+            self._advance_to(now)
             self._send_later(now)
         while self._step_at is not None and self._step_at <= now:
             at, self._step_at = self._step_at, None
-            self._body.advance(at)
+            self._advance_to(at)
             if self._size == LONG:
                 self._step_in_turn(at)
             else:
                 self._step_freely(at, now)
-        self._body.advance(now)
-        self._take_orders()
+        self._advance_to(now)
+        self._take_faults()
 
     def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - a report leaves when it is due
         leaving, self._leaving = self._leaving, []
         return leaving
 
     def next_timer(self) -> float | None:
-        due = [each for each in (self._step_at, self._body.next_timer) if each is not None]
+        due = [each for each in (self._step_at, self._off_at) if each is not None]
         return min(due, default=None)
 
     def _step_in_turn(self, at: float) -> None:
@@ -148,18 +147,18 @@ class PolhemHidEmulator(Board):
     def _obey(self, report: bytes, limit_ma: float, at: float) -> None:
         command = decode_command(report)
         if isinstance(command, SetCounters):
-            self._body.drive(OFF, at)
-            self._body.set_counters(self._wired(command.counts))
-            self._body.button_pressed = False
+            self._drive(OFF, at)
+            self._set_counters(self._wired(command.counts))
+            self._button_pressed = False
         else:
             a, b, c = (min(max(float(current), -limit_ma), limit_ma) for current in command)
-            self._body.drive((a, b, c), at)
+            self._drive((a, b, c), at)
 
     def _report(self) -> bytes:
-        counts = self._wired(self._body.counts)
+        counts = self._wired(self.counts)
         if self._size == SHORT:
             return encode_sensors(Sensors(counts[:3], number=self._number))
-        return encode_sensors(Sensors(counts, self._stylus, self._body.button_pressed))
+        return encode_sensors(Sensors(counts, self._stylus, self._button_pressed))
 
     def _wired(self, counts: Counts6) -> Counts6:
         """The gimbal's come last to first from some; its own inverse."""

@@ -12,12 +12,17 @@ from typing import ClassVar, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from weberlink.master.devices.polhem.bracket import CURRENT_LIMIT_MA, MODELS, WATCHDOG_S, Status, encode_status
 from weberlink.master.devices.polhem.options import Model
 from weberlink.master.devices.polhem.parameters import MODEL_SETS
-from weberlink.master.emulators.polhem.board import Board
-from weberlink.master.emulators.polhem.body import FAULTS, BodyOptions, Counts6, Currents
-from weberlink.master.emulators.polhem.built import Built, built
+from weberlink.master.devices.polhem.serial_protocol import (
+    CURRENT_LIMIT_MA,
+    MODELS,
+    WATCHDOG_S,
+    SerialStatus,
+    encode_status,
+)
+from weberlink.master.emulators.polhem.board import FAULTS, BoardOptions, Counts6, Currents, PolhemBoard
+from weberlink.master.emulators.polhem.host_wiring import HostWiring, host_wiring
 
 BUFFER = 127
 FILLING = b"\n\r\0"
@@ -29,14 +34,14 @@ NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
 _THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
 
 
-class Message(NamedTuple):
+class BracketMessage(NamedTuple):
     """Bytes up to a closing bracket, and what is wrong with them."""
 
     text: bytes
     error: int
 
 
-class PolhemSerialEmulatorOptions(BodyOptions):
+class PolhemSerialEmulatorOptions(BoardOptions):
     """Options of the emulated `polhem_serial`. Without `parameters`, it has the set of the model."""
 
     model: Model = Field(default="vintage_phantom", description="that it says it is")
@@ -45,16 +50,16 @@ class PolhemSerialEmulatorOptions(BodyOptions):
     def set_name(self) -> str:
         return self.parameters or MODEL_SETS[NUMBERS[self.model]]
 
-    def built(self) -> Built:
-        return built(self.set_name, "serial")
+    def wiring(self) -> HostWiring:
+        return host_wiring(self.set_name, "serial")
 
     @model_validator(mode="after")
     def _check(self) -> Self:
-        self.built()
+        self.wiring()
         return self
 
 
-class PolhemSerialEmulator(Board):
+class PolhemSerialEmulator(PolhemBoard):
     """See `weberlink.hardware.emulator`."""
 
     Options = PolhemSerialEmulatorOptions
@@ -69,10 +74,10 @@ class PolhemSerialEmulator(Board):
         options = PolhemSerialEmulatorOptions() if options is None else options
         self.model = self._true_model = NUMBERS[options.model]
         """What it says it is."""
-        super().__init__(options, options.set_name, options.built(), WATCHDOG_S)
+        super().__init__(options, options.set_name, options.wiring(), WATCHDOG_S)
         self._waiting = b""
         self._buffer = b""
-        self._work: tuple[float, Message] | None = None
+        self._work: tuple[float, BracketMessage] | None = None
         self._answers: list[bytes] = []
         self._loops = 0
         self._counts = NO_COUNTS
@@ -87,12 +92,12 @@ class PolhemSerialEmulator(Board):
         while self._work is not None and self._work[0] <= now:
             at, message = self._work
             self._work = None
-            self._body.advance(at)
+            self._advance_to(at)
             self._calibrate()
             self._answer(message, at)
             self._begin(at)
-        self._body.advance(now)
-        self._take_orders()
+        self._advance_to(now)
+        self._take_faults()
         self._calibrate()
 
     def replies(self, now: float) -> list[bytes]:  # noqa: ARG002 - an answer leaves when it is made
@@ -100,7 +105,7 @@ class PolhemSerialEmulator(Board):
         return answers
 
     def next_timer(self) -> float | None:
-        due = [each for each in (self._work and self._work[0], self._body.next_timer) if each is not None]
+        due = [each for each in (self._work and self._work[0], self._off_at) if each is not None]
         return min(due, default=None)
 
     def _begin(self, now: float) -> None:
@@ -113,7 +118,7 @@ class PolhemSerialEmulator(Board):
         self._waiting = self._waiting[taken:]
         if end < 0 and len(self._buffer) < BUFFER:
             return
-        message, self._buffer = Message(self._buffer, FULL if end < 0 else _framing(self._buffer)), b""
+        message, self._buffer = BracketMessage(self._buffer, FULL if end < 0 else _framing(self._buffer)), b""
         if end >= 0 and not message.error:
             waiting = self._waiting.lstrip(FILLING)  # dropped, as far as it has come by now
             if waiting:
@@ -121,7 +126,7 @@ class PolhemSerialEmulator(Board):
             self._waiting = waiting[1:]
         self._work = (now + self._processing, message)
 
-    def _answer(self, message: Message, now: float) -> None:
+    def _answer(self, message: BracketMessage, now: float) -> None:
         self.messages += 1
         self._loops += 1
         error = message.error
@@ -130,13 +135,13 @@ class PolhemSerialEmulator(Board):
             error = error or UNREADABLE
             self.errors += 1
         else:
-            self._body.drive(currents, now)
+            self._drive(currents, now)
             error = self._measure()
-        self._answers.append(encode_status(Status(self.model, self._counts, error)))
+        self._answers.append(encode_status(SerialStatus(self.model, self._counts, error)))
 
     def _measure(self) -> int:
         """Read the encoders of the motors, and one sensor of the gimbal in turn; gives the error bit of that sensor."""
-        a, b, c, *gimbal = self._body.counts
+        a, b, c, *gimbal = self.counts
         d, e, f = self._counts[3:]
         sensor = self._loops % 3
         error = self._gimbal_error & 1 << sensor
@@ -146,9 +151,9 @@ class PolhemSerialEmulator(Board):
         return error
 
     def _calibrate(self) -> None:
-        if self._body.button_pressed:
-            self._body.button_pressed = False
-            self._body.set_counters(NO_COUNTS)
+        if self._button_pressed:
+            self._button_pressed = False
+            self._set_counters(NO_COUNTS)
             self._counts = NO_COUNTS
 
     def _suffer(self, name: str, value: float) -> None:

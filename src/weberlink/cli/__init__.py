@@ -1,4 +1,4 @@
-"""The command line. Owns arguments, exit statuses and what is printed; every command's work is elsewhere.
+"""The command line: arguments, exit statuses and what is printed.
 
 Exit status: 0 done, 1 the run failed, 2 the file or the arguments are wrong (one line on standard error).
 """

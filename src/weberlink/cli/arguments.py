@@ -1,4 +1,4 @@
-"""The arguments that commands share, and how they complain of wrong ones. Knows no command."""
+"""Arguments that commands share, and one-line errors for wrong ones."""
 
 import sys
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from weberlink.system.daemon import COMPLETED, MISCONFIGURED
 
 File = Annotated[Path, typer.Argument(metavar="FILE", help="Configuration of the system (YAML).")]
 OptionalFile = Annotated[
-    Path | None, typer.Argument(metavar="[FILE]", help="Configuration; without it, a default that needs nothing.")
+    Path | None, typer.Argument(metavar="[FILE]", help="Configuration; by default one that needs no hardware.")
 ]
 Set = Annotated[
     list[str] | None, typer.Option("--set", metavar="PATH.TO.KEY=VALUE", help="Override a key; may be repeated.")
@@ -21,7 +21,7 @@ Set = Annotated[
 
 
 def finite(value: float | None) -> float | None:
-    """A number of the command line, which parses "nan" and "inf" too."""
+    """Refuse nan and inf, which the command line would parse."""
     if value is not None and not isfinite(value):
         raise typer.BadParameter(f"must be a finite number, not {value}")
     return value
@@ -32,7 +32,7 @@ Duration = Annotated[
     typer.Option("--duration", metavar="S", min=0.0, callback=finite, help="Length of the run [s]."),
 ]
 Json = Annotated[
-    Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output, alone.")
+    Path | None, typer.Option("--json", metavar="OUT", help="Write the figures as JSON; - for standard output only.")
 ]
 
 Record = Annotated[
@@ -41,19 +41,17 @@ Record = Annotated[
 ]
 Log = Annotated[
     Path | None,
-    typer.Option(
-        "--log", metavar="OUT", help="Append what happens, a JSON object a line; - for standard output, alone."
-    ),
+    typer.Option("--log", metavar="OUT", help="Append events as JSON lines; - for standard output only."),
 ]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
 Workers = Annotated[
     int | None, typer.Option("--workers", metavar="N", min=1, help="Processes; as many as processors if not given.")
 ]
-Full = Annotated[bool, typer.Option("--full", help="All of it, finer, in minutes.")]
+Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study; takes minutes.")]
 
 
 class OneLineErrors(TyperGroup):
-    """Commands whose complaints about arguments are one line, as those about files are."""
+    """A command group that reports wrong arguments in one line."""
 
     def main(
         self,
@@ -67,11 +65,11 @@ class OneLineErrors(TyperGroup):
         try:
             result = super().main(args, prog_name, complete_var, False, windows_expand_args, **extra)
         except Exception as error:
-            # The class of such errors has no public name; what tells it is that it can put itself in words.
-            in_words = getattr(error, "format_message", None)
-            if in_words is None or not standalone_mode:
+            # typer gives the class of usage errors no public name; `format_message` identifies them.
+            format_message = getattr(error, "format_message", None)
+            if format_message is None or not standalone_mode:
                 raise
-            sys.stderr.write(f"weberlink: {' '.join(in_words().split())}\n")
+            sys.stderr.write(f"weberlink: {' '.join(format_message().split())}\n")
             sys.exit(MISCONFIGURED)
         if not standalone_mode:
             return result

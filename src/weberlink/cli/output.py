@@ -1,4 +1,4 @@
-"""What every command shares: complaints, figures on paper and in JSON, a bar of progress. Knows no command."""
+"""Output that commands share: errors, figures as text and JSON, a progress bar."""
 
 import json
 import sys
@@ -18,7 +18,7 @@ from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
 
 class Study(Protocol):
-    """What a study command found, and how it is shown."""
+    """Results of a study command."""
 
     @property
     def document(self) -> dict[str, Any]: ...
@@ -31,7 +31,7 @@ class Study(Protocol):
 
 @contextmanager
 def errors() -> Iterator[None]:
-    """A wrong file is one line and exit status 2; a host without a runtime directory is one line and status 1."""
+    """Report a wrong file with status 2, a missing runtime directory with status 1; one line each."""
     try:
         yield
     except ConfigurationError as error:
@@ -41,13 +41,13 @@ def errors() -> Iterator[None]:
 
 
 def fail(message: str, status: int) -> NoReturn:
-    """One line on standard error, and the end."""
+    """Print one line on standard error and exit."""
     typer.echo(f"weberlink: {message}", err=True)
     raise typer.Exit(status)
 
 
 def write(document: dict[str, Any], out: Path | None, show: Callable[[Console], None]) -> None:
-    """JSON where it was asked for; the report for people unless standard output is taken."""
+    """Write JSON to `out`, and print the report unless JSON goes to standard output."""
     text = json.dumps(document, indent=2, allow_nan=False)
     if out is not None and str(out) == "-":
         sys.stdout.write(text + "\n")
@@ -64,7 +64,7 @@ def write(document: dict[str, Any], out: Path | None, show: Callable[[Console], 
 
 
 def attempt(write: Callable[[], object], where: Path) -> str | None:
-    """Write what can be written beside the figures; returns the complaint, for after them."""
+    """Call `write`; returns the error message if the file cannot be written."""
     try:
         write()
     except OSError as error:
@@ -73,7 +73,7 @@ def attempt(write: Callable[[], object], where: Path) -> str | None:
 
 
 def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
-    """Write and print what a study found, and draw it: what goes wrong with the one takes nothing of the other."""
+    """Print, write and draw the results of a study; a failure of one does not prevent the others."""
     failed = None
     try:
         write(study.document, json_out, lambda console: console.print(study.table))
@@ -89,7 +89,7 @@ def publish(study: Study, json_out: Path | None, plots: Path | None) -> None:
 def finish(
     summary: dict[str, Any], title: str, json_out: Path | None, problem: str | None = None, *, quiet: bool = False
 ) -> None:
-    """Print and write the figures of a session, then what else went wrong, and exit; nothing is printed if `quiet`."""
+    """Print and write the figures of a session, report `problem`, and exit; `quiet` prints nothing."""
     from weberlink.system.environment import environment  # noqa: PLC0415
     from weberlink.system.report import session_report  # noqa: PLC0415
 
@@ -103,7 +103,7 @@ def finish(
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[..., None]]:
-    """A bar on standard error where a person watches; told how many of how many pieces are done, and what is next."""
+    """Show progress on standard error if it is a terminal; yields `report(done, total, what)`."""
     done_of = TextColumn("{task.completed}/{task.total} {task.description}")
     console = Console(stderr=True)
     columns = (BarColumn(), done_of, TimeElapsedColumn(), TimeRemainingColumn())

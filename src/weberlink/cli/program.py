@@ -1,9 +1,15 @@
 """The program: its commands, put together."""
 
+from importlib.metadata import entry_points, version
+from typing import Annotated
+
 import typer
 
 from weberlink.cli import hardware, monitor, operation, sessions, studies
 from weberlink.cli.arguments import OneLineErrors
+
+GROUP = "weberlink.commands"
+"""Entry points of other distributions: functions with typer annotations, each a command of its entry point's name."""
 
 app = typer.Typer(
     name="weberlink",
@@ -14,20 +20,23 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    *sessions.COMMANDS,
-    *monitor.COMMANDS,
-    *hardware.COMMANDS,
-    *operation.COMMANDS,
-    *studies.COMMANDS,
-):
-    app.command()(command)
+for module in (sessions, monitor, hardware, operation, studies):
+    for command in module.COMMANDS:
+        app.command()(command)
 app.add_typer(hardware.device)
+for entry in entry_points(group=GROUP):
+    app.command(entry.name)(entry.load())
 
 
 @app.callback()
-def program(context: typer.Context) -> None:
+def program(
+    context: typer.Context,
+    show_version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+) -> None:
     """Bilateral haptic teleoperation over UDP with perceptual coding."""
+    if show_version:
+        typer.echo(f"weberlink {version('weberlink')}")
+        raise typer.Exit
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 

@@ -1,4 +1,4 @@
-"""Commands that run a system, or one side of it, or look at its file."""
+"""Commands that run a system or one side of it, or check its file."""
 
 import json
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ def loopback(
     log: Log = None,
     set_: Set = None,
 ) -> None:
-    """Run master and slave as two processes over UDP on 127.0.0.1."""
+    """Run both sides as two processes over UDP on 127.0.0.1."""
     path = file or Path(str(files("weberlink.configs") / "loopback.yaml"))
     overrides = [*(set_ or ()), *free_port(path, set_ or ())]
     _live("loopback", path, overrides, SIDES, duration, json_out, record, log)
@@ -45,7 +45,7 @@ def master(
         bool, typer.Option("--take-over", help="Replace the master that the slave serves now, which then stops.")
     ] = False,
 ) -> None:
-    """Run the operator's side."""
+    """Run the operator side."""
     _live("master", file, set_ or (), [MASTER], duration, json_out, record, log, take_over=take_over)
 
 
@@ -57,12 +57,12 @@ def slave(
     log: Log = None,
     set_: Set = None,
 ) -> None:
-    """Run the teleoperator's side."""
+    """Run the teleoperator side."""
     _live("slave", file, set_ or (), [SLAVE], duration, json_out, record, log)
 
 
 def check(file: File, set_: Set = None) -> None:
-    """Validate a file, and print what it composes and what that costs."""
+    """Validate FILE; print its parts, their cost and warnings."""
     from weberlink.system.check import describe  # noqa: PLC0415 - each command imports what it needs
 
     with errors():
@@ -71,7 +71,7 @@ def check(file: File, set_: Set = None) -> None:
 
 
 def keygen(out: Annotated[Path, typer.Argument(metavar="OUT", help="Where to write the key, with mode 0600.")]) -> None:
-    """Write a new pre-shared key, for one master and one slave."""
+    """Write a new pre-shared key for one master and one slave."""
     from weberlink.protocol.keys import KeyFileError, generate  # noqa: PLC0415
 
     try:
@@ -86,12 +86,12 @@ def simulate(
     duration: Duration = None,
     json_out: Json = None,
     trace: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="Write what the robot was commanded and felt, as a trace (CSV).")
+        Path | None, typer.Option(metavar="OUT", help="Write the robot's commanded position and measured force as CSV.")
     ] = None,
     record: Record = None,
     set_: Set = None,
 ) -> None:
-    """Run the whole system in virtual time, as fast as it goes."""
+    """Run the whole system in virtual time."""
     from weberlink.system.simulate import simulate as run  # noqa: PLC0415
 
     with errors():
@@ -145,11 +145,12 @@ def _live(
 
 @contextmanager
 def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Iterator[Any]:
-    """The log of a session, as long as it lasts; None where none was asked for."""
+    """Open the log of a session; None without `--log`."""
     if log is None:
         yield None
         return
-    from weberlink.system.journal import Journal, LogFile  # noqa: PLC0415
+    from weberlink.system.journal import Journal  # noqa: PLC0415
+    from weberlink.system.log_file import LogFile  # noqa: PLC0415
 
     if log == json_out == STANDARD_OUTPUT:
         fail("--log -: standard output is taken by --json -; write one of them to a file", MISCONFIGURED)

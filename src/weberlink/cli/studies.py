@@ -1,4 +1,4 @@
-"""Commands of the lab: recordings, signals through the codec, studies of numbers and of people."""
+"""Commands for recordings and studies."""
 
 import sys
 from collections.abc import Callable
@@ -19,7 +19,7 @@ def info(
     recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
     json_out: Json = None,
 ) -> None:
-    """Say what a recording holds: its sides, its gaps, and the figures of the session."""
+    """Describe a recording: its sides, gaps and figures."""
     from weberlink.apps.recordings import describe  # noqa: PLC0415
 
     with errors():
@@ -34,7 +34,7 @@ def export(
         Path | None, typer.Option("--out", metavar="DIR", help="Where to; beside the recording if not given.")
     ] = None,
 ) -> None:
-    """Write a recording as tables, one for each side, on one time axis."""
+    """Convert a recording to CSV or Parquet tables."""
     from weberlink.apps.recordings import ExportError  # noqa: PLC0415
     from weberlink.apps.recordings import export as run  # noqa: PLC0415
 
@@ -58,15 +58,12 @@ def evaluate(
         typer.Option(metavar="SHAPE,..", help="Deadbands: isotropic, cone, level_crossing, velocity_adaptive."),
     ] = "isotropic",
     jnd: Annotated[
-        float, typer.Option(metavar="J", help="What a person just notices, as a share of the force, for every row.")
+        float, typer.Option(metavar="J", help="Just noticeable difference, as a share of the force.")
     ] = 0.10,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Processes; as many as pay if not given.")
     ] = None,
-    engine: Annotated[
-        str, typer.Option(metavar="E", help="What codes: python, compiled (extra: weberlink[compiled]), or auto.")
-    ] = "auto",
     dask: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster for the work (extra: weberlink[dask])."),
@@ -74,16 +71,15 @@ def evaluate(
     json_out: Json = None,
     plots: Plots = None,
 ) -> None:
-    """Run recorded signals through the codec."""
-    from weberlink.studies.evaluate.command import EvaluationError, Place, run  # noqa: PLC0415
+    """Code recorded signals: packets, error and run time."""
+    from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
 
-    place = Place(workers, dask)
     try:
         with errors(), progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
-                jnd=jnd, wire=wire, plots=plots is not None, engine=engine, deadbands=deadband,
-                place=place, progress=progress,
+                jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
+                workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)
@@ -91,7 +87,7 @@ def evaluate(
 
 
 def precision(full: Full = False, json_out: Json = None, plots: Plots = None) -> None:
-    """Put error beside run time: integrators of stiff contact, and the codec."""
+    """Measure error against run time: integrators and codec."""
     from weberlink.studies.precision.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
@@ -105,7 +101,7 @@ def stability(
     json_out: Json = None,
     plots: Plots = None,
 ) -> None:
-    """Map which stiff and extreme cases stay bounded, and what energy they make."""
+    """Map stability and energy on stiff and extreme cases."""
     from weberlink.studies.stability.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
@@ -118,15 +114,15 @@ def bench(
         float | None,
         typer.Option("--duration", metavar="S", min=1.0, callback=finite, help="Of a live run [s]; 20 if not given."),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A glance at everything, in half a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Measure everything briefly, in half a minute.")] = False,
     baseline: Annotated[
-        Path | None, typer.Option("--baseline", metavar="FILE", help="Put an earlier --json beside it.")
+        Path | None, typer.Option("--baseline", metavar="FILE", help="Compare with an earlier --json.")
     ] = None,
     json_out: Json = None,
     plots: Plots = None,
     set_: Set = None,
 ) -> None:
-    """Put real-time and throughput figures beside the limits of this machine, all in one run."""
+    """Measure real-time figures beside this machine's limits."""
     from benchmarks.arrangement import BenchError  # noqa: PLC0415
     from benchmarks.study import run  # noqa: PLC0415
 
@@ -153,20 +149,23 @@ def experiment(
         typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; 10 if not given."),
     ] = None,
     seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Of the orders of trials.")] = None,
-    simulate: Annotated[bool, typer.Option("--simulate", help="A program rates, in virtual time; no person.")] = False,
+    simulate: Annotated[bool, typer.Option("--simulate", help="A program rates, in virtual time.")] = False,
     record: Annotated[
         bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (extra: weberlink[recording]).")
     ] = True,
     set_: Set = None,
 ) -> None:
-    """Let a person feel and rate 30 blind trials; it goes on where it was left."""
-    from weberlink.studies.experiment.command import Request  # noqa: PLC0415
+    """Conduct the paper's study: one person rates blind trials.
+
+    An interrupted study continues where it stopped.
+    """
+    from weberlink.studies.experiment.command import ExperimentRequest  # noqa: PLC0415
     from weberlink.studies.experiment.command import run as conduct  # noqa: PLC0415
     from weberlink.studies.experiment.conduct import ConductError  # noqa: PLC0415
 
     overrides = tuple(set_ or ())
-    request = Request(file, overrides, out, subject, seed, duration, simulate, record)
-    # A person sees nothing but what is asked of them.
+    request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
+    # Progress would tell a subject about the conditions.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
     with errors(), shown as progress:
         try:
@@ -197,7 +196,7 @@ def ratings(
     csv_out: Annotated[Path | None, typer.Option("--csv", metavar="OUT", help="Write every rating as CSV.")] = None,
     plots: Plots = None,
 ) -> None:
-    """Analyse the ratings of an experiment: means, tests, and packets saved at equal quality."""
+    """Analyse ratings: means, tests, packets at equal quality."""
     from weberlink.studies.experiment.ratings import run  # noqa: PLC0415
 
     with errors():
@@ -214,7 +213,7 @@ def paper(
     json_out: Json = None,
     plots: Plots = None,
 ) -> None:
-    """Put the paper's claims beside what is measured on recordings and on simulated scenes."""
+    """Compare the paper's claims with measurements."""
     from weberlink.studies.paper.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
@@ -226,14 +225,14 @@ def adaptive(
     traces: Annotated[
         list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; else the shipped one.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A glance at a part of it.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
     workers: Workers = None,
     json_out: Json = None,
     docs: Annotated[
         Path | None, typer.Option("--docs", metavar="DIR", help="Write page and figures (extra: weberlink[plots]).")
     ] = None,
 ) -> None:
-    """Measure the adaptive predictor against the paper's hybrid: packets, what is felt, each part, cost."""
+    """Measure the adaptive predictor against the hybrid."""
     from weberlink.studies.adaptive.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:

@@ -1,16 +1,19 @@
-"""What an emulated device offers, and the loop that carries its bytes; sans-I/O but for that loop.
-
-Bytes and `now` go into an emulator, messages come out. `serve` moves them over a descriptor, a pty's or an emulated HID
-node's alike, and adds the faults that lie between a device and its host.
-"""
+"""Emulated devices: the interface of one, the loop that carries its bytes, and the pseudo terminal that serves it."""
 
 import os
+import tty
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from select import select
+from threading import Event, Thread
 from time import monotonic
-from typing import Protocol
+from types import TracebackType
+from typing import Any, ClassVar, Protocol, Self
+
+from pydantic import BaseModel
 
 CHUNK = 4096
 LONGEST_PAUSE_S = 0.02
@@ -18,10 +21,10 @@ LONGEST_PAUSE_S = 0.02
 
 @dataclass
 class WireFaults:
-    """What goes wrong between device and host; may be changed at any time, from any thread.
+    """Faults between device and host; may be changed at any time, from any thread.
 
     Args:
-        garble: this many of the next replies arrive with a byte changed.
+        garble: number of replies to come in which a byte is changed.
         late_s: every reply leaves this much later [s].
         silent: replies are lost.
     """
@@ -32,16 +35,16 @@ class WireFaults:
 
 
 class Emulator(Protocol):
-    """A device on the wire. `now` [s] never goes back."""
+    """A device on the wire, without I/O. `now` [s] never goes back."""
 
     faults: WireFaults
 
     def receive(self, data: bytes, now: float) -> None:
-        """Bytes as they come, or one HID report without its number."""
+        """Take bytes as they come, or one HID report without its number."""
         ...
 
     def advance(self, now: float) -> None:
-        """Let mechanics, watchdog and timers come up to `now`."""
+        """Move mechanics, watchdog and timers on to `now`."""
         ...
 
     def replies(self, now: float) -> list[bytes]:
@@ -49,8 +52,20 @@ class Emulator(Protocol):
         ...
 
     def next_timer(self) -> float | None:
-        """When `advance` or `replies` is next worth a call though nothing arrives [s]; None for never."""
+        """When `advance` or `replies` must be called next if nothing arrives [s]; None for never."""
         ...
+
+
+class EmulatorClass(Protocol):
+    """An emulator class: its options, its transport (serial or hid), and its own faults with what each value does.
+
+    A class for HID also has `identity`, a `weberlink.hardware.umockdev.HidIdentity`.
+    """
+
+    Options: ClassVar[type[BaseModel]]
+    transport: ClassVar[str]
+    OWN_FAULTS: ClassVar[Mapping[str, str]]
+    __call__: Any
 
 
 def serve(
@@ -60,9 +75,10 @@ def serve(
     clock: Callable[[], float] = monotonic,
     encode: Callable[[bytes], bytes] = bytes,
 ) -> None:
-    """Carry bytes until told to stop; `encode` makes of a message what is written on the descriptor for it.
+    """Carry bytes between an emulator and a descriptor until told to stop, and add the wire faults.
 
-    A read error is not an end: it may only be that no host has the other end open.
+    `encode` gives the bytes to write for a message. A read error does not end the loop: it may only mean that no host
+    has the other end open.
     """
     leaving: deque[tuple[float, bytes]] = deque()
     while not stopping():
@@ -83,7 +99,7 @@ def serve(
 
 
 def _wait(emulator: Emulator, descriptor: int, leaves_at: float | None, clock: Callable[[], float]) -> None:
-    """Until something arrives, or the next thing is due."""
+    """Wait until something arrives, or the next timer is due."""
     due = [each for each in (emulator.next_timer(), leaves_at) if each is not None]
     pause = min(LONGEST_PAUSE_S, max(0.0, min(due) - clock())) if due else LONGEST_PAUSE_S
     try:
@@ -100,3 +116,82 @@ def _garbled(reply: bytes, faults: WireFaults) -> bytes:
     faults.garble -= 1
     middle = len(reply) // 2
     return reply[:middle] + bytes([reply[middle] ^ 0x55]) + reply[middle + 1 :]
+
+
+class PtyDevice:
+    """While in the `with`, `path` is a serial port with the emulator at its other end.
+
+    Args:
+        emulator: the device; only the thread that serves it calls its methods.
+        path: of the link that is made; must not exist yet.
+        begin: called first in that thread, for example to set its priority.
+    """
+
+    def __init__(self, emulator: Emulator, path: Path, *, begin: Callable[[], object] = lambda: None) -> None:
+        self.emulator = emulator
+        self.path = path
+        self._begin = begin
+        self._descriptors: tuple[int, int] | None = None
+        self._stopping = Event()
+        self._thread: Thread | None = None
+
+    def __enter__(self) -> Self:
+        self.plug()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.unplug()
+
+    @property
+    def plugged(self) -> bool:
+        return self._descriptors is not None
+
+    @property
+    def serving(self) -> bool:
+        """Whether the emulator still answers; False too after an exception in it."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def plug(self) -> None:
+        """Make the port; the same path after every `unplug`.
+
+        Raises:
+            FileExistsError: there is something at the path.
+        """
+        assert self._descriptors is None
+        near, far = os.openpty()
+        try:
+            self._prepare(far)
+            os.set_blocking(near, False)
+            self.path.symlink_to(os.ttyname(far))
+        except BaseException:
+            os.close(near)
+            os.close(far)
+            raise
+        self._descriptors = (near, far)  # the far end stays open: without one, the near end gives errors
+        self._stopping.clear()
+        self._thread = Thread(target=self._run, args=self._descriptors, daemon=True)
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """Remove the port; whoever has it open gets an error. May be called again."""
+        if self._descriptors is None:
+            return
+        self._stopping.set()
+        assert self._thread is not None
+        self._thread.join()
+        for descriptor in self._descriptors:
+            os.close(descriptor)
+        self._descriptors = None
+        with suppress(FileNotFoundError):
+            self.path.unlink()
+
+    def _run(self, near: int, far: int) -> None:
+        self._begin()
+        self._serve(near, far)
+
+    def _prepare(self, far: int) -> None:
+        """Set up the end that the host opens."""
+        tty.setraw(far)
+
+    def _serve(self, near: int, far: int) -> None:  # noqa: ARG002 - subclasses look at the queue there
+        serve(self.emulator, near, self._stopping.is_set)

@@ -1,21 +1,13 @@
 """A HID device with reports that carry no number, through hidapi, with waits that have an end."""
 
 import os
-from importlib import import_module
 from time import monotonic
-from typing import Any
 
+from weberlink.hardware.discovery import hidapi, permission_advice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.found import permission_advice
 from weberlink.hardware.guardian import Guardian
 
-
-def hidapi() -> Any:
-    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
-    try:
-        return import_module("hidraw")
-    except ImportError:
-        return import_module("hid")
+LONGEST_REPORT = 64
 
 
 class HidPort:
@@ -74,22 +66,29 @@ class HidPort:
         if guardian is not None:
             guardian.after(message)
 
-    def read(self, size: int, until: float) -> bytes:
-        """The newest report of at most `size` bytes; older ones that wait are dropped.
+    def read_all(self, until: float) -> list[bytes]:
+        """All reports that have come, oldest first, as soon as there are any.
 
-        Nothing where none comes by `until` [s, monotonic].
+        None where none comes by `until` [s, monotonic]; 0 does not wait.
 
         Raises:
             HardwareFault: it was unplugged.
         """
         try:
-            # 0 would mean to wait without end.
-            newest = self._device.read(size, max(1, round((until - monotonic()) * 1e3)))
-            while newest and (later := self._device.read(size)):
-                newest = later
+            reports = self._waiting()
+            if reports or until == 0.0:
+                return reports
+            # A timeout of 0 ms would wait for ever.
+            first = self._device.read(LONGEST_REPORT, max(1, round((until - monotonic()) * 1e3)))
+            return [bytes(first), *self._waiting()] if first else []
         except (OSError, ValueError):
             raise HardwareFault(f"{self.path}: unplugged") from None
-        return bytes(newest)
+
+    def _waiting(self) -> list[bytes]:
+        reports = []
+        while report := self._device.read(LONGEST_REPORT):
+            reports.append(bytes(report))
+        return reports
 
     def close(self) -> None:
         if self._guardian is not None:

@@ -12,8 +12,8 @@ from time import monotonic, sleep
 
 import serial
 
+from weberlink.hardware.discovery import permission_advice
 from weberlink.hardware.fault import HardwareFault
-from weberlink.hardware.found import permission_advice
 from weberlink.hardware.guardian import Guardian
 
 CHUNK = 4096

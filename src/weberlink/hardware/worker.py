@@ -55,7 +55,7 @@ class Exchange(Protocol[Command_contra, Sample_co]):
 
 
 @runtime_checkable
-class Guarded(Protocol):
+class GuardedExchange(Protocol):
     """An exchange with a device whose board keeps the last force when its host falls silent."""
 
     guardian: Guardian | None
@@ -104,7 +104,7 @@ class Worker(Generic[Command, Sample]):
         clock: Callable[[], float] = monotonic,
     ) -> None:
         self._exchange = exchange
-        self._guardian = exchange.guardian if isinstance(exchange, Guarded) else None
+        self._guardian = exchange.guardian if isinstance(exchange, GuardedExchange) else None
         self._rest = rest
         self._period = period
         self._on_command = on_command

@@ -1,25 +1,25 @@
-"""JSON of which nobody vouches for: size, nesting and numbers have bounds."""
+"""Parse JSON from an untrusted source, with bounds on size, nesting and numbers."""
 
 import json
 from math import isfinite
 from typing import Any
 
 DEEPEST = 32
-"""Nesting of lists and objects; a description of a session has 8."""
+"""Largest nesting of lists and objects; a description of a session has 8."""
 LONGEST_NUMBER = 32
-"""Digits and signs of a number."""
+"""Most characters of a number."""
 
 
 def parse(data: bytes, longest: int) -> Any:
-    """The value of a JSON text in UTF-8.
+    """Parse a JSON text in UTF-8.
 
     Args:
         data: the text.
-        longest: how many bytes it may have.
+        longest: most bytes.
 
     Raises:
-        ValueError: it is longer, is no JSON, is nested more than `DEEPEST` deep, or has a number that is not finite or
-            has more than `LONGEST_NUMBER` characters.
+        ValueError: it is longer, is not JSON, is nested deeper than `DEEPEST`, or holds a number that is not finite or
+            longer than `LONGEST_NUMBER`.
     """
     if len(data) > longest:
         raise ValueError(f"more than {longest} bytes")

@@ -1,6 +1,6 @@
-"""The `check` command: what a file composes, what that costs here, and what is unwise about it.
+"""The `check` command: the parts that a file composes, their cost on this machine, and warnings.
 
-Everything is said of the parts themselves, built as the daemons build them; nothing is opened or sent.
+The parts are built as the daemons build them; nothing is opened or sent.
 """
 
 from collections.abc import Iterator
@@ -33,18 +33,16 @@ SAMPLES = 2000
 
 @runtime_checkable
 class Described(Protocol):
-    """A part that has something to say of what it picked."""
+    """A part that can describe what it chose."""
 
-    def description(self) -> str:
-        """In a few words."""
-        ...
+    def description(self) -> str: ...
 
 
 def describe(configuration: Configuration) -> Iterator[str]:
-    """The lines to print.
+    """Describe a configuration, line by line.
 
     Raises:
-        ConfigurationError: if a part cannot be made as the file asks.
+        ConfigurationError: a part cannot be built as the file asks.
     """
     system = configuration.system
     device = None if configuration.device is None else build_device(configuration)
@@ -109,7 +107,7 @@ def _mapping(mapping: MappingSettings) -> str:
 
 
 def _measured(spec: RobotSpec) -> Iterator[str]:
-    """How good the readings of a robot are, where they are not ideal."""
+    """Lag and accuracy of a robot's readings, unless ideal."""
     absolute, relative = spec.force_error
     if spec.lag_s > 0.0:
         yield f"          readings lag by {1e3 * spec.lag_s:.1f} ms, at {spec.rate_hz:g} Hz"
@@ -145,7 +143,7 @@ def _layout(channel: Channel, system: System) -> UpdateLayout:
 
 
 def _rotation(system: System, tag: int) -> Iterator[str]:
-    """The channels of the rotation, and what it does not do."""
+    """The channels of the rotation."""
     coded = system.codec.rotation
     if coded is None:
         return
@@ -167,7 +165,7 @@ def _uncoded_kbit(system: System, tag: int) -> float:
 
 
 def _codec_us(channel: Channel) -> float:
-    """Median time of a tick on a stroke over a soft wall, which sends now and then as real contact does."""
+    """Median time per tick [us] on a stroke over a soft wall, which sends as often as real contact does."""
     encoder, decoder = Encoder(channel), Decoder(channel)
     times = []
     for tick in range(SAMPLES):
@@ -207,20 +205,20 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
     if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
         yield (
-            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms, so "
-            f"the sides would lose each other; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
+            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms: "
+            f"sessions would be interrupted; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
         )
     if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
         yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"
     if system.codec.force.floor_n == 0.0:
-        yield "codec.force.floor_n 0: a sensor at rest sends its noise at every tick"
+        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick"
     if round_trip_ms > 0.0 and system.control.scheme == "none":
         yield (
             f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; "
             "use tdpa, mmt or auto"
         )
     if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface, so there is no model to feel"
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model"
 
 
 def _knows_geometry(system: System) -> bool:

@@ -1,7 +1,7 @@
-"""What a running daemon says of itself to whoever watches: a small file beside its ring.
+"""The description of a running daemon: a small file beside its ring, for observers.
 
-Telemetry says what happens in a tick; this says what it is about: the configuration, and the names behind its numbers.
-Written before the ring appears and removed after it, so that whoever finds a ring finds its description.
+It holds the configuration and the names of numbers in the telemetry. It is written before the ring appears and removed
+after it, so that every ring has a description.
 """
 
 import json
@@ -18,7 +18,7 @@ from weberlink.system.configuration import Configuration
 from weberlink.telemetry.runtime_directory import open_file
 
 LONGEST = 1_000_000
-"""Of a description [bytes]; the shipped configurations take up to 10 kB."""
+"""Largest description [bytes]; the shipped configurations take up to 10 kB."""
 
 
 def path_beside(ring: str | Path) -> Path:
@@ -26,7 +26,7 @@ def path_beside(ring: str | Path) -> Path:
 
 
 def describe(configuration: Configuration, side: str) -> dict[str, Any]:
-    """The description of one side's daemon, which is this process. Says where the key is to nobody."""
+    """Describe the daemon in this process; the path of the key is left out."""
     system = configuration.system
     force, torque = banks(system)
     return {
@@ -44,7 +44,7 @@ def describe(configuration: Configuration, side: str) -> dict[str, Any]:
 
 
 def publish(ring: str | Path, description: dict[str, Any]) -> Path:
-    """Write a description beside a ring, whole or not at all, readable by this user only."""
+    """Write a description beside a ring atomically, readable by this user only."""
     path = path_beside(ring)
     fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
     try:
@@ -58,7 +58,7 @@ def publish(ring: str | Path, description: dict[str, Any]) -> Path:
 
 
 def read(ring: str | Path) -> dict[str, Any] | None:
-    """The description beside a ring; None if there is none, or none that can be read and trusted."""
+    """Read the description beside a ring; None if there is none, or none that can be trusted."""
     try:
         with os.fdopen(open_file(path_beside(ring), LONGEST), "rb") as file:
             found = parse(file.read(LONGEST + 1), LONGEST)

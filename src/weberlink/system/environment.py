@@ -1,4 +1,4 @@
-"""Where a figure was made: machine, versions and commit, for the footer of whatever is published."""
+"""Machine, versions and commit, for the footer of published figures."""
 
 import os
 import platform
@@ -11,7 +11,7 @@ PACKAGES = ("weberlink", "numpy", "uvloop", "cryptography", "scipy")
 
 
 def environment() -> dict[str, Any]:
-    """What a reader needs to judge a figure; keys are stable, values are None where unknown."""
+    """Machine, system, versions and commit; a value is None where unknown."""
     return {
         "machine": _processor(),
         "cores": os.cpu_count(),
@@ -23,7 +23,7 @@ def environment() -> dict[str, Any]:
 
 
 def footer(facts: dict[str, Any], seed: int | None = None) -> str:
-    """One line of the facts."""
+    """Format `environment()` as one line."""
     packages = ", ".join(f"{name} {number}" for name, number in facts["packages"].items() if number)
     parts = [
         f"{facts['machine']} x{facts['cores']}",
@@ -54,7 +54,7 @@ def _version(package: str) -> str | None:
 
 
 def _commit() -> str | None:
-    """The commit of the checkout that this file lies in, with a + if there are changes; None outside a checkout."""
+    """The commit of the checkout of this file, with + if it has changes; None outside a checkout."""
     here = Path(__file__).resolve().parent
     try:
         described = subprocess.run(  # noqa: S603

@@ -1,4 +1,4 @@
-"""Optional packages: whether one is there, and the line that says how to get it."""
+"""Check for optional packages."""
 
 from importlib.util import find_spec
 
@@ -6,12 +6,12 @@ from weberlink.system.configuration.errors import ConfigurationError
 
 
 def need(package: str, extra: str, asked: str) -> None:
-    """Make sure of a package before anything is computed.
+    """Require a package.
 
     Args:
-        package: as it is imported.
-        extra: of this project that brings it.
-        asked: what asks for it, as the user wrote it.
+        package: import name.
+        extra: extra of this project that installs it.
+        asked: the option or key that needs it, as the user wrote it.
 
     Raises:
         ConfigurationError: it is not installed.

@@ -1,6 +1,6 @@
-"""Starts daemons, watches their telemetry and reports: the parent process of every live run.
+"""Start daemons, watch their telemetry and report: the parent process of every live run.
 
-Owns the child processes and the terminal. The daemons do not wait for it; if it dies they stop in order.
+The daemons do not wait for this process; if it dies, they stop in order.
 """
 
 import json
@@ -45,12 +45,12 @@ from weberlink.telemetry.runtime_directory import directories, directory
 
 STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
-"""Between two looks at the telemetry."""
+"""Time between two looks at the telemetry."""
 LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")
 LEFT_FOR_S = 3600.0
-"""Until what nobody writes any more is removed [s]: its last records may be of use to somebody."""
+"""Age at which files without a writer are removed [s]; until then their last records can be read."""
 STOP_LIMIT_S = 15.0
-"""From a request to stop to a kill: a robot may be on its way to its place of rest."""
+"""Time from a request to stop to a kill: a robot may be moving to its rest position."""
 
 
 class Daemon:
@@ -60,9 +60,8 @@ class Daemon:
         self.side = order.side
         self._order = order
         self._reader: RingReader | None = None
-        # A group of its own: Ctrl-C reaches the launcher only, which stops the sides in their order.
-        # It inherits blocked signals, which wait until its event loop can handle them: one that comes while it still
-        # imports is an orderly end too.
+        # In its own process group: Ctrl-C reaches the launcher only, which stops the sides in order.
+        # Signals are inherited blocked and wait for the event loop: an early one is an orderly end too.
         held_back = pthread_sigmask(SIG_BLOCK, STOP_SIGNALS)
         try:
             self._process = subprocess.Popen(  # noqa: S603
@@ -84,17 +83,17 @@ class Daemon:
 
     @property
     def begun(self) -> bool:
-        """Whether it has made its ring, and so has read what it reads at its start."""
+        """Whether it has created its ring; it has read the file and the key by then."""
         return self._reader is not None
 
     @property
     def wall_offset_s(self) -> float:
-        """From the clock of the records to the wall clock [s]; 0 while there are none."""
+        """Offset from the clock of the records to the wall clock [s]; 0 while there are none."""
         reader = self._reader
         return 0.0 if reader is None else reader.started_wall_s - reader.started_monotonic_s
 
     def records(self) -> Records:
-        """What it has written since the last look."""
+        """Records since the last call."""
         if self._reader is None:
             try:
                 self._reader = RingReader(self._order.ring)
@@ -107,7 +106,7 @@ class Daemon:
             self._process.send_signal(number)
 
     def finish(self) -> dict[str, Any]:
-        """Wait for the end, for a limited time; returns its summary."""
+        """Wait for the end for a limited time; returns the summary."""
         try:
             output, _ = self._process.communicate(timeout=STOP_LIMIT_S)
         except subprocess.TimeoutExpired:
@@ -122,7 +121,7 @@ class Daemon:
         return summary | {"status": status}
 
     def release(self) -> None:
-        """Let go of the ring; removes the files that a killed daemon left."""
+        """Close the ring; removes files that a killed daemon left."""
         if self._reader is not None:
             self._reader.close()
         for left in (
@@ -135,7 +134,7 @@ class Daemon:
 
 @dataclass
 class Session:
-    """A live run of one side or of both, as a context manager that leaves no process behind.
+    """A live run of one side or both; a context manager that leaves no process behind.
 
     Args:
         configuration: what to run.
@@ -144,7 +143,7 @@ class Session:
         duration_s: length of the run; None until it is stopped.
         watch: called about ten times a second with the newest records and the figures so far.
         record: where to record the session, as MCAP; None to record nothing.
-        journal: told what happens; None for no log.
+        journal: writes the log; None for no log.
         take_over: whether the master replaces another one that the slave serves.
     """
 
@@ -169,12 +168,12 @@ class Session:
             self._make_key()
         self.score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
         for number in STOP_SIGNALS:
-            if getsignal(number) is SIG_IGN:  # by nohup, say
+            if getsignal(number) is SIG_IGN:  # for example by nohup
                 continue
             self._stack.callback(signal, number, signal(number, self._signal) or SIG_DFL)
-        if self.record is not None:  # before the daemons: it is to see the rings that they make
+        if self.record is not None:  # before the daemons, so that it sees their rings appear
             rings = {side: _ring(side) for side in self.sides}
-            for ring in rings.values():  # of an earlier process that had our number
+            for ring in rings.values():  # left by an earlier process with this process id
                 Path(ring).unlink(missing_ok=True)
             self._recorder = Recorder(self.configuration, rings, self.record)
         for side in sorted(self.sides, reverse=True):  # the slave first: it listens when the master calls
@@ -184,9 +183,9 @@ class Session:
         return self
 
     def _make_key(self) -> None:
-        """Write a key, in memory, for both daemons to read at their start; it is removed when they have."""
+        """Write a key to memory for both daemons; it is removed when they have read it."""
         self._key = path = directory() / f"weberlink-{os.getpid()}.key"
-        path.unlink(missing_ok=True)  # of an earlier process that had our number
+        path.unlink(missing_ok=True)  # left by an earlier process with this process id
         generate(path)
         self._stack.callback(path.unlink, missing_ok=True)
         self.overrides = [*self.overrides, f"link.key_file={json.dumps(str(path))}"]
@@ -219,7 +218,7 @@ class Session:
 
     @property
     def _first(self) -> Daemon:
-        """The side that ends a run: the operator's where there is one."""
+        """The side that ends the run: the master if there is one."""
         return self.daemons.get(MASTER) or self.daemons[SLAVE]
 
     def _in_order(self) -> list[tuple[str, Daemon]]:
@@ -232,7 +231,7 @@ class Session:
             overrides=tuple(self.overrides),
             ring=_ring(side),
             parent=os.getpid(),
-            # Of two sides the slave ends when the master has left.
+            # With both sides, the slave ends when the master has left.
             duration_s=self.duration_s if side == MASTER or len(self.sides) == 1 else None,
             take_over=self.take_over,
         )
@@ -271,7 +270,7 @@ class Session:
 
 
 def sweep(folders: Sequence[Path] | None = None) -> None:
-    """Remove what launchers and daemons of this user left in shared memory when both were killed, after a while.
+    """Remove old files in shared memory that killed launchers and daemons of this user left.
 
     Args:
         folders: where to look; None for the runtime directories of this user.
@@ -288,5 +287,5 @@ def _ring(side: str) -> str:
 
 
 def _exit_status(of_daemons: list[int]) -> int:
-    """The status of a run that failed: that of a wrong file if a daemon found one."""
+    """Exit status of a failed run: that of a wrong file if a daemon reported one."""
     return MISCONFIGURED if MISCONFIGURED in of_daemons else FAILED

@@ -1,7 +1,6 @@
-"""The recorder of a live session: a child process that reads the daemons' rings and writes an MCAP file.
+"""Run the recorder of a live session: a child process that reads the daemons' rings and writes an MCAP file.
 
-Owns the process, and what a recording says of the system beside its records. Daemons and launcher never wait for it
-while they work; if it dies, or its disk is full, the recording ends there and the session goes on.
+Daemons and launcher never wait for it during a session; if it dies or the disk is full, only the recording ends.
 """
 
 import json
@@ -22,15 +21,15 @@ from weberlink.system.extras import need
 from weberlink.telemetry.fault import Fault
 
 FINISH_LIMIT_S = 3.0
-"""For what is left in the rings and the index of the file, once the daemons have ended; then it is told to finish."""
+"""Time to write remaining records and the index after the daemons have ended; then it is told to finish."""
 
 
 def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, str]:
-    """What a reader needs beside the records: the whole configuration, and the names behind the numbers.
+    """Metadata for readers of a recording: the whole configuration, and the names of numbers in the records.
 
     Args:
-        configuration: as it runs, overrides and defaults included.
-        virtual: whether the clock of the session is that of a simulation.
+        configuration: with overrides and defaults.
+        virtual: whether the session runs in virtual time.
     """
     system = configuration.system
     force, torque = banks(system)
@@ -47,20 +46,20 @@ def facts(configuration: Configuration, *, virtual: bool = False) -> dict[str, s
 
 
 def check_target(path: Path) -> None:
-    """Complain of a place for a recording before anything is started.
+    """Check the target of a recording before anything is started.
 
     Raises:
-        ConfigurationError: it is taken, its folder is not there, or the library for it is missing.
+        ConfigurationError: it exists, its folder does not, or the library for recordings is missing.
     """
     need("mcap", "recording", "--record")
     try:
         is_taken = path.exists()
-    except OSError as error:  # a name that no file can have
+    except OSError as error:  # for example a name that is too long
         raise ConfigurationError(f"--record: {path}: {error.strerror}") from None
     if is_taken:
         raise ConfigurationError(f"--record: {path} exists; recordings are never overwritten, give another name")
     if not path.parent.is_dir():
-        raise ConfigurationError(f"--record: {path.parent} is no folder; make it first")
+        raise ConfigurationError(f"--record: {path.parent} is not a folder; create it first")
 
 
 class Recorder:
@@ -68,7 +67,7 @@ class Recorder:
 
     Args:
         configuration: of the session.
-        rings: path of each side's ring; they need not be there yet.
+        rings: path of each side's ring; they need not exist yet.
         out: the file to write.
     """
 
@@ -77,7 +76,7 @@ class Recorder:
 
         self._out = out
         order = RecordingOrder(rings=dict(rings), out=str(out), facts=facts(configuration))
-        # A session of its own: Ctrl-C is for the launcher; the recorder ends when the rings do.
+        # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],
             stdin=subprocess.DEVNULL,
@@ -92,11 +91,11 @@ class Recorder:
 
     @property
     def running(self) -> bool:
-        """False before its time if it was killed or could not write any more."""
+        """Whether the process runs; it ends early if it was killed or could not write."""
         return self._process.poll() is None
 
     def finish(self) -> dict[str, Any]:
-        """Wait until the file is complete, for a limited time; returns what was written. May be repeated."""
+        """Wait for a limited time until the file is complete; returns its summary. May be repeated."""
         if self._summary is None:
             self._summary = self._finish()
         return self._summary

@@ -19,8 +19,7 @@ from tests.master.devices.hid_bench import ADDRESS, outer_bench
 from tests.master.devices.hid_bench import FAULTS as HID_FAULTS
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import Vector, norm
-from weberlink.hardware.emulator import WireFaults
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice, WireFaults
 from weberlink.master.devices import load
 from weberlink.master.devices.contract import Device
 from weberlink.master.emulators import load as load_emulator

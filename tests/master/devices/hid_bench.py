@@ -15,8 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from weberlink.geometry.vector import norm
-from weberlink.hardware.umockdev.node import HidNode
-from weberlink.hardware.umockdev.testbed import Testbed
+from weberlink.hardware.umockdev import HidNode, Testbed
 from weberlink.master.emulators import load as load_emulator
 
 ADDRESS = "WEBERLINK_TEST_HID_BENCH"

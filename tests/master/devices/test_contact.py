@@ -29,7 +29,7 @@ def forces(thing: dict[str, Any], delay: int, seconds: float, **options: Any) ->
     return felt
 
 
-@pytest.mark.parametrize("delay", [1, 2])
+@pytest.mark.parametrize("delay", [2])
 @pytest.mark.parametrize(
     "thing",
     [
@@ -49,7 +49,7 @@ def test_the_default_script_explores_a_surface_calmly(thing: dict[str, Any], del
     assert touching[-1] < 8.0
 
 
-@pytest.mark.parametrize("stiffness", [300.0, 600.0, 1000.0])
+@pytest.mark.parametrize("stiffness", [300.0, 1000.0])
 def test_a_held_press_settles(stiffness: float) -> None:
     """Within two hundredths of a newton of f = x / (1 / k_hand + 1 / k_wall) once the tremor is switched off."""
     script = [{"motion": "press", "at_m": [0, 0, 0], "depth_m": 0.02, "hold_s": 2.0}]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.master.devices.hid_bench import ADDRESS, HidBenches
-from weberlink.hardware.umockdev.testbed import Testbed, missing
+from weberlink.hardware.umockdev import Testbed, missing
 
 CONTRACT = Path(__file__).with_name("test_contract.py")
 

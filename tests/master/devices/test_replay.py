@@ -79,13 +79,6 @@ def test_axes_are_taken_as_named(recording: Path) -> None:
     assert steps[2499][0] == pytest.approx((-(y - 0.02), z, x - 0.01), abs=2e-4)
 
 
-def test_the_mean_is_moved_to_the_centre(recording: Path) -> None:
-    steps = run(recording, 3.0, anchor="mean", center_m=(0.0, 0.0, 0.0))
-    followed = [position for position, _ in steps[1000:]]
-    for axis in range(3):
-        assert sum(position[axis] for position in followed) / len(followed) == pytest.approx(0.0, abs=2e-4)
-
-
 @pytest.mark.parametrize(
     ("options", "named"),
     [

@@ -1,7 +1,6 @@
 """The emulated board, without a port: what the firmware does with bytes, and what the linkage does with torques."""
 
 from math import hypot, isfinite
-from struct import pack
 
 import pytest
 from hypothesis import given
@@ -11,8 +10,7 @@ from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.haply.board import RESET
-from weberlink.master.devices.haply.fivebar import radians
-from weberlink.master.devices.haply.version import MOST_TORQUE_N_M, VERSIONS
+from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, radians
 from weberlink.master.emulators.haply import PATIENCE_S, HaplyEmulator, HaplyEmulatorOptions
 
 V3 = VERSIONS["v3"]
@@ -32,16 +30,6 @@ def answers(device: Emulator, data: bytes, now: float = 0.0) -> bytes:
     return b"".join(device.replies(now + 0.01))
 
 
-def test_it_is_an_emulator() -> None:
-    device: Emulator = emulator()
-    assert HaplyEmulator.transport == "serial"
-    for name in HaplyEmulator.OWN_FAULTS:
-        emulator().inject(name, 1)
-    with pytest.raises(ValueError, match=r"'fire'.*stuck_encoder"):
-        emulator().inject("fire", 1)
-    assert device.next_timer() is not None
-
-
 @every_version
 def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
     board, device = VERSIONS[version].board, emulator(version)
@@ -56,15 +44,6 @@ def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
     expected = VERSIONS[version].bar.angles(VERSIONS[version].center)
     assert radians(middle) == pytest.approx(expected, abs=0.003)
     assert board.angles(answers(device, board.setup + zero, 0.5)) == pytest.approx(board.home_deg, abs=0.08)
-
-
-def test_an_answer_takes_its_time() -> None:
-    device = HaplyEmulator(HaplyEmulatorOptions(answer_ms=2.0))
-    device.receive(BOARD.setup + BOARD.torques(0.0, 0.0), 1.0)
-    assert device.replies(1.0019) == []
-    assert device.next_timer() <= 1.002  # type: ignore[operator]
-    assert len(device.replies(1.0021)) == 1
-    assert device.replies(9.0) == []
 
 
 def test_a_message_in_pieces_is_one_message_and_what_is_never_finished_is_dropped() -> None:
@@ -127,15 +106,6 @@ def test_a_wrong_direction_turns_the_sign_round(flipped: str) -> None:
     assert (first > 168.0) == (flipped == "encoders"), "the true one goes down on the way to the middle"
 
 
-def test_a_setup_with_more_on_the_board_is_understood() -> None:
-    """Analog inputs come before the angles, and each PWM output takes a byte before the torques."""
-    device = emulator()
-    setup = bytes((1, 9, 1, 1, 2, 1, 2, 54, 55, 1, 4)) + pack("<2f", 30.0, 4880.0)
-    reply = answers(device, setup + bytes((2, 9, 200)) + pack("<f", 0.05))
-    assert len(reply) == 1 + 4 * 3
-    assert device.torques == pytest.approx((0.0, 0.05)), "motor 2 hangs on port 1"
-
-
 @pytest.mark.parametrize("which", [1, 2])
 def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> None:
     device, zero = emulator(), BOARD.torques(0.0, 0.0)
@@ -149,25 +119,6 @@ def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> No
     assert abs(angles[2 - which] - BOARD.home_deg[2 - which]) > 10.0
     device.inject("stuck_encoder", 0)
     assert abs(BOARD.angles(answers(device, zero, 0.5))[which - 1] - BOARD.home_deg[which - 1]) > 10.0
-
-
-def test_slips_and_a_restart() -> None:
-    device, zero = emulator(), BOARD.torques(0.1, 0.1)
-    answers(device, BOARD.setup)
-    device.inject("slip", 2)
-    assert [len(answers(device, zero)) for _ in range(3)] == [8, 8, 9]
-    device.inject("restart", 1)
-    assert device.torques == (0.0, 0.0)
-    assert answers(device, BOARD.torques(0.0, 0.0)) == BOARD.bare_reply
-
-
-def test_the_hand_stays_where_it_is_until_the_board_is_set_up() -> None:
-    device = emulator()
-    for tick in range(1000):
-        device.advance(tick * 0.001)
-    assert BOARD.angles(answers(device, BOARD.setup + BOARD.torques(0.0, 0.0), 1.0)) == pytest.approx(
-        BOARD.home_deg, abs=0.08
-    )
 
 
 @every_version

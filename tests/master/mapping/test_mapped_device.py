@@ -1,6 +1,5 @@
 """A mapped device: what is sent, what is felt, indexing and walls."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -87,12 +86,6 @@ def test_the_limit_is_that_of_the_hand() -> None:
     assert hands.device.spec.force_n == 1.5
 
 
-def test_a_reading_asked_for_twice_is_the_same() -> None:
-    hands = Hands(clutch=True, walls=500.0)
-    hands.tick((0.01, 0.0, 0.0))
-    assert hands.device.latest(hands.now) == hands.device.latest(hands.now)
-
-
 def test_while_the_clutch_is_held_the_robot_stays_and_goes_on_from_there() -> None:
     hands = Hands(clutch=True, walls=500.0)
     assert hands.tick((0.02, 0.0, 0.0)) == (0.02, 0.0, 0.0)
@@ -113,11 +106,6 @@ def test_force_fades_while_the_clutch_is_held_and_comes_back_without_a_jump() ->
     assert felt[0] == felt[-1] == 5.0
     assert felt[60] == 0.0
     assert max(abs(a - b) for a, b in pairwise(felt)) == pytest.approx(5.0 * TICK / 0.05)
-
-
-def test_a_clutch_that_is_held_at_the_start_holds_nothing_yet() -> None:
-    hands = Hands(clutch=True, walls=500.0)
-    assert hands.tick((0.02, 0.0, 0.0), pressed=True) == (0.02, 0.0, 0.0)
 
 
 def test_walls_hold_what_is_sent_and_push_the_hand_back() -> None:
@@ -154,12 +142,6 @@ def test_after_a_stall_a_hand_beyond_a_wall_is_not_hit() -> None:
     assert felt[-1] == pytest.approx(7.0)
 
 
-def test_wall_and_force_together_stay_within_the_limit() -> None:
-    hands = Hands(walls=1000.0, limit=7.0)
-    hands.tick((0.059, 0.0, 0.0), (-7.0, 0.0, 0.0), count=100)
-    assert norm(hands.handle.felt) == pytest.approx(7.0)
-
-
 @given(st.lists(st.tuples(st.booleans(), *[st.floats(-EDGE, EDGE)] * 3), min_size=1, max_size=60))
 def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, float, float, float]]) -> None:
     """What is sent moves no further than the hand does, whatever is pressed."""
@@ -184,17 +166,3 @@ def test_another_session_starts_without_the_indexing_of_the_last() -> None:
     hands.device.open(10.0)
     hands.now = 10.0
     assert hands.tick((0.01, 0.0, 0.0)) == (0.01, 0.0, 0.0)
-
-
-def test_without_force_feedback_the_spec_says_so() -> None:
-    spec = replace(Handle().spec, force_n=0.0, force_feedback=False)
-    mapped = MappedDevice(Handle(spec), SAME, clutch=None, walls=None, force_limit=10.0, ramp=0.05)
-    assert mapped.spec.force_n == 0.0
-    mapped.open(0.0)
-    mapped.command((1.0, 0.0, 0.0), 0.0)
-
-
-def test_a_force_that_is_no_number_is_our_own_error() -> None:
-    hands = Hands()
-    with pytest.raises(ValueError, match="not finite"):
-        hands.device.command((float("nan"), 0.0, 0.0), 0.0)

@@ -9,7 +9,7 @@ from time import monotonic, sleep
 import pytest
 import uvloop
 
-from tests.protocol.harness import make_endpoint, update_fields
+from tests.protocol.harness import make_endpoint, sample_update
 from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import AddressInUseError, UdpShell
 from weberlink.protocol.aio.queue import MOST_S
@@ -73,10 +73,10 @@ def test_two_shells_connect_exchange_updates_and_part() -> None:
             now = monotonic()
             for shell in (master_shell, slave_shell):
                 shell.service(now)
-            assert master.send_update(now, *update_fields(tick))
+            assert master.send_update(now, sample_update(tick))
             master_shell.flush(now)
             event = await until(slave, UpdateReceived, [])
-            assert event[:5] == update_fields(tick)
+            assert event.update == sample_update(tick)
         slave.close(monotonic(), "slave: done")
         slave_shell.close()
         assert await until(master, PeerClosed, []) == PeerClosed("slave: done")
@@ -129,7 +129,7 @@ def test_emulated_faults_act_on_real_sockets() -> None:
         master_shell, master, slave_shell, slave = await engage(loop, link)
         sent_at = monotonic()
         while slave.statistics.updates_received[0] < 10:
-            master.send_update(monotonic(), *update_fields(1))
+            master.send_update(monotonic(), sample_update(1))
             master_shell.flush(monotonic())
             await asyncio.sleep(0.005)
         assert monotonic() - sent_at >= 0.03
@@ -249,7 +249,7 @@ def test_a_short_stall_is_no_silence_however_slow_the_reads_are() -> None:
         master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
         for tick, wait in enumerate((0.0, 0.01, 0.01, 0.06, 0.0), 1):
             sleep(wait)  # the loop stands still, and with it the slave
-            assert master.send_update(monotonic(), *update_fields(tick))
+            assert master.send_update(monotonic(), sample_update(tick))
             master_shell.flush(monotonic())
         slave_shell.service(clock.begin(slave))
         events: list[Event] = []
@@ -294,7 +294,7 @@ def test_strangers_fill_a_buffer_of_their_own() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
             for _ in range(5000):
                 stranger.sendto(b"\x03" + bytes(60), slave_shell.address)
-            assert master.send_update(monotonic(), *update_fields(1))
+            assert master.send_update(monotonic(), sample_update(1))
             master_shell.flush(monotonic())
             before = sum(slave.statistics.dropped.values())
             slave_shell.service(monotonic())  # of the peer alone; the loop is woken for the others
@@ -302,7 +302,7 @@ def test_strangers_fill_a_buffer_of_their_own() -> None:
             events: list[Event] = []
             while (event := slave.next_event()) is not None:
                 events.append(event)
-            assert [event.tick for event in events if isinstance(event, UpdateReceived)] == [1]
+            assert [event.update.tick for event in events if isinstance(event, UpdateReceived)] == [1]
         for shell in (master_shell, slave_shell):
             shell.close()
 
@@ -316,11 +316,11 @@ def test_a_peer_that_moves_is_followed() -> None:
         master_shell.close()
         await moved.open(loop)
         for tick in range(1, 30):
-            assert master.send_update(monotonic(), *update_fields(tick))
+            assert master.send_update(monotonic(), sample_update(tick))
             moved.flush(monotonic())
             found = await until(slave, UpdateReceived, [])
             assert isinstance(found, UpdateReceived)
-            assert found.tick == tick
+            assert found.update.tick == tick
             await asyncio.sleep(0.005)
         assert slave.peer == moved.address
         assert slave.state is State.ENGAGED

@@ -10,9 +10,9 @@ from weberlink.codec.predictors import BANKS
 from weberlink.control.contract import Control, Imposable, SchemeParameters
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
+from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
-from weberlink.protocol.roles import Role
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
 from weberlink.system.composition.channels import force_deadband

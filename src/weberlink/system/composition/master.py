@@ -6,13 +6,13 @@ from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device, Guarded
+from weberlink.master.devices.contract import Device, GuardedDevice
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.protocol import Role
 from weberlink.protocol.events import Address
-from weberlink.protocol.roles import Role
+from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import FADE_SHARE, HORIZON_SHARE
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
@@ -227,9 +227,9 @@ def check_force_ends(device: Device, driver: str, accepted: str | None) -> None:
         ConfigurationError: the device has force and neither of the two, and the file does not accept that.
     """
     spec = device.spec
-    ends = spec.watchdog_s is not None or (isinstance(device, Guarded) and device.guarded)
+    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
     if spec.force_feedback and not ends and accepted != driver:
         raise ConfigurationError(
             f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
-            f"no guardian (see docs/drivers.md); to accept that, set master.accept_no_watchdog: {driver}"
+            f"no guardian (see docs/tutorial.md); to accept that, set master.accept_no_watchdog: {driver}"
         )

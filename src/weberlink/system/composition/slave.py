@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from weberlink.codec import Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_slave_control
-from weberlink.protocol.roles import Role
+from weberlink.protocol import Role
+from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
-from weberlink.protocol.session import HORIZON_SHARE
 from weberlink.realtime.stall import Watchdog
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import Robot

@@ -1,4 +1,4 @@
-"""The YAML document and the overrides of the command line, before anything is known of their meaning."""
+"""Read the YAML document and apply overrides of the command line, without validating keys or values."""
 
 from collections.abc import Hashable
 from contextlib import suppress
@@ -11,16 +11,16 @@ from weberlink.system.configuration.errors import ConfigurationError
 
 
 class _EachKeyOnce:
-    """YAML without the silent loss of a key that stands twice."""
+    """Refuses a key that is given twice, of which YAML would silently drop one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
             if not isinstance(key, yaml.ScalarNode):
-                continue  # which is refused for itself
+                continue  # YAML itself refuses it
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(
-                    None, None, f"the key {key.value!r} stands twice", key.start_mark
+                    None, None, f"the key {key.value!r} is given twice", key.start_mark
                 )
             seen.add(key.value)
         made: dict[Hashable, Any] = super().construct_mapping(node, deep)  # type: ignore[misc]
@@ -28,24 +28,20 @@ class _EachKeyOnce:
 
 
 class _Loader(_EachKeyOnce, yaml.SafeLoader):
-    """Says best what is wrong."""
+    """Gives the better error messages."""
 
 
 if yaml.__with_libyaml__:
 
     class _QuickLoader(_EachKeyOnce, yaml.CSafeLoader):
-        """Ten times as fast, which every start of a daemon has to wait for."""
+        """Ten times as fast, which shortens the start of a daemon."""
 
 
 def _read(text: str) -> Any:
-    """What YAML says.
-
-    Raises:
-        YAMLError: if it is none.
-    """
+    """Parse YAML; raises YAMLError."""
     if yaml.__with_libyaml__:
         with suppress(yaml.YAMLError):
-            return yaml.load(text, Loader=_QuickLoader)  # noqa: S506 - a SafeLoader with one check more
+            return yaml.load(text, Loader=_QuickLoader)  # noqa: S506 - a SafeLoader with one more check
     return yaml.load(text, Loader=_Loader)  # noqa: S506
 
 
@@ -53,7 +49,7 @@ def parse(path: Path) -> dict[str, Any]:
     """The mapping in a file; empty for an empty file.
 
     Raises:
-        ConfigurationError: if there is no such file, or no mapping in it, or a key stands twice.
+        ConfigurationError: there is no such file, it holds no mapping, or a key is given twice.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -80,7 +76,7 @@ def override(content: dict[str, Any], text: str) -> str:
     """Apply one "path.to.key=value" in place, the value being YAML; returns the path.
 
     Raises:
-        ConfigurationError: if it is not of that form or leads through a value.
+        ConfigurationError: it is not of that form, or the path leads through a value.
     """
     name, equals, value = text.partition("=")
     keys = name.strip().split(".")

@@ -1,4 +1,4 @@
-"""Configuration errors: one line that says where, what was expected, and the nearest key for an unknown one."""
+"""Configuration errors in one line: field path, what was expected, and the nearest known key."""
 
 from difflib import get_close_matches
 from typing import Any
@@ -12,13 +12,13 @@ class ConfigurationError(ValueError):
 
 
 def describe(error: ValidationError, model: type[BaseModel], where: tuple[str, ...]) -> str:
-    """The first of the errors in one line: field path, what was expected, and the nearest key for an unknown one."""
+    """Describe the first error in one line."""
     first = error.errors(include_url=False)[0]
     location = tuple(str(part) for part in first["loc"])
     path = ".".join((*where, *location)) or "the file"
     if first["type"] == "extra_forbidden":
         return f"{path}: unknown key{_nearest(location, model)}"
-    if not location and first["type"] == "value_error":  # of several parts; it says which
+    if not location and first["type"] == "value_error":  # of several fields; the message names them
         return _expectation(first)
     return f"{path}: {_expectation(first)}"
 
@@ -32,7 +32,7 @@ def _nearest(location: tuple[str, ...], model: type[BaseModel]) -> str:
 
 
 def _keys_at(model: type[BaseModel], location: tuple[str, ...]) -> list[str]:
-    """The keys of the model found by following a location of an error, whose parts are keys, indices and tags."""
+    """The keys of the model at a location, whose parts are keys, indices and tags of unions."""
     candidates: list[type[BaseModel]] = [model]
     for part in location:
         below = [
@@ -53,7 +53,7 @@ def _models_in(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _tags(model: type[BaseModel]) -> set[str]:
-    """The literal values of a model's fields, by which a union tells it from the others."""
+    """Literal values of a model's fields, which select it from a union."""
     return {
         value
         for field in model.model_fields.values()

@@ -1,9 +1,9 @@
-"""From a file to a validated configuration, with the options of the drivers that one side needs."""
+"""Read and validate a configuration file, with the options of the drivers of each side."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -12,8 +12,9 @@ from weberlink.slave import robots
 from weberlink.system.configuration.document import override, parse
 from weberlink.system.configuration.errors import ConfigurationError, describe
 from weberlink.system.configuration.model import DriverSettings, System
-from weberlink.system.configuration.paths import settle
 from weberlink.system.extras import need
+
+M = TypeVar("M", bound=BaseModel)
 
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
@@ -29,7 +30,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Configuration:
-    """A file as read: the system, and the drivers of the sides asked for; None for a side that was not."""
+    """A validated file. `device` or `robot` is None if that side was not asked for."""
 
     path: Path
     system: System
@@ -40,21 +41,21 @@ class Configuration:
 def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES) -> Configuration:
     """Read and validate a file.
 
-    A relative path within the file is meant from the file's folder, one in an override from the working directory.
+    Relative paths start at the folder of the file, those in an override at the working directory.
 
     Args:
         path: the YAML file.
         overrides: "path.to.key=value" each, applied in order; the value is YAML.
-        sides: whose drivers are imported and checked: a host needs no library of the other side.
+        sides: sides whose drivers are imported and checked, so that a host needs no library of the other side.
 
     Raises:
-        ConfigurationError: for whatever is wrong with the file, an override or a value.
+        ConfigurationError: the file, an override or a value is wrong.
     """
     content = parse(path)
     overridden = {override(content, text) for text in overrides}
     try:
         system = System.model_validate(content)
-        system = settle(system, path.parent, overridden)
+        system = make_absolute(system, path.parent, overridden)
         device = robot = None
         if MASTER in sides:
             device = _part(devices, system.master.device, ("master", "device"), path.parent, overridden)
@@ -69,7 +70,7 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
 
 
 def _check_security(system: System) -> None:
-    """Refuse to leave hardware to every user of this host: without a key, any of them can take part in the session.
+    """Refuse hardware without a key: any user of this host could then join the session.
 
     Raises:
         ConfigurationError: there is a hardware driver, and no key.
@@ -80,7 +81,7 @@ def _check_security(system: System) -> None:
     for table, where, settings in sides:
         if table.is_hardware(settings.driver):
             raise ConfigurationError(
-                f"link.security: none would let every user of this host move {where} {settings.driver}; "
+                f"link.security: none lets every user of this host move {where} {settings.driver}; "
                 "write session (weberlink loopback makes a key), or psk with key_file (weberlink keygen KEYFILE)"
             )
 
@@ -88,7 +89,7 @@ def _check_security(system: System) -> None:
 def _part(
     table: Any, settings: DriverSettings, where: tuple[str, ...], folder: Path, overridden: Iterable[str]
 ) -> Part:
-    """Find a driver in a table of drivers, and check the options that are its own."""
+    """Find a driver in a table of drivers, and validate its options."""
     try:
         driver = table.load(settings.driver)
     except ValueError as error:
@@ -101,7 +102,7 @@ def _part(
         package, extra = driver.NEEDS
         need(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")
     options = _validate(settings.options, driver.Options, where)
-    return Part(driver, settle(options, folder, set(overridden), where))
+    return Part(driver, make_absolute(options, folder, set(overridden), where))
 
 
 def _validate(options: Mapping[str, Any], model: type[BaseModel], where: tuple[str, ...]) -> BaseModel:
@@ -109,3 +110,33 @@ def _validate(options: Mapping[str, Any], model: type[BaseModel], where: tuple[s
         return model.model_validate(options)
     except ValidationError as error:
         raise ConfigurationError(describe(error, model, where)) from None
+
+
+def make_absolute(model: M, folder: Path, overridden: Collection[str], where: tuple[str, ...] = ()) -> M:
+    """A copy in which every path is absolute.
+
+    Args:
+        model: validated settings.
+        folder: what a relative path in the file is relative to.
+        overridden: fields set on the command line, whose paths are relative to the working directory.
+        where: path of the model in the file.
+    """
+    absolute: M = _make_absolute(model, folder, overridden, where)
+    return absolute
+
+
+def _make_absolute(model: Any, folder: Path, overridden: Collection[str], where: tuple[str, ...]) -> Any:
+    if isinstance(model, Path):
+        base = Path.cwd() if ".".join(where) in overridden else folder
+        return (base / model).resolve()
+    if isinstance(model, tuple):
+        return tuple(_make_absolute(item, folder, overridden, (*where, str(i))) for i, item in enumerate(model))
+    if isinstance(model, BaseModel):
+        values = {name: getattr(model, name) for name in (*type(model).model_fields, *(model.model_extra or {}))}
+        changed = {
+            name: absolute
+            for name, value in values.items()
+            if (absolute := _make_absolute(value, folder, overridden, (*where, name))) is not value
+        }
+        return model.model_copy(update=changed) if changed else model
+    return model

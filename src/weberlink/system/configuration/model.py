@@ -23,7 +23,7 @@ from pydantic_core.core_schema import CoreSchema, no_info_after_validator_functi
 
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
 from weberlink.control.table import SchemeName
-from weberlink.protocol.endpoint import MOST_TICKS
+from weberlink.protocol.conversation import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.session import LONGEST_SILENCE
 from weberlink.slave.scenes.settings import SceneSettings

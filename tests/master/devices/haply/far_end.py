@@ -8,7 +8,7 @@ from select import select
 from struct import pack
 
 from weberlink.master.devices.haply.board import RESET
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.linkage import VERSIONS
 
 BOARD = VERSIONS["v3"].board
 ZERO = BOARD.torques(0.0, 0.0)

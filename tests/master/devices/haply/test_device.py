@@ -1,6 +1,5 @@
 """The driver and the emulated device, over a real serial port."""
 
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -13,12 +12,11 @@ from typing import Any
 import pytest
 
 from weberlink.geometry.vector import ZERO, Vector, distance
-from weberlink.hardware.pty_device import PtyDevice
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.haply.device import HaplyDevice, HaplyOptions
-from weberlink.master.devices.haply.fivebar import degrees
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.linkage import VERSIONS, degrees
 from weberlink.master.emulators.haply import HaplyEmulator, HaplyEmulatorOptions
 
 TICK = 0.001
@@ -134,12 +132,6 @@ def test_the_force_on_the_hand_is_the_one_commanded(there: Bench) -> None:
     there.run(lambda: there.emulator.force == ZERO)
 
 
-def test_a_hand_gives_way_along_the_force(there: Bench) -> None:
-    """One of 300 N/m, by force over stiffness, from where its script has it."""
-    there.emulator.handle.carry(None)
-    there.run(lambda: distance(there.position, (0.0, 0.8 / 300.0, 0.0)) < 2 * COUNT_M, PULL)
-
-
 def test_a_torque_beyond_the_limit_is_scaled_and_the_force_keeps_its_direction(tmp_path: Path) -> None:
     with bench(tmp_path, force_n=10.0, torque_limit_n_m=0.1) as at:
         at.device.open(monotonic())
@@ -155,13 +147,6 @@ def test_a_torque_beyond_the_limit_is_scaled_and_the_force_keeps_its_direction(t
         assert max(hypot(*force) for force in pushes) > 0.5
         assert all(y / x == pytest.approx(8.0 / 6.0, rel=0.01) for x, y, _ in pushes)
         assert at.emulator.most_torque <= 0.1 * (1.0 + 1e-6)
-
-
-def test_the_torque_gain_is_what_the_board_is_told_for_a_newton_metre(tmp_path: Path) -> None:
-    with bench(tmp_path, torque_gain=0.5) as at:
-        at.device.open(monotonic())
-        at.run(lambda: distance(at.emulator.force, (0.0, 0.4, 0.0)) < 0.005, PULL)
-        assert at.emulator.force[1] < 0.41
 
 
 def test_the_force_limit_cuts(tmp_path: Path) -> None:
@@ -219,12 +204,6 @@ def test_the_spec_says_what_the_device_is() -> None:
     assert "starting place before every session" in moved.note
 
 
-def test_nothing_is_left_of_a_torque_once_it_is_closed(there: Bench) -> None:
-    there.run(lambda: there.emulator.force[1] > 0.7, PULL)
-    there.device.close()
-    wait_for(lambda: there.emulator.torques == (0.0, 0.0))
-
-
 def test_a_torque_that_a_dead_host_left_behind_is_taken_off_first(there: Bench) -> None:
     """Its program was killed in the middle of a push: the port closed without a word."""
     there.device.close()
@@ -243,43 +222,12 @@ def test_a_torque_that_a_dead_host_left_behind_is_taken_off_first(there: Bench) 
     assert there.emulator.setups == 2
 
 
-@pytest.mark.parametrize(
-    ("fault", "said"),
-    [
-        (lambda at: setattr(at.emulator.faults, "silent", True), "tty: does not answer"),
-        (lambda at: setattr(at.emulator.faults, "late_s", 0.03), "answer"),
-        (lambda at: at.emulator.inject("slip", 10_000), "bytes of 9|answer"),
-        # Of what is on its way the board makes commands, and may wait for the rest of one.
-        (lambda at: at.emulator.inject("restart", 1), "start again|does not answer"),
-    ],
-    ids=["silent", "late", "slip", "restart"],
-)
-def test_a_fault_ends_the_force_and_says_why(tmp_path: Path, fault: Callable[[Bench], None], said: str) -> None:
-    with bench(tmp_path, reply_ms=10.0) as at:
-        patiently(at.device.open)
-        patiently(lambda now: at.run(lambda: at.emulator.force[1] > 0.5, PULL), at.device.open)
-        fault(at)
-        message = at.run_into_fault()
-        assert message.startswith("haply_2diy: ")
-        assert re.search(said, message)
-        wait_for(lambda: at.emulator.torques == (0.0, 0.0))
-        at.device.command(PULL, monotonic())  # has no effect any more
-        sleep(0.02)
-        assert at.emulator.torques == (0.0, 0.0)
-
-
 def test_a_restarted_board_is_set_up_by_the_next_session(there: Bench) -> None:
     there.emulator.inject("restart", 1)
     there.run_into_fault(ZERO)
     patiently(there.device.open)
     assert there.emulator.setups == 2
     assert distance(there.position, ZERO) < COUNT_M
-
-
-def test_an_unplugged_device_is_a_fault(there: Bench) -> None:
-    there.run(lambda: there.emulator.force[1] > 0.7, PULL)
-    there.port.unplug()
-    assert "tty: unplugged" in there.run_into_fault()
 
 
 @pytest.mark.parametrize("fault", ["slip", "garble"])
@@ -377,49 +325,6 @@ def test_a_session_later_the_origin_is_where_it_was_unless_the_file_says_otherwi
             assert distance(fresh.latest(monotonic()).position, ZERO) < COUNT_M, "it takes this for the starting place"
         finally:
             fresh.close()
-
-
-def test_wrong_directions_show_in_the_position(tmp_path: Path) -> None:
-    """Which is what the sign check is there for."""
-    with bench(tmp_path, encoder_directions=("cw", "cw")) as at:
-        at.device.open(monotonic())
-        at.emulator.handle.carry((0.0, 0.01, 0.0))
-        at.run(lambda: distance(at.position, (0.0, -0.01, 0.0)) < 1e-3)
-
-
-def test_a_port_where_nobody_answers(tmp_path: Path) -> None:
-    with bench(tmp_path) as at:
-        at.emulator.faults.silent = True
-        with pytest.raises(DeviceFault, match=r"haply_2diy: .*tty: does not answer"):
-            at.device.open(monotonic())
-        at.emulator.faults.silent = False
-        at.device.open(monotonic())
-
-
-def test_a_port_that_is_not_there_or_taken(tmp_path: Path) -> None:
-    device = HaplyDevice(HaplyOptions(port=str(tmp_path / "none")), TICK)
-    with pytest.raises(DeviceFault, match=r"haply_2diy: .*none: there is no such port"):
-        device.open(0.0)
-    with bench(tmp_path) as at:
-        other = SerialPort(str(at.port.path))
-        with pytest.raises(DeviceFault, match="in use by another process"):
-            at.device.open(monotonic())
-        other.close()
-        at.device.open(monotonic())
-
-
-def test_only_an_open_device_gives_readings(there: Bench) -> None:
-    now = monotonic()
-    reading = there.device.latest(now)
-    assert there.device.latest(now) == reading
-    there.run(lambda: there.device.round_trip_s > 0.0)
-    with pytest.raises(ValueError, match="not finite"):
-        there.device.command((float("nan"), 0.0, 0.0), now)
-    there.device.close()
-    there.device.close()
-    there.device.command(PULL, now)
-    with pytest.raises(DeviceFault, match="haply_2diy: not open"):
-        there.device.latest(now)
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,27 @@
-"""How a session begins, and what is asked after an answer that cannot be true."""
+"""Which answer belongs to which question, which angles are plausible, and how a session begins."""
 
 from collections.abc import Iterator
 from dataclasses import replace
+from math import pi
+from time import monotonic, sleep
 
 import pytest
 
-from tests.master.devices.haply.far_end import BOARD, ZERO, Far, at
+from tests.master.devices.haply.far_end import BOARD, ZERO, Far, answer, at, counts
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.master.devices.haply.board import RESET
-from weberlink.master.devices.haply.exchange import Conduct, HaplyExchange
-from weberlink.master.devices.haply.frame import Frame
-from weberlink.master.devices.haply.version import VERSIONS
+from weberlink.master.devices.haply.exchange import (
+    FASTEST,
+    STUCK_TRAVEL,
+    AngleValidator,
+    Forgotten,
+    HaplyExchange,
+    HaplyLine,
+)
+from weberlink.master.devices.haply.linkage import VERSIONS, HaplyFrame, Pair, radians
 
 V3 = VERSIONS["v3"]
 HOME = at(*BOARD.home_deg)
-PATIENT = Conduct(V3, Frame(V3.center), torque_limit=0.123, torque_gain=1.0, reply=10.0, keep_home=True)
 
 
 @pytest.fixture
@@ -26,7 +33,7 @@ def far() -> Iterator[Far]:
 
 @pytest.fixture
 def exchange(far: Far) -> Iterator[HaplyExchange]:
-    made = HaplyExchange(lambda: far.path, PATIENT)
+    made = HaplyExchange(lambda: far.path, V3, HaplyFrame(V3.center), reply=10.0)
     yield made
     far.rest = lambda: far.say(HOME)
     made.close()
@@ -35,7 +42,7 @@ def exchange(far: Far) -> Iterator[HaplyExchange]:
 def test_a_board_that_knows_us_is_left_as_it_is(far: Far, exchange: HaplyExchange) -> None:
     far.deeds = [lambda: far.say(at(160.0, 20.0))]
     reading = exchange.open()
-    x, y = Frame(V3.center).tip(reading.position)
+    x, y = HaplyFrame(V3.center).tip(reading.position)
     assert V3.bar.angles((x, y)) == pytest.approx((2.7925, 0.3491), abs=1e-3)
     assert far.messages == [ZERO]
 
@@ -51,7 +58,7 @@ def test_a_board_that_does_not_is_set_up(far: Far, exchange: HaplyExchange) -> N
 def test_a_board_that_answers_something_else_than_it_was_set_up_to_is_refused(far: Far) -> None:
     far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
     far.rest = lambda: far.say(at(150.0, 30.0))
-    exchange = HaplyExchange(lambda: far.path, PATIENT)
+    exchange = HaplyExchange(lambda: far.path, V3, HaplyFrame(V3.center), reply=10.0)
     with pytest.raises(HardwareFault, match="is another firmware on the board"):
         exchange.open()
     exchange.close()
@@ -73,11 +80,190 @@ def test_a_singular_posture_gets_no_torque(far: Far) -> None:
     """Motors on one axis, and the arms nearly one over the other: a force could need any torque."""
     v2 = VERSIONS["v2"]
     board = replace(v2.board, home_deg=(90.2, 89.8), whole_counts=False)
-    conduct = replace(PATIENT, version=replace(v2, board=board), frame=Frame(v2.center))
-    exchange = HaplyExchange(lambda: far.path, conduct)
+    exchange = HaplyExchange(lambda: far.path, replace(v2, board=board), HaplyFrame(v2.center), reply=10.0)
     reply = bytes((board.id,)) + at(90.2, 89.8)[1:]
     far.rest = lambda: far.say(reply)
     exchange.open()
     exchange.exchange((1.0, 1.0, 0.0))
     assert far.messages[-1] == board.torques(0.0, 0.0)
     exchange.close()
+
+
+PUSH = BOARD.torques(0.1, -0.1)
+LONG_S = 10.0
+
+
+@pytest.fixture
+def line(far: Far) -> Iterator[HaplyLine]:
+    opened = HaplyLine(far.path, BOARD)
+    yield opened
+    opened.close()
+
+
+def test_an_answer_belongs_to_its_question(far: Far, line: HaplyLine) -> None:
+    far.deeds = [lambda: far.say(answer(1)), lambda: far.say(answer(2))]
+    before = monotonic()
+    assert counts(line.ask(PUSH, LONG_S)) == (1, 0)
+    assert before <= line.asked_at <= monotonic()
+    assert counts(line.ask(ZERO, LONG_S)) == (2, 0)
+    assert far.messages == [PUSH, ZERO]
+
+
+def test_an_answer_in_pieces_is_one_answer(far: Far, line: HaplyLine) -> None:
+    def pieces() -> None:
+        for byte in answer(1):
+            far.say(bytes((byte,)))
+            sleep(0.001)
+
+    far.deeds = [pieces]
+    assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
+
+
+def test_what_came_before_the_question_is_no_answer(far: Far, line: HaplyLine) -> None:
+    far.say(answer(9) + b"junk")
+    while line._port._port.in_waiting < 13:
+        sleep(0.001)
+    far.deeds = [lambda: far.say(answer(1))]
+    assert counts(line.ask(ZERO, LONG_S)) == (1, 0)
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one(far: Far, line: HaplyLine) -> None:
+    """It comes with that to the zero torque which is sent first; only then is there another question."""
+    far.deeds = [lambda: None, lambda: far.say(answer(1) + answer(2)), lambda: far.say(answer(3))]
+    with pytest.raises(BadReply, match="no answer within 1 ms"):
+        line.ask(PUSH, 0.001)
+    assert counts(line.ask(PUSH, LONG_S)) == (3, 0)
+    assert far.messages == [PUSH, ZERO, PUSH]
+
+
+def test_a_lost_answer_is_waited_for_and_then_forgotten(far: Far, line: HaplyLine) -> None:
+    far.deeds = [lambda: None, lambda: far.say(answer(2)), lambda: far.say(answer(3))]
+    with pytest.raises(BadReply, match="no answer"):
+        line.ask(PUSH, 0.001)
+    assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
+
+
+def test_a_torn_answer_is_bad_and_the_next_is_good_again(far: Far, line: HaplyLine) -> None:
+    far.deeds = [lambda: far.say(answer(1)[:-1]), lambda: far.say(answer(2)), lambda: far.say(answer(3))]
+    with pytest.raises(BadReply, match="8 bytes of 9"):
+        line.ask(PUSH, 0.2)
+    assert counts(line.ask(ZERO, LONG_S)) == (3, 0)
+
+
+def test_a_board_that_is_slow_for_good_stays_bad(far: Far, line: HaplyLine) -> None:
+    """But for an answer that waits already when this machine, after a stall, begins to look for one."""
+
+    def slowly() -> None:
+        sleep(0.005)
+        far.say(answer(1))
+
+    far.deeds, complaints = [slowly] * 20, []
+    for _ in range(8):
+        try:
+            line.ask(ZERO, 0.001)
+        except BadReply as bad:
+            complaints.append(str(bad))
+    assert len(complaints) >= 5
+    assert all("answered after" in each or "no answer" in each for each in complaints)
+
+
+def test_a_board_that_forgot_is_told_from_one_that_is_torn(far: Far, line: HaplyLine) -> None:
+    far.deeds = [lambda: far.say(BOARD.bare_reply)] * 2
+    with pytest.raises(BadReply, match="1 bytes of 9"):
+        line.ask(PUSH, 0.2)
+    with pytest.raises(Forgotten):
+        line.ask(PUSH, 0.2)
+    assert far.messages == [PUSH, ZERO]
+
+
+def test_a_mute_board_is_given_up_and_was_told_to_rest_each_time(far: Far, line: HaplyLine) -> None:
+    for _ in range(2):
+        with pytest.raises(BadReply, match="no answer"):
+            line.ask(PUSH, 0.001)
+    with pytest.raises(HardwareFault, match="does not answer") as fault:
+        line.ask(PUSH, 0.001)
+    assert not isinstance(fault.value, BadReply)
+    while len(far.messages) < 4:
+        sleep(0.001)
+    assert far.messages == [PUSH, ZERO, PUSH, ZERO]
+
+
+HOME_RAD = radians(V3.board.home_deg)
+COUNT = 2.0 * pi / 4880.0
+UP = radians((120.0, 60.0))
+
+
+class Prompt(AngleValidator):
+    """Every answer comes at once."""
+
+    def at(self, angles: Pair, now: float) -> Pair:
+        return self.follow(angles, now, now)
+
+
+def track() -> Prompt:
+    return Prompt(V3.bar, HOME_RAD, (COUNT, COUNT))
+
+
+def test_a_hand_is_followed() -> None:
+    following = track()
+    for i in range(1000):
+        angles = (HOME_RAD[0] - i * 0.0008, HOME_RAD[1] + i * 0.0008)
+        assert following.at(angles, i * 0.001) == V3.bar.tip(angles)
+
+
+def test_a_jump_is_not_and_what_came_before_still_counts() -> None:
+    following = track()
+    following.at(UP, 10.0)
+    with pytest.raises(BadReply, match=r"arm 2 jumped by 0\.20 rad within 1\.0 ms"):
+        following.at((UP[0], UP[1] + 0.2), 10.001)
+    following.at((UP[0], UP[1] + 0.01), 10.002)
+    following.at((UP[0], UP[1] + 0.01 + 0.9 * FASTEST * 0.01), 10.012)  # it may have moved while nothing came
+
+
+def test_a_host_that_stalled_before_it_read_an_answer_does_not_take_the_next_for_a_jump() -> None:
+    """The first was measured long before it was read, so the arm had time to turn."""
+    following = track()
+    following.follow(UP, 10.0, 10.1)
+    following.follow((UP[0] + 0.5, UP[1]), 10.1, 10.1003)
+    with pytest.raises(BadReply, match="jumped"):
+        following.follow((UP[0] + 1.0, UP[1]), 10.1003, 10.1006)
+
+
+def test_a_single_count_is_never_a_jump_and_time_that_stands_still_is_allowed() -> None:
+    following = track()
+    following.at(UP, 10.0)
+    following.at((UP[0] + COUNT, UP[1] - COUNT), 10.0)
+    following.at(UP, 9.0)
+
+
+@pytest.mark.parametrize(
+    ("angles", "complaint"),
+    [
+        ((HOME_RAD[0] + 3.6, HOME_RAD[1]), "arm 1 .*range"),
+        ((HOME_RAD[0], HOME_RAD[1] - 3.6), "arm 2 .*range"),
+        ((UP[0], HOME_RAD[1] + 3.6), "arm 2 .*range"),
+        ((float("nan"), 0.0), "elbows are nan mm apart"),
+        ((0.0, float("inf")), "arm 2 .*range"),
+    ],
+)
+def test_postures_that_cannot_be_are_bad_replies(angles: Pair, complaint: str) -> None:
+    with pytest.raises(BadReply, match=complaint):
+        track().at(angles, 0.0)
+
+
+@pytest.mark.parametrize("stuck", [0, 1])
+def test_an_encoder_that_stands_still_while_the_other_arm_turns_is_a_fault(stuck: int) -> None:
+    following = track()
+    following.at(UP, 0.0)
+    travel, angles = 0.0, list(UP)
+    with pytest.raises(HardwareFault, match=f"encoder {stuck + 1} stands still") as fault:
+        for i in range(1, 1000):
+            step = 0.004 if i // 100 % 2 == 0 else -0.004
+            angles[1 - stuck] += step
+            travel += abs(step)
+            following.at((angles[0], angles[1]), i * 0.001)
+    assert not isinstance(fault.value, BadReply)
+    assert travel == pytest.approx(STUCK_TRAVEL, abs=0.01)
+    # A single count of the other is a sign of life, and none of before counts any more.
+    angles[stuck] += COUNT
+    following.at((angles[0], angles[1]), 2.0)

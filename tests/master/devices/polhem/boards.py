@@ -6,8 +6,8 @@ from time import monotonic, sleep
 from weberlink.hardware.emulator import WireFaults
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.guardian import Guardian
-from weberlink.master.devices.polhem.bracket import Status, decode_currents, encode_status
-from weberlink.master.devices.polhem.reports import LONG, Sensors, SetCounters, decode_command, encode_sensors
+from weberlink.master.devices.polhem.hid_protocol import LONG, Sensors, SetCounters, decode_command, encode_sensors
+from weberlink.master.devices.polhem.serial_protocol import SerialStatus, decode_currents, encode_status
 
 Counts6 = tuple[int, int, int, int, int, int]
 
@@ -29,7 +29,7 @@ class Teensy:
         *messages, self._rest = (self._rest + data.replace(b"\0", b"")).split(b"\n")
         for message in messages:
             self.currents.append(decode_currents(message))
-            self._answers.append(encode_status(Status(self.model, self.counts, self.error)))
+            self._answers.append(encode_status(SerialStatus(self.model, self.counts, self.error)))
 
     def advance(self, now: float) -> None:
         pass
@@ -43,8 +43,8 @@ class Teensy:
         return None
 
 
-class Board:
-    """In place of a `HidReports`: in lock-step, and with a report that waits from the start."""
+class ScriptedHidBoard:
+    """In place of a `HidPort`: in lock-step, and with a report that waits from the start."""
 
     def __init__(self, counts: tuple[int, ...] = (0,) * 6, stale: tuple[int, ...] | None = None) -> None:
         self.counts = counts
@@ -61,7 +61,7 @@ class Board:
         if stale is not None:
             self._waiting.append(encode_sensors(Sensors(stale)))
 
-    def __call__(self, path: str) -> "Board":
+    def __call__(self, path: str) -> "ScriptedHidBoard":
         if not self.plugged:
             raise HardwareFault(f"{path}: there is no such device")
         return self

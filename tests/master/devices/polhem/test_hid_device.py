@@ -1,23 +1,22 @@
 """`polhem_hid` against a board in place of its port; over the real hidapi it is tried with the emulator."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from threading import Thread
 from time import monotonic, sleep
 from typing import Any
 
 import pytest
 
-from tests.master.devices.polhem.boards import Board
+from tests.master.devices.polhem.boards import ScriptedHidBoard
 from weberlink.geometry.vector import ZERO, Vector, distance
 from weberlink.hardware.guardian import Guardian
 from weberlink.master.devices.contract import DeviceFault
+from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
+from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, WATCHDOG_S, SetCounters
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.devices.polhem.polhem_device import STALL_S, PolhemDevice
-from weberlink.master.devices.polhem.reports import LONG, SHORT, SetCounters
-from weberlink.master.emulators.polhem import PolhemHidEmulator, PolhemHidEmulatorOptions
+from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
 
 TICK = 0.001
 PATIENCE = 10.0
@@ -39,11 +38,22 @@ def device_on() -> Iterator[Make]:
     """Makes a device on a board; with force, whatever the signs."""
     made: list[PolhemDevice] = []
 
-    def make(board: "Board | Desk", **settings: Any) -> PolhemDevice:
+    def make(board: "ScriptedHidBoard | Desk", **settings: Any) -> PolhemDevice:
         options = PolhemHidOptions(port="/dev/hidraw9", **settings)
         options = options.model_copy(update={"signs_checked": PolhemHidDevice.fingerprint(options)})
-        exchange = ReportExchange(options, options.wired(), 5.0, board)
-        made.append(PolhemDevice(PolhemHidDevice(options, TICK).spec, exchange, TICK, options.reconnect_s))
+        signs = PolhemHidDevice.fingerprint(options)
+        made.append(
+            PolhemDevice(
+                "polhem_hid",
+                options,
+                options.wired(),
+                lambda force_n: ReportExchange(options, force_n, board),
+                TICK,
+                signs=signs,
+                watchdog_s=WATCHDOG_S,
+                buttons=1,
+            )
+        )
         return made[-1]
 
     yield make
@@ -60,20 +70,20 @@ def press_until(device: PolhemDevice, force: Vector, condition: Callable[[], boo
 
 
 def test_the_report_that_has_waited_is_not_believed(device_on: Make) -> None:
-    board = Board(MIDDLE, stale=(16_000, 0, 0, 0, 0, 0))
+    board = ScriptedHidBoard(MIDDLE, stale=(16_000, 0, 0, 0, 0, 0))
     device = device_on(board)
     device.open(monotonic())
     assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
 
 
 def test_a_silent_board_is_started_by_zeros(device_on: Make) -> None:
-    board = Board(MIDDLE)
+    board = ScriptedHidBoard(MIDDLE)
     device_on(board).open(monotonic())
     assert board.commands[0] == (0, 0, 0)
 
 
 def test_force_and_button(device_on: Make) -> None:
-    board = Board(MIDDLE)
+    board = ScriptedHidBoard(MIDDLE)
     device = device_on(board)
     device.open(monotonic())
     force = (1.0, -2.0, 0.5)
@@ -87,7 +97,7 @@ def test_force_and_button(device_on: Make) -> None:
 
 def test_the_older_kind_has_its_own_signs(device_on: Make) -> None:
     middle = PARAMETERS["woodenhaptics_2015"].on("hid8").mechanism.counts_at(ZERO)
-    board = Board(middle, stale=middle)
+    board = ScriptedHidBoard(middle, stale=middle)
     board.size = SHORT
     device = device_on(board, report_bytes=8)
     device.open(monotonic())
@@ -98,7 +108,7 @@ def test_the_older_kind_has_its_own_signs(device_on: Make) -> None:
 @pytest.mark.parametrize(("said", "sent"), [(14, 8), (8, 14)])
 def test_reports_of_the_other_length_are_refused(device_on: Make, said: int, sent: int) -> None:
     """Their firmware counts the other way round."""
-    board = Board((0,) * (6 if sent == LONG else 3))
+    board = ScriptedHidBoard((0,) * (6 if sent == LONG else 3))
     board.size = sent
     with pytest.raises(DeviceFault, match=f"sends reports of {sent} bytes, the file says {said}.*report_bytes: {sent}"):
         device_on(board, report_bytes=said).open(monotonic())
@@ -161,35 +171,8 @@ def test_hand_and_force_agree_on_a_device_as_published(
     device.close()
 
 
-def test_after_a_stall_of_the_host_the_force_comes_up_again() -> None:
-    board = Board(MIDDLE)
-    options = PolhemHidOptions(port="/dev/hidraw9")
-    exchange = ReportExchange(options, options.wired(), 5.0, board)
-    exchange.open()
-    force = (0.0, 0.0, 4.0)
-    full = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
-
-    def pressed() -> bool:
-        exchange.exchange(force)
-        return board.commands[-1] == full
-
-    until(pressed)
-    sleep(1.5 * STALL_S)
-    exchange.exchange(force)
-    assert board.commands[-1] == (0, 0, 0)
-    until(pressed)
-    exchange.close()
-
-
-def test_another_kind_is_refused(device_on: Make) -> None:
-    board = Board(MIDDLE)
-    board.size = 20
-    with pytest.raises(DeviceFault, match="polhem_hid: /dev/hidraw9: sends reports of 20 bytes, expected 14 or 8"):
-        device_on(board).open(monotonic())
-
-
 def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:
-    board = Board((900, -70, 5, 1, 2, 3))
+    board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     device = device_on(board, homing="at_open")
     device.open(monotonic())
     assert SetCounters((0,) * 6) in board.commands
@@ -197,7 +180,7 @@ def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:
 
 
 def test_counters_may_hold_the_home_counts(device_on: Make) -> None:
-    board = Board((900, -70, 5, 1, 2, 3))
+    board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     device = device_on(board, homing="at_open", counters_hold_home=True, parameters="polhem_v3", home_counts=(8, 9, 10))
     device.open(monotonic())
     assert SetCounters((8, 9, 10, 0, 30, 0)) in board.commands
@@ -205,40 +188,20 @@ def test_counters_may_hold_the_home_counts(device_on: Make) -> None:
 
 def test_the_gimbal_of_a_polhem_is_wired_last_to_first(device_on: Make) -> None:
     mechanism = PARAMETERS["polhem_v1"].on("hid14").mechanism
-    device = device_on(Board((*mechanism.counts_at(ZERO), 256, 128, 0)), parameters="polhem_v1")
+    device = device_on(ScriptedHidBoard((*mechanism.counts_at(ZERO), 256, 128, 0)), parameters="polhem_v1")
     device.open(monotonic())
     assert device.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 128, 256))
 
 
-def test_its_home_counts_are_set_last_to_first_too() -> None:
-    options = PolhemHidOptions(port="/dev/hidraw9", homing="at_open", counters_hold_home=True, parameters="polhem_v1")
-    known = options.wired()
-    drive = replace(known.mechanism.drive, gimbal_home_counts=(1, 2, 3))
-    board = Board((0,) * 6)
-    parameters = replace(known, mechanism=replace(known.mechanism, drive=drive))
-    exchange = ReportExchange(options, parameters, 0.0, board)
-    exchange.open()
-    exchange.close()
-    assert SetCounters((*drive.home_counts, 3, 2, 1)) in board.commands
-
-
-def test_counters_that_hold_the_home_counts_say_the_same_pose(device_on: Make) -> None:
-    mechanism = PARAMETERS["polhem_v3"].on("hid14").mechanism
-    raw = [count + home for count, home in zip(mechanism.counts_at(ZERO), mechanism.drive.home_counts, strict=True)]
-    device = device_on(Board((*raw, 0, 30, 0)), parameters="polhem_v3", counters_hold_home=True)
-    device.open(monotonic())
-    assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
-
-
 def test_a_board_that_does_not_set_its_counters_is_refused(device_on: Make) -> None:
-    board = Board((900, -70, 5, 1, 2, 3))
+    board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     board.sets_counters = False
     with pytest.raises(DeviceFault, match="does not set its counters"):
         device_on(board, homing="at_open").open(monotonic())
 
 
 def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
-    board = Board((900, -70, 5), stale=(0, 0, 0))
+    board = ScriptedHidBoard((900, -70, 5), stale=(0, 0, 0))
     board.size = SHORT
     device = device_on(board, homing="at_open", report_bytes=8)
     device.open(monotonic())
@@ -249,7 +212,7 @@ def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
 
 
 def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) -> None:
-    board = Board(MIDDLE)
+    board = ScriptedHidBoard(MIDDLE)
     board.calibrate = True
 
     def press_later() -> None:
@@ -268,7 +231,7 @@ def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) 
 
 
 def test_a_lost_report_is_followed_by_zeros_and_many_are_a_fault(device_on: Make) -> None:
-    board = Board(MIDDLE)
+    board = ScriptedHidBoard(MIDDLE)
     device = device_on(board)
     device.open(monotonic())
     press_until(device, (3.0, 0.0, 0.0), lambda: board.commands[-1] != (0, 0, 0))
@@ -282,19 +245,8 @@ def test_a_lost_report_is_followed_by_zeros_and_many_are_a_fault(device_on: Make
     assert board.commands[-1] == (0, 0, 0)
 
 
-def test_unplugged_and_back_with_its_counts(device_on: Make) -> None:
-    board = Board(MIDDLE)
-    device = device_on(board, reconnect_s=PATIENCE)
-    device.open(monotonic())
-    board.plugged = False
-    until(lambda: board.closed > 0)
-    at = device.latest(monotonic()).at
-    board.plugged = True
-    until(lambda: device.latest(monotonic()).at > at)
-
-
 def test_unplugged_and_back_without_them(device_on: Make) -> None:
-    board = Board(MIDDLE)
+    board = ScriptedHidBoard(MIDDLE)
     device = device_on(board, reconnect_s=0.2)
     device.open(monotonic())
     board.plugged = False
@@ -310,7 +262,7 @@ def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
     mechanism = PARAMETERS["polhem_v2"].on("hid14").mechanism
     near = mechanism.counts_at(ZERO)
     shift = 32_760 - near[2]
-    board = Board((near[0], near[1], near[2] + shift, 0, 0, 0))
+    board = ScriptedHidBoard((near[0], near[1], near[2] + shift, 0, 0, 0))
     home = mechanism.drive.home_counts
     device = device_on(board, parameters="polhem_v2", home_counts=(home[0], home[1], home[2] - shift))
     device.open(monotonic())

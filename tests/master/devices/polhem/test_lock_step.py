@@ -3,8 +3,8 @@
 import pytest
 
 from weberlink.hardware.fault import BadReply
+from weberlink.master.devices.polhem.driver import BAD_REPLIES
 from weberlink.master.devices.polhem.lock_step import PROBE_S, QUIET_S, SLICE_S, LockStep
-from weberlink.master.devices.polhem.polhem_device import BAD_REPLIES
 
 PATIENCE = 0.01
 REST = -1
@@ -65,14 +65,6 @@ def test_a_message_that_is_no_longer_fresh_does_not_go_out() -> None:
     assert dialogue.ask(1, PATIENCE, line.now) == 1
     assert dialogue.ask(2, PATIENCE, line.now - 1e-6) == REST
     assert [message for _, message in line.sent] == [1, REST]
-
-
-def test_a_garbled_answer_is_one_all_the_same() -> None:
-    line = DelayedLine()
-    dialogue = talk(line)
-    line.garbled = 1
-    assert asked(dialogue, 1) == "sends what is no answer"
-    assert asked(dialogue, 2) == 2
 
 
 def test_where_none_comes_the_device_is_told_to_rest_at_once() -> None:
@@ -153,11 +145,3 @@ def test_an_answer_that_nobody_asked_for_is_a_reason_to_doubt() -> None:
         assert line.now < 101.0
     assert reply == 2
     assert line.now > 100.0 + QUIET_S
-
-
-def test_two_answers_to_one_message_are_a_reason_to_doubt() -> None:
-    line = DelayedLine(late=0.0)
-    dialogue = talk(line)
-    line.coming.append((line.now + 1e-4, 99))
-    line.late = 1e-4
-    assert asked(dialogue, 1) == "answers late"

@@ -1,15 +1,22 @@
-"""What the sets say of themselves, and what the drivers ask of them."""
+"""Published parameter sets, the options that change them, the permitted force, and the page that lists them."""
 
 from dataclasses import replace
+from pathlib import Path
+from random import Random
 from typing import Any, get_args
 
 import pytest
+import yaml
 from pydantic import ValidationError
 
-from weberlink.master.devices.polhem.bracket import MODELS
-from weberlink.master.devices.polhem.drive import Drive
-from weberlink.master.devices.polhem.options import Model, PolhemHidOptions, SetName
-from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Parameters
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
+from weberlink.master.devices import load
+from weberlink.master.devices.polhem.hid_device import PolhemHidDevice
+from weberlink.master.devices.polhem.mechanism import CableDrive
+from weberlink.master.devices.polhem.options import Model, PolhemHidOptions, PolhemSerialOptions, SetName
+from weberlink.master.devices.polhem.parameters import MODEL_SETS, PARAMETERS, Board, MechanismParameters
+from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
+from weberlink.master.devices.polhem.serial_protocol import MODELS
 
 every_set = pytest.mark.parametrize("parameters", PARAMETERS.values(), ids=PARAMETERS)
 
@@ -22,7 +29,7 @@ def test_the_options_name_the_sets_and_the_models_there_are() -> None:
 
 
 @every_set
-def test_a_set_says_where_it_was_read_and_stays_modest(parameters: Parameters) -> None:
+def test_a_set_says_where_it_was_read_and_stays_modest(parameters: MechanismParameters) -> None:
     assert parameters.source
     assert parameters.force_n <= 5.0
     assert 500.0 <= parameters.stiffness_n_m <= 2000.0
@@ -31,13 +38,8 @@ def test_a_set_says_where_it_was_read_and_stays_modest(parameters: Parameters) -
     assert parameters.radius_m < parameters.reach_m < 0.32
 
 
-def test_home_counts_by_model_as_published() -> None:
-    homes = {model: PARAMETERS[name].mechanism.drive.home_counts for model, name in MODEL_SETS.items()}
-    assert homes == {1: (8312, -10366, 19764), 2: (0, 7700, 0), 3: (0, 0, -6000)}
-
-
 @every_set
-def test_every_board_has_the_same_home_pose(parameters: Parameters) -> None:
+def test_every_board_has_the_same_home_pose(parameters: MechanismParameters) -> None:
     """Other signs come with other home counts: where a sign of one is wrong, the pose is another."""
     poses = [parameters.on(board).mechanism.drive.angles((0, 0, 0)) for board in parameters.wirings]
     for pose in poses:
@@ -45,7 +47,7 @@ def test_every_board_has_the_same_home_pose(parameters: Parameters) -> None:
     assert parameters.mechanism.drive.angles((0, 0, 0)) == poses[0]
 
 
-def drive_of(**settings: Any) -> Drive:
+def drive_of(**settings: Any) -> CableDrive:
     return PolhemHidOptions(parameters="polhem_v3", **settings).wired().mechanism.drive
 
 
@@ -88,3 +90,156 @@ def test_signs_that_are_not_published_may_be_given() -> None:
     drive = given.wired().mechanism.drive
     assert (drive.encoder_directions, drive.motor_directions) == ((-1, 1, -1), (1, 1, 1))
     assert drive.angles((0, 0, 0)) == PARAMETERS["aluhaptics_v2"].mechanism.drive.angles((0, 0, 0))
+
+
+TICK = 0.001
+HID, SERIAL = PolhemHidOptions, PolhemSerialOptions
+
+
+def hid(**settings: Any) -> PolhemHidDevice:
+    return PolhemHidDevice(HID(**settings), TICK)
+
+
+def serial(**settings: Any) -> PolhemSerialDevice:
+    return PolhemSerialDevice(SERIAL(**settings), TICK)
+
+
+def test_without_a_check_there_is_no_force_and_the_note_says_how_to_make_one() -> None:
+    for device, name in ((hid(), "polhem_hid"), (serial(model="polhem"), "polhem_serial")):
+        assert (device.spec.force_n, device.spec.force_feedback) == (0.0, False)
+        assert f"no force: signs not checked; run: weberlink device test {name}" in device.spec.note
+
+
+def test_with_a_check_there_is_the_published_force_or_less() -> None:
+    signs = PolhemHidDevice.fingerprint(HID())
+    assert hid(signs_checked=signs).spec.force_n == 5.0
+    assert hid(signs_checked=signs).spec.force_feedback
+    assert hid(signs_checked=signs, force_n=1.5).spec.force_n == 1.5
+    signs = PolhemSerialDevice.fingerprint(SERIAL(model="woodenhaptics"))
+    assert serial(model="woodenhaptics", signs_checked=signs).spec.force_n == 5.0
+
+
+def test_the_check_is_of_these_settings_alone() -> None:
+    settings: list[dict[str, Any]] = [
+        {},
+        {"encoder_directions": (1, -1, 1)},
+        {"motor_directions": (1, -1, 1)},
+        {"directions": (1, -1, 1)},
+        {"report_bytes": 8},
+        {"home_counts": (0, 0, -5999)},
+        {"parameters": "woodenhaptics_2019"},
+        {"parameters": "polhem_v3"},
+    ]
+    prints = [PolhemHidDevice.fingerprint(HID(**each)) for each in settings]
+    prints += [PolhemSerialDevice.fingerprint(SERIAL(model=model)) for model in ("woodenhaptics", "polhem", "auto")]
+    assert len(set(prints)) == len(prints)
+    stale = hid(signs_checked=prints[0], motor_directions=(1, -1, 1))
+    assert not stale.spec.force_feedback
+    assert "signs not checked with these settings" in stale.spec.note
+
+
+def test_a_device_that_was_only_guessed_has_no_force() -> None:
+    signs = PolhemSerialDevice.fingerprint(SERIAL(model="auto"))
+    device = serial(model="auto", signs_checked=signs)
+    assert not device.spec.force_feedback
+    assert "set master.device.model" in device.spec.note
+    assert not device.spec.orientation
+
+
+@pytest.mark.parametrize(
+    ("settings", "complaint"),
+    [
+        ({"signs_checked": "12"}, "signs_checked"),
+        ({"directions": (1, 0, 1)}, "directions"),
+        ({"max_current_ma": 6001.0}, "max_current_ma"),
+        ({"max_current_ma": 0.0}, "max_current_ma"),
+        ({"speed": 1.0}, "speed"),
+        ({"force_n": float("nan")}, "force_n"),
+    ],
+)
+def test_options_that_make_no_sense(settings: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ValidationError, match=complaint):
+        SERIAL(**settings)
+
+
+def test_more_force_than_is_published_is_refused() -> None:
+    with pytest.raises(ValueError, match="force_n: expected at most 5 N"):
+        hid(force_n=6.0)
+
+
+def test_specs_before_opening() -> None:
+    device = serial(model="polhem")
+    assert (device.spec.name, device.spec.axes, device.spec.buttons) == ("polhem_serial", "xyz", 0)
+    assert device.spec.orientation
+    assert device.spec.stiffness_n_m == 2000.0
+    assert hid().spec.buttons == 1
+    assert (device.spec.watchdog_s, hid().spec.watchdog_s) == (0.1, 0.5)
+    assert not hid().spec.orientation
+    assert "hold the handle in its home pose" in hid(homing="at_open").spec.note
+    assert "12 times" in hid(parameters="woodenhaptics_2019").spec.note
+
+
+PAGE = (Path(__file__).parents[4] / "docs" / "devices" / "polhem.md").read_text()
+EXAMPLES = [block.split("```")[0] for block in PAGE.split("```yaml\n")[1:]]
+CELLS = [[cell.strip() for cell in line.split("|")[1:-1]] for line in PAGE.splitlines()]
+ROWS = {cells[0].strip("`"): cells[1:] for cells in CELLS if len(cells) == 6 and cells[0].startswith("`")}
+SIGNS = {(cells[0].strip("`"), cells[1]): cells[2:] for cells in CELLS if len(cells) == 7 and cells[0].startswith("`")}
+BOARDS: dict[str, Board] = {"serial": "serial", "HID, 14 bytes": "hid14", "HID, 8 bytes": "hid8"}
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_examples_are_options_of_their_driver(example: str) -> None:
+    settings: dict[str, Any] = yaml.safe_load(example)["master"]["device"]
+    driver: Any = load(settings.pop("driver"))
+    assert driver(driver.Options(**settings), 0.001).spec.name
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_a_row_is_what_the_set_computes(name: str) -> None:
+    use, home, steps, currents, force = ROWS[name]
+    parameters = PARAMETERS[name]
+    mechanism = parameters.mechanism
+    for number, of_model in MODEL_SETS.items():
+        assert (f"model {number}" in use) == (of_model == name)
+    assert home == in_row([round(component * 1e3) for component in mechanism.position((0, 0, 0))])
+    middle = mechanism.counts_at(ZERO)
+    here = mechanism.position(middle)
+    moved = [[count + (i == motor) for i, count in enumerate(middle)] for motor in range(3)]
+    assert steps == in_row([round(distance(mechanism.position(counts), here) * 1e6) for counts in moved])
+    assert currents == in_row([round(max(map(abs, mechanism.currents_ma(axis, middle)))) for axis in AXES])
+    assert float(force) == pytest.approx(weakest(name), rel=0.05)
+
+
+def test_the_signs_are_those_of_the_drivers() -> None:
+    known = {(name, board) for name, each in PARAMETERS.items() for board in each.wirings}
+    assert {(name, BOARDS[board]) for name, board in SIGNS} == known
+    for (name, board), (encoders, motors, home_counts, gimbal, source) in SIGNS.items():
+        wiring = PARAMETERS[name].wirings[BOARDS[board]]
+        assert encoders == signs(wiring.encoder)
+        assert motors == signs(wiring.motor)
+        assert home_counts == in_row(wiring.home_counts)
+        has_gimbal = 0 not in PARAMETERS[name].mechanism.drive.gimbal_counts_per_turn
+        assert gimbal == (signs(wiring.gimbal) if has_gimbal else "")
+        assert source.split()[0] in wiring.source
+
+
+def signs(three: tuple[int, int, int]) -> str:
+    return " ".join("+-"[sign < 0] for sign in three)
+
+
+def in_row(numbers: Any) -> str:
+    return ", ".join(map(str, numbers))
+
+
+def weakest(name: str) -> float:
+    """Force in the direction in which 2 A give least [N]."""
+    mechanism, random = PARAMETERS[name].mechanism, Random(0)
+    middle = mechanism.counts_at(ZERO)
+    least = float("inf")
+    for _ in range(1000):
+        way = (random.gauss(), random.gauss(), random.gauss())
+        least = min(least, 2000.0 * norm(way) / max(map(abs, mechanism.currents_ma(way, middle))))
+    return least
+
+
+AXES: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

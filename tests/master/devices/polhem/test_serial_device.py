@@ -1,7 +1,6 @@
 """`polhem_serial` over a real pty, against a board of few lines."""
 
 from collections.abc import Callable, Iterator
-from math import nan
 from pathlib import Path
 from threading import Thread
 from time import monotonic, sleep
@@ -11,14 +10,14 @@ import pytest
 
 from tests.master.devices.polhem.boards import Counts6, Teensy
 from weberlink.geometry.vector import ZERO, Vector, norm
+from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import BadReply
-from weberlink.hardware.pty_device import PtyDevice
 from weberlink.master.devices.contract import DeviceFault, DeviceReading
 from weberlink.master.devices.polhem.lock_step import QUIET_S
 from weberlink.master.devices.polhem.options import PolhemSerialOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 from weberlink.master.devices.polhem.serial_device import BracketExchange, PolhemSerialDevice
-from weberlink.master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 TICK = 0.001
 PATIENCE = 10.0
@@ -121,26 +120,6 @@ def test_without_a_sign_check_positions_come_and_no_current_ever_goes(device_of:
     assert set(teensy(board).currents) == {(0, 0, 0)}
 
 
-def test_a_force_that_is_not_finite_is_our_own_fault(device_of: Make) -> None:
-    device = device_of()
-    with pytest.raises(ValueError, match="not finite"):
-        device.command((0.0, nan, 0.0), 0.0)
-
-
-def test_closing_leaves_it_without_current_and_only_an_open_device_is_read(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    press_until(device, (2.0, 0.0, 0.0), lambda: teensy(board).currents[-1] != (0, 0, 0))
-    device.close()
-    device.close()
-    until(lambda: teensy(board).currents[-1] == (0, 0, 0))
-    device.command(ZERO, monotonic())
-    with pytest.raises(DeviceFault, match="polhem_serial: not open"):
-        device.latest(monotonic())
-    device.open(monotonic())
-    assert norm(device.latest(monotonic()).position) < 1e-4
-
-
 @pytest.mark.parametrize(
     ("settings", "model", "complaint"),
     [
@@ -182,29 +161,6 @@ def test_an_orientation_comes_where_there_are_sensors(device_of: Make, board: Pt
     until(lambda: device.trouble == "gimbal sensor 2 does not answer")
 
 
-def test_no_answer_is_one_line(device_of: Make, board: PtyDevice) -> None:
-    board.emulator.faults.silent = True
-    with pytest.raises(DeviceFault, match="does not answer: it is no such device"):
-        device_of().open(monotonic())
-
-
-def test_an_error_from_the_first_answer_on_is_one_line(device_of: Make, board: PtyDevice) -> None:
-    teensy(board).error = 512
-    with pytest.raises(DeviceFault, match=r"reports message without its three currents$"):
-        device_of().open(monotonic())
-
-
-def test_no_such_port_is_one_line(device_of: Make) -> None:
-    with pytest.raises(DeviceFault, match="polhem_serial: /nowhere/tty: there is no such port"):
-        device_of(port="/nowhere/tty").open(monotonic())
-
-
-def test_far_out_is_not_homed(device_of: Make, board: PtyDevice) -> None:
-    teensy(board).counts = (16_000, 0, 0, 0, 0, 0)
-    with pytest.raises(DeviceFault, match="is not homed"):
-        device_of().open(monotonic())
-
-
 def test_homed_where_it_is_held(device_of: Make, board: PtyDevice) -> None:
     teensy(board).counts = (16_000, -3, 77, 0, 0, 0)
     device = device_of(homing="at_open")
@@ -224,11 +180,6 @@ def test_homed_by_the_button(device_of: Make, board: PtyDevice) -> None:
     person.join()
     assert device.latest(monotonic()).position == pytest.approx((0.025, 0.0, 0.205))
     assert set(teensy(board).currents) == {(0, 0, 0)}
-
-
-def test_nobody_presses_the_button(device_of: Make) -> None:
-    with pytest.raises(DeviceFault, match=r"in 0\.05 s; put the handle in its home pose"):
-        device_of(homing="button", home_patience_s=0.05).open(monotonic())
 
 
 def test_garbled_answers_rest_the_motors_and_are_survived(device_of: Make, board: PtyDevice) -> None:
@@ -252,14 +203,6 @@ def test_an_error_that_stays_is_a_fault_and_no_current_goes(device_of: Make, boa
     with pytest.raises(DeviceFault, match="reports "):
         press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
     assert teensy(board).currents[-1] == (0, 0, 0)
-
-
-def test_a_gimbal_that_is_not_there_may_be_missing(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    teensy(board).error = 1 | 2 | 4
-    teensy(board).counts = (*WOODY.counts_at((0.002, 0.0, 0.0)), 0, 0, 0)
-    until(lambda: device.latest(monotonic()).position == pytest.approx((0.002, 0.0, 0.0), abs=1e-4))
 
 
 @pytest.fixture
@@ -353,14 +296,6 @@ def test_the_weight_is_carried_while_the_loop_commands_and_not_longer(device_of:
         assert emulator.currents_ma == (0.0, 0.0, 0.0)
 
 
-def test_unplugged_is_a_fault(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    board.unplug()
-    with pytest.raises(DeviceFault, match=r"unplugged|no such port"):
-        until(lambda: not device.latest(monotonic()))
-
-
 def test_plugged_in_again_with_power_it_goes_on_and_the_force_comes_up_anew(device_of: Make, board: PtyDevice) -> None:
     device = device_of(reconnect_s=PATIENCE)
     device.open(monotonic())
@@ -395,16 +330,6 @@ def test_plugged_in_again_after_a_loss_of_power_it_has_lost_its_home(device_of: 
     assert norm(device.latest(monotonic()).position) < 1e-4
 
 
-def test_counters_that_begin_again_without_a_disconnection_end_the_force(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    press_until(device, (1.0, 1.0, 1.0), lambda: teensy(board).currents[-1] != (0, 0, 0))
-    teensy(board).counts = (0, 0, 0, 0, 0, 0)
-    with pytest.raises(DeviceFault, match="lost its home"):
-        press_until(device, (1.0, 1.0, 1.0), lambda: not device.latest(monotonic()))
-    assert teensy(board).currents[-1] == (0, 0, 0)
-
-
 def test_a_restart_that_swallows_answers_is_no_motion_either(device_of: Make, board: PtyDevice) -> None:
     """However fast a hand may be: in the time of the silence it could have gone there."""
     device = device_of()
@@ -427,14 +352,3 @@ def test_another_model_in_its_place_is_no_return(device_of: Make, board: PtyDevi
     board.plug()
     with pytest.raises(DeviceFault, match=r"came back as another one: model 1 \(polhem\), not model 3"):
         until(lambda: not device.latest(monotonic()))
-
-
-def test_late_answers_are_not_taken_for_those_to_the_next_message(device_of: Make, board: PtyDevice) -> None:
-    device = device_of()
-    device.open(monotonic())
-    board.emulator.faults.late_s = 0.015
-    count = len(teensy(board).currents)
-    until(lambda: len(teensy(board).currents) > count + 3)
-    board.emulator.faults.late_s = 0.0
-    teensy(board).counts = (*WOODY.counts_at((0.002, 0.0, 0.0)), 0, 0, 0)
-    until(lambda: device.latest(monotonic()).position == pytest.approx((0.002, 0.0, 0.0), abs=1e-4))

@@ -8,10 +8,10 @@ from pathlib import Path
 from time import monotonic, sleep
 
 from weberlink.geometry.vector import norm
-from weberlink.hardware.pty_device import PtyDevice
-from weberlink.master.devices.polhem.bracket import WATCHDOG_S
-from weberlink.master.devices.polhem.force_stage import RAMP_S
-from weberlink.master.emulators.polhem import PolhemSerialEmulator, PolhemSerialEmulatorOptions
+from weberlink.hardware.emulator import PtyDevice
+from weberlink.master.devices.polhem.serial_protocol import WATCHDOG_S
+from weberlink.master.devices.threaded_device import RAMP_S
+from weberlink.master.emulators.polhem.serial_board import PolhemSerialEmulator, PolhemSerialEmulatorOptions
 
 ROOT = Path(__file__).parents[4]
 PATIENCE = 20.0

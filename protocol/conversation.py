@@ -1,0 +1,297 @@
+"""The conversation with the peer: its state, its present session, and what the owner reads and says in it."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from math import inf
+
+from weberlink.protocol.events import Address, Connected, Event, UpdateLost
+from weberlink.protocol.liveness import Liveness
+from weberlink.protocol.mailbox import Mailbox, Statistics
+from weberlink.protocol.path import Path
+from weberlink.protocol.sending import Parameters
+from weberlink.protocol.session import LONGEST_SILENCE, Session
+from weberlink.protocol.states import Role, State, Trigger, next_state
+from weberlink.protocol.wire import LONGEST_CHANGE, TICK_BITS, DirectionLayout
+from weberlink.update import Update
+
+ENCODING_REPORT_S = 0.02
+ENCODING_REPORT_TICKS = 10
+"""An encoder counts as running for so long, or for so many ticks, after its owner last said so."""
+MOST_TICKS = 1 << TICK_BITS - 1
+"""Ticks that the silence limit may span."""
+QUIET_SHARE, LONGEST_QUIET = 0.2, 0.05
+"""For what share of the silence limit, and for how long at most [s], nothing must come from the peer's address before
+another one is used."""
+
+
+def session_parameters(
+    outgoing_values: Sequence[int],
+    incoming_values: Sequence[int],
+    *,
+    incoming_parametric: Sequence[Collection[int]],
+    carries_credit: bool,
+    epoch: float,
+    tick_period: float,
+    silence: float,
+) -> Parameters:
+    """Check and combine what all sessions of an endpoint have in common; arguments as of `Endpoint`.
+
+    Raises:
+        ValueError: naming the argument.
+    """
+    if not (tick_period > 0.0 and silence > 0.0):
+        raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
+    if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
+        raise ValueError(f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}")
+    outgoing, incoming = (
+        DirectionLayout(values, carries_credit=carries_credit, further_acks=len(others) - 1, parametric=parametric)
+        for values, others, parametric in (
+            (outgoing_values, incoming_values, ()),
+            (incoming_values, outgoing_values, incoming_parametric),
+        )
+    )
+    return Parameters(outgoing, incoming, epoch, tick_period, silence)
+
+
+class Conversation:
+    """One end of a link between its owner and the sessions, without handshake and timers (`Endpoint` adds them).
+
+    Attributes:
+        role: of this end.
+        state: of the conversation.
+        peer: where the peer is, or was last; None for a responder that nobody has called.
+        liveness: when the ends last heard each other in the session, or in the last one.
+        statistics: counters over all sessions, and present measurements.
+    """
+
+    def __init__(
+        self,
+        role: Role,
+        parameters: Parameters,
+        agreement: Mapping[str, object],
+        entropy: Callable[[int], bytes],
+        peer: Address | None,
+    ) -> None:
+        self.role = role
+        self.state = State.IDLE
+        self.peer = peer
+        self.statistics = Statistics()
+        self.liveness = Liveness(parameters.epoch, parameters.silence, 0.0, -inf)
+        self._parameters = parameters
+        self._agreement = agreement
+        self._entropy = entropy
+        self._mailbox = Mailbox(self.statistics)
+        self._session: Session | None = None
+        self._former: Session | None = None
+        self._path: Path | None = None
+        self._encoding_reported_at: float | None = None
+        self._is_encoding = True
+        self._due: float | None = None  # read several times a tick; None when it may have changed
+
+    # --- what the owner reads
+
+    def next_event(self) -> Event | None:
+        """Take the oldest event; None if there is none."""
+        return self._mailbox.next_event()
+
+    def datagrams_to_send(self) -> list[tuple[bytes, Address]]:
+        """Take everything to be sent, oldest first."""
+        return self._mailbox.datagrams()
+
+    @property
+    def silent_at(self) -> float:
+        """When the loop age passes the limit if nothing more is heard [s]; infinite while not engaged."""
+        if self._session is None or self.state is not State.ENGAGED:
+            return inf
+        return self._session.silent_at
+
+    @property
+    def heard_at(self) -> float:
+        """When the newest fresh datagram came from the peer [s]; -inf before the first."""
+        return self.liveness.heard_at
+
+    @property
+    def confirmed_at(self) -> float:
+        """Departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
+
+        The time since then is the loop age.
+        """
+        return self.liveness.confirmed_at
+
+    def is_peer_encoding(self, now: float) -> bool:
+        """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs."""
+        return self.state is State.ENGAGED and now <= self.liveness.encodes_until
+
+    def peer_time(self, now: float) -> float | None:
+        """The peer's clock [s since its epoch]; None while unknown. Divided by the tick period: its tick."""
+        return None if self._session is None else self._session.clock.peer_time(now)
+
+    def latest_receivable_peer_time(self, now: float) -> float | None:
+        """The peer's clock less the least delay to here [s]; None while unknown.
+
+        Anything that the peer sent before then can have arrived by now; anything later cannot.
+        """
+        return None if self._session is None else self._session.clock.latest_receivable_peer_time(now)
+
+    @property
+    def rtt(self) -> float | None:
+        """Round trip of the latest datagrams [s]; None while unknown."""
+        return None if self._session is None else self._session.clock.rtt
+
+    @property
+    def jitter(self) -> float:
+        """By how much few datagrams of either direction exceed their least delay [s]."""
+        return 0.0 if self._session is None else self._session.clock.jitter
+
+    @property
+    def credit(self) -> int:
+        """Cumulative count granted to the peer in every datagram; 0 when a session begins.
+
+        Setting it raises ValueError if it would fall. Without a session it stays 0.
+        """
+        return 0 if self._session is None else self._session.credit.granted
+
+    @credit.setter
+    def credit(self, count: int) -> None:
+        if self._session is not None:
+            self._session.credit.granted = count
+
+    @property
+    def peer_credit(self) -> int:
+        """Cumulative count granted by the peer in this session, as far as known: never more than it granted."""
+        return 0 if self._session is None else self._session.credit.known
+
+    # --- what the owner says
+
+    def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
+        """Send a new state of a stream to the peer, and repeat it until it arrives.
+
+        To a peer that has fallen silent the update is sent as well, and is repeated once the peer is back.
+
+        Args:
+            now: [s].
+            update: its tick is counted from the epoch.
+            stream: which it belongs to, from 0.
+
+        Returns:
+            False if there is no session, and nothing was sent.
+
+        Raises:
+            ValueError: naming what cannot be sent.
+        """
+        if self._session is None:
+            return False
+        self._due = None
+        self._is_encoding = True
+        self._post(self._session.sender.send_update(now, update, stream))
+        return True
+
+    def report_encoding(self, now: float, *, is_encoding: bool) -> None:
+        """Report in every tick whether the encoder of this end runs, which every datagram tells the peer.
+
+        An owner that has reported and then stops counts as not encoding; one that never reports counts as encoding.
+        """
+        self._encoding_reported_at = now
+        if is_encoding is not self._is_encoding:
+            self._is_encoding = is_encoding
+            self._tell_encoding()
+
+    def request_full_state(self) -> None:
+        """Tell the peer that the owner holds none of its updates any more, so that it sends complete ones."""
+        if self._session is not None:
+            self._session.request_full_state()
+
+    def propose_change(self, now: float, tick: int, body: bytes) -> bool:
+        """Propose that both ends change something at the same tick; `ChangeAnswered` follows.
+
+        Args:
+            tick: of ours, at which the change is to be made; far enough ahead for the answer to come back.
+            body: what is to change, 1 to `LONGEST_CHANGE` bytes.
+
+        Returns:
+            False, and nothing is proposed, without an engaged peer or while an earlier proposal waits for its answer.
+
+        Raises:
+            ValueError: the body is empty or too long.
+        """
+        if not 1 <= len(body) <= LONGEST_CHANGE:
+            raise ValueError(f"a change takes 1 to {LONGEST_CHANGE} bytes, not {len(body)}")
+        if self._session is None or self.state is not State.ENGAGED or self._session.sender.negotiation.is_proposing:
+            return False
+        self._session.sender.negotiation.propose(tick, body, now)
+        self._due = None
+        return True
+
+    def answer_change(self, refusal: str | None) -> None:
+        """Answer the change that the peer has proposed last: None to make it at its tick, or in short why not."""
+        if self._session is not None:
+            self._session.sender.negotiation.answer(refusal)
+            self._due = None
+
+    # --- sessions
+
+    def _turn(self, trigger: Trigger) -> None:
+        self.state = next_state(self.state, trigger)
+
+    def _post(self, datagram: bytes) -> None:
+        assert self.peer is not None
+        self._mailbox.post(datagram, self.peer)
+
+    def _tell_encoding(self) -> None:
+        """Tell the peer at once if our encoder has started or stopped."""
+        if self._session is None or self.state is not State.ENGAGED:
+            return
+        sender = self._session.sender
+        if sender.said_encoding is not self._is_encoding:
+            sender.heartbeats.asked()
+            self._due = None
+
+    def _session_due(self) -> float:
+        """When the present session has something to do [s]."""
+        session, is_engaged = self._session, self.state is State.ENGAGED
+        if session is None:
+            return inf
+        due = session.sender.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding)
+        return min(due, session.silent_at if is_engaged else session.expires_at)
+
+    def _send_due(self, now: float) -> None:
+        """Send what is due in the present session, and report lost updates to the owner."""
+        session, is_engaged = self._session, self.state is State.ENGAGED
+        if session is None:
+            return
+        if is_engaged:
+            limit = max(ENCODING_REPORT_S, ENCODING_REPORT_TICKS * self._parameters.tick_period)
+            if self._encoding_reported_at is not None and now - self._encoding_reported_at > limit:
+                self._is_encoding = False
+            for stream in session.sender.take_lost(now) if self._is_encoding else ():
+                self._mailbox.tell(UpdateLost(stream))
+        while (
+            datagram := session.sender.handle_timer(now, is_engaged=is_engaged, is_encoding=self._is_encoding)
+        ) is not None:
+            self._post(datagram)
+
+    def _establish(self, session: Session, address: Address) -> None:
+        self._turn(Trigger.ESTABLISH)
+        self._end_session()
+        self._session = session
+        self.liveness = session.liveness
+        self._tell_encoding()
+        self.peer = address
+        if self.role is Role.RESPONDER:
+            self._path = Path(address, self._entropy, min(LONGEST_QUIET, QUIET_SHARE * self._parameters.silence))
+        self._mailbox.tell(Connected(address, self._agreement))
+
+    def _end_session(self) -> None:
+        self._path = None
+        if self._session is not None:
+            self._former, self._session = self._session, None
+
+    def _locate(self, session: Session, source: Address, now: float) -> None:
+        """Record where an authentic datagram came from; an initiator knows where its peer is."""
+        path = self._path
+        if path is None:
+            return
+        path.hear(source, now, is_fresh=session.is_newest and session.is_fresh)
+        self.peer = path.address
+        if (challenge := path.challenge(now)) is not None:
+            token, target = challenge
+            self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)

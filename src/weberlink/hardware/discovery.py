@@ -1,0 +1,166 @@
+"""What is plugged in: USB identities, what was found of them, and the choice among what was found.
+
+Knows how this host lists its ports, and nothing of what the things found can do.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from weberlink.hardware.fault import HardwareFault
+
+UDEV_RULES = "49-weberlink.rules"
+"""Shipped in the folder of configurations; gives whoever sits at the machine access to the devices."""
+
+
+class UsbId(NamedTuple):
+    """Vendor and product; product None for any of that vendor's."""
+
+    vendor: int
+    product: int | None = None
+
+    def matches(self, vendor: int | None, product: int | None) -> bool:
+        return vendor == self.vendor and self.product in (None, product)
+
+    def __str__(self) -> str:
+        return f"{self.vendor:04x}:{'any' if self.product is None else f'{self.product:04x}'}"
+
+
+@dataclass(frozen=True, slots=True)
+class PluggedDevice:
+    """Something plugged in.
+
+    Args:
+        path: to open, for example /dev/ttyACM0.
+        name: what it calls itself; empty if it says nothing.
+        serial_number: empty if it has none.
+        problem: why it cannot be used as it is, with what to do about it; None if nothing is known to be in the way.
+    """
+
+    path: str
+    name: str = ""
+    serial_number: str = ""
+    problem: str | None = None
+
+    def __str__(self) -> str:
+        number = f" (serial number {self.serial_number})" if self.serial_number else ""
+        return f"{self.path} {self.name}".strip() + number
+
+
+def hidapi() -> Any:
+    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
+    try:
+        return import_module("hidraw")
+    except ImportError:
+        return import_module("hid")
+
+
+def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
+    """Serial ports of USB devices with one of these identities, by path."""
+    from serial.tools.list_ports import comports  # noqa: PLC0415 - a daemon without a serial device does without
+
+    wanted = tuple(ids)
+    return sorted(
+        (
+            PluggedDevice(
+                port.device, port.product or port.description or "", port.serial_number or "", _problem(port.device)
+            )
+            for port in comports()
+            if any(id_.matches(port.vid, port.pid) for id_ in wanted)
+        ),
+        key=lambda found: found.path,
+    )
+
+
+def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list[PluggedDevice]:
+    """HID devices with one of these identities and one of these usage pages (0: not reported), by path.
+
+    A composite device has several; the usage page tells which of them speaks.
+    """
+    wanted = tuple(ids)
+    found = []
+    for entry in hidapi().enumerate():
+        if any(id_.matches(entry["vendor_id"], entry["product_id"]) for id_ in wanted) and (
+            entry.get("usage_page", 0) in usage_pages
+        ):
+            path = entry["path"].decode(errors="replace")
+            found.append(
+                PluggedDevice(path, _text(entry, "product_string"), _text(entry, "serial_number"), _problem(path))
+            )
+    return sorted(found, key=lambda each: each.path)
+
+
+def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
+    """The one that is meant where the file names none.
+
+    Args:
+        found: what is plugged in.
+        what: a name for the device, for the complaint.
+        option: the key that chooses among several, with the section in front.
+
+    Raises:
+        HardwareFault: none is there, several are, or the one cannot be used.
+    """
+    if not found:
+        raise HardwareFault(f"{what}: nothing of the kind is plugged in; `weberlink devices` lists what there is")
+    if len(found) > 1:
+        there = ", ".join(map(str, found))
+        raise HardwareFault(f"{what}: {len(found)} are plugged in: {there}; say which with {option}: {found[0].path}")
+    if found[0].problem is not None:
+        raise HardwareFault(f"{what}: {found[0].path}: {found[0].problem}")
+    return found[0]
+
+
+def _problem(path: str) -> str | None:
+    if not path.startswith("/dev/") or os.access(path, os.R_OK | os.W_OK):
+        return None
+    return permission_advice(path)
+
+
+def permission_advice(path: str) -> str:
+    """What to do where this user may not open a device."""
+    return (
+        f"no permission to open {path}; install the shipped rules with: weberlink devices --install-rules, "
+        "then unplug it and plug it in again"
+    )
+
+
+def _text(entry: dict[str, Any], key: str) -> str:
+    return entry.get(key) or ""
+
+
+class DeviceLocator:
+    """Finds the device of a driver, and notices by the serial number when another one is in its place.
+
+    Args:
+        name: of the driver.
+        port: path that the options name; None for the only device plugged in.
+        plugged: lists what is plugged in.
+    """
+
+    def __init__(self, name: str, port: str | None, plugged: Callable[[], Sequence[PluggedDevice]]) -> None:
+        self._name = name
+        self._port = port
+        self._plugged = plugged
+        self._serial_number = ""
+
+    def forget(self) -> None:
+        self._serial_number = ""
+
+    def locate(self) -> str:
+        """The path to open; that of the same device as last time.
+
+        Raises:
+            HardwareFault: none is there, several are, the one cannot be used, or it is another one.
+        """
+        there = list(self._plugged())
+        if self._port is None:
+            found = only(there, self._name, "master.device.port")
+        else:
+            found = next((each for each in there if each.path == self._port), PluggedDevice(self._port))
+        if self._serial_number not in ("", found.serial_number):
+            raise HardwareFault(f"{found} is another one than before, which had serial number {self._serial_number}")
+        self._serial_number = found.serial_number
+        return found.path

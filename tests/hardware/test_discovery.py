@@ -1,0 +1,74 @@
+"""What is plugged in, and which of it is meant."""
+
+from pathlib import Path
+
+import pytest
+
+from weberlink.hardware.discovery import DeviceLocator, PluggedDevice, UsbId, hid_devices, only, serial_ports
+from weberlink.hardware.fault import HardwareFault
+from weberlink.master.devices.polhem.serial_device import teensys
+
+ONE = PluggedDevice("/dev/ttyACM0", "Teensy", "1234")
+TWO = PluggedDevice("/dev/ttyACM1", "Teensy", "5678")
+
+
+@pytest.mark.parametrize(
+    ("found", "said"),
+    [
+        ([], "arm: nothing of the kind is plugged in; `weberlink devices` lists what there is"),
+        (
+            [ONE, TWO],
+            "arm: 2 are plugged in: /dev/ttyACM0 Teensy (serial number 1234), /dev/ttyACM1 Teensy (serial number "
+            "5678); say which with slave.robot.port: /dev/ttyACM0",
+        ),
+        ([PluggedDevice("/dev/ttyACM2", problem="it is on fire")], "arm: /dev/ttyACM2: it is on fire"),
+    ],
+    ids=["none", "two", "problem"],
+)
+def test_only_complains_in_one_line(found: list[PluggedDevice], said: str) -> None:
+    assert only([ONE], "arm", "slave.robot.port") is ONE
+    with pytest.raises(HardwareFault) as fault:
+        only(found, "arm", "slave.robot.port")
+    assert str(fault.value) == said
+
+
+def test_identity_matches_product_or_whole_vendor() -> None:
+    product, vendor = UsbId(0x16C0, 0x0483), UsbId(0x16C0)
+    assert product.matches(0x16C0, 0x0483)
+    assert not product.matches(0x16C0, 0x0486)
+    assert not product.matches(0x1234, 0x0483)
+    assert vendor.matches(0x16C0, 0x0486)
+    assert not vendor.matches(None, None), "a port that is no USB device"
+    assert [str(product), str(vendor)] == ["16c0:0483", "16c0:any"]
+
+
+def test_unknown_vendor_finds_nothing() -> None:
+    nobody = (UsbId(0xFFFF, 0xFFFF),)
+    assert serial_ports(nobody) == hid_devices(nobody) == serial_ports(()) == hid_devices(()) == []
+
+
+def test_named_port_is_taken_whatever_is_plugged_in() -> None:
+    assert DeviceLocator("arm", "/dev/ttyACM1", lambda: (ONE, TWO)).locate() == "/dev/ttyACM1"
+    assert DeviceLocator("arm", "/anywhere/emulated", tuple).locate() == "/anywhere/emulated"
+
+
+def test_another_device_is_noticed_until_forgotten() -> None:
+    there = [ONE]
+    locator = DeviceLocator("arm", None, lambda: there)
+    assert locator.locate() == ONE.path
+    there[0] = TWO
+    with pytest.raises(HardwareFault, match="another one than before, which had serial number 1234"):
+        locator.locate()
+    locator.forget()
+    assert locator.locate() == TWO.path
+
+
+def test_teensys_are_preferred_among_many_alike(tmp_path: Path) -> None:
+    port = tmp_path / "ttyACM1"
+    port.touch()
+    (tmp_path / "usb-Teensyduino_USB_Serial_123-if00").symlink_to(port)
+    (tmp_path / "usb-Somebody_Else_9-if00").symlink_to(tmp_path / "ttyACM0")
+    other, theirs = PluggedDevice(str(tmp_path / "ttyACM0")), PluggedDevice(str(port.resolve()))
+    assert teensys([other, theirs], tmp_path) == [theirs]
+    assert teensys([other], tmp_path / "missing") == [other]
+    assert teensys([other, PluggedDevice("/dev/ttyX", "Teensy 4.0")], tmp_path / "missing")[0].name == "Teensy 4.0"

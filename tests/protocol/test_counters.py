@@ -1,0 +1,123 @@
+"""Truncated counters: expansion, replay window, loss meter."""
+
+from random import Random
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from weberlink.protocol.counters import LOSS_PATIENCE, REPLAY_WINDOW, LossMeter, ReplayWindow, expand, expand_counter
+
+
+@given(st.integers(-(2**40), 2**40), st.integers(-(2**23) + 1, 2**23 - 1))
+def test_expansion_undoes_truncation_within_half_the_range(full: int, error: int) -> None:
+    assert expand(full & 0xFFFFFF, 24, full + error) == full
+
+
+@given(st.integers(0, 2**24 - 1), st.integers(-(2**40), 2**40))
+def test_expansion_is_congruent_and_near(truncated: int, near: int) -> None:
+    full = expand(truncated, 24, near)
+    assert full % 2**24 == truncated
+    assert abs(full - near) <= 2**23
+
+
+@given(st.integers(0, 2**24 - 1), st.integers(0, 2**40))
+def test_a_counter_never_becomes_negative(truncated: int, near: int) -> None:
+    full = expand_counter(truncated, 24, near)
+    assert full >= 0
+    assert full % 2**24 == truncated
+
+
+def test_a_counter_that_starts_just_below_the_wrap() -> None:
+    assert expand_counter(2**24 - 5, 24, 0) == 2**24 - 5
+    assert expand_counter(2, 24, 2**24 - 4) == 2**24 + 2
+
+
+@given(st.lists(st.integers(0, 3 * REPLAY_WINDOW), max_size=200))
+def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
+    window = ReplayWindow()
+    marked: set[int] = set()
+    for number in numbers:
+        newest = max(marked, default=-1)
+        assert window.newest == newest
+        assert window.is_new(number) == (number not in marked and newest - number < REPLAY_WINDOW)
+        if window.is_new(number):
+            window.mark(number)
+            marked.add(number)
+            assert not window.is_new(number)
+
+
+def test_a_huge_leap_forgets_but_never_admits_twice() -> None:
+    window = ReplayWindow()
+    window.mark(5)
+    window.mark(2**60)
+    assert not window.is_new(5)
+    assert not window.is_new(2**60)
+    assert window.is_new(2**60 - 1)
+
+
+def meter(numbers: list[int]) -> LossMeter:
+    made = LossMeter()
+    changes = sum(made.record(number) for number in numbers)
+    assert changes == made.lost
+    return made
+
+
+@given(st.sets(st.integers(0, 200), min_size=1))
+def test_in_order_the_count_is_that_of_the_gaps(received: set[int]) -> None:
+    numbers = sorted(received)
+    settled = [*numbers, *range(numbers[-1] + 1, numbers[-1] + 1 + LOSS_PATIENCE)]
+    assert meter(settled).lost == numbers[-1] - numbers[0] + 1 - len(numbers)
+
+
+@given(st.integers(0, 2**32), st.integers(2, 60))
+def test_reordering_leaves_no_trace(seed: int, reach: int) -> None:
+    """The averages are linear, so what comes late is taken back exactly."""
+    random = Random(seed)
+    numbers = list(range(1, 400))
+    shuffled = sorted(numbers, key=lambda number: number + random.random() * reach)
+    made = meter([0, *shuffled, *range(400, 400 + reach + LOSS_PATIENCE)])
+    assert made.lost == 0
+    assert made.fraction == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_swap_of_neighbours_is_never_seen_as_loss() -> None:
+    made = LossMeter()
+    for number in [0, 2, 1, 3, 5, 4, 6]:
+        made.record(number)
+        assert made.fraction == 0.0
+
+
+def test_numbers_before_the_first_are_not_held_against_the_link() -> None:
+    assert meter([1000, 1001, 998, 1002]).lost == 0
+
+
+@pytest.mark.parametrize("loss", [0.01, 0.1, 0.5])
+def test_the_estimate_follows_the_loss(loss: float) -> None:
+    random = Random(3)
+    made = LossMeter()
+    estimates = []
+    for number in range(20_000):
+        if random.random() >= loss:
+            made.record(number)
+            estimates.append(made.fraction)
+    late = estimates[5000:]
+    mean = sum(late) / len(late)
+    assert loss * 0.9 < mean < loss + 0.1
+    for number in range(20_000, 35_000):
+        made.record(number)
+    assert made.fraction < 1e-4
+
+
+def test_a_burst_is_noticed_at_once_and_a_single_loss_is_remembered() -> None:
+    made = meter([*range(100), *range(120, 124)])
+    assert made.lost == 20
+    assert made.fraction > 0.4
+    single = meter([*range(100), *range(101, 600)])
+    assert 1e-4 < single.fraction < 2e-3
+
+
+def test_a_very_long_gap_costs_no_time_and_stays_in_range() -> None:
+    made = meter([0, 2**40, 2**40 + 1, 2**40 + 2, 2**40 + 3])
+    assert made.lost == 2**40 - 1
+    assert 0.9 < made.fraction <= 1.0
