@@ -128,33 +128,22 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
 
 
 def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Side:
-    security = build_security(configuration)
     link = configuration.system.link
-    identity = Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns())
+    common: dict[str, Any] = {
+        "security": build_security(configuration),
+        "entropy": os.urandom,
+        "epoch": epoch,
+        "stopwatch": perf_counter,
+        "identity": Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns()),
+    }
     # Each side imports its own parts only.
     if order.side == MASTER:
         from weberlink.system.composition.master import build_master  # noqa: PLC0415
 
-        peer = split_address(link.slave)
-        return build_master(
-            configuration,
-            security=security,
-            entropy=os.urandom,
-            epoch=epoch,
-            stopwatch=perf_counter,
-            peer=peer,
-            identity=identity,
-        )
+        return build_master(configuration, peer=split_address(link.slave), **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
-    return build_slave(
-        configuration,
-        security=security,
-        entropy=os.urandom,
-        epoch=epoch,
-        stopwatch=perf_counter,
-        identity=identity,
-    )
+    return build_slave(configuration, **common)
 
 
 def _default_name(side: str, listen: str) -> str:

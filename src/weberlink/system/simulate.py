@@ -31,23 +31,10 @@ def build_simulation(configuration: Configuration) -> Simulation:
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
-    security = build_security(configuration)
+    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": lambda: 0.0}
     return Simulation(
-        master=build_master(
-            configuration,
-            security=security,
-            entropy=chance["master"].randbytes,
-            epoch=0.0,
-            stopwatch=_no_time,
-            peer=SLAVE_ADDRESS,
-        ),
-        slave=build_slave(
-            configuration,
-            security=security,
-            entropy=chance["slave"].randbytes,
-            epoch=0.0,
-            stopwatch=_no_time,
-        ),
+        master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
+        slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
         links=(
             build_link(to_slave, chance["forward"].random, 0.0),
             build_link(to_master, chance["backward"].random, 0.0),
@@ -155,8 +142,3 @@ class VirtualRecording:
             "lost": writer.lost,
             "outcome": self._outcome,
         }
-
-
-def _no_time() -> float:
-    """The stopwatch of virtual time, so that equal runs are equal bit for bit."""
-    return 0.0

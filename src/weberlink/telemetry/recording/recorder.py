@@ -24,9 +24,9 @@ COMPLETED, FAILED = 0, 1
 STOP_SIGNALS = (SIGINT, SIGTERM)
 
 LOOK_S = 0.2
-"""From one look into the rings to the next, and so what the death of this process can cost [s]."""
+"""Time between two reads of the rings, and so the most that the death of this process can cost [s]."""
 LOOK_FOR_S = 0.02
-"""The same while there is no ring yet."""
+"""The same while there is no ring."""
 APPEAR_S = 10.0
 """How long the first ring may take to appear [s]."""
 NICENESS = 10
@@ -71,7 +71,7 @@ class RingSource:
         self._lost = 0
 
     def open(self) -> bool:
-        """Whether the ring is there; looks for it if it was not.
+        """Open the ring if it exists; returns whether it is open.
 
         Raises:
             RingFormatError, OSError: it is there and cannot be read.
@@ -82,7 +82,7 @@ class RingSource:
         return self.ring is not None
 
     def move(self, writer: RecordingWriter) -> None:
-        """Write what has come since the last time, and count what could not be read any more.
+        """Write the new records, and count those that were overwritten before they could be read.
 
         Raises:
             OSError: by the writer.
@@ -105,7 +105,7 @@ class RingSource:
 
 
 class RingRecorder:
-    """The sources and the file, which is made when the first ring is there.
+    """Moves records from the rings to the file, which is created when the first ring appears.
 
     Args:
         order: what to record.
@@ -142,7 +142,7 @@ class RingRecorder:
         self._told.append(Signals(number))
 
     def close(self, outcome: str) -> None:
-        """Let go of the rings, and of the file if it is not finished yet."""
+        """Close the rings, and the file if it is not finished."""
         for source in self._sources:
             source.close()
         if self.writer is not None:
@@ -216,12 +216,12 @@ def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str
 
 
 def _tell(summary: Mapping[str, Any]) -> None:
-    """Answer whoever started this, if it is still there."""
+    """Print the summary for the parent, if it still runs."""
     try:
         sys.stdout.write(json.dumps(summary))
         sys.stdout.flush()
     except BrokenPipeError:
-        # What could not be written would be tried again, and complained of, at exit.
+        # Or Python would try to write again, and complain, at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

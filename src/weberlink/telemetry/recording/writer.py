@@ -34,14 +34,14 @@ from weberlink.telemetry.recording.message import (
 __all__ = ["Origin", "RecordingExistsError", "RecordingWriter"]
 
 CHUNK_RECORDS = 4096
-"""A chunk is written when it holds so many records, if no one has asked for it before."""
+"""A chunk is written when it holds so many records, or earlier by `flush`."""
 
 _ROW = rows_of(DTYPE.itemsize)
 _SEQUENCES = 2**32
 
 
 class RecordingExistsError(FileExistsError):
-    """There is a file under this name already."""
+    """The file exists already."""
 
 
 @dataclass
@@ -54,8 +54,8 @@ class _Side:
 class RecordingWriter:
     """One new recording; made by `create`.
 
-    Once the disk is full or fails, every call raises that same OSError. By then the file is cut back to its last whole
-    chunk and, where that is possible, finished in order.
+    After a failed write every call raises the same OSError. The file is then cut back to its last whole chunk and, if
+    possible, finished in order.
     """
 
     def __init__(self, path: Path, file: McapFile) -> None:
@@ -124,7 +124,7 @@ class RecordingWriter:
         self._sides[origin.side] = _Side(origin, channel)
 
     def write(self, side: str, records: Rows) -> None:
-        """Take the next records of a side; they are in the file after `flush`, or when enough have come together.
+        """Take the next records of a side; they are in the file after `flush`, or when a chunk is full.
 
         Args:
             side: one that was added.
@@ -147,7 +147,7 @@ class RecordingWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Hand all records so far to the kernel: the death of this process costs none of them.
+        """Hand all records so far to the kernel, so that the death of this process costs none of them.
 
         Raises:
             OSError: as of the class; the records that were not yet in the file are gone.
