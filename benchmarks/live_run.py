@@ -15,7 +15,7 @@ from benchmarks.arrangement import Arrangement, BenchError
 from benchmarks.percentiles import Series
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
-from weberlink.system.daemon import Order
+from weberlink.system.daemon import DaemonOrder
 from weberlink.system.launcher import Daemon
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.ring import default_path
@@ -147,8 +147,8 @@ def _daemons(file: Path, overrides: Sequence[str]) -> Iterator[dict[str, Daemon]
     try:
         for side in (SLAVE, MASTER):  # the slave first: it listens when the master calls
             ring = default_path(f"{os.getpid()}-{side}")
-            ring.unlink(missing_ok=True)  # of an earlier process with the same id
-            daemons[side] = Daemon(Order(side, str(file), tuple(overrides), str(ring), os.getpid()))
+            ring.unlink(missing_ok=True)  # of an earlier process that had our number
+            daemons[side] = Daemon(DaemonOrder(side, str(file), tuple(overrides), str(ring), os.getpid()))
         yield daemons
     finally:
         for daemon in daemons.values():
