@@ -15,6 +15,8 @@ from weberlink.protocol.states import State
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 
+QUICK = 5
+"""One case in so many is run without `--hunt`."""
 CASE = Case("press", BOTH)
 SAFE = Figures(
     robot_ms=61.0,
@@ -36,7 +38,15 @@ SAFE = Figures(
 
 
 @pytest.mark.parametrize(
-    "case", selection(), ids=lambda case: f"{case.fault}, {case.scheme}, {case.force}, {case.motion}"
+    "case",
+    [
+        pytest.param(
+            case,
+            id=f"{case.fault}, {case.scheme}, {case.force}, {case.motion}",
+            marks=() if index % QUICK == 0 else pytest.mark.hunt,
+        )
+        for index, case in enumerate(selection())
+    ],
 )
 def test_no_law_is_broken(case: Case) -> None:
     assert run(case).violations == ()
