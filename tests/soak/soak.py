@@ -162,6 +162,7 @@ class Soak:
         if watch.overruns:
             report.violations.append(f"{watch.overruns} records were overwritten before the soak could read them")
         report.longest_queue_bytes = watch.longest_queue
-        report.relay = rig.wire.books()._asdict()
+        books = rig.wire.books()
+        report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
         report.lives = {side: sum(of.name == side for of in watch.samples.values()) for side in SIDES}
         report.measure(watch.samples.values())

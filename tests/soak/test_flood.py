@@ -1,20 +1,18 @@
-"""A flood is what it says: its datagrams, its speed, and what it measures."""
+"""Floods: their datagrams, their rate, and the law on answers."""
 
 import os
 import socket
 from random import Random
-from typing import Any
 
 import pytest
 
 from tests.protocol.harness import KEY, Pair
 from tests.soak import ammunition
-from tests.soak.flood import FOREIGN, flood, line, violated
+from tests.soak.laws import answers_little
 from tests.soak.volley import fire
 from weberlink.protocol.handshake import HELLO_HEADER
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import Kind, kind_of
-from weberlink.system.configuration import SLAVE
 
 
 @pytest.fixture(scope="module")
@@ -86,61 +84,18 @@ def test_a_spoofed_datagram_seems_to_come_from_the_peer(target: socket.socket) -
         assert target.recvfrom(100) == (b"question", ("127.0.0.1", 45_678))
 
 
-@pytest.mark.realtime
-def test_a_session_lives_through_a_small_flood() -> None:
-    figures = flood("forged", SLAVE, FOREIGN, rate=2000, seconds=1.0, seed=1)
-    shots, during = figures["shots"], figures["during"]
-    assert shots["sent"] > 0
-    assert shots["answers"] == 0
-    assert during["dropped"][SLAVE] > 0
-    assert during["core"][SLAVE] > 0.0
-    assert min(figures["before"]["engaged"].values()) > 0.0
-    assert "forged" in line(figures)
-    assert violated(figures) == []
-    assert len(violated(figures, most_core=0.0, most_missed=-1.0)) == 2
-
-
-def calm(side_share: float = 1.0) -> dict[str, Any]:
-    ends = {"master": side_share, "slave": 1.0}
-    return {
-        "seconds": 10.0,
-        "core": {"master": 0.1, "slave": 0.1},
-        "missed": {"master": 0.0, "slave": 0.0},
-        "engaged": ends,
-        "stall_s": 0.01,
-        "sent_bytes": {"master": 10_000, "slave": 10_000},
-    }
-
-
-def flooded(during: dict[str, Any] | None = None, **shots: int | None) -> dict[str, Any]:
-    heard = {"sent": 1000, "sent_bytes": 512_000, "answers": 0, "answered_bytes": 0}
-    return {
-        "kind": "calls",
-        "target": "slave",
-        "shots": {**heard, "longest_answer": 0, "shortest_question": 512, **shots},
-        "before": calm(),
-        "during": calm() | (during or {}),
-        "after": calm(),
-    }
-
-
 @pytest.mark.parametrize(
-    ("figures", "told"),
+    ("shots", "told"),
     [
-        (flooded(calm(0.9)), "the master was in the session for 90.00 % of the ticks during the flood"),
-        (flooded() | {"after": calm(0.0)}, "the master was in the session for 0.00 % of the ticks after the flood"),
-        (flooded(answers=1001), "1000 questions of 512000 B had 1001 answers"),
-        (flooded(answers=999, answered_bytes=512_001), "had 999 answers of 512001 B"),
-        (flooded(answers=1, longest_answer=513), "an answer of 513 B, a question of 512 B"),
-        (flooded(answers=1) | {"kind": "forged"}, "1 answers to who has not proved the key"),
-        (flooded({"sent_bytes": {"slave": 600_000}}, answers=None), "the slave sent 600000 B"),
+        ({"answers": 1001}, "1000 questions of 512000 B had 1001 answers"),
+        ({"answers": 999, "answered_bytes": 512_001}, "had 999 answers of 512001 B"),
+        ({"answers": 1, "longest_answer": 513}, "an answer of 513 B, a question of 512 B"),
     ],
 )
-def test_what_a_flood_must_not_do_is_seen(figures: dict[str, Any], told: str) -> None:
-    (found,) = violated(figures)
+def test_too_many_or_too_long_answers_are_seen(shots: dict[str, int], told: str) -> None:
+    fair = {"sent": 1000, "sent_bytes": 512_000, "answers": 1000, "answered_bytes": 109_000}
+    fair |= {"longest_answer": 109, "shortest_question": 512}
+    assert answers_little(fair, is_proven=True) == []
+    assert answers_little(fair, is_proven=False) == ["1000 answers to who has not proved the key"]
+    (found,) = answers_little(fair | shots, is_proven=True)
     assert told in found
-
-
-def test_what_a_flood_may_do_is_not_held_against_it() -> None:
-    assert violated(flooded(answers=1000, answered_bytes=109_000, longest_answer=109)) == []
-    assert violated(flooded(calm(0.9) | {"stall_s": 0.5})) == []
