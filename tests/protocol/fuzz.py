@@ -85,21 +85,6 @@ class Meddled:
             clear = bytes(changed)
         return self.inner.seal(sequence, clear)
 
-    def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open(sequence, datagram)
-
-    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open_next(sequence, datagram)
-
-    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open_previous(sequence, datagram)
-
-    def rekey_outgoing(self) -> None:
-        self.inner.rekey_outgoing()
-
-    def rekey_incoming(self) -> None:
-        self.inner.rekey_incoming()
-
     def __getattr__(self, name: str) -> Any:
         return getattr(self.inner, name)
 

@@ -166,12 +166,6 @@ def test_a_fault_that_cannot_be_is_named(field: str, value: object) -> None:
         Emulation(**{field: value})  # type: ignore[arg-type]
 
 
-def test_a_loss_too_high_for_its_bursts_is_named() -> None:
-    with pytest.raises(ValueError, match="burst"):
-        Emulation(loss=0.9, burst=2.0)
-    Emulation(loss=1.0, burst=2.0)
-
-
 def test_a_periodic_blackout_repeats_from_its_start() -> None:
     made = link(blackouts=((1.0, 0.05, 0.2),), epoch=10.0)
     for number in range(200):

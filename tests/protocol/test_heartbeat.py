@@ -30,12 +30,6 @@ def introduced(now: float = 0.0) -> HeartbeatSchedule:
     return schedule
 
 
-def test_the_first_one_is_due_at_once() -> None:
-    schedule = HeartbeatSchedule(5.0, silence=SILENCE, tick_period=TICK)
-    assert schedule.due(is_engaged=True) <= 5.0
-    assert schedule.due(is_engaged=False) <= 5.0
-
-
 def test_introductions_go_on_until_the_peer_was_heard() -> None:
     schedule = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK)
     for _ in range(50):

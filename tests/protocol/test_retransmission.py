@@ -119,7 +119,3 @@ def test_copies_leave_little_lost(loss: float) -> None:
     assert 0 <= copies <= MOST_COPIES
     assert loss <= LOSSY or copies == MOST_COPIES or loss ** (1 + copies) <= RESIDUAL * (1.0 + 1e-6)
     assert copies == 0 or loss**copies > RESIDUAL * (1.0 - 1e-6)
-
-
-def test_a_clean_link_needs_no_copies() -> None:
-    assert [copies_needed(loss) for loss in (0.0, LOSSY, 0.01, 0.1, 0.3, 1.0)] == [0, 0, 0, 1, 3, 3]

@@ -99,15 +99,6 @@ def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
     assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > 0.53
 
 
-def test_a_datagram_that_left_before_the_update_arrived_is_no_evidence() -> None:
-    sender, receiver, _, _ = pair(Checksum(), silence=10.0)
-    early = receiver.sender.send_heartbeat(0.5)
-    sender.sender.send_update(0.5, sample_update(500))
-    due = sender.sender.next_timer(is_engaged=True, is_encoding=True)
-    deliver(sender, early, 0.53)
-    assert sender.sender.next_timer(is_engaged=True, is_encoding=True) >= min(due, 0.55)
-
-
 def test_who_is_asked_answers_at_once() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     overdue = 9.0
@@ -150,16 +141,6 @@ def test_an_update_that_contradicts_itself_is_malformed() -> None:
         outcomes.append(deliver(receiver, protections[0].seal(sequence, clear), 0.01))
     assert outcomes[0] is DropReason.MALFORMED
     assert isinstance(outcomes[1], UpdateReceived)
-
-
-def test_a_silent_peer_is_sent_heartbeats_only() -> None:
-    sender, _, counted, _ = pair(Checksum(), silence=10.0)
-    sender.sender.send_update(0.0, sample_update(0))
-    silent = {"is_engaged": False, "is_encoding": False}
-    times = [step for step in range(1, 1000) if sender.sender.handle_timer(step * 0.001, **silent) is not None]
-    assert counted.repeats == 0
-    interval = 1e3 * sender.sender.heartbeats.interval
-    assert all(later - earlier == pytest.approx(interval, abs=1) for earlier, later in pairwise(times))
 
 
 def test_a_farewell_arrives_however_late() -> None:
