@@ -86,20 +86,6 @@ def test_a_robot_that_follows_what_is_stale_is_seen() -> None:
     assert laws.nothing_stale(returned, 5) == ["stale datagrams brought the session back"]
 
 
-def test_the_way_back() -> None:
-    assert laws.returned(2.9, 3.0) == []
-    assert laws.returned(None, 3.0) == ["no session within 3 s after the fault"]
-    master, slave = healthy(), healthy()
-    assert laws.away_for({"master": master, "slave": slave}, 100.01, PERIOD) == 0.0
-    slave["state"][:40] = State.SILENT.value
-    assert laws.away_for({"master": master, "slave": slave}, 100.01, PERIOD) == pytest.approx(0.03)
-
-
-def test_a_session_that_needed_a_handshake_was_not_kept() -> None:
-    assert laws.same_session(0, 0) == []
-    assert laws.same_session(2, 1) == ["the session was not kept: 2 HELLOs and 1 WELCOMEs"]
-
-
 def test_holds_no_more() -> None:
     first = Footprint(1, 1, 1, 10, 2)
     assert laws.holds_no_more(first, Footprint(9, 9, 9, 12, 2)) == []
@@ -107,12 +93,6 @@ def test_holds_no_more() -> None:
         "descriptors rose from 10 to 13",
         "threads rose from 2 to 3",
     ]
-
-
-def test_queue_drains() -> None:
-    assert laws.queue_drains([]) == []
-    assert laws.queue_drains([4000, 0, 900]) == []
-    assert laws.queue_drains([4000, 300, 900]) == ["300 bytes or more wait in the socket all the time"]
 
 
 def test_a_stall_of_the_machine_is_measured() -> None:
