@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf
 
-from weberlink.protocol.events import Address, Connected, Event, UpdateLost
+from weberlink.protocol.events import Address, Connected, Event, PathAnswered, PathAsked, UpdateLost
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Mailbox, Statistics
 from weberlink.protocol.path import Path
@@ -295,3 +295,11 @@ class Conversation:
         if (challenge := path.challenge(now)) is not None:
             token, target = challenge
             self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
+
+    def _take_path(self, session: Session, outcome: PathAsked | PathAnswered, source: Address, now: float) -> None:
+        """Answer the question whether this end is at an address, or take the answer to ours."""
+        if isinstance(outcome, PathAsked):
+            self._mailbox.post(session.sender.send_path(now, outcome.token, is_answer=True), source)
+        elif self._path is not None:
+            self._path.answer(outcome.token, now)
+            self.peer = self._path.address

@@ -1,6 +1,6 @@
-"""A faulty link: delay, loss and the rest, from a seed. The same object serves virtual time and real sockets.
+"""Emulate a faulty link, seeded: delay, jitter, loss, reordering, duplicates, bit errors, a rate limit, blackouts.
 
-Knows nothing of what it carries or to whom; randomness is handed in, so the same seed does the same harm.
+The same object serves virtual time and real sockets; random numbers are handed in.
 """
 
 from collections.abc import Callable

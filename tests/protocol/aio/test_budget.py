@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from weberlink.protocol.aio.budget import WorkBudget
-from weberlink.protocol.aio.queue import ReceiveQueue
+from weberlink.protocol.aio.queue import ReceiveQueue, WorkBudget
 from weberlink.protocol.events import Address
 
 
