@@ -9,7 +9,7 @@ from benchmarks.meter import Account, Overhead
 from benchmarks.tick_cost import CHUNK, PARTS, QUICK_TICKS, assemble, measure
 from tests.system.systems import CONFIGS
 from weberlink.protocol.keys import generate
-from weberlink.protocol.psk import CcmProtection
+from weberlink.protocol.psk import CcmCipher
 from weberlink.system.configuration import SIDES
 
 
@@ -49,10 +49,10 @@ def test_a_meter_that_seems_to_cost_less_than_nothing_is_left_as_it_is() -> None
 def test_both_sides_run_and_every_part_is_seen(tmp_path: Path) -> None:
     key = tmp_path / "key"
     generate(key)
-    seal = CcmProtection.seal
+    seal = CcmCipher.seal
     arrangement = Arrangement(CONFIGS / "loopback.yaml", key, ("control.scheme=tdpa",), lambda _: [], quick=True)
     cost = measure(arrangement)
-    assert CcmProtection.seal is seal
+    assert CcmCipher.seal is seal
     assert cost.ticks == QUICK_TICKS
     for side in SIDES:
         assert tuple(cost.parts_us[side]) == PARTS
