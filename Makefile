@@ -83,7 +83,7 @@ lock: $(DEV)  ## pin the newest versions that pyproject.toml allows
 		--output-file requirements.lock pyproject.toml
 	$(BIN)/pip-compile -q --upgrade --strip-extras --no-emit-index-url --no-emit-find-links --no-emit-options \
 		--extra dev --extra plots --extra precision --extra recording --extra parquet --extra dask --extra statistics --extra mujoco \
-		--extra compiled --extra monitor --extra docs \
+		--extra monitor --extra docs \
 		--output-file requirements-dev.lock pyproject.toml
 
 clean:

@@ -66,7 +66,6 @@ def _figures(document: Document) -> Iterator[tuple[str, float | None]]:
         yield f"{side} tick, sum of parts [us]", _float(total)
         yield f"{side} CPU, share of a core [%]", 100.0 * document["cpu"][side]["cpu_share"]
     yield "codec live [samples/s]", _float(document["codec"]["live_samples_per_s"])
-    yield "codec compiled [samples/s]", _float(document["codec"]["compiled_samples_per_s"])
     for side, memory in document["memory"].items():
         yield f"{side} memory [KiB]", _float(memory["last_kib"])
         yield f"{side} growth [KiB/min]", _float(memory["growth_kib_per_minute"])

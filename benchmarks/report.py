@@ -82,12 +82,7 @@ def _ticks(document: Mapping[str, Any]) -> Table:
 
 
 def _lines(document: Mapping[str, Any]) -> Iterator[str]:
-    codec = document["codec"]
-    compiled = codec["compiled_samples_per_s"]
-    yield (
-        f"codec: {codec['live_samples_per_s'] / 1e3:.0f} thousand samples/s live, "
-        + (f"{compiled / 1e6:.1f} million compiled" if compiled is not None else f"compiled: {codec['compiled_note']}")
-    )
+    yield f"codec: {document['codec']['live_samples_per_s'] / 1e3:.0f} thousand samples/s"
     for side, memory in document["memory"].items():
         yield (
             f"{side}: {memory['last_kib'] / 1024:.1f} MiB, {memory['growth_kib_per_minute']:+.0f} KiB a minute, "

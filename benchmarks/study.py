@@ -180,7 +180,7 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
         "codec": findings.codec.as_json(),
         "memory": memory(main.sides),
         "start_up": findings.start.as_json(),
-        "targets": [target.as_json() for target in targets(findings.rates, findings.way, findings.codec)],
+        "targets": [target.as_json() for target in targets(findings.rates, findings.way)],
         "run_time_s": findings.run_time_s,
         "host": dict(findings.about),
         "environment": facts,

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from benchmarks.arrangement import MAIN_RATE_HZ
-from benchmarks.codec_rate import CodecRate
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
 
@@ -41,7 +40,7 @@ class Target:
         return {name: value for name, value in asdict(self).items() if name != "words"} | {"met": self.met}
 
 
-def targets(lateness: Mapping[float, Lateness], latency: Latency, codec: CodecRate) -> list[Target]:
+def targets(lateness: Mapping[float, Lateness], latency: Latency) -> list[Target]:
     """All of them, of the rates that were run; of two daemons the worse one counts."""
     main, fastest = lateness.get(MAIN_RATE_HZ), lateness.get(FASTEST_HZ)
     cpu = None if main is None else max(side.cpu_s / side.elapsed_s for side in main.sides.values())
@@ -54,9 +53,6 @@ def targets(lateness: Mapping[float, Lateness], latency: Latency, codec: CodecRa
         Target("missed_share_4khz", of(fastest, lambda at: at.missed_share), 0.01, "missed ticks at 4 kHz, share"),
         Target("cpu_share_1khz", cpu, 0.12, "CPU of a daemon at 1 kHz, share of a core"),
         Target("one_way_p50_ratio", latency.worst_ratio, 3.0, "one way of an update, x a plain socket's"),
-        Target(
-            "compiled_samples_per_s", codec.compiled_samples_per_s, 5e6, "compiled hybrid, samples/s", at_least=True
-        ),
     ]
 
 

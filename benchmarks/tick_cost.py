@@ -13,7 +13,7 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 from time import perf_counter, perf_counter_ns, thread_time_ns
-from typing import Any
+from typing import Any, cast
 
 import uvloop
 
@@ -21,17 +21,18 @@ from benchmarks.arrangement import MAIN_RATE_HZ, Arrangement, BenchError
 from benchmarks.meter import Account, Meter, Overhead, calibrate, metered
 from weberlink.codec import Decoder, Encoder
 from weberlink.control.tuning import Tuning
-from weberlink.master.loop import MasterLoop
+from weberlink.master.operator_port import OperatorPort
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.psk import CcmCipher
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage, thaw_garbage
-from weberlink.slave.loop import SlaveLoop
+from weberlink.slave.robot_port import RobotPort
 from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
 from weberlink.system.configuration import MASTER, SLAVE, Configuration
+from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
 DEVICE, CODEC, CONTROL, PROTOCOL, SECURITY = "device", "codec", "control", "protocol", "security"
@@ -62,9 +63,7 @@ class End:
         meter: charged while it ticks.
     """
 
-    def __init__(
-        self, name: str, loop: MasterLoop | SlaveLoop, shell: UdpShell, ring: RingWriter, meter: Meter
-    ) -> None:
+    def __init__(self, name: str, loop: Side, shell: UdpShell, ring: RingWriter, meter: Meter) -> None:
         self.name = name
         self.loop = loop
         self.account = Account()
@@ -125,7 +124,7 @@ class Pair:
             end.tick(self._index, self.now)
         self._index += 1
 
-    def _end(self, name: str, loop: MasterLoop | SlaveLoop) -> End:
+    def _end(self, name: str, loop: Side) -> End:
         shell = UdpShell(loop.endpoint, now=lambda: self.now, listen=(HOST, 0))
         loop.open(self.now)
         self._stack.callback(loop.close)
@@ -212,10 +211,11 @@ def _medians(chunks: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {part: median(chunk.get(part, 0.0) for chunk in chunks) * 1e-3 / CHUNK for part in PARTS}
 
 
-def classes(loop: MasterLoop | SlaveLoop) -> dict[type, str]:
+def classes(loop: Side) -> dict[type, str]:
     """The classes of a side's parts."""
-    device = loop.device if isinstance(loop, MasterLoop) else loop.robot
-    own = {type(device): DEVICE, type(loop.control): CONTROL, Tuning: CONTROL}
+    port = loop.port
+    device = port.device if isinstance(port, OperatorPort) else cast(RobotPort, port).robot
+    own = {type(device): DEVICE, type(port.control): CONTROL, Tuning: CONTROL}
     return own | {
         Encoder: CODEC,
         Decoder: CODEC,

@@ -117,26 +117,20 @@ class ForceGate:
         """Shut at once; for a new session, whose first force has nothing to do with the last one."""
         self.gain = 0.0
 
-    def pass_through(self, force: Vector, *, engaged: bool, age: float, elapsed: float) -> Vector:
-        """The share of a force that passes now.
+    def update(self, *, engaged: bool, age: float, elapsed: float) -> float:
+        """Move the gate; returns the gain.
 
         Args:
-            force: the decoded force [N].
             engaged: whether force may be felt at all.
             age: how long the ends have been out of touch [s].
             elapsed: time since the last call [s].
         """
         if engaged and self.gain == 1.0 and age <= self._fade_from:
             self.ramping = False
-            return force
+            return 1.0
         step = elapsed / self._ramp
         heard = (self._silence - age) / (self._silence - self._fade_from)
         wanted = min(1.0, self.gain + step) if engaged else self.gain - step
         self.gain = max(0.0, min(wanted, heard))
         self.ramping = not engaged or self.gain < min(1.0, heard)
-        return self.share(force)
-
-    def share(self, torque: Vector) -> Vector:
-        """The share of a torque [N m], or force, that passes in a tick whose force has passed through."""
-        gain = self.gain
-        return (torque[0] * gain, torque[1] * gain, torque[2] * gain)
+        return self.gain

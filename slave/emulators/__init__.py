@@ -1,21 +1,15 @@
-"""The emulated robots there are: the mirror of `weberlink.master.emulators`."""
+"""The table of emulated robots, each by the name of the driver that talks to it."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
-from importlib import import_module
-from typing import Any, ClassVar, Protocol, cast
+from typing import Any, ClassVar, Protocol
 
 from pydantic import BaseModel
 
-EMULATORS = {"dynamixel": "weberlink.slave.emulators.dynamixel:DynamixelEmulator"}
-"""By the name of the driver that talks to it: "module:Class", imported only on use."""
+from weberlink.registry import Registry
 
 
 class EmulatorClass(Protocol):
-    """An emulator as the table names it: its options, its transport (serial or hid), and the faults of its own.
-
-    `OWN_FAULTS` has what each of them does, and with what value.
-    """
+    """An emulator class: its options, its transport (serial or hid), and its own faults with what each value does."""
 
     Options: ClassVar[type[BaseModel]]
     transport: ClassVar[str]
@@ -23,13 +17,6 @@ class EmulatorClass(Protocol):
     __call__: Any
 
 
-def load(name: str) -> EmulatorClass:
-    """The emulator's class; raises ValueError for an unknown name."""
-    if name not in EMULATORS:
-        nearest = get_close_matches(name, EMULATORS, n=1, cutoff=0.0)
-        raise ValueError(f"no emulated robot is called {name!r}; nearest is {nearest[0]!r}")
-    module, _, attribute = EMULATORS[name].partition(":")
-    return cast(EmulatorClass, getattr(import_module(module), attribute))
-
-
-__all__ = ["EMULATORS", "EmulatorClass", "load"]
+EMULATORS = {"dynamixel": "weberlink.slave.emulators.dynamixel:DynamixelEmulator"}
+_registry: Registry[EmulatorClass] = Registry("emulated robot", EMULATORS)
+load = _registry.load

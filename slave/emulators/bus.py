@@ -1,9 +1,8 @@
-"""The wire that servos share: when an instruction has arrived, who answers it, and when the answer has left.
+"""The emulated bus of the servos: when an instruction has arrived, who answers it, and when the answer has left.
 
-Half duplex and without an echo: one byte takes ten bits' time, an instruction counts when its last byte is in, and each
-answer begins a return delay after what went before it. What a host sends while answers are still leaving would collide
-on a real wire; here it is counted and heard after them. Instructions with a wrong checksum are not answered. Knows no
-mechanics.
+Half duplex without echo: one byte takes the time of ten bits, an instruction counts when its last byte has arrived, and
+each answer begins a return delay after the previous packet. Bytes that a host sends while answers are leaving would
+collide on a real wire; here they are counted and received after them. Instructions with a wrong checksum are ignored.
 """
 
 from collections import deque
@@ -20,16 +19,16 @@ from weberlink.slave.robots.dynamixel.packet import (
     SYNC_WRITE,
     Packet,
     PacketReader,
-    Status,
+    StatusPacket,
     encode_status,
 )
 
 QUEUE = 64
-"""Instructions and answers that wait; more are lost."""
+"""Most instructions, and most answers, that wait; more are lost."""
 
 
-class Bus:
-    """Servos on a wire.
+class ServoBus:
+    """Servos on one wire.
 
     Args:
         servos: In any order.
@@ -48,9 +47,9 @@ class Bus:
         self.packets = 0
         """Instructions carried out."""
         self.errors = 0
-        """Of them, those that a servo refused, for each servo that did."""
+        """Refusals of instructions, counted for each servo."""
         self.collisions = 0
-        """Times that a host spoke while an answer was leaving."""
+        """Times that a host sent while an answer was leaving."""
 
     @property
     def bad_checksums(self) -> int:
@@ -58,7 +57,7 @@ class Bus:
 
     @property
     def next_request(self) -> float:
-        """When the last byte of the oldest instruction that waits is in [s]; infinity for never."""
+        """When the oldest waiting instruction has arrived [s]; infinity for never."""
         return self._requests[0][0] if self._requests else inf
 
     @property
@@ -96,14 +95,14 @@ class Bus:
         return left
 
     def restart(self) -> None:
-        """Power goes and comes back: nothing that was under way arrives, and who was dead lives."""
+        """Power cycle: packets under way are lost, and dead servos live again."""
         self.dead.clear()
         self._reader.clear()
         self._requests.clear()
         self._replies.clear()
 
-    def _answers(self, packet: Packet, now: float) -> list[tuple[Servo, Status]]:
-        """What the servos say, in the order in which they do."""
+    def _answers(self, packet: Packet, now: float) -> list[tuple[Servo, StatusPacket]]:
+        """The answers of the servos, in the order on the wire."""
         hearing = [servo for servo in self._servos if servo.id not in self.dead and servo.hears(now)]
         if packet.id != BROADCAST:
             hearing = [servo for servo in hearing if servo.id == packet.id]
@@ -121,10 +120,10 @@ class Bus:
                 self._counted(servo.answer(packet, now))
         return []
 
-    def _sync_read(self, parameters: bytes, hearing: Sequence[Servo]) -> list[tuple[Servo, Status]]:
-        """Each servo waits for the one before it in the list: behind one that is silent, all are."""
+    def _sync_read(self, parameters: bytes, hearing: Sequence[Servo]) -> list[tuple[Servo, StatusPacket]]:
+        """Each servo waits for the answer of the one before it in the list, so all behind a silent one are silent."""
         by_id = {servo.id: servo for servo in hearing}
-        answers: list[tuple[Servo, Status]] = []
+        answers: list[tuple[Servo, StatusPacket]] = []
         for id_ in parameters[4:]:
             servo = by_id.get(id_)
             status = None
@@ -137,7 +136,7 @@ class Bus:
         return answers
 
     def _sync_write(self, parameters: bytes, hearing: Sequence[Servo]) -> None:
-        """Nobody answers, whatever comes of it."""
+        """There is no answer, not even for an error."""
         if len(parameters) < 4:
             return
         address, size = word(parameters, 0), word(parameters, 2)
@@ -146,6 +145,6 @@ class Bus:
                 if parameters[at] == servo.id and size:
                     self.errors += bool(servo.write(address, parameters[at + 1 : at + 1 + size]))
 
-    def _counted(self, status: Status | None) -> Status | None:
+    def _counted(self, status: StatusPacket | None) -> StatusPacket | None:
         self.errors += status is not None and status.error & ~ALERT != 0
         return status

@@ -1,8 +1,7 @@
-"""An OpenMANIPULATOR-X on its bus: five servos, the arm that four of them move, and the scene that its tip touches.
+"""An emulated OpenMANIPULATOR-X on its bus: five servos, the arm, and the scene that its tip touches.
 
-Owns the order in which time passes for them: mechanics in steps of a fixed grid, instructions and watchdogs when they
-are due, whenever and however often it is called. What is not known of a real arm (temperature, backlash, cables) is
-not there; what is guessed is said where it is guessed.
+Mechanics advance on a fixed grid of steps, and instructions and watchdogs take effect when they are due, independent of
+when `advance` is called. Temperature, backlash and cables are not modelled.
 """
 
 from collections import deque
@@ -15,24 +14,29 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from weberlink.geometry.vector import Vector
 from weberlink.hardware.emulator import WireFaults
-from weberlink.slave.emulators.bus import Bus
-from weberlink.slave.emulators.control_table import BAUD_RATES, MODEL
-from weberlink.slave.emulators.dynamics import STEP, Arm
-from weberlink.slave.emulators.gripper import Gripper
-from weberlink.slave.emulators.links import COULOMB, JOINTS, ROTOR_INERTIA, VISCOUS
-from weberlink.slave.emulators.motor import TORQUE_N_M_PER_A, amperes
-from weberlink.slave.emulators.pose import Joints, Pose
-from weberlink.slave.emulators.servo import Measured, Servo
+from weberlink.slave.emulators.arm_dynamics import STEP, EmulatedArm, Gripper
+from weberlink.slave.emulators.bus import ServoBus
+from weberlink.slave.emulators.servo import TORQUE_N_M_PER_A, Measured, Servo, amperes
+from weberlink.slave.robots.dynamixel.arm import (
+    COULOMB_N_M,
+    LOWER,
+    ROTOR_INERTIA_KG_M2,
+    UPPER,
+    VISCOUS_N_M_S,
+    Joints,
+    arm_pose,
+)
+from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, OPENMANIPULATOR_X_MODEL
 from weberlink.slave.scenes.settings import SceneSettings, build
 
 GAP_STEPS = round(1.0 / STEP)
-"""Most of them per call; a longer silence is not made up for."""
+"""Most steps per call; the rest of a longer silence is skipped."""
 OVERLOAD = 1 << 5
-Figure = Annotated[float, Field(ge=0.0, le=100.0)]
-PerJoint = tuple[Figure, Figure, Figure, Figure]
+FrictionValue = Annotated[float, Field(ge=0.0, le=100.0)]
+JointValues = tuple[FrictionValue, FrictionValue, FrictionValue, FrictionValue]
 
 
-class DynamixelOptions(BaseModel):
+class DynamixelEmulatorOptions(BaseModel):
     """Options of the emulated arm: by default as shipped, held by hand in ROBOTIS' home pose until all torque is on."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -46,13 +50,13 @@ class DynamixelOptions(BaseModel):
         default=True, description="somebody holds the arm until torque is on in all four joints; else it falls"
     )
     scene: SceneSettings = Field(default=(), description="what the tip touches, in the frame of the foot")
-    coulomb_n_m: PerJoint = Field(default=COULOMB, description="dry friction of the joints")
-    viscous_n_m_s: PerJoint = Field(default=VISCOUS, description="viscous friction of the joints")
+    coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
+    viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
     torque_constant_n_m_a: float = Field(
         default=TORQUE_N_M_PER_A, gt=0.0, le=10.0, description="of the motors with their gears"
     )
     rotor_inertia_kg_m2: float = Field(
-        default=ROTOR_INERTIA, ge=0.0, le=1.0, description="of each motor, seen at its joint"
+        default=ROTOR_INERTIA_KG_M2, ge=0.0, le=1.0, description="of each motor, seen at its joint"
     )
     current_noise_ma: float = Field(default=3.0, ge=0.0, description="standard deviation of the measured current")
     seed: int = Field(default=0, description="of that noise")
@@ -74,14 +78,14 @@ class DynamixelOptions(BaseModel):
     @field_validator("start_rad")
     @classmethod
     def check_start(cls, start: Joints) -> Joints:
-        for number, (joint, angle) in enumerate(zip(JOINTS, start, strict=True), start=1):
-            if not joint.lower <= angle <= joint.upper:
-                raise ValueError(f"joint {number}: expected {joint.lower:.2f} to {joint.upper:.2f} rad, got {angle}")
+        for number, (low, angle, high) in enumerate(zip(LOWER, start, UPPER, strict=True), start=1):
+            if not low <= angle <= high:
+                raise ValueError(f"joint {number}: expected {low:.2f} to {high:.2f} rad, got {angle}")
         return start
 
     @model_validator(mode="after")
     def check_scene(self) -> Self:
-        tip = Pose(self.start_rad).tip
+        tip = arm_pose(self.start_rad).tip
         for number, thing in enumerate(self.scene):
             if build([thing]).touch(tip):
                 raise ValueError(f"scene[{number}]: expected the tip to start outside, it starts at {tip} m")
@@ -91,7 +95,7 @@ class DynamixelOptions(BaseModel):
 class DynamixelEmulator:
     """Sans-I/O: bytes and `now` go in, messages come out. See `weberlink.hardware.emulator`."""
 
-    Options = DynamixelOptions
+    Options = DynamixelEmulatorOptions
     transport: ClassVar[str] = "serial"
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
         "overload": "a joint raises its alarm and lets go; 1 to 4, 5 for the gripper",
@@ -102,12 +106,12 @@ class DynamixelEmulator:
         "wrong_model": "every motor says to be this model, 1060 is an XL430-W250; 0: what it is",
     }
 
-    def __init__(self, options: DynamixelOptions | None = None) -> None:
-        self._options = options = DynamixelOptions() if options is None else options
+    def __init__(self, options: DynamixelEmulatorOptions | None = None) -> None:
+        self._options = options = DynamixelEmulatorOptions() if options is None else options
         self.faults = WireFaults()
         self._random = Random(options.seed)  # noqa: S311 - noise of a sensor
         self._noise = 1e-3 * options.current_noise_ma
-        self.arm = Arm(
+        self.arm = EmulatedArm(
             build(options.scene) if options.scene else None,
             options.start_rad,
             coulomb=options.coulomb_n_m,
@@ -116,16 +120,16 @@ class DynamixelEmulator:
         )
         self.gripper = Gripper()
         self.held = options.held
-        """Whether somebody still holds the arm."""
+        """Whether a person still holds the arm."""
         self.currents = [0.0] * 5
-        """That the motors have now: joints 1 to 4, gripper [A]."""
+        """Present currents of joints 1 to 4 and gripper [A]."""
         self.largest_current = 0.0
         """Of any motor since the start [A]."""
         self._stuck: dict[int, float] = {}
         self._injected: deque[tuple[str, float]] = deque()
         self.servos = tuple(self._servo(index, id_) for index, id_ in enumerate(options.ids))
         """Joints 1 to 4, gripper."""
-        self.bus = Bus(self.servos, options.baud)
+        self.bus = ServoBus(self.servos, options.baud)
         self._steps: int | None = None
 
     @property
@@ -174,10 +178,10 @@ class DynamixelEmulator:
         return soonest if soonest < inf else None
 
     def inject(self, name: str, value: float) -> None:
-        """Cause one of its own faults, at the next `advance`; from any thread.
+        """Cause one of its own faults at the next `advance`; callable from any thread.
 
         Raises:
-            ValueError: there is no such fault, or not with this value.
+            ValueError: unknown fault or value.
         """
         if name not in self.OWN_FAULTS:
             raise ValueError(f"no fault is called {name!r}; there are {', '.join(self.OWN_FAULTS)}")
@@ -202,7 +206,7 @@ class DynamixelEmulator:
                 self.bus.dead = set() if index < 0 else {self.servos[index].id}
             case "wrong_model":
                 for servo in self.servos:
-                    servo.rename(int(value) or MODEL)
+                    servo.rename(int(value) or OPENMANIPULATOR_X_MODEL)
             case _:
                 self.bus.restart()
                 for servo in self.servos:
@@ -219,7 +223,7 @@ class DynamixelEmulator:
         return self.arm.angles[index] if index < 4 else self.gripper.angle
 
     def _measured(self, index: int) -> Measured:
-        """By the sensors of a servo."""
+        """Sensor values of a servo, with noise."""
         current = self.currents[index] + self._random.gauss(0.0, self._noise)
         if index in self._stuck:
             return Measured(self._stuck[index], 0.0, current)
@@ -227,7 +231,7 @@ class DynamixelEmulator:
         return Measured(self._angle(index), velocity, current)
 
     def _move_to(self, now: float) -> None:
-        """Mechanics up to a time, on the grid of steps."""
+        """Advance the mechanics to a time, on the grid of steps."""
         assert self._steps is not None
         end = int(now / STEP)
         begin = max(self._steps, end - GAP_STEPS)

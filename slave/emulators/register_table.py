@@ -1,17 +1,5 @@
-"""The memory of one servo and who may write what; only the rules that need nothing but the registers themselves."""
+"""The memory of one servo, and the rules for reading and writing it."""
 
-from struct import Struct
-from typing import NamedTuple
-
-from weberlink.slave.emulators.control_table import (
-    DEFINED,
-    EEPROM_END,
-    END,
-    GOALS,
-    ITEMS,
-    Item,
-    covered,
-)
 from weberlink.slave.robots.dynamixel.packet import (
     ACCESS_ERROR,
     DATA_LENGTH_ERROR,
@@ -19,82 +7,76 @@ from weberlink.slave.robots.dynamixel.packet import (
     DATA_RANGE_ERROR,
     RESULT_FAIL,
 )
+from weberlink.slave.robots.dynamixel.registers import (
+    BY_ADDRESS,
+    BY_NAME,
+    EEPROM_END,
+    END,
+    MODE_CURRENT,
+    MODE_CURRENT_BASED_POSITION,
+    MODE_EXTENDED_POSITION,
+    MODE_POSITION,
+    REGISTERS,
+    Register,
+)
 
-CURRENT_MODE, POSITION_MODE, EXTENDED_MODE, CURRENT_POSITION_MODE = 0, 3, 4, 5
-MODES = (CURRENT_MODE, POSITION_MODE, EXTENDED_MODE, CURRENT_POSITION_MODE)
+MODES = (MODE_CURRENT, MODE_POSITION, MODE_EXTENDED_POSITION, MODE_CURRENT_BASED_POSITION)
 LIMITS = {"goal_current": "current_limit", "goal_velocity": "velocity_limit", "goal_pwm": "pwm_limit"}
-"""Goals to the registers that bound their size."""
-
-
-class Place(NamedTuple):
-    """Where a register lies in the memory, and what fits into it."""
-
-    address: int
-    layout: Struct
-    low: int
-    high: int
-
-
-def _place(item: Item) -> Place:
-    signed, bits = item.low < 0, 8 * item.size
-    code = {1: "b", 2: "h", 4: "i"}[item.size]
-    layout = Struct("<" + (code if signed else code.upper()))
-    if signed:
-        return Place(item.address, layout, -(1 << (bits - 1)), (1 << (bits - 1)) - 1)
-    return Place(item.address, layout, 0, (1 << bits) - 1)
-
-
-PLACES = {item.name: _place(item) for item in ITEMS}
+"""Goals and the registers that limit their magnitude."""
+DEFINED = frozenset(register.address + offset for register in REGISTERS for offset in range(register.size))
 
 
 class RegisterTable:
-    """As delivered; `memory` is what the addresses hold."""
+    """Registers as delivered; `memory` holds the bytes at all addresses."""
 
     def __init__(self) -> None:
         self.memory = bytearray(END)
-        for item in ITEMS:
-            self[item.name] = item.initial
+        for register in REGISTERS:
+            self[register.name] = register.initial
 
     def __getitem__(self, name: str) -> int:
-        address, layout, _, _ = PLACES[name]
-        return int(layout.unpack_from(self.memory, address)[0])
+        register = BY_NAME[name]
+        return register.decode(self.memory[register.address : register.address + register.size])
 
     def __setitem__(self, name: str, value: int) -> None:
-        """What does not fit is cut to what does."""
-        address, layout, low, high = PLACES[name]
-        layout.pack_into(self.memory, address, min(high, max(low, value)))
+        """Values that do not fit are limited."""
+        register = BY_NAME[name]
+        bits = 8 * register.size - register.signed
+        low, high = -(1 << bits) if register.signed else 0, (1 << bits) - 1
+        self.memory[register.address : register.address + register.size] = register.encode(min(high, max(low, value)))
 
     def clear_ram(self) -> None:
-        """As after power: what is not EEPROM is as delivered."""
-        for item in ITEMS:
-            if item.address >= EEPROM_END:
-                self[item.name] = item.initial
+        """Reset all registers but EEPROM, as a power cycle does."""
+        for register in REGISTERS:
+            if register.address >= EEPROM_END:
+                self[register.name] = register.initial
 
     def unreadable(self, address: int, size: int) -> int:
-        """Why these addresses cannot be read, as an error number; 0 for no reason."""
+        """Error number for a read of these addresses; 0 if it is allowed."""
         return 0 if size > 0 and _defined(address, size) else ACCESS_ERROR
 
     def unwritable(self, address: int, data: bytes) -> int:
-        """Why these bytes must not be written, as an error number; 0 for no reason."""
+        """Error number for a write of these bytes; 0 if it is allowed."""
         if not data or not _defined(address, len(data)):
             return ACCESS_ERROR
-        items = covered(address, len(data))
-        if items is None:
-            return DATA_LENGTH_ERROR
-        for item in items:
-            error = self._refusal(item, PLACES[item.name].layout.unpack_from(data, item.address - address)[0])
-            if error:
-                return error
-        return 0
+        at = 0
+        errors = []
+        while at < len(data):
+            register = BY_ADDRESS.get(address + at)
+            if register is None or at + register.size > len(data):
+                return DATA_LENGTH_ERROR
+            errors.append(self._refusal(register, register.decode(data[at : at + register.size])))
+            at += register.size
+        return next(filter(None, errors), 0)
 
-    def _refusal(self, item: Item, value: int) -> int:
-        """Why a register must not take a value; 0 for no reason."""
-        name = item.name
-        if not item.writable or (item.address < EEPROM_END and self["torque_enable"]):
+    def _refusal(self, register: Register, value: int) -> int:
+        """Error number for a value of a register; 0 if it is allowed."""
+        name = register.name
+        if not register.writable or (register.address < EEPROM_END and self["torque_enable"]):
             return ACCESS_ERROR
-        if not item.low <= value <= item.high or (name == "operating_mode" and value not in MODES):
+        if not register.low <= value <= register.high or (name == "operating_mode" and value not in MODES):
             return DATA_RANGE_ERROR
-        if name in GOALS:
+        if name in LIMITS or name == "goal_position":
             return DATA_RANGE_ERROR if self["bus_watchdog"] < 0 else self._beyond(name, value)
         if name == "bus_watchdog" and (value < 0 or (self[name] < 0 and value != 0)):
             return DATA_RANGE_ERROR
@@ -103,10 +85,10 @@ class RegisterTable:
         return 0
 
     def _beyond(self, goal: str, value: int) -> int:
-        """Whether a goal is beyond the registers that limit it, as an error number."""
+        """Error number for a goal beyond the registers that limit it."""
         if goal != "goal_position":
             return DATA_LIMIT_ERROR if abs(value) > self[LIMITS[goal]] else 0
-        if self["operating_mode"] != POSITION_MODE:
+        if self["operating_mode"] != MODE_POSITION:
             return 0
         return 0 if self["min_position_limit"] <= value <= self["max_position_limit"] else DATA_LIMIT_ERROR
 

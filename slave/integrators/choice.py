@@ -1,18 +1,18 @@
-"""Which scheme steps a robot against its scene, in how many steps a tick, and why. Builds none of them."""
+"""Choice of the integrator for a robot and its scene, and of the number of steps per tick."""
 
 from math import ceil, sqrt
 from typing import NamedTuple
 
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.scenes.scene import Scene
 
 AUTO = "auto"
 STEP_ANGLE = 0.2  # largest omega h and largest c h / m of a semi-implicit substep, for accuracy
-FEW = 12  # substeps that cost no more than one implicit step, and err less (`weberlink precision`)
+FEW = 12  # substeps that cost no more than one implicit step, with a smaller error (`weberlink precision`)
 SUBSTEPS_MOST = 64
 
 
-class Choice(NamedTuple):
+class IntegratorChoice(NamedTuple):
     """A name in the table of integrators, steps per tick, and the reason in a few words."""
 
     integrator: str
@@ -21,17 +21,17 @@ class Choice(NamedTuple):
 
 
 def chosen(
-    body: Body, scene: Scene | None, period: float, integrator: str = AUTO, substeps: int | None = None
-) -> Choice:
-    """The integrator that is named, or for `auto` one that is stable whatever the constants.
+    body: ControlledMass, scene: Scene | None, period: float, integrator: str = AUTO, substeps: int | None = None
+) -> IntegratorChoice:
+    """The integrator of this name; for `auto` one that is stable for all constants.
 
-        exact          flat contact without friction, or none: no error, for the price of four semi-implicit substeps
+        exact          flat contact without friction, or none: no error, at the cost of four semi-implicit substeps
         semi_implicit  where at most twelve substeps resolve the stiffest contact and the strongest damper
-        implicit       else, one step: it resolves less, and never blows up
+        implicit       else, one step: it resolves less, and is always stable
 
     Measured on a scene with friction (2-core VM, Python 3.11): a semi-implicit substep costs 5 to 10 us, an implicit
     step 50 to 90 us. On flat contact an exact step costs 15 us, a semi-implicit one 4 us. On a curved surface the exact
-    scheme follows tangents, and in a few percent of extreme random trials it gained energy, so it is not picked there.
+    scheme follows tangents, and in a few percent of extreme random trials it gained energy, so it is not chosen there.
     A semi-implicit substep resolves omega h <= 0.2 and c h / m <= 0.2, hence
 
         substeps = ceil(T max(sqrt((k + k_scene) / m), (c + c_scene) / m) / 0.2)
@@ -39,11 +39,10 @@ def chosen(
     Args:
         period: T, between two ticks [s].
         integrator: A name in the table of integrators, or `auto`.
-        substeps: Steps per tick, in place of the number worked out here.
+        substeps: Steps per tick; computed if not given.
 
     Raises:
-        ValueError: The semi-implicit scheme was asked for by name, and would be unstable; or an object of the scene
-            moves by itself, which no scheme here knows of.
+        ValueError: The semi-implicit scheme was named and would be unstable, or an object of the scene moves.
     """
     if scene is not None and scene.moves:
         raise ValueError(
@@ -57,15 +56,15 @@ def chosen(
     told = f"{stiffness:.3g} N/m is {period * sqrt(stiffness / body.mass):.2g} rad per tick"
     if integrator == AUTO:
         if scene is None:
-            return Choice("exact", substeps or 1, "no contact")
+            return IntegratorChoice("exact", substeps or 1, "no contact")
         if scene.flat and not scene.rubs:
-            return Choice("exact", substeps or 1, f"flat contact, {told}")
+            return IntegratorChoice("exact", substeps or 1, f"flat contact, {told}")
         if resolving <= (substeps or FEW):
-            return Choice("semi_implicit", substeps or resolving, told)
+            return IntegratorChoice("semi_implicit", substeps or resolving, told)
         what = "friction" if scene.rubs else "curved contact"
-        return Choice("implicit", substeps or 1, f"{what}, {told}")
+        return IntegratorChoice("implicit", substeps or 1, f"{what}, {told}")
     if integrator != "semi_implicit":
-        return Choice(integrator, substeps or 1, f"as named, {told}")
+        return IntegratorChoice(integrator, substeps or 1, f"as named, {told}")
     count = substeps or min(resolving, SUBSTEPS_MOST)
     step = period / count
     if 2.0 * damping * step / body.mass + stiffness * step * step / body.mass >= 4.0:
@@ -73,7 +72,7 @@ def chosen(
             f"integrator: semi_implicit is unstable in {count} substeps of a {period:g} s tick for {body.mass:g} kg "
             f"against {stiffness:g} N/m and {damping:g} N s/m; expected {remedy(resolving, count)}"
         )
-    return Choice(integrator, count, f"as named, {told}")
+    return IntegratorChoice(integrator, count, f"as named, {told}")
 
 
 def remedy(resolving: int, count: int) -> str:

@@ -1,9 +1,4 @@
-"""What an integrator is: one step of a mass under position control that touches a scene. Knows no clock, no robot.
-
-    m a = k (goal - x) - c v + f(x, v)
-
-with the contact force f of the scene. How the force follows from x and v is in `weberlink.slave.integrators.reaction`.
-"""
+"""One integration step of a mass under position control in contact with a scene: m a = k (goal - x) - c v + f(x, v)."""
 
 from dataclasses import dataclass
 from importlib import import_module
@@ -13,15 +8,15 @@ from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.scene import Scene
 
 
-class Motion(NamedTuple):
-    """Where the mass is [m], how fast [m/s], and the contact force on it there [N]; scene frame."""
+class MassState(NamedTuple):
+    """Position [m], velocity [m/s], and the contact force at that state [N]; scene frame."""
 
     position: Vector
     velocity: Vector
     force: Vector
 
 
-class Body(NamedTuple):
+class ControlledMass(NamedTuple):
     """The mass [kg], and stiffness [N/m] and damping [N s/m] of its position control; the last two may be 0."""
 
     mass: float
@@ -30,23 +25,23 @@ class Body(NamedTuple):
 
 
 class Integrator(Protocol):
-    """A scheme for one body and one scene."""
+    """A scheme for one mass and one scene."""
 
-    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
-        """The motion `step` [s] later, with the goal [m] constant meanwhile.
+    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
+        """The state `step` [s] later, with the goal [m] constant meanwhile.
 
-        The scene moves on with it: its state afterwards is that of the position returned. Never raises; a goal far
-        beyond all use may give a motion that is not finite.
+        The scene moves on with it: its state afterwards is that of the position returned. Never raises; an extreme goal
+        may give a state that is not finite.
         """
         ...
 
 
-class Builder(Protocol):
-    def __call__(self, body: Body, scene: Scene | None) -> Integrator: ...
+class IntegratorClass(Protocol):
+    def __call__(self, body: ControlledMass, scene: Scene | None) -> Integrator: ...
 
 
 @dataclass(frozen=True, slots=True)
-class Scheme:
+class IntegrationScheme:
     """One line of the table of integrators.
 
     Args:
@@ -61,7 +56,7 @@ class Scheme:
     l_stable: bool
     exact_if_linear: bool = False
 
-    def build(self, body: Body, scene: Scene | None) -> Integrator:
+    def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
         """The integrator for `body`; without a scene it moves freely."""
         module, _, attribute = self.where.partition(":")
-        return cast(Builder, getattr(import_module(module), attribute))(body, scene)
+        return cast(IntegratorClass, getattr(import_module(module), attribute))(body, scene)

@@ -1,14 +1,127 @@
-"""An L-stable scheme of order 2 for any scene: stiff contact is damped out, never blown up."""
+"""An L-stable implicit scheme of order 2 for any scene, solved by Newton's method."""
 
+from collections.abc import Sequence
 from math import sqrt
+from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale
-from weberlink.slave.integrators.contract import Body, Motion
-from weberlink.slave.integrators.reaction import pressing, reaction
-from weberlink.slave.integrators.stage import Equation, Stage, linear_part
+from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, pressing
+from weberlink.slave.integrators.contract import ControlledMass, MassState
+from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene, SceneState
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
+EVALUATIONS = 24
+HALVINGS = 3
+CONVERGED = 1e-11  # correction of a velocity, relative to the largest of its components
+ROUNDING = 1e-15  # of a position [m/m]
+STILL = 1e-13  # [m/s] smaller corrections are not applied
+
+
+class Stage(NamedTuple):
+    """A state, the contacts that gave its force, and whether it solves the equation of the stage."""
+
+    motion: MassState
+    touches: Sequence[Touch]
+    solved: bool = True
+
+
+class Equation:
+    """x = origin + h v, v = driven + h a(x, v), with the acceleration of `body` under control and contact.
+
+    Args:
+        state: Of the scene before each evaluation; it is left at the last one.
+        rubs: Whether friction counts.
+    """
+
+    __slots__ = ("_drive", "_inertia", "_origin", "_rubs", "_scene", "_state", "_step")
+
+    def __init__(
+        self,
+        body: ControlledMass,
+        scene: Scene,
+        state: SceneState,
+        origin: Vector,
+        driven: Vector,
+        goal: Vector,
+        step: float,
+        *,
+        rubs: bool = True,
+    ) -> None:
+        self._scene, self._state, self._rubs = scene, state, rubs
+        self._origin, self._step = origin, step
+        self._drive, self._inertia = linear_part(body, origin, driven, goal, step)
+
+    def solved(self, near: Stage) -> Stage:
+        """The solution by Newton's method from the guess `near`; not solved after 24 evaluations.
+
+        The force at the first guess is that of `near` and its derivative, so flat contact takes one evaluation. A
+        step that increases the residual is halved, three times at most.
+        """
+        (x, y, z), velocity, force = near.motion
+        origin, step = self._origin, self._step
+        resistance = ContactResistance(near.touches, velocity, self._inertia, step, trial=self._rubs)
+        u, v, w = velocity
+        moved = (origin[0] + step * u - x, origin[1] + step * v - y, origin[2] + step * w - z)
+        change = resistance.solved(self._residual(velocity, resistance.force(moved, force)))
+        stage = self._at((u + change[0], v + change[1], w + change[2]))
+        residual = self._residual(stage.motion.velocity, stage.motion.force)
+        evaluations = 1
+        while evaluations < EVALUATIONS:
+            velocity = stage.motion.velocity
+            change = ContactResistance(stage.touches, velocity, self._inertia, step).solved(residual)
+            if self._is_rounding(change, stage.motion):
+                return stage
+            size = dot(residual, residual)
+            for _ in range(HALVINGS + 1):
+                stage = self._at((velocity[0] + change[0], velocity[1] + change[1], velocity[2] + change[2]))
+                residual = self._residual(stage.motion.velocity, stage.motion.force)
+                evaluations += 1
+                if dot(residual, residual) < size:
+                    break
+                change = (0.5 * change[0], 0.5 * change[1], 0.5 * change[2])
+        return stage._replace(solved=False)
+
+    def _at(self, velocity: Vector) -> Stage:
+        """The scene evaluated where `velocity` leads."""
+        origin, step = self._origin, self._step
+        position = (
+            origin[0] + step * velocity[0],
+            origin[1] + step * velocity[1],
+            origin[2] + step * velocity[2],
+        )
+        self._scene.restore(self._state)
+        touches = self._scene.touch(position)
+        if not self._rubs:
+            touches = tuple([touch._replace(drag=ZERO, grip=0.0) for touch in touches])
+        return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches)
+
+    def _residual(self, velocity: Vector, force: Vector) -> Vector:
+        """Residual of the equation [N s]."""
+        drive, inertia, step = self._drive, self._inertia, self._step
+        return (
+            drive[0] + step * force[0] - inertia * velocity[0],
+            drive[1] + step * force[1] - inertia * velocity[1],
+            drive[2] + step * force[2] - inertia * velocity[2],
+        )
+
+    def _is_rounding(self, change: Vector, motion: MassState) -> bool:
+        tolerance = STILL + CONVERGED * max(map(abs, motion.velocity))
+        return max(map(abs, change)) <= tolerance + ROUNDING * max(map(abs, motion.position)) / self._step
+
+
+def linear_part(
+    body: ControlledMass, origin: Vector, driven: Vector, goal: Vector, step: float
+) -> tuple[Vector, float]:
+    """Without contact: drive = inertia v, with inertia = m + h c + h^2 k and drive = m driven + h k (goal - origin)."""
+    mass, control, brake = body
+    pull = step * control
+    drive = (
+        mass * driven[0] + pull * (goal[0] - origin[0]),
+        mass * driven[1] + pull * (goal[1] - origin[1]),
+        mass * driven[2] + pull * (goal[2] - origin[2]),
+    )
+    return drive, mass + step * (brake + pull)
 
 
 class Implicit:
@@ -20,8 +133,7 @@ class Implicit:
     Alexander, "Diagonally implicit Runge-Kutta methods for stiff O.D.E.'s", SIAM J. Numer. Anal. 14 (1977): with this
     g it is L-stable, and a step ends at its second stage, so the scene is left exactly where it was solved. A stage is
     one equation for a velocity, solved by Newton's method with the matrix of springs, dampers and sticking friction;
-    the scene is set back before each evaluation, and what stays is the accepted position. At most 24 evaluations a
-    stage; one or two where contact is flat (`weberlink.slave.integrators.stage`).
+    the scene is restored before each evaluation. At most 24 evaluations a stage; one or two where contact is flat.
 
     It never adds energy to linear contact (von Neumann: |R| <= 1 holds in the energy norm), but nothing of the kind
     holds across a change of contact. There a step of backward Euler takes its place. The energy U of control and
@@ -41,12 +153,12 @@ class Implicit:
 
     __slots__ = ("_body", "_end", "_scene")
 
-    def __init__(self, body: Body, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
         self._body = body
         self._scene = scene
         self._end: Stage | None = None
 
-    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
+    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         scene, start = self._scene, self._end
         if start is None or start.motion != motion:
             start = Stage(motion, () if scene is None else scene.touch(motion.position))
@@ -63,9 +175,9 @@ class Implicit:
         return end.motion
 
     def _braked(self, scene: Scene, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage:
-        """Backward Euler without friction; then friction takes from the velocity, at most down to zero.
+        """Backward Euler without friction; then friction reduces the velocity, at most to zero.
 
-        What friction remembers is dropped: it did not hold, and must not give back what it never took.
+        The anchor of friction is dropped: it did not hold, and its spring must not return energy that it never stored.
         """
         position, velocity, _ = start.motion
         equation = Equation(self._body, scene, state, position, velocity, goal, step, rubs=False)
@@ -83,7 +195,7 @@ class Implicit:
             velocity = add(velocity, scale(drag, min(step / self._body.mass, -power / pull)))
         scene.forget_friction()
         touches = scene.touch(position)
-        return Stage(Motion(position, velocity, reaction(touches, velocity)), touches)
+        return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches)
 
     def _sdirk(self, start: Stage, state: SceneState | None, goal: Vector, step: float) -> tuple[Stage, Stage]:
         (x, y, z), (u, v, w), _ = start.motion
@@ -104,4 +216,4 @@ class Implicit:
             return Equation(self._body, self._scene, state, origin, driven, goal, step).solved(near)
         drive, inertia = linear_part(self._body, origin, driven, goal, step)
         velocity = scale(drive, 1.0 / inertia)
-        return Stage(Motion(add(origin, scale(velocity, step)), velocity, ZERO), ())
+        return Stage(MassState(add(origin, scale(velocity, step)), velocity, ZERO), ())

@@ -1,19 +1,108 @@
-"""A mass on springs and dampers behind planes, solved from event to event in closed form. Knows no scene, no proxy."""
+"""A mass behind planes with springs and dampers, solved from event to event in closed form.
+
+The probe is pushed to the nearest point in front of all planes, its proxy: probe = proxy - sum lambda_i n_i over the
+active planes, with lambda_i > 0 the depths. With the dual vectors g_i (g_i . n_j = 1 if i = j, else 0, in the span of
+the active normals) lambda_i = -(g_i x + q_i). Under an isotropic control and a force sum F_i n_i, where F_i depends on
+lambda_i and its rate only, each lambda_i is an independent oscillator, at right angles or not, and the proxy moves as
+if there were no contact.
+"""
 
 from collections.abc import Sequence
 from math import pi, sqrt
 from typing import NamedTuple
 
-from weberlink.geometry.vector import Vector, dot
-from weberlink.slave.integrators.contract import Body
-from weberlink.slave.integrators.faces import Coordinate, Face, Faces
+from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.integrators.oscillation import Oscillation
+from weberlink.slave.scenes.active_set import PARALLEL, pair, single, smallest_push, triple
 from weberlink.slave.scenes.scene import FARTHEST, Facing
 
+UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+SOLVERS = (single, pair, triple)
 EVENTS_SPARE = 32
 EVENTS_PER_SWING = 8
-WEIGHTLESS = 1e-9  # share of m / h^2: a spring too soft to matter, where the control has none to carry a drag
+WEIGHTLESS = 1e-9  # share of m / h^2: a negligible spring to carry a drag where the control has none
 FREE: frozenset[int] = frozenset()
+
+
+class Coordinate(NamedTuple):
+    """coordinate(x) = vector . x + offset of `plane`: its depth lambda, or its gap seen from the proxy."""
+
+    plane: int
+    vector: Vector
+    offset: float
+
+    def of(self, x: Vector) -> float:
+        vector = self.vector
+        return vector[0] * x[0] + vector[1] * x[1] + vector[2] * x[2] + self.offset
+
+
+class Face(NamedTuple):
+    """The depths of the active planes, and the gaps of those that the proxy can still reach."""
+
+    depths: tuple[Coordinate, ...]
+    gaps: tuple[Coordinate, ...]
+
+
+class Faces:
+    """All faces of the planes n_i x + o_i = 0, each computed on first use.
+
+    Args:
+        normals: Unit vectors out of the solids.
+        offsets: Gap of each plane at the origin [m].
+    """
+
+    __slots__ = ("_known", "_normals", "_offsets")
+
+    def __init__(self, normals: Sequence[Vector], offsets: Sequence[float]) -> None:
+        self._normals = normals
+        self._offsets = offsets
+        self._known: dict[frozenset[int], Face | None] = {}
+
+    def active(self, position: Vector) -> frozenset[int]:
+        """The planes that hold a probe at `position`."""
+        x, y, z = position
+        violations = [
+            -(n[0] * x + n[1] * y + n[2] * z + offset) for n, offset in zip(self._normals, self._offsets, strict=True)
+        ]
+        if max(violations, default=0.0) <= 0.0:
+            return frozenset()
+        return frozenset([index for index, depth in smallest_push(violations, self._normals) if depth > 0.0])
+
+    def face(self, active: frozenset[int]) -> Face | None:
+        """The coordinates while `active` hold the probe; None if more than three do or their normals are dependent."""
+        if active not in self._known:
+            self._known[active] = self._computed(sorted(active))
+        return self._known[active]
+
+    def _computed(self, active: list[int]) -> Face | None:
+        if len(active) > len(SOLVERS):
+            return None
+        normals = [self._normals[i] for i in active]
+        duals: list[Vector] = []
+        offsets: list[float] = []
+        if active:
+            solve = SOLVERS[len(active) - 1]
+            columns = [solve([dot(n, unit) for n in normals], normals) for unit in UNITS]
+            solved = solve([self._offsets[i] for i in active], normals)
+            x, y, z = columns
+            if x is None or y is None or z is None or solved is None:
+                return None
+            duals = list(zip(x, y, z, strict=True))
+            offsets = list(solved)
+        depths = [Coordinate(i, scale(g, -1.0), -q) for i, g, q in zip(active, duals, offsets, strict=True)]
+        gaps = []
+        for j, n in enumerate(self._normals):
+            if j in active:
+                continue
+            shares = [dot(n, normal) for normal in normals]
+            along, offset = ZERO, self._offsets[j]
+            for share, g, q in zip(shares, duals, offsets, strict=True):
+                along, offset = add(along, scale(g, share)), offset - share * q
+            across = subtract(n, along)
+            if dot(across, across) > PARALLEL:
+                gaps.append(Coordinate(j, across, offset))
+        return Face(tuple(depths), tuple(gaps))
 
 
 class Drag(NamedTuple):
@@ -24,7 +113,7 @@ class Drag(NamedTuple):
     grip: float
 
 
-class Press(NamedTuple):
+class PressedPlane(NamedTuple):
     """The depth of one active plane: value [m], rate [m/s], and the oscillation about `rest` that it follows."""
 
     plane: Facing
@@ -53,11 +142,11 @@ class Press(NamedTuple):
 
 
 class Oscillators:
-    """The oscillations of one body, made once for each stiffness and damping that is added to its control's."""
+    """The oscillations of one mass, cached by the stiffness and damping that are added to those of its control."""
 
     __slots__ = ("_known", "body")
 
-    def __init__(self, body: Body) -> None:
+    def __init__(self, body: ControlledMass) -> None:
         self.body = body
         self._known: dict[tuple[float, float], Oscillation] = {}
 
@@ -70,12 +159,12 @@ class Oscillators:
 
 
 class LinearContact:
-    """Planes, and how a body moves against them.
+    """Motion of a mass against planes.
 
-    Events are: a plane reached by the proxy, a plane left (its depth falls to 0), and the force of a contact with
-    damping falling to 0 before that (it may not pull) or rising again. Each is located to rounding. A stretch between
-    events lasts about half a swing of the stiffest contact; should there be many more of them (only rounding could
-    cause it), the rest of the step keeps the contacts of the last stretch, and as a linear motion stays bounded.
+    Events are: the proxy reaches a plane, a plane is left (its depth falls to 0), and the force of a damped contact
+    falls to 0 before that (it must not pull) or rises again. Each is located to rounding. The time between events is
+    about half a period of the stiffest contact. Should rounding cause many more events, the rest of the step keeps the
+    last contacts; such a linear motion stays bounded.
     """
 
     __slots__ = ("_body", "_events_per_s", "_faces", "_free", "_oscillators", "_planes")
@@ -94,16 +183,16 @@ class LinearContact:
     def flow(
         self, position: Vector, velocity: Vector, goal: Vector, step: float, drag: Drag | None = None
     ) -> tuple[Vector, Vector]:
-        """Position and velocity `step` [s] later. Where a number is beyond use (1e12) nothing is touched."""
+        """Position and velocity `step` [s] later. Beyond 1e12 there is no contact."""
         if self._body.stiffness == 0.0:
-            goal = position  # it pulls at nothing; but its digits would cancel
+            goal = position  # without stiffness the goal has no effect, but its digits would cancel
         if not all(abs(number) < FARTHEST for vector in (position, velocity, goal) for number in vector):
             return moved(self._free, position, velocity, goal, (), step)
         active = self._faces.active(position)
         switched: frozenset[int] | None = None
         for _ in range(EVENTS_SPARE + int(self._events_per_s * step)):
             face = self._faces.face(active)
-            if face is None:  # a corner of dependent normals: rounding took us there
+            if face is None:  # rounding led to a corner of dependent normals
                 break
             base, pulled = self._base(face, goal, step, drag)
             presses = [self._press(depth, position, velocity, goal, drag, switched) for depth in face.depths]
@@ -117,13 +206,13 @@ class LinearContact:
             else:
                 active, switched = active ^ {plane}, None
         face = self._faces.face(self._faces.active(position))
-        assert face is not None  # the smallest push leans on independent normals only
+        assert face is not None  # the smallest push uses independent normals only
         base, pulled = self._base(face, goal, step, drag)
         presses = [self._press(depth, position, velocity, goal, drag, FREE) for depth in face.depths]
         return moved(base, position, velocity, pulled, presses, step)
 
     def _base(self, face: Face, goal: Vector, step: float, drag: Drag | None) -> tuple[Oscillation, Vector]:
-        """How the proxy moves, and about which point: the control, and friction where there is contact."""
+        """The oscillation of the proxy and its centre: the control, and friction where there is contact."""
         if drag is None or not face.depths:
             return self._free, goal
         at, force, grip = drag
@@ -145,34 +234,34 @@ class LinearContact:
         goal: Vector,
         drag: Drag | None,
         slack: frozenset[int] | None,
-    ) -> Press:
-        """`slack` names the contacts that give no force; None where that is to be told from where they are."""
+    ) -> PressedPlane:
+        """`slack` names the contacts without force; None to find that out from their state."""
         index, vector, _ = coordinate
         plane = self._planes[index]
         value, rate = coordinate.of(position), dot(vector, velocity)
         loose = plane.stiffness * value + plane.damping * rate < 0.0 if slack is None else index in slack
         if plane.damping > 0.0 and loose:
-            return Press(plane, coordinate, value, rate, coordinate.of(goal), self._free, True)
+            return PressedPlane(plane, coordinate, value, rate, coordinate.of(goal), self._free, True)
         stiffness, control = plane.stiffness, self._body.stiffness
         pull = control * coordinate.of(goal) + (0.0 if drag is None else dot(vector, drag.force))
         held = self._oscillators.held(stiffness, plane.damping)
-        return Press(plane, coordinate, value, rate, pull / (control + stiffness), held, False)
+        return PressedPlane(plane, coordinate, value, rate, pull / (control + stiffness), held, False)
 
 
 def first_event(
     face: Face,
-    presses: Sequence[Press],
+    presses: Sequence[PressedPlane],
     base: Oscillation,
     position: Vector,
     velocity: Vector,
     goal: Vector,
     step: float,
 ) -> tuple[float, int | None, bool]:
-    """When something changes at the latest after `step`, at which plane (None: nothing), and if only its force does."""
+    """Time of the first event, at most `step`; its plane (None: no event); and whether only the force switches."""
     time, plane, switches = step, None, False
     for gap in face.gaps:
         reached = base.first_fall(gap.of(position), dot(gap.vector, velocity), gap.of(goal), time)
-        if reached is not None and (plane is None or reached < time):  # of two at once the first, as the proxy does
+        if reached is not None and (plane is None or reached < time):  # of two at once the first, as in the proxy
             time, plane = reached, gap.plane
     for press in presses:
         left = press.leaves(time)
@@ -189,10 +278,10 @@ def moved(
     position: Vector,
     velocity: Vector,
     goal: Vector,
-    presses: Sequence[Press],
+    presses: Sequence[PressedPlane],
     time: float,
 ) -> tuple[Vector, Vector]:
-    """Position and velocity after `time` [s] without an event: all of it as `base`, then the depths as they do."""
+    """Position and velocity after `time` [s] without an event: the motion of `base`, corrected for each depth."""
     a, b, c, d = base.transition(time)
     gx, gy, gz = goal
     x, y, z = position[0] - gx, position[1] - gy, position[2] - gz

@@ -1,8 +1,8 @@
 """Semi-implicit (symplectic) Euler: the cheapest step, for contacts that the step resolves."""
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.integrators.contract import Body, Motion
-from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.scenes.scene import Scene
 
 
@@ -15,11 +15,11 @@ class SemiImplicit:
 
     __slots__ = ("_body", "_scene")
 
-    def __init__(self, body: Body, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
         self._body = body
         self._scene = scene
 
-    def advance(self, motion: Motion, goal: Vector, step: float) -> Motion:
+    def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         mass, stiffness, damping = self._body
         (x, y, z), (u, v, w), force = motion
         gain = step / mass
@@ -28,5 +28,5 @@ class SemiImplicit:
         w += gain * (stiffness * (goal[2] - z) - damping * w + force[2])
         position, velocity = (x + step * u, y + step * v, z + step * w), (u, v, w)
         if self._scene is None:
-            return Motion(position, velocity, ZERO)
-        return Motion(position, velocity, reaction(self._scene.touch(position), velocity))
+            return MassState(position, velocity, ZERO)
+        return MassState(position, velocity, contact_force(self._scene.touch(position), velocity))

@@ -1,29 +1,24 @@
-"""Samples that come at a robot's own rate, made into values at any moment: late by a stated lag, never made up.
-
-Owns the few newest samples. Knows no robot and no clock; `add` may be called in one thread and `at` in another.
-"""
+"""Interpolation between samples of a robot with a rate of its own, so that values are late by a stated lag."""
 
 from typing import NamedTuple
 
-Values = tuple[float, ...]
 
-
-class Sample(NamedTuple):
-    """What was measured at `at` [s]."""
+class TimedValues(NamedTuple):
+    """Measured at `at` [s]."""
 
     at: float
-    values: Values
+    values: tuple[float, ...]
 
 
 class Interpolation:
     """Linear between neighbouring samples; held after the newest, and before the oldest that is kept.
 
-    Values asked for at `now` are those of `now - lag`. With a lag of a sample period and the time that a sample is
-    under way, there is a sample on either side of that moment, so nothing has to be extrapolated.
+    Values at `now` are those of `now - lag`. With a lag of a sample period plus the transmission time, there is a
+    sample on either side, so nothing is extrapolated. `add` may be called in one thread and `at` in another.
 
     Args:
-        lag: how much older than `now` the values are [s], >= 0.
-        keep: how many samples are kept, >= 2; one more than the lag covers bridges a sample that comes late.
+        lag: How much older than `now` the values are [s], >= 0.
+        keep: How many samples are kept, >= 2; one more than the lag covers bridges a late sample.
     """
 
     def __init__(self, lag: float, keep: int = 4) -> None:
@@ -31,15 +26,15 @@ class Interpolation:
             raise ValueError(f"expected a lag of 0 s or more and at least 2 samples, got {lag} s and {keep}")
         self.lag = lag
         self._keep = keep
-        # Replaced as a whole, never changed: a reader in another thread sees the old one or the new one.
-        self._samples: tuple[Sample, ...] = ()
+        # An immutable tuple, replaced as a whole: a reader in another thread sees the old one or the new one.
+        self._samples: tuple[TimedValues, ...] = ()
 
-    def restart(self, sample: Sample) -> None:
+    def restart(self, sample: TimedValues) -> None:
         """Forget everything but this one sample."""
         self._samples = (sample,)
 
-    def add(self, sample: Sample) -> None:
-        """One more sample; one that is not newer than the last is ignored, so that time never goes back."""
+    def add(self, sample: TimedValues) -> None:
+        """Add a sample; one that is not newer than the last is ignored."""
         samples = self._samples
         if not samples or sample.at > samples[-1].at:
             self._samples = (*samples[1 - self._keep :], sample)
@@ -51,12 +46,8 @@ class Interpolation:
             raise LookupError("no sample yet")
         return self._samples[-1].at
 
-    def at(self, now: float) -> Sample:
-        """The values of `now - lag` with that moment, or a sample as it is where that is beyond either end.
-
-        Raises:
-            LookupError: there is no sample yet.
-        """
+    def at(self, now: float) -> TimedValues:
+        """The values of `now - lag` with that time, held beyond either end; LookupError if there is no sample yet."""
         samples = self._samples
         if not samples:
             raise LookupError("no sample yet")
@@ -71,7 +62,7 @@ class Interpolation:
         return later
 
 
-def _between(earlier: Sample, later: Sample, moment: float) -> Sample:
+def _between(earlier: TimedValues, later: TimedValues, moment: float) -> TimedValues:
     share = (moment - earlier.at) / (later.at - earlier.at)
     rest = 1.0 - share
-    return Sample(moment, tuple([rest * a + share * b for a, b in zip(earlier.values, later.values, strict=True)]))
+    return TimedValues(moment, tuple([rest * a + share * b for a, b in zip(earlier.values, later.values, strict=True)]))

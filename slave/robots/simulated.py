@@ -1,18 +1,27 @@
-"""A point mass under position control: a robot with inertia, lag and contact dynamics, and nothing else."""
+"""A point mass under position control: a robot with inertia, lag and contact dynamics."""
 
 from math import ceil, sqrt
-from typing import Literal
+from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field, WithJsonSchema
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.slave.integrators import INTEGRATORS, Body, Integrator, Motion
-from weberlink.slave.integrators.choice import SUBSTEPS_MOST, chosen
-from weberlink.slave.robots.contract import RobotFault, RobotReading
-from weberlink.slave.robots.virtual import VirtualOptions, saturated, virtual_spec
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass, Integrator, MassState, integration_scheme
+from weberlink.slave.integrators.choice import AUTO, SUBSTEPS_MOST, chosen
+from weberlink.slave.robots.contract import RobotFault
+from weberlink.slave.robots.virtual import LONGEST_GAP, ComputedRobot, VirtualOptions, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 
-LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence is not made up for
+
+def _check_integrator(name: str) -> str:
+    if name != AUTO:
+        integration_scheme(name)
+    return name
+
+
+IntegratorName = Annotated[
+    str, AfterValidator(_check_integrator), WithJsonSchema({"enum": [AUTO, *INTEGRATORS], "type": "string"})
+]
 
 
 class SimulatedOptions(VirtualOptions):
@@ -23,7 +32,7 @@ class SimulatedOptions(VirtualOptions):
         default=50_000.0, gt=0.0, le=1e7, description="proportional gain of its position control"
     )
     damping_n_s_m: float | None = Field(default=None, gt=0.0, description="derivative gain; critical if not given")
-    integrator: Literal["auto", "semi_implicit", "implicit", "exact"] = Field(
+    integrator: IntegratorName = Field(
         default="auto", description="how its motion is solved; auto picks by stiffness, mass, damping and scene"
     )
     substeps: int | None = Field(
@@ -31,70 +40,48 @@ class SimulatedOptions(VirtualOptions):
     )
 
 
-class SimulatedRobot:
-    """m a = k (commanded - x) - c v + f(x, v), with the contact force f of the scene where the mass really is.
-
-    The command is held from one reading to the next; `slave.integrators` solves the motion between them, and only the
-    scheme that is used is imported.
-    """
+class SimulatedRobot(ComputedRobot):
+    """m a = k (commanded - x) - c v + f(x, v), with the contact force f of the scene at the position of the mass."""
 
     Options = SimulatedOptions
 
     def __init__(self, options: SimulatedOptions, scene: Scene | None, tick_period: float) -> None:
-        """Raises ValueError where the integrator that the options name would be unstable; `auto` never is."""
-        self.spec = virtual_spec("simulated", options, options.stiffness_n_m, tick_period)
-        self._options = options
+        """Raises ValueError where the named integrator would be unstable; `auto` never is."""
+        super().__init__(virtual_spec("simulated", options, options.stiffness_n_m, tick_period), options.home_m)
         self._scene = scene
         self._tick_period = tick_period
         critical = 2.0 * sqrt(options.stiffness_n_m * options.mass_kg)
         damping = critical if options.damping_n_s_m is None else options.damping_n_s_m
-        self._body = Body(options.mass_kg, options.stiffness_n_m, damping)
-        choice = chosen(self._body, scene, tick_period, options.integrator, options.substeps)
-        self.integrator = choice.integrator
-        """Its name in the table of integrators."""
-        self.substeps = choice.substeps
-        """Integration steps per tick period."""
-        self._reason = choice.reason
-        self._solver: Integrator = INTEGRATORS[self.integrator].build(self._body, scene)
-        self._commanded = options.home_m
-        self._motion = Motion(options.home_m, ZERO, ZERO)
-        self._reading: RobotReading | None = None
+        self._body = ControlledMass(options.mass_kg, options.stiffness_n_m, damping)
+        self.integrator, self.substeps, self._reason = chosen(
+            self._body, scene, tick_period, options.integrator, options.substeps
+        )
+        self._solver: Integrator
+        self._motion: MassState
+        self._restart()
 
-    def open(self, now: float) -> None:
+    def _restart(self) -> None:
+        self._solver = integration_scheme(self.integrator).build(self._body, self._scene)
+        self._motion = MassState(self._home, ZERO, ZERO)
+
+    def _reset(self) -> None:
         if self._scene is not None:
             self._scene.reset()
-        self._solver = INTEGRATORS[self.integrator].build(self._body, self._scene)
-        self._commanded = self._options.home_m
-        self._motion = Motion(self._commanded, ZERO, ZERO)
-        self._reading = RobotReading(now, self._commanded, ZERO)
+        self._restart()
 
-    def command(self, position: Vector, now: float) -> None:  # noqa: ARG002
-        if not is_finite(position):
-            raise ValueError(f"simulated: commanded a position that is not finite: {position}")
-        self._commanded = position
-
-    def latest(self, now: float) -> RobotReading:
-        reading = self._reading
-        if reading is None:
-            raise RobotFault("simulated: not open")
-        if now <= reading.at:
-            return reading
-        elapsed = min(now - reading.at, LONGEST_GAP)
+    def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
+        elapsed = min(elapsed, LONGEST_GAP)
         count = max(1, ceil(elapsed / self._tick_period * self.substeps - 1e-6))
         motion, step = self._motion, elapsed / count
         for _ in range(count):
-            motion = self._solver.advance(motion, self._commanded, step)
+            motion = self._solver.advance(motion, commanded, step)
         if not is_finite(motion.position) or not is_finite(motion.velocity):
-            raise RobotFault(f"simulated: the motion is not finite after the command {self._commanded}")
+            raise RobotFault(f"simulated: the motion is not finite after the command {commanded}")
         self._motion = motion
-        self._reading = RobotReading(now, motion.position, saturated(motion.force, self.spec.force_n))
-        return self._reading
-
-    def close(self) -> None:
-        self._reading = None
+        return motion.position, motion.force, ZERO
 
     def description(self) -> str:
-        """One line for a person: the integrator that was picked and why, and the lag of the position control."""
+        """The integrator with the reason for its choice, and the lag of the position control, in one line."""
         mass, stiffness, damping = self._body
         steps = f" in {self.substeps} substeps" if self.substeps > 1 else ""
         lag_ms = 1e3 * damping / stiffness

@@ -1,4 +1,4 @@
-"""A rigid tool of several haptic points that touches a scene: force and torque about its tip. Knows no time of day."""
+"""A rigid tool of several haptic points: force and torque of a scene about its tip."""
 
 from collections.abc import Sequence
 from copy import deepcopy
@@ -11,36 +11,29 @@ from weberlink.slave.scenes.scene import Scene
 class Tool:
     """f = sum of f_i, torque = sum of r_i x f_i about the tip, with r_i from the tip to the point i.
 
-    Every point is an ideal haptic point of its own: each has its proxy, and its friction and damping remember where it
-    touched, not where the others did. So every point has a copy of the scene. Only where the points are is felt: an
-    edge of the scene between two points is not.
+    Each point has a proxy and a friction memory of its own, hence a copy of the scene. An edge of the scene between two
+    points is not felt.
+
+    Args:
+        points: From the tip, tool frame [m].
+        scene: What there is to touch; the tool becomes its only user.
     """
 
     __slots__ = ("_levers", "_orientation", "_points", "_scenes")
 
     def __init__(self, points: Sequence[Vector], scene: Scene) -> None:
-        """Take the scene, which nobody else may then ask.
-
-        Args:
-            points: from the tip, tool frame [m].
-            scene: what there is to touch.
-        """
         self._points = self._levers = tuple(points)
         self._orientation = IDENTITY
         self._scenes = (scene, *(deepcopy(scene) for _ in self._points[1:]))
 
     def reset(self) -> None:
-        """Level, and what was touched is forgotten."""
+        """Return to the identity orientation and forget all contacts."""
         self._orientation, self._levers = IDENTITY, self._points
         for scene in self._scenes:
             scene.reset()
 
     def point(self, orientation: Quaternion) -> None:
-        """Hold this orientation, from the tool frame to that of the scene.
-
-        Raises:
-            ValueError: if it is none; the last one stays.
-        """
+        """Set the orientation, from the tool frame to that of the scene; ValueError keeps the last one."""
         if orientation != self._orientation:
             held = unit_quaternion(orientation)
             if held is None:
@@ -48,14 +41,11 @@ class Tool:
             self._orientation, self._levers = orientation, tuple([turned(held, point) for point in self._points])
 
     def wrench(self, tip: Vector, dt: float) -> tuple[Vector, Vector]:
-        """Reaction of the scene on the tool.
+        """Force [N] and torque about the tip [N m] of the scene on the tool, scene frame.
 
         Args:
-            tip: scene frame [m].
-            dt: time since the last call [s].
-
-        Returns:
-            Force [N] and torque about the tip [N m], scene frame.
+            tip: Scene frame [m].
+            dt: Time since the last call [s].
         """
         fx = fy = fz = tx = ty = tz = 0.0
         for (x, y, z), scene in zip(self._levers, self._scenes, strict=True):

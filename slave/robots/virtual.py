@@ -1,15 +1,18 @@
-"""What the two computed robots share: the options of their workspace and sensor. Knows no mechanics."""
+"""What computed robots share: options of workspace and sensor, and the state of a robot between two readings."""
 
 from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from weberlink.geometry.vector import Vector, norm, scale
-from weberlink.slave.robots.contract import RobotSpec
+from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
+from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
+
+LONGEST_GAP = 0.1
+"""Longest time that a mechanical model advances per reading [s]; the rest of a longer silence is skipped."""
 
 
 class VirtualOptions(BaseModel):
-    """Workspace, home and force range of a robot that exists only in the computer."""
+    """Workspace, home and force range of a robot that is computed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -26,7 +29,9 @@ class VirtualOptions(BaseModel):
         return self
 
 
-def virtual_spec(name: str, options: VirtualOptions, stiffness_n_m: float, tick_period: float) -> RobotSpec:
+def virtual_spec(
+    name: str, options: VirtualOptions, stiffness_n_m: float, tick_period: float, torque_n_m: float = 0.0
+) -> RobotSpec:
     edge = options.workspace_m
     return RobotSpec(
         name=name,
@@ -36,10 +41,56 @@ def virtual_spec(name: str, options: VirtualOptions, stiffness_n_m: float, tick_
         workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
         rate_hz=1.0 / tick_period,
         force_sensing=True,
+        torque_n_m=torque_n_m,
     )
 
 
+class ComputedRobot:
+    """A robot that advances when its reading is asked for, with the command held constant since the last reading.
+
+    A subclass gives `_reset` and `_advance`.
+    """
+
+    def __init__(self, spec: RobotSpec, home: Vector) -> None:
+        self.spec = spec
+        self._home = self._commanded = home
+        self._reading: RobotReading | None = None
+
+    def open(self, now: float) -> None:
+        self._reset()
+        self._commanded = self._home
+        self._reading = RobotReading(now, self._home, ZERO)
+
+    def command(self, position: Vector, now: float) -> None:  # noqa: ARG002
+        if not is_finite(position):
+            raise ValueError(f"{self.spec.name}: commanded a position that is not finite: {position}")
+        self._commanded = position
+
+    def latest(self, now: float) -> RobotReading:
+        reading = self._reading
+        if reading is None:
+            raise RobotFault(f"{self.spec.name}: not open")
+        if now <= reading.at:
+            return reading
+        position, force, torque = self._advance(self._commanded, now - reading.at)
+        self._reading = RobotReading(
+            now, position, saturated(force, self.spec.force_n), saturated(torque, self.spec.torque_n_m)
+        )
+        return self._reading
+
+    def close(self) -> None:
+        self._reading = None
+
+    def _reset(self) -> None:
+        """Return to rest at home, without contact."""
+        raise NotImplementedError
+
+    def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
+        """Position [m], force [N] and torque [N m] after `elapsed` [s]."""
+        raise NotImplementedError
+
+
 def saturated(force: Vector, limit: float) -> Vector:
-    """What a sensor of range `limit` [N] shows: the direction is kept, the length is cut."""
+    """The reading of a sensor of range `limit` [N]: the direction is kept, the length is limited."""
     length = norm(force)
     return force if length <= limit else scale(force, limit / length)

@@ -1,12 +1,16 @@
-"""A box with sharp edges along the axes, and the hollow that it leaves (a room, a pocket)."""
+"""A box with sharp edges, and its complement."""
 
-from math import copysign, sqrt
+from math import copysign, radians, sqrt
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.shape import Tangent
+from weberlink.slave.scenes.derived import TurnedShape
+from weberlink.slave.scenes.shape import CarvableSettings, Shape, Tangent
 
 
-class Box:
+class BoxShape:
     """Solid within half of `size` [m] of `center` along each axis.
 
     Outside, the distance is Euclidean, so an edge or corner looks round from afar; inside, the nearest face counts.
@@ -17,8 +21,10 @@ class Box:
     flat = False
 
     def __init__(self, center: Vector, size: Vector) -> None:
+        if not min(size) > 0.0:
+            raise ValueError(f"size: expected three edges longer than 0 m, got {size}")
         self._center = center
-        self._half = half_size(size)
+        self._half: Vector = (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
 
     def clearance(self, point: Vector) -> float:
         center, half = self._center, self._half
@@ -39,7 +45,7 @@ class Box:
         if (x > 0.0) + (y > 0.0) + (z > 0.0) > 1:
             x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
             length = sqrt(x * x + y * y + z * z)
-            if length > 0.0:  # two excesses below 1e-162 m square to nothing: then it is a face like any other
+            if length > 0.0:  # excesses below 1e-162 m square to 0: then the nearest face is used
                 return ((length, (copysign(x / length, px), copysign(y / length, py), copysign(z / length, pz))),)
         if z >= x and z >= y:
             return ((z, (0.0, 0.0, copysign(1.0, pz))),)
@@ -48,24 +54,13 @@ class Box:
         return ((x, (copysign(1.0, px), 0.0, 0.0)),)
 
 
-class BoxCavity:
-    """Solid everywhere but within half of `size` [m] of `center`: floor and walls meet in concave corners."""
+class BoxCavity(BoxShape):
+    """The complement of a box: floor and walls meet in concave corners."""
 
-    __slots__ = ("_center", "_half")
-
-    flat = False
-
-    def __init__(self, center: Vector, size: Vector) -> None:
-        self._center = center
-        self._half = half_size(size)
+    __slots__ = ()
 
     def clearance(self, point: Vector) -> float:
-        center, half = self._center, self._half
-        return min(
-            half[0] - abs(point[0] - center[0]),
-            half[1] - abs(point[1] - center[1]),
-            half[2] - abs(point[2] - center[2]),
-        )
+        return min(gap for gap, _ in self.linearise(point))
 
     def linearise(self, point: Vector) -> tuple[Tangent, ...]:
         center, half = self._center, self._half
@@ -77,7 +72,34 @@ class BoxCavity:
         )
 
 
-def half_size(size: Vector) -> Vector:
+def edges(size: Vector) -> Vector:
     if not min(size) > 0.0:
-        raise ValueError(f"size: expected three edges longer than 0 m, got {size}")
-    return (size[0] / 2.0, size[1] / 2.0, size[2] / 2.0)
+        raise ValueError("expected three edges longer than 0 m")
+    return size
+
+
+RollPitchYaw = Annotated[
+    Vector, Field(description="roll, pitch, yaw [deg] about the centre: R = Rz(yaw) Ry(pitch) Rx(roll)")
+]
+
+
+class BoxSettings(CarvableSettings):
+    """A box with sharp edges; with `side: inside`, everything but the box."""
+
+    shape: Literal["box"]
+    center_m: Vector
+    size_m: Annotated[Vector, AfterValidator(edges)]
+    side: Literal["outside", "inside"] = Field(default="outside", description="where the operator is")
+    rotation_deg: RollPitchYaw | None = None
+
+    def solid(self) -> Shape:
+        return self._turned(BoxShape(self.center_m, self.size_m)) if self.side == "outside" else self.hollow()
+
+    def hollow(self) -> Shape:
+        return self._turned(BoxCavity(self.center_m, self.size_m))
+
+    def _turned(self, shape: Shape) -> Shape:
+        if self.rotation_deg is None:
+            return shape
+        roll, pitch, yaw = self.rotation_deg
+        return TurnedShape(shape, self.center_m, (radians(roll), radians(pitch), radians(yaw)))

@@ -1,12 +1,17 @@
-"""A surface given by heights over a regular grid, interpolated so that its normal has no steps."""
+"""A surface given by heights over a regular grid, interpolated with a continuous normal."""
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import cos, floor, hypot, pi, sqrt
-from typing import TypeVar
+from math import cos, floor, hypot, isfinite, pi, sqrt
+from pathlib import Path
+from typing import Literal, Self, TypeVar
+
+from pydantic import Field, model_validator
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.shape import Tangent
+from weberlink.slave.scenes.derived import CarvedShape
+from weberlink.slave.scenes.plane import PlaneShape
+from weberlink.slave.scenes.shape import SceneModel, Shape, ShapeSettings, Tangent
 
 T = TypeVar("T")
 
@@ -16,11 +21,11 @@ Grid = Sequence[Sequence[float]]
 WAVE_SAMPLES = 16
 
 
-class HeightField:
+class HeightFieldShape:
     """Solid below z = h(x, y), bicubic (Catmull-Rom) between the samples, hence with a continuous normal.
 
-    Beyond the grid the heights of its border go on for ever. Distances are to first order, (z - h) / sqrt(1 + |grad
-    h|^2): exact at the surface, where it matters, and corrected by the iteration of the proxy elsewhere.
+    Beyond the grid the heights of its border continue. Distances are to first order, (z - h) / sqrt(1 + |grad h|^2):
+    exact at the surface, and corrected by the iteration of the proxy elsewhere.
 
     Args:
         heights: Grid of at least 2 x 2 finite samples [m], relative to the z of `origin`.
@@ -58,7 +63,7 @@ class HeightField:
     def _surface(self, point: Vector) -> tuple[float, float, float]:
         """Height [m] and the two slopes above (x, y) of `point`."""
         origin, scale, (rows, columns) = self._origin, self._scale, self._shape
-        # Two cells beyond the border the padded surface is level, so that is as far as one has to look.
+        # The padded surface is level from two cells beyond the border.
         u = min(max((point[0] - origin[0]) * scale, -2.0), columns + 1.0)
         v = min(max((point[1] - origin[1]) * scale, -2.0), rows + 1.0)
         i, j = min(floor(u), columns), min(floor(v), rows)
@@ -102,7 +107,7 @@ def cubic_weights(t: float) -> tuple[float, float, float, float, float, float, f
 
 
 def padded(row: Sequence[T]) -> list[T]:
-    """Three copies of the first and last sample on either side, so that the hot path needs no test for the border."""
+    """Three more copies of the first and of the last sample, so that `_surface` needs no test for the border."""
     return [row[0]] * 3 + list(row) + [row[-1]] * 3
 
 
@@ -131,3 +136,98 @@ def bumps(amplitude: float, wavelength: float, size: float) -> tuple[list[list[f
     count = max(1, round(size / wavelength)) * WAVE_SAMPLES + 1
     wave = [(1.0 - cos(2.0 * pi * i / WAVE_SAMPLES)) / 2.0 for i in range(count)]
     return [[amplitude * x * y for x in wave] for y in wave], wavelength / WAVE_SAMPLES
+
+
+class BumpSettings(SceneModel):
+    """A square of round bumps, level with its surroundings at the border."""
+
+    amplitude_m: float = Field(gt=0.0, description="height of a crest")
+    wavelength_m: float = Field(gt=0.0, description="from crest to crest")
+    size_m: float = Field(default=0.12, gt=0.0, description="edge of the square, rounded to whole wavelengths")
+
+    @model_validator(mode="after")
+    def check_waves(self) -> Self:
+        if self.size_m > 64.0 * self.wavelength_m:
+            raise ValueError("size_m: expected at most 64 wavelengths")
+        return self
+
+
+class HeightFieldSettings(ShapeSettings):
+    """Heights over a grid, smoothly interpolated: exactly one of `heights_m`, `csv` or `bumps`."""
+
+    shape: Literal["height_field"]
+    center_m: Vector = Field(default=(0.0, 0.0, 0.0), description="middle of the grid; heights count from its z")
+    heights_m: tuple[tuple[float, ...], ...] | None = Field(default=None, description="rows along y, columns along x")
+    csv: Path | None = Field(default=None, description="the same in a file: numbers with commas, no header")
+    bumps: BumpSettings | None = None
+    spacing_m: float | None = Field(default=None, gt=0.0, description="between samples; not with `bumps`")
+    bounded: bool = Field(default=False, description="solid under the grid only; otherwise its border goes on for ever")
+
+    @model_validator(mode="after")
+    def check_source(self) -> Self:
+        if sum(source is not None for source in (self.heights_m, self.csv, self.bumps)) != 1:
+            raise ValueError("expected exactly one of heights_m, csv, bumps")
+        if (self.spacing_m is None) != (self.bumps is not None):
+            raise ValueError("spacing_m: expected with heights_m or csv, and only with them")
+        if self.heights_m is not None and (
+            len(self.heights_m) < 2 or len(self.heights_m[0]) < 2 or len(set(map(len, self.heights_m))) != 1
+        ):
+            raise ValueError("heights_m: expected at least 2 rows and 2 columns, every row of the same length")
+        return self
+
+    def solid(self) -> Shape:
+        heights, spacing = self._samples()
+        x, y, z = self.center_m
+        width, length = (len(heights[0]) - 1) * spacing, (len(heights) - 1) * spacing
+        field = HeightFieldShape(heights, spacing, (x - width / 2.0, y - length / 2.0, z))
+        if not self.bounded:
+            return field
+        return CarvedShape(field, walls(self.center_m, width, length))
+
+    def _samples(self) -> tuple[Sequence[Sequence[float]], float]:
+        if self.bumps is not None:
+            return bumps(self.bumps.amplitude_m, self.bumps.wavelength_m, self.bumps.size_m)
+        assert self.spacing_m is not None
+        if self.heights_m is not None:
+            return self.heights_m, self.spacing_m
+        assert self.csv is not None
+        return read_heights(self.csv), self.spacing_m
+
+
+def walls(center: Vector, width: float, length: float) -> list[Shape]:
+    """Four half-spaces that leave a column of `width` along x and `length` along y about `center`."""
+    x, y, z = center
+    return [
+        PlaneShape((x + width / 2.0, y, z), (1.0, 0.0, 0.0)),
+        PlaneShape((x - width / 2.0, y, z), (-1.0, 0.0, 0.0)),
+        PlaneShape((x, y + length / 2.0, z), (0.0, 1.0, 0.0)),
+        PlaneShape((x, y - length / 2.0, z), (0.0, -1.0, 0.0)),
+    ]
+
+
+def read_heights(path: Path) -> list[list[float]]:
+    """Rows of heights [m] from a CSV file without a header.
+
+    Raises:
+        ValueError: With the file, and the row where one is at fault.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"csv: {path}: expected a readable text file ({error})") from error
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            row = [float(cell) for cell in line.split(",")]
+        except ValueError as error:
+            raise ValueError(f"csv: {path}: row {number}: expected numbers with commas between them") from error
+        if not all(map(isfinite, row)):
+            raise ValueError(f"csv: {path}: row {number}: expected finite numbers")
+        if rows and len(row) != len(rows[0]):
+            raise ValueError(f"csv: {path}: row {number}: expected {len(rows[0])} values, found {len(row)}")
+        rows.append(row)
+    if len(rows) < 2 or len(rows[0]) < 2:
+        raise ValueError(f"csv: {path}: expected at least 2 rows and 2 columns")
+    return rows

@@ -1,73 +1,78 @@
-"""A scene with objects that move; only built where a file asks for motion.
-
-Each moving object is computed in its own frame: its shape where it is now, its friction and damping relative to it. So
-friction drags the probe along with the surface, and a damper resists the speed at which surface and probe approach.
-"""
+"""A scene with objects that move to and fro, each computed in its own frame."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import pi, sin
+from typing import Literal
 
-from weberlink.geometry.vector import ZERO, Vector, add, norm, subtract
-from weberlink.slave.scenes.contact import Contact, SceneObject, Touch
+from weberlink.geometry.vector import Vector, add, norm, subtract
+from weberlink.slave.scenes.contact import ObjectContact, SceneObject, Touch
+from weberlink.slave.scenes.derived import DisplacedShape
 from weberlink.slave.scenes.proxy import along, traced
 from weberlink.slave.scenes.scene import FARTHEST, Scene, SceneState
-from weberlink.slave.scenes.shape import Shape, Tangent
-from weberlink.slave.scenes.sway import Sway
+
+Wave = Literal["sine", "triangle"]
 
 
-class MovedShape:
-    """`shape` displaced by `offset` [m]."""
+@dataclass(frozen=True, slots=True)
+class Sway:
+    """Displacement a w(f t + phase) along `direction` from the configured position.
 
-    __slots__ = ("_shape", "flat", "offset")
+    Args:
+        direction: Unit vector.
+        amplitude: a [m], from the middle to either end.
+        frequency: f [Hz].
+        phase: In turns; at 0 it begins in the middle, on its way along `direction`.
+        wave: "sine" for a peak speed of 2 pi f a in the middle, "triangle" for a constant speed of 4 f a.
+    """
 
-    def __init__(self, shape: Shape) -> None:
-        self._shape = shape
-        self.flat = shape.flat
-        self.offset: Vector = ZERO
-
-    def clearance(self, point: Vector) -> float:
-        return self._shape.clearance(subtract(point, self.offset))
-
-    def linearise(self, point: Vector) -> tuple[Tangent, ...]:
-        return self._shape.linearise(subtract(point, self.offset))
-
-
-class MovedContact:
-    """`contact` in the frame of a moved shape: what it remembers of the proxy moves with the shape."""
-
-    __slots__ = ("_contact", "_shape")
-
-    def __init__(self, contact: Contact, shape: MovedShape) -> None:
-        self._contact = contact
-        self._shape = shape
+    direction: Vector
+    amplitude: float
+    frequency: float
+    phase: float = 0.0
+    wave: Wave = "sine"
 
     @property
-    def state(self) -> object:
-        return self._contact.state
+    def speed(self) -> float:
+        """The largest [m/s]."""
+        return (2.0 * pi if self.wave == "sine" else 4.0) * self.frequency * self.amplitude
 
-    def restore(self, state: object) -> None:
-        self._contact.restore(state)
+    def at(self, time: float) -> Vector:
+        """Displacement [m] after `time` [s]."""
+        turns = self.frequency * time + self.phase
+        share = sin(2.0 * pi * turns) if self.wave == "sine" else 4.0 * abs((turns - 0.25) % 1.0 - 0.5) - 1.0
+        x, y, z = self.direction
+        way = self.amplitude * share
+        return (way * x, way * y, way * z)
+
+
+class MovingContact(ObjectContact):
+    """A contact in the frame of a moving shape: its friction anchor moves with the shape."""
+
+    __slots__ = ("_shape",)
+
+    def __init__(self, thing: SceneObject, shape: DisplacedShape) -> None:
+        super().__init__(thing)
+        self._shape = shape
 
     def touch(self, index: int, depth: float, normal: Vector, proxy: Vector) -> Touch:
-        return self._contact.touch(index, depth, normal, subtract(proxy, self._shape.offset))
+        return super().touch(index, depth, normal, subtract(proxy, self._shape.offset))
 
     def force(self, depth: float, normal: Vector, proxy: Vector, dt: float) -> Vector:
-        return self._contact.force(depth, normal, subtract(proxy, self._shape.offset), dt)
-
-    def release(self) -> None:
-        self._contact.release()
+        return super().force(depth, normal, subtract(proxy, self._shape.offset), dt)
 
 
 class MovingScene(Scene):
     """A scene whose time is the sum of the `dt` of `force`, from 0 at the start and after `reset`.
 
-    The motion is prescribed: nothing that the probe does holds an object up, and its motor puts in whatever energy that
-    takes. `touch` and `facing` are those of the present moment and know nothing of the velocity of a surface, so no
-    integrator takes such a scene.
+    Friction and damping act relative to the surface, so friction drags the probe along and a damper resists the speed
+    at which surface and probe approach. The motion is prescribed: the probe cannot hold an object up, and the motor of
+    the object supplies the energy. `touch` and `facing` are those of the present moment and do not include the velocity
+    of a surface, so no integrator takes such a scene.
 
     Args:
-        objects: what there is to touch, where it is in the middle of its motion.
-        sways: for each of them how it moves, or None.
+        objects: What there is to touch, in the middle of its motion.
+        sways: How each of them moves, or None.
     """
 
     __slots__ = ("_movers", "_time")
@@ -75,22 +80,19 @@ class MovingScene(Scene):
     moves = True
 
     def __init__(self, objects: Sequence[SceneObject], sways: Sequence[Sway | None]) -> None:
-        shapes = [MovedShape(thing.shape) if sway else None for thing, sway in zip(objects, sways, strict=True)]
-        super().__init__(
-            [replace(thing, shape=shape) if shape else thing for thing, shape in zip(objects, shapes, strict=True)]
-        )
-        self._contacts = [
-            MovedContact(contact, shape) if shape else contact
-            for contact, shape in zip(self._contacts, shapes, strict=True)
+        shapes = [DisplacedShape(thing.shape) if sway else None for thing, sway in zip(objects, sways, strict=True)]
+        moved = [replace(thing, shape=shape or thing.shape) for thing, shape in zip(objects, shapes, strict=True)]
+        contacts = [
+            MovingContact(thing, shape) if shape else ObjectContact(thing)
+            for thing, shape in zip(moved, shapes, strict=True)
         ]
-        self._remembering = [contact for contact in self._contacts if contact.state is not None]
+        super().__init__(moved, contacts)
         self._movers = [(shape, sway) for shape, sway in zip(shapes, sways, strict=True) if shape and sway]
-        self._time = 0.0
         self._place(0.0)
 
     def force(self, position: Vector, dt: float) -> Vector:
-        """Reaction of the scene on a probe, `dt` [s] after the last call; the rest is that of `Scene`."""
-        if 0.0 < dt < FARTHEST:  # [s] here: a time of which no digits are left moves nothing
+        """Reaction of the scene on a probe, `dt` [s] after the last call; see `Scene.force`."""
+        if 0.0 < dt < FARTHEST:  # a time without significant digits moves nothing
             self._advance(dt)
         return super().force(position, dt)
 
@@ -112,7 +114,7 @@ class MovingScene(Scene):
             shape.offset = sway.at(time)
 
     def _advance(self, dt: float) -> None:
-        """Moves the objects on, one after another, and with each the proxy if it lies on it or in its way."""
+        """Move the objects one after another, and with each the proxy if it lies on it or in its way."""
         self._time += dt
         for shape, sway in self._movers:
             before, shape.offset = shape.offset, sway.at(self._time)
@@ -121,11 +123,11 @@ class MovingScene(Scene):
                 self._proxy.at = swept(proxy, shape, subtract(shape.offset, before))
 
 
-def swept(proxy: Vector, shape: MovedShape, moved: Vector) -> Vector:
-    """Where a proxy is after `shape` has `moved` [m]: it is pushed along from where the surface first meets it.
+def swept(proxy: Vector, shape: DisplacedShape, moved: Vector) -> Vector:
+    """Where a proxy is after `shape` has `moved` [m]: the surface pushes it along from where it first meets it.
 
-    In the frame of the shape it is the proxy that travels, the other way; that path is traced, so that nothing thin can
-    pass through it between two ticks.
+    In the frame of the shape the proxy travels the opposite way. That path is traced, so that no thin object passes
+    through the proxy between two ticks.
     """
     length = norm(moved)
     if length == 0.0:

@@ -1,10 +1,14 @@
 """A half-space."""
 
+from typing import Literal
+
+from pydantic import Field
+
 from weberlink.geometry.vector import Vector, dot, norm, scale
-from weberlink.slave.scenes.shape import Tangent
+from weberlink.slave.scenes.shape import CarvableSettings, Shape, Tangent, UnitVector
 
 
-class Plane:
+class PlaneShape:
     """Solid below the plane through `point` with the outward `normal` (any length above zero)."""
 
     __slots__ = ("_normal", "_offset")
@@ -25,3 +29,17 @@ class Plane:
     def linearise(self, point: Vector) -> tuple[Tangent, ...]:
         normal = self._normal
         return ((normal[0] * point[0] + normal[1] * point[1] + normal[2] * point[2] - self._offset, normal),)
+
+
+class PlaneSettings(CarvableSettings):
+    """A half-space, solid against the normal."""
+
+    shape: Literal["plane"]
+    point_m: Vector = (0.0, 0.0, 0.0)
+    normal: UnitVector = Field(default=(0.0, 0.0, 1.0), description="outward; any length, it is normalised")
+
+    def solid(self) -> Shape:
+        return PlaneShape(self.point_m, self.normal)
+
+    def hollow(self) -> Shape:
+        return PlaneShape(self.point_m, (-self.normal[0], -self.normal[1], -self.normal[2]))

@@ -11,10 +11,10 @@ from weberlink.geometry.vector import Vector, distance, dot, scale, subtract
 from weberlink.slave.scenes.active_set import displacement, smallest_push
 from weberlink.slave.scenes.shape import Shape
 
-Press = tuple[int, float, Vector]
+ShapePress = tuple[int, float, Vector]
 """Which shape the probe is pressed into, how deep [m], and the unit direction out of it."""
 
-Step = tuple[Vector, Vector, Press]
+ProxyStep = tuple[Vector, Vector, ShapePress]
 """From where, to where, and what was pressed."""
 
 TOUCHING = 1e-7  # [m] closer than this counts as on the surface
@@ -40,10 +40,10 @@ class Proxy:
         self._shapes = tuple(shapes)
         self.at: Vector | None = None
         """Position of the proxy; None until the first target, which it adopts even inside a solid."""
-        self.parts: Sequence[Press] = ()
+        self.parts: Sequence[ShapePress] = ()
         """The last presses plane by plane: what holds it in the concave corner of one shape is several planes."""
 
-    def follow(self, target: Vector) -> tuple[Vector, Sequence[Press]]:
+    def follow(self, target: Vector) -> tuple[Vector, Sequence[ShapePress]]:
         """Moves toward the probe at `target` as far as the solids allow; nothing holds it back where it arrives."""
         shapes = self._shapes
         here = target if self.at is None else self.at
@@ -54,8 +54,8 @@ class Proxy:
             self.at = target  # nothing is as near as the target: most ticks of a session
             return target, ()
         touching = [index for index, clearance in enumerate(clear) if clearance < TOUCHING]
-        presses: Sequence[Press] = ()
-        last: Step | None = None
+        presses: Sequence[ShapePress] = ()
+        last: ProxyStep | None = None
         iterations = 0
         while iterations < ITERATIONS:
             goal, presses = self._closest(here, target, touching)
@@ -81,7 +81,7 @@ class Proxy:
         self.at = here
         return here, presses
 
-    def _closest(self, here: Vector, target: Vector, touching: Sequence[int]) -> tuple[Vector, Sequence[Press]]:
+    def _closest(self, here: Vector, target: Vector, touching: Sequence[int]) -> tuple[Vector, Sequence[ShapePress]]:
         """The point nearest to `target` in front of the tangent planes seen from `here`."""
         self.parts = ()
         if not touching:
@@ -124,7 +124,7 @@ class Proxy:
         return index, along(start, end, travelled / length if length > 0.0 else 0.0)
 
 
-def extrapolated(last: Step, step: Step) -> Vector:
+def extrapolated(last: ProxyStep, step: ProxyStep) -> Vector:
     """Where two steps on one smooth patch of surface are heading (Anderson acceleration of depth one).
 
     Tangent planes alone converge at the rate depth / radius of curvature, alternating in a hollow: slowly where the
@@ -169,7 +169,7 @@ def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | No
     return travelled
 
 
-def merged(presses: list[Press]) -> Sequence[Press]:
+def merged(presses: list[ShapePress]) -> Sequence[ShapePress]:
     """One press per shape: in a concave corner the pushes of its faces add up to one displacement."""
     if len({index for index, _, _ in presses}) == len(presses):
         return presses
@@ -177,7 +177,7 @@ def merged(presses: list[Press]) -> Sequence[Press]:
     for index, depth, n in presses:
         x, y, z = sums.get(index, (0.0, 0.0, 0.0))
         sums[index] = (x + depth * n[0], y + depth * n[1], z + depth * n[2])
-    result: list[Press] = []
+    result: list[ShapePress] = []
     for index, (x, y, z) in sums.items():
         depth = (x * x + y * y + z * z) ** 0.5
         if depth > 0.0:

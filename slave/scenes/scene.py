@@ -1,14 +1,14 @@
-"""Everything that the probe can touch, and the force that it feels. Pure: no clock, no I/O."""
+"""All objects that the probe can touch, and the force that it feels."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
-from weberlink.slave.scenes.contact import Contact, SceneObject, Touch, contact_of
-from weberlink.slave.scenes.proxy import Press, Proxy
+from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Touch
+from weberlink.slave.scenes.proxy import Proxy, ShapePress
 
 NOTHING: frozenset[int] = frozenset()
-FARTHEST = 1e12  # [m] beyond it squares of distances have no digits left for a contact
+FARTHEST = 1e12  # [m] beyond it squares of distances are too coarse for a contact
 
 
 class Facing(NamedTuple):
@@ -22,20 +22,20 @@ class Facing(NamedTuple):
 
 
 class SceneState(NamedTuple):
-    """What a scene remembers from one position to the next. Immutable; made and used by one scene only."""
+    """What a scene remembers from one position to the next; valid for the scene that made it."""
 
     proxy: Vector | None
     touched: frozenset[int]
-    contacts: tuple[object, ...]
+    contacts: tuple[ContactState, ...]
     penetration_depth: float
     time: float = 0.0
 
 
 class Scene:
-    """The union of `objects`; none of them is free space.
+    """The union of `objects`; without objects, free space.
 
-    Never raises and never returns a non-finite force, whatever the position. One that is not finite, or 1e12 m away,
-    leaves the contact as it was, gives zero force and is counted in `rejected`.
+    Never raises and never returns a non-finite force. A position that is not finite, or 1e12 m away, leaves the contact
+    as it was, gives zero force and is counted in `rejected`.
     """
 
     __slots__ = (
@@ -55,23 +55,23 @@ class Scene:
     moves = False
     """Whether any object moves by itself."""
 
-    def __init__(self, objects: Sequence[SceneObject]) -> None:
+    def __init__(self, objects: Sequence[SceneObject], contacts: Sequence[ObjectContact] | None = None) -> None:
         self._objects = tuple(objects)
-        self._contacts: list[Contact] = [contact_of(thing) for thing in objects]
-        self._remembering = [contact for contact in self._contacts if contact.state is not None]
+        self._contacts = [ObjectContact(thing) for thing in objects] if contacts is None else list(contacts)
+        self._remembering = [contact for contact in self._contacts if contact.has_memory]
         self._proxy = Proxy([thing.shape for thing in objects])
         self._touched: frozenset[int] = NOTHING
         self.flat = all(thing.shape.flat for thing in objects)
-        """Whether every object is a half-space: then `facing` is the same scene from anywhere."""
+        """Whether every object is a half-space, so that `facing` is the same from anywhere."""
         self.rubs = any(thing.friction is not None for thing in objects)
         """Whether any object has friction."""
         self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
-        """The stiffest object, which decides the step of whoever integrates against this scene."""
+        """Of the stiffest object, which limits the step of an integrator."""
         self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)
         self.penetration_depth = 0.0
         """Distance [m] between probe and proxy at the last call."""
         self.rejected = 0
-        """Positions that were not usable."""
+        """Positions that were not usable, since the start."""
 
     @property
     def contacts(self) -> int:
@@ -100,16 +100,16 @@ class Scene:
             x, y, z = x + f[0], y + f[1], z + f[2]
         force = (x, y, z)
         if not is_finite(force):
-            self._release_all_but(NOTHING)  # whatever overflowed must not be remembered
+            self._release_all_but(NOTHING)  # what overflowed must not be remembered
             self.rejected += 1
             return ZERO
         return force
 
     def touch(self, position: Vector) -> tuple[Touch, ...]:
-        """What the probe touches at `position` [m], plane by plane, for a body with a velocity of its own.
+        """The contacts at `position` [m], one for each plane, for a body that has a velocity.
 
-        Moves the proxy and friction on just as `force` does; `state` and `restore` take that back. Along each normal
-        such a body feels max(0, stiffness depth + damping d(depth)/dt).
+        Moves the proxy and friction on as `force` does; `state` and `restore` undo that. Along each normal the body
+        feels max(0, stiffness depth + damping d(depth)/dt).
         """
         proxy, presses = self._follow(position)
         contacts = self._contacts
@@ -119,7 +119,7 @@ class Scene:
         return tuple(touches)
 
     def facing(self, point: Vector) -> list[Facing]:
-        """Every object as the tangent planes seen from `point` [m]; nothing is remembered."""
+        """Tangent planes of every object, seen from `point` [m]; changes no state."""
         return [
             Facing(index, gap, normal, thing.stiffness_n_m, thing.damping_n_s_m or 0.0)
             for index, thing in enumerate(self._objects)
@@ -128,7 +128,7 @@ class Scene:
 
     @property
     def state(self) -> SceneState:
-        """For `restore`: cheap, since only contacts with a memory are asked."""
+        """For `restore`; only contacts with a memory are read."""
         return SceneState(
             self._proxy.at,
             self._touched,
@@ -137,23 +137,23 @@ class Scene:
         )
 
     def restore(self, state: SceneState) -> None:
-        """Goes back to where `state` was read. The counter `rejected` stays."""
+        """Go back to where `state` was read. The counter `rejected` stays."""
         self._proxy.at, self._touched, contacts, self.penetration_depth, _ = state
         for contact, remembered in zip(self._remembering, contacts, strict=True):
             contact.restore(remembered)
 
     def forget_friction(self) -> None:
-        """Friction starts anew at the next position, wherever that is; the proxy stays."""
+        """Start friction anew at the next position; the proxy stays."""
         self._release_all_but(NOTHING)
 
     def reset(self) -> None:
-        """Forgets the contact: the next position is taken as it comes, inside a solid or not. Counters stay."""
+        """Forget the contact: the next position is accepted even inside a solid. Counters stay."""
         self._proxy.at = None
         self._release_all_but(NOTHING)
         self.penetration_depth = 0.0
 
-    def _follow(self, position: Vector) -> tuple[Vector, Sequence[Press]]:
-        """The proxy and what presses on it; what is no longer touched is released."""
+    def _follow(self, position: Vector) -> tuple[Vector, Sequence[ShapePress]]:
+        """Move the proxy; release objects that are no longer touched."""
         if not (abs(position[0]) < FARTHEST and abs(position[1]) < FARTHEST and abs(position[2]) < FARTHEST):
             self.rejected += 1
             return position, ()
@@ -176,8 +176,8 @@ class Scene:
         self._touched &= held
 
 
-def apart(touches: Sequence[Touch], parts: Sequence[Press]) -> list[Touch]:
-    """The same touches, those of a concave corner once for each of its planes; the first of them rubs for all."""
+def apart(touches: Sequence[Touch], parts: Sequence[ShapePress]) -> list[Touch]:
+    """One touch for each plane of a concave corner; the first of them has the friction of all."""
     whole = {touch.owner: touch for touch in touches}
     single: list[Touch] = []
     for owner, depth, normal in parts:

@@ -1,8 +1,12 @@
-"""What a solid must answer for the proxy to slide on it; knows nothing of stiffness, friction or other solids."""
+"""What every shape provides: its geometry, its settings, and its entry in the table of shapes."""
 
-from typing import Protocol
+from math import sqrt
+from typing import Annotated, Protocol
+
+from pydantic import AfterValidator, BaseModel, ConfigDict
 
 from weberlink.geometry.vector import Vector
+from weberlink.registry import Registry
 
 Tangent = tuple[float, Vector]
 """Signed distance [m] from a point to a surface near it (negative inside the solid), and the outward unit normal."""
@@ -13,21 +17,63 @@ class Shape(Protocol):
 
     @property
     def flat(self) -> bool:
-        """True where one linearisation is exact everywhere, so that the proxy needs no second look."""
+        """True where one linearisation is exact everywhere."""
         ...
 
     def clearance(self, point: Vector) -> float:
         """At most the distance [m] from `point` to the solid; negative inside.
 
-        A ball of this radius around the point is certainly free, which is what lets the proxy be traced along a path in
-        safe steps (Hart 1996, sphere tracing).
+        A ball of this radius around the point is free, so a path can be traced in safe steps (Hart 1996, sphere
+        tracing).
         """
         ...
 
     def linearise(self, point: Vector) -> tuple[Tangent, ...]:
-        """The surface seen from `point` as tangent planes, to first order.
-
-        One plane on a smooth surface or a convex edge; several where faces meet in a concave corner, since there the
-        point is held by all of them at once.
-        """
+        """Tangent planes of the surface near `point`: one on a smooth surface or a convex edge, several where faces
+        meet in a concave corner, since all of them hold a point there."""
         ...
+
+
+class SceneModel(BaseModel):
+    """Unknown keys and non-finite numbers are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class ShapeSettings(SceneModel):
+    """Keys of a shape in a configuration file. A subclass narrows `shape` to a `Literal` of its name."""
+
+    shape: str
+
+    def solid(self) -> Shape:
+        raise NotImplementedError
+
+
+class CarvableSettings(ShapeSettings):
+    """Settings of a shape that can also be cut out of another one."""
+
+    def hollow(self) -> Shape:
+        """The complement of the solid."""
+        raise NotImplementedError
+
+
+def unit(vector: Vector) -> Vector:
+    length = sqrt(sum(component * component for component in vector))
+    if not 0.0 < length < float("inf"):
+        raise ValueError("expected a vector longer than zero")
+    return (vector[0] / length, vector[1] / length, vector[2] / length)
+
+
+UnitVector = Annotated[Vector, AfterValidator(unit)]
+
+SHAPES: Registry[type[ShapeSettings]] = Registry(
+    "shape",
+    {
+        "plane": "weberlink.slave.scenes.plane:PlaneSettings",
+        "sphere": "weberlink.slave.scenes.sphere:SphereSettings",
+        "box": "weberlink.slave.scenes.box:BoxSettings",
+        "height_field": "weberlink.slave.scenes.height_field:HeightFieldSettings",
+    },
+    "weberlink.shapes",
+)
+"""Settings class by the value of the key `shape`."""

@@ -134,7 +134,7 @@ def ended(trouble: Trouble) -> subprocess.CompletedProcess[str]:
     [missing_extra, no_permission, nothing_plugged_in, two_alike, the_wrong_model],
     ids=lambda it: it.__name__,
 )
-def test_it_is_one_line_that_says_what_to_do(
+def test_device_problem_is_one_line_with_the_fix(
     trouble: Callable[[Path], AbstractContextManager[Trouble]], tmp_path: Path
 ) -> None:
     with trouble(tmp_path) as met:
@@ -149,7 +149,7 @@ def test_it_is_one_line_that_says_what_to_do(
     assert all(a != b for a, b in pairwise(words)), "says nothing twice"
 
 
-def test_two_alike_are_listed_with_the_lines_that_tell_them_apart() -> None:
+def test_identical_hid_devices_are_listed_with_their_ports() -> None:
     with hid_bed() as bed, two_hid_devices(bed) as (first, second):
         listing = subprocess.run(
             [sys.executable, "-m", "weberlink", "devices", "--json", "-"],

@@ -116,37 +116,37 @@ def bench(driver: Any, wire: PtyDevice) -> Iterator[Bench]:
 # --- the driver
 
 
-def test_its_spec_is_there_before_opening(bench: Bench) -> None:
+def test_spec_is_known_before_opening(bench: Bench) -> None:
     contract.test_the_spec_is_there_before_opening("paddle", bench)
 
 
-def test_it_is_read_while_it_is_open_and_closes_any_number_of_times(bench: Bench) -> None:
+def test_only_an_open_device_is_read(bench: Bench) -> None:
     contract.test_only_an_open_device_is_read_and_closing_is_idempotent("paddle", bench)
 
 
-def test_its_readings_move_on_and_do_not_jump(bench: Bench) -> None:
+def test_readings_advance_without_jumps(bench: Bench) -> None:
     contract.test_readings_move_on_in_time_and_do_not_jump(bench)
 
 
-def test_it_refuses_what_is_no_number(bench: Bench) -> None:
+def test_force_that_is_no_number_is_refused(bench: Bench) -> None:
     contract.test_a_force_that_is_no_number_is_our_own_error(bench)
 
 
-def test_its_motor_does_what_is_commanded_within_the_limit_and_nothing_after(bench: Bench) -> None:
+def test_motor_follows_commands_within_the_limit(bench: Bench) -> None:
     contract.test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(bench)
 
 
-def test_it_does_not_push_for_a_loop_that_fell_silent(bench: Bench) -> None:
+def test_silent_loop_ends_the_force(bench: Bench) -> None:
     contract.test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench)
 
 
 @pytest.mark.parametrize("fault", ["unplug", "silent", "late", "garbled"])
-def test_a_fault_ends_it_with_a_reason_and_without_force(fault: str, bench: Bench) -> None:
+def test_fault_ends_the_session_without_force(fault: str, bench: Bench) -> None:
     contract.test_a_fault_ends_it_with_a_reason_and_without_force("paddle", fault, bench)
 
 
-def test_it_is_listed_with_its_package(driver: Any) -> None:
-    (row,) = (row for row in survey().rows if row.driver == "paddle")
+def test_driver_is_listed_with_its_package(driver: Any) -> None:
+    (row,) = (row for row in survey().drivers if row.driver == "paddle")
     assert (row.side, row.package, row.kind) == ("master", "paddle-for-weberlink", "hardware")
     assert row.state in ("ready", "nothing plugged in", "no permission")  # whatever hangs on this machine
 
@@ -179,7 +179,7 @@ def file(folder: Path, wire: PtyDevice) -> Path:
     return path
 
 
-def test_its_file_is_checked(folder: Path, file: Path) -> None:
+def test_file_of_the_page_is_checked(folder: Path, file: Path) -> None:
     ended = weberlink(folder, "check", file)
     assert (ended.status, ended.errors) == (0, "")
     assert "device paddle" in ended.output
@@ -189,7 +189,7 @@ def test_its_file_is_checked(folder: Path, file: Path) -> None:
 
 
 @pytest.mark.realtime
-def test_its_file_runs_a_session_in_which_the_wall_is_felt(folder: Path, file: Path, wire: PtyDevice) -> None:
+def test_session_of_the_page_feels_the_wall(folder: Path, file: Path, wire: PtyDevice) -> None:
     felt: list[float] = []
     emulator: Any = wire.emulator
     receive = emulator.receive

@@ -1,4 +1,4 @@
-"""`weberlink emulate` as its user meets it: a process with a port, lines in, lines out."""
+"""`weberlink emulate`: a process with a port, fault commands in, answers out."""
 
 import io
 import json
@@ -17,7 +17,7 @@ import pytest
 
 from tests.system.processes import PATIENCE, ROOT, until
 from weberlink.apps.emulate import names, run
-from weberlink.apps.emulate.fault_lines import WIRE_FAULTS, FaultLines
+from weberlink.apps.emulate.fault_commands import WIRE_FAULTS, FaultCommands
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.umockdev import ADVICE, missing
@@ -41,7 +41,7 @@ sys.exit(run(name, path(link), overrides, command, out=out, source=sys.stdin, fa
 
 
 class Emulation:
-    """The command in a process, and its lines."""
+    """The command in a process."""
 
     def __init__(self, process: "subprocess.Popen[str]", out: IO[str]) -> None:
         self.process = process
@@ -103,7 +103,7 @@ def ask(port: SerialPort, current: int) -> SerialStatus:
     pytest.fail("no answer")
 
 
-def test_a_port_with_faults_by_the_line_until_it_is_told_to_stop(tmp_path: Path) -> None:
+def test_serial_device_with_fault_commands_until_ctrl_c(tmp_path: Path) -> None:
     with emulate("polhem_serial", tmp_path, overrides=["model=woodenhaptics", "handle.seed=4"]) as emulation:
         path = tmp_path / "weberlink-polhem_serial"
         settings = f"master.device: {{driver: polhem_serial, port: {path}}}"
@@ -145,7 +145,7 @@ def test_a_port_with_faults_by_the_line_until_it_is_told_to_stop(tmp_path: Path)
         assert not path.is_symlink()
 
 
-def test_beside_a_command_lines_come_by_a_fifo_and_its_end_is_the_end(tmp_path: Path) -> None:
+def test_command_ends_the_emulation_and_fifo_gives_faults(tmp_path: Path) -> None:
     fifo, port = tmp_path / "faults", tmp_path / "here"
     command = ["sh", "-c", 'ls "$0" && read answer && test "$answer" = enough && exit 7', "{port}"]
     with emulate("polhem_serial", tmp_path, link="here", command=command, faults=fifo) as emulation:
@@ -165,7 +165,7 @@ def test_beside_a_command_lines_come_by_a_fifo_and_its_end_is_the_end(tmp_path: 
     assert not fifo.exists()
 
 
-def test_a_request_to_stop_goes_to_the_command(tmp_path: Path) -> None:
+def test_stop_signal_goes_to_the_command(tmp_path: Path) -> None:
     command = ["sh", "-c", "echo up; exec sleep 60"]
     with emulate("haply_2diy", tmp_path, command=command) as emulation:
         assert emulation.process.stdout is not None
@@ -176,7 +176,7 @@ def test_a_request_to_stop_goes_to_the_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(REASON is not None, reason=str(REASON))
-def test_a_hid_device_is_found_and_driven_by_the_command_alone(tmp_path: Path) -> None:
+def test_hid_device_is_driven_by_the_command(tmp_path: Path) -> None:
     host = """
 import sys
 from time import monotonic
@@ -215,62 +215,54 @@ sys.stdin.readline()
 
 
 def refused(name: str, **arguments: Any) -> str:
-    given: dict[str, Any] = {"link": None, "overrides": [], "command": [], "faults": None, **arguments}
+    given: dict[str, Any] = {"link": None, "overrides": [], "command": [], **arguments}
     with pytest.raises(ConfigurationError) as caught:
-        run(
-            name,
-            given["link"],
-            given["overrides"],
-            given["command"],
-            out=io.StringIO(),
-            source=None,
-            faults=given["faults"],
-        )
+        run(name, out=io.StringIO(), source=None, **given)
     (line,) = str(caught.value).splitlines()
     return line
 
 
-def test_what_is_wrong_from_the_start_is_one_line_and_leaves_nothing(tmp_path: Path) -> None:
+def test_wrong_arguments_are_one_line_and_leave_nothing(tmp_path: Path) -> None:
     there, port = tmp_path / "there", tmp_path / "port"
     there.write_text("")
     assert "'polhem_seral'; nearest is 'polhem_serial'" in refused("polhem_seral")
     assert "--set handle.sed: unknown key; did you mean seed?" in refused("polhem_serial", overrides=["handle.sed=1"])
     assert "--set model: " in refused("polhem_serial", overrides=["model=falcon"])
-    assert "there: is there already; take another with --link" in refused("polhem_serial", link=there)
-    assert "cannot be made: No such file" in refused("polhem_serial", link=tmp_path / "no" / "port")
+    assert "there: exists already; choose another with --link" in refused("polhem_serial", link=there)
+    assert "cannot be created: No such file" in refused("polhem_serial", link=tmp_path / "no" / "port")
     assert "nowhere: cannot be run" in refused("polhem_serial", link=port, command=["nowhere"])
-    assert "is there already and is no FIFO" in refused("polhem_serial", link=port, faults=there)
+    assert "exists already and is no FIFO" in refused("polhem_serial", link=port, faults=there)
     assert "-- COMMAND" in refused("polhem_hid")
     assert "--link" in refused("polhem_hid", link=port, command=["true"])
     assert list(tmp_path.iterdir()) == [there]
 
 
-def test_a_link_that_a_killed_one_left_is_replaced(tmp_path: Path) -> None:
+def test_stale_link_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "port").symlink_to("/dev/pts/999999")
     out = io.StringIO()
     assert run("polhem_serial", tmp_path / "port", [], ["true"], out=out, source=None) == 0
     assert not (tmp_path / "port").is_symlink()
 
 
-def test_without_umockdev_a_hid_device_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_missing_umockdev_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     assert "apt-get install umockdev gir1.2-umockdev-1.0 python3-gi" in refused("polhem_hid", command=["true"])
 
 
 @pytest.mark.parametrize("name", sorted({**devices.EMULATORS, **robots.EMULATORS}))
-def test_every_device_of_both_sides_can_be_told_and_asked(name: str, tmp_path: Path) -> None:
+def test_every_emulator_has_help_faults_and_status(name: str, tmp_path: Path) -> None:
     table: Any = devices if name in devices.EMULATORS else robots
     emulator_class = table.load(name)
     emulator = emulator_class(emulator_class.Options())
-    wire, out = Wire(), io.StringIO()
-    lines = FaultLines(name, emulator, wire, out)
-    lines.obey("help")
+    wire, out = Plugged(), io.StringIO()
+    lines = FaultCommands(name, emulator, wire, out)
+    lines.execute("help")
     for word in emulator_class.OWN_FAULTS:
         assert f"\n{word} " in out.getvalue()
     out.truncate(0)
     for word in emulator_class.OWN_FAULTS:
-        lines.obey(word)
-    lines.obey("")
+        lines.execute(word)
+    lines.execute("")
     assert out.getvalue() == ""
     emulator.advance(1.0)
     status = lines.status()
@@ -280,7 +272,7 @@ def test_every_device_of_both_sides_can_be_told_and_asked(name: str, tmp_path: P
     assert name in names()
 
 
-class Wire:
+class Plugged:
     """A device that is plugged in."""
 
     plugged = True
@@ -292,7 +284,7 @@ class Wire:
         raise AssertionError
 
 
-def test_the_page_about_it_has_the_words_that_there_are() -> None:
+def test_emulator_page_lists_all_commands() -> None:
     page = (ROOT / "docs" / "emulators.md").read_text(encoding="utf-8")
     every, polhem, haply, dynamixel = re.findall(r"^\| word \|.*\n\|[-|]+\|\n((?:\|.*\n)+)", page, re.M)
 

@@ -80,7 +80,7 @@ def both(folder: Path) -> Iterator[tuple[Emulated, Emulated, list[object]]]:
         yield phantom, arm, [FILE, *PATIENT, *(each for option in overrides for each in ("--set", option))]
 
 
-def test_a_phantom_feels_what_an_arm_touches(tmp_path: Path) -> None:
+def test_phantom_feels_what_the_arm_touches(tmp_path: Path) -> None:
     with both(tmp_path) as (phantom, arm, arguments):
         # Without the energy tanks, in which the first touch of a session is soft.
         crisp = ("--set", "control.scheme=none")
@@ -105,7 +105,7 @@ def test_a_phantom_feels_what_an_arm_touches(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("fault", "reason"), [("unplug", "unplugged"), ("silent", "does not answer")])
-def test_a_fault_of_the_device_ends_the_session_with_its_reason(tmp_path: Path, fault: str, reason: str) -> None:
+def test_device_fault_ends_the_session_with_reason(tmp_path: Path, fault: str, reason: str) -> None:
     with both(tmp_path) as (phantom, arm, arguments):
         with Program("loopback", *arguments, "--json", "-") as program:
             program.engaged("master")
@@ -120,7 +120,7 @@ def test_a_fault_of_the_device_ends_the_session_with_its_reason(tmp_path: Path, 
         assert any(arm.status()["currents"]), "the arm is held up"
 
 
-def test_a_fault_of_the_robot_ends_the_session_with_its_reason(tmp_path: Path) -> None:
+def test_robot_fault_ends_the_session_with_reason(tmp_path: Path) -> None:
     with both(tmp_path) as (phantom, arm, arguments):
         with Program("loopback", *arguments, "--json", "-") as program:
             program.engaged("slave")
@@ -133,7 +133,7 @@ def test_a_fault_of_the_robot_ends_the_session_with_its_reason(tmp_path: Path) -
         until(lambda: phantom.status()["force"] == [0.0, 0.0, 0.0], "no force")
 
 
-def test_without_a_sign_check_there_is_no_current_and_a_line_says_so(tmp_path: Path) -> None:
+def test_unchecked_signs_give_no_current(tmp_path: Path) -> None:
     with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
         arguments = [
             FILE,
@@ -151,7 +151,7 @@ def test_without_a_sign_check_there_is_no_current_and_a_line_says_so(tmp_path: P
         assert phantom.status()["largest_current_ma"] == 0.0
 
 
-def test_a_signal_while_a_person_is_still_homing_the_device_is_an_orderly_end(tmp_path: Path) -> None:
+def test_signal_during_homing_exits_0(tmp_path: Path) -> None:
     with Emulated("polhem_serial", tmp_path, PRESS) as phantom:
         generate(tmp_path / "key")
         link = ["link.slave=127.0.0.1:47999", "link.security=psk", f"link.key_file={tmp_path / 'key'}"]

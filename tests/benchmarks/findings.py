@@ -63,9 +63,8 @@ def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool =
     return Latency(coded, plain, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
 
 
-def codec(compiled: float | None = 6e6) -> CodecRate:
-    note = None if compiled is not None else 'numba: not installed; install it with: pip install "weberlink[compiled]"'
-    return CodecRate(2e5, np.full(10, 5.0), compiled, note)
+def codec() -> CodecRate:
+    return CodecRate(2e5, np.full(10, 5.0))
 
 
 def findings(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.control.choice import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
+from weberlink.control.auto import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
 from weberlink.control.contract import LinkQuality
 
 TICK = 0.01

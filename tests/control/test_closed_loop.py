@@ -12,10 +12,10 @@ import pytest
 
 from tests.control.teleoperation import FORCE_RANGE, TICK, Course, Hand, Link, operate
 from tests.control.walls import Wall
-from weberlink.control.contract import MasterControl, Settings
+from weberlink.control.contract import MasterControl, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 
-SETTINGS = Settings(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
+SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
 BOUND = 1e-3
 """Energy that may seem to be made [J]."""
 LINKS = (Link(), Link(jitter=0.01, loss=0.1, seed=2), Link(jitter=0.05, loss=0.3, seed=3))

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from tests.control.vectors import dot, forces, norm, steps, subtract, vectors
 from tests.examples import examples
-from weberlink.control.contract import ZERO, Vector
-from weberlink.control.drag import STRONGEST, LevelDrag
+from weberlink.control.energy import STRONGEST, LevelDrag
 from weberlink.control.force_port import LEAST_STEP, ForcePort
+from weberlink.geometry.vector import ZERO, Vector
 
 LEVEL = 0.05
 TICK = 1e-3

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
 from tests.examples import examples
-from weberlink.control.contract import ZERO, Vector
 from weberlink.control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
+from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
 LEVEL = 0.015

@@ -4,8 +4,9 @@ import pytest
 
 from tests.control.vectors import largest_step, norm
 from tests.control.walls import Wall
-from weberlink.control.contract import ZERO, LinkQuality, Settings, Vector
+from weberlink.control.contract import LinkQuality, SchemeParameters
 from weberlink.control.mmt import MmtMaster, agree
+from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
 WALL = Wall(500.0)
@@ -19,7 +20,7 @@ class Operator:
     """A hand that goes where it likes, and what it was given on the way."""
 
     def __init__(self) -> None:
-        self.control = MmtMaster(Settings(TICK, 30.0, 0.05, 5.0, 0.25))
+        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25))
         self.at = 0.002
         self.forces: list[Vector] = []
 

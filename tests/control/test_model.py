@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from tests.control.vectors import norm, subtract, vectors
 from tests.control.walls import Ball, Wall
-from weberlink.control.contract import Surface, Vector
+from weberlink.control.contract import WallModel
 from weberlink.control.model import MOST_SURFACES, SurfaceMixture
+from weberlink.geometry.vector import Vector
 
 TICK = 1e-3
 TURN = 0.02
@@ -25,7 +26,7 @@ hands = vectors(0.03)
 changes = st.lists(
     st.tuples(st.one_of(st.none(), surfaces), hands, st.integers(0, 30), st.floats(-0.1, 0.5)), max_size=8
 )
-Change = tuple[Surface | None, Vector, int, float]
+Change = tuple[WallModel | None, Vector, int, float]
 
 
 def changed(course: list[Change]) -> SurfaceMixture:
@@ -68,7 +69,7 @@ def test_work_around_a_closed_path_is_zero(course: list[Change], corners: list[V
 
 @given(changes, st.one_of(st.none(), surfaces), hands, hands, st.floats(0.0, 1.0), st.floats(-0.1, 0.5))
 def test_a_change_stores_no_more_than_there_is_to_spare(
-    course: list[Change], surface: Surface | None, wanted_at: Vector, hand: Vector, share: float, spare: float
+    course: list[Change], surface: WallModel | None, wanted_at: Vector, hand: Vector, share: float, spare: float
 ) -> None:
     mixture = changed(course)
     mixture.want(surface, wanted_at)
@@ -90,7 +91,7 @@ def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course
 
 
 @given(changes, surfaces, hands)
-def test_wanting_changes_no_force_by_itself(course: list[Change], surface: Surface, hand: Vector) -> None:
+def test_wanting_changes_no_force_by_itself(course: list[Change], surface: WallModel, hand: Vector) -> None:
     assume(len(course) < MOST_SURFACES)
     mixture = changed(course)
     before, _ = mixture.at(hand)
@@ -99,7 +100,7 @@ def test_wanting_changes_no_force_by_itself(course: list[Change], surface: Surfa
 
 
 @given(changes, surfaces, hands)
-def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], surface: Surface, hand: Vector) -> None:
+def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], surface: WallModel, hand: Vector) -> None:
     mixture = changed(course)
     mixture.want(surface, hand)
     for _ in range(2000):
@@ -122,7 +123,7 @@ def test_free_space_is_reached_whatever_is_owed(course: list[Change], hand: Vect
 
 
 @given(surfaces, surfaces, hands)
-def test_what_takes_energy_is_turned_into_even_in_debt(first: Surface, second: Surface, hand: Vector) -> None:
+def test_what_takes_energy_is_turned_into_even_in_debt(first: WallModel, second: WallModel, hand: Vector) -> None:
     mixture = changed([(first, hand, 2000, 1.0)])
     _, stored = mixture.at(hand)
     mixture.want(second, hand)

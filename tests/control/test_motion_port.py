@@ -7,8 +7,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.control.vectors import add, dot, norm, positions, scale, steps, subtract, vectors
-from weberlink.control.contract import LEAST_CONTACT, ZERO, Vector
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.motion_port import CAUTION, LONGEST_RETREAT, MotionPort, affordable_share
+from weberlink.geometry.vector import ZERO, Vector
 
 RANGE = 30.0
 DEBT = 1e-4

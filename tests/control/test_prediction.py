@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pytest import approx
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.prediction import LONGEST, CreditPrediction
+from weberlink.control.energy import LONGEST, CreditPrediction
 
 MOST = 1e-3
 TICK = 1e-3

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.tank import EnergyTank
+from weberlink.control.energy import EnergyTank
 
 MOST = 100.0
 joules = st.floats(-MOST, MOST)

@@ -4,13 +4,14 @@ import pytest
 
 from tests.control.vectors import norm, subtract
 from tests.control.walls import Wall
-from weberlink.control.contract import CREDIT_STEP, ZERO, LinkQuality, Settings
+from weberlink.control.contract import CREDIT_STEP, LinkQuality, SchemeParameters
 from weberlink.control.tdpa import CAP, SHARE_AT_MASTER, TdpaMaster, TdpaSlave
+from weberlink.geometry.vector import ZERO
 
 TICK = 1e-3
 LEVEL = 0.05
 SPEED = 0.25
-SETTINGS = Settings(tick_period=TICK, force_range=30.0, level=LEVEL, damping=5.0, catch_up_speed=SPEED)
+SETTINGS = SchemeParameters(tick_period=TICK, force_range=30.0, level=LEVEL, damping=5.0, catch_up_speed=SPEED)
 QUALITY = LinkQuality(0.1, 0.0)
 
 

@@ -162,7 +162,10 @@ def test_the_kernel_ends_a_tied_child_when_its_parent_is_killed():
 
 
 def test_a_child_whose_parent_is_already_gone_ends_by_the_same_signal():
-    code = "import signal; from realtime.process import die_with_parent; die_with_parent(signal.SIGTERM, parent=1)"
+    code = (
+        "import signal; from weberlink.realtime.process import die_with_parent;"
+        " die_with_parent(signal.SIGTERM, parent=1)"
+    )
     with python(code + "; print('still here')", stdout=subprocess.PIPE) as child:
         output, _ = child.communicate(timeout=20)
     assert child.returncode == -signal.SIGTERM

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from tests.system.systems import configuration, output, raw, steps, system
 from weberlink.cli import app
-from weberlink.control.choice import MMT, NONE, TDPA
+from weberlink.control.auto import MMT, NONE, TDPA
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, dot, subtract
 from weberlink.protocol.emulation import EmulatedLink, Emulation
@@ -180,14 +180,14 @@ def test_a_session_lost_and_begun_anew_starts_from_nothing_and_makes_no_energy(s
         if step.index == 1000:
             fresh.slave.open(step.slave.at)
             simulation.slave = fresh.slave
-        handed.append(simulation.master.control.credit)
+        handed.append(simulation.master.port.control.credit)
         states.append(step.master.state)
         force, position = held
         work.append(work[-1] - dot(force, subtract(raw(step.master), position)))
         held = output(step.master), raw(step.master)
         if step.index > 2000:
             assert fresh.slave.endpoint.peer_credit <= handed[-1]
-            assert simulation.master.endpoint.peer_credit <= fresh.slave.control.credit
+            assert simulation.master.endpoint.peer_credit <= fresh.slave.port.control.credit
     begun = states.index(State.ENGAGED.value, states.index(State.SILENT.value))
     assert begun > 1000
     assert states[-1] == State.ENGAGED.value

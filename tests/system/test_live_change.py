@@ -21,9 +21,9 @@ from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squ
 from tests.system.processes import ENGAGED, PATIENCE, Program, until
 from tests.system.systems import Step, steps, system
 from weberlink.control.table import SCHEMES
-from weberlink.control.tuning import Settings, Tuning
+from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.system import description
-from weberlink.system.control_socket import Door, LiveChangeError, ask, path_beside
+from weberlink.system.control_socket import ControlSocket, LiveChangeError, ask, path_beside
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.ring import default_path
 
@@ -44,8 +44,8 @@ def test_both_ends_make_a_change_at_the_tick_that_was_agreed(asker: str, delay_m
     first = [
         next(i for i, step in enumerate(seen) if getattr(step, side).settings == 1) for side in ("master", "slave")
     ]
-    verdict = getattr(simulation, asker).tuning.verdict
-    assert verdict.why_not is None
+    verdict = getattr(simulation, asker).tuning.result
+    assert verdict.refusal is None
     assert first[("master", "slave").index(asker)] == verdict.tick
     assert abs(first[0] - first[1]) <= 1
     assert simulation.slave.tuning.settings.weber == 0.3
@@ -138,7 +138,7 @@ class Unchanging:
     """A side that has settings, and takes no others."""
 
     def __init__(self) -> None:
-        self.tuning = Tuning(Settings(0.1, "zoh", "none"), {}, lambda _: None)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda _: None)
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None:
         return self.tuning.complaint(change)
@@ -148,7 +148,7 @@ class Unchanging:
 def daemon(ring: Path) -> Iterator[None]:
     """A door in a thread, as that of a daemon."""
     loop = asyncio.new_event_loop()
-    door = Door(ring, Unchanging())
+    door = ControlSocket(ring, Unchanging())
     door.open(loop)
     thread = Thread(target=loop.run_forever)
     thread.start()

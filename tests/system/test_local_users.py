@@ -20,7 +20,7 @@ from pathlib import Path
 from weberlink.telemetry.ring import RingWriter
 from tests.strangers import *
 from tests.system.processes import Program, document
-from weberlink.apps.monitor.finding import find
+from weberlink.apps.monitor.rings import find_rings
 
 shared = Path("/dev/shm")
 as_stranger(squat_directory, shared / "weberlink-0")
@@ -34,16 +34,16 @@ for folder in ("weberlink-0", "."):
     as_stranger(squat_large, shared / folder / "weberlink-777-master.json")
 with Program("loopback", "--duration", "2", "--json", "-") as program:
     program.engaged("master")
-    assert list(find(None)) == [str(program.pid)]
+    assert list(find_rings(None)) == [str(program.pid)]
     status, output, errors = program.finish()
 assert (status, errors) == (0, ""), errors
 assert document(output)["outcome"] == "completed"
-assert find(None) == {}
+assert find_rings(None) == {}
 """
 
 
 @needs_root
-def test_no_file_of_another_user_keeps_a_session_from_running_or_is_shown() -> None:
+def test_files_of_other_users_do_no_harm() -> None:
     """With a /dev/shm of its own, which is mounted for the test alone."""
     if shutil.which("unshare") is None:
         pytest.skip("no unshare here (Debian's util-linux)")
@@ -58,7 +58,7 @@ def test_no_file_of_another_user_keeps_a_session_from_running_or_is_shown() -> N
     assert ended.returncode == 0, ended.stderr
 
 
-def test_a_loopback_makes_a_key_and_removes_it_when_both_sides_have_read_it() -> None:
+def test_loopback_key_is_removed_after_reading() -> None:
     with Program("loopback", "--duration", "2", "--json", "-", "--set", "link.security=session") as program:
         key = default_path("any").parent / f"weberlink-{program.pid}.key"
         until(lambda: key.exists() and key.stat().st_size, "the key")
@@ -81,7 +81,7 @@ def test_a_loopback_makes_a_key_and_removes_it_when_both_sides_have_read_it() ->
 
 
 @pytest.mark.parametrize("side", ["master", "slave"])
-def test_one_side_alone_has_no_session_key(side: str) -> None:
+def test_single_side_has_no_session_key(side: str) -> None:
     address = ("--set", "link.listen=127.0.0.1:47999", "--set", "link.slave=127.0.0.1:47999")
     with Program(side, ROOT / "configs" / "loopback.yaml", *address, "--set", "link.security=session") as program:
         status, output, errors = program.finish()

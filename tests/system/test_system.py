@@ -56,9 +56,9 @@ def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(predicto
         assert error <= (HALF_STEP if step.slave.sent else step.slave.bound)
         sends += step.slave.sent
         if not step.slave.sent:  # otherwise it arrives before the next tick
-            assert simulation.master.decoder.state == simulation.slave.encoder.mirror.state
+            assert simulation.master.incoming[0].decoder.state == simulation.slave.outgoing[0].encoder.mirror.state
         if step.slave.state == State.ENGAGED.value:
-            assert simulation.slave.decoder.state == simulation.master.encoder.mirror.state
+            assert simulation.slave.incoming[0].decoder.state == simulation.master.outgoing[0].encoder.mirror.state
     assert sends > 0
 
 
@@ -89,8 +89,8 @@ def follow_states_over_a_bad_link(predictor: str, seed: int, burst: int) -> tupl
     )
     forces, positions = Restorations(), Restorations()
     for step in steps(simulation, 3.0):
-        forces.look(step.slave.sent, simulation.slave.encoder, simulation.master.decoder)
-        positions.look(step.master.sent, simulation.master.encoder, simulation.slave.decoder)
+        forces.look(step.slave.sent, simulation.slave.outgoing[0].encoder, simulation.master.incoming[0].decoder)
+        positions.look(step.master.sent, simulation.master.outgoing[0].encoder, simulation.slave.incoming[0].decoder)
         assert norm(output(step.master)) <= 10.0 * (1 + 1e-9)
     assert simulation.master.faults.get("update", 0) == simulation.slave.faults.get("update", 0) == 0
     return forces.checked, positions.checked

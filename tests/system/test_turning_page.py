@@ -48,14 +48,14 @@ def test_every_key_is_listed_with_its_default(page: str, heading: str, options: 
             assert listed[name] == ("0" if field.default == ZERO else field.default)
 
 
-def test_the_tool_of_the_page_can_be_built() -> None:
+def test_tool_of_the_page_can_be_built() -> None:
     (example,) = re.findall(r"```yaml\n(.*?)```", PAGE, re.S)
     options = yaml.safe_load(example)["slave"]["robot"]
     assert options.pop("driver") == "point"
     assert PointRobot(PointOptions(**options), None, 0.001).spec.torque_n_m == 2.0
 
 
-def test_its_links_lead_somewhere() -> None:
+def test_links_are_valid() -> None:
     headings = {
         re.sub(r"[^a-z0-9 -]", "", line.lower()).replace(" ", "-") for line in re.findall(r"^#+ (.+)$", PAGE, re.M)
     }

@@ -1,14 +1,13 @@
-"""Mechanics of the OpenMANIPULATOR-X: where the tip is, how it moves, and what holds the arm against its weight.
+"""Mechanics of the OpenMANIPULATOR-X: kinematics, weight and inertia.
 
 Frame: origin in the middle of the foot, x forward, y left, z up. Joint 1 turns the arm about z. Joints 2 to 4 turn
 about y, so the arm lies in a vertical plane, and a positive angle tilts it forward and down. In that plane the tip is
 at a reach r from the axis of joint 1 (negative behind it) and a height z. The pitch of the gripper is the sum of joints
-2 to 4: 0 where it points forward, positive where it points down. All joints are 0 where the upper arm stands and the
+2 to 4: 0 if it points forward, positive if it points down. All joints are 0 where the upper arm is vertical and the
 forearm points forward.
 
 Lengths and joint limits: ROBOTIS' own description (open_manipulator, open_manipulator_x_arm.urdf.xacro). Masses and
-centres of mass: weighed and drawn by a third party (smorales2405/open_manipulator_x_torque_control). They are those of
-another arm than yours. Knows no motors.
+centres of mass: measured by a third party on another arm (smorales2405/open_manipulator_x_torque_control).
 """
 
 from math import acos, atan2, cos, hypot, pi, sin
@@ -32,8 +31,8 @@ UPPER: Final[Joints] = (pi, 1.5, 1.4, 1.97)
 GRAVITY_M_S2: Final = 9.81
 
 
-class Link(NamedTuple):
-    """What moves with a joint: mass [kg], centre of mass in the frame of that joint [m], moment of inertia [kg m^2].
+class ArmLink(NamedTuple):
+    """A body that moves with a joint: mass [kg], centre of mass in the frame of that joint [m], inertia [kg m^2].
 
     The moment is about the centre of mass and an axis parallel to that of the joint. With all joints at 0 the axes of
     every frame are those of the foot.
@@ -46,17 +45,17 @@ class Link(NamedTuple):
 
 
 LINKS: Final = (
-    Link(0.0970, 0.0, 0.044319, 1.63e-5),
-    Link(0.1235, 0.007606, 0.099924, 2.05e-4),
-    Link(0.1151, 0.089168, 0.0, 1.48e-4),
-    Link(0.2226, 0.062451, 0.005878, 1.89e-4),
+    ArmLink(0.0970, 0.0, 0.044319, 1.63e-5),
+    ArmLink(0.1235, 0.007606, 0.099924, 2.05e-4),
+    ArmLink(0.1151, 0.089168, 0.0, 1.48e-4),
+    ArmLink(0.2226, 0.062451, 0.005878, 1.89e-4),
 )
 """Of joints 1 to 4; the last one is the gripper with its fingers."""
 
 COULOMB_N_M: Final[Joints] = (0.037, 0.085, 0.132, 0.045)
 VISCOUS_N_M_S: Final[Joints] = (0.037, 0.0, 0.0, 0.005)
-"""Friction of the joints of one arm: half the difference of the currents that move a joint to and fro at a constant
-speed, taken at equal angles, so that the weight cancels (smorales2405/open_manipulator_x_torque_control,
+"""Friction of the joints of one arm: half the difference of the currents that move a joint to and fro at constant
+speed, at equal angles, so that the weight cancels (smorales2405/open_manipulator_x_torque_control,
 motorXM430W350T_params.yaml, 2026-07-19; the viscous part from its version of 2026-06-24)."""
 ROTOR_INERTIA_KG_M2: Final = 0.045
 LEAST_ROTOR_INERTIA_KG_M2: Final = 0.005
@@ -88,19 +87,19 @@ _S3: Final = (
 _S4: Final = LINKS[3].moment + LINKS[3].mass * (LINKS[3].centre_x ** 2 + LINKS[3].centre_z ** 2)
 
 
-class Posture(NamedTuple):
-    """The arm at some joint angles: everything that a cycle of control needs, worked out once.
+class ArmPose(NamedTuple):
+    """The arm at given joint angles: all quantities that a control cycle needs.
 
     Args:
-        joints: angles [rad].
-        tip: position of the tip [m].
-        pitch: of the gripper [rad].
-        reach: distance of the tip from the axis of joint 1 [m].
-        cos_yaw, sin_yaw: of joint 1.
+        joints: Angles [rad].
+        tip: Position of the tip [m].
+        pitch: Of the gripper [rad].
+        reach: Distance of the tip from the axis of joint 1 [m].
+        cos_yaw, sin_yaw: Of joint 1.
         columns: (dr/dq, dz/dq) of the tip for joints 2 to 4 [m/rad].
-        gravity: torques that hold the arm against its weight [N m].
-        inertia: elements 11, 22, 23, 24, 33, 34 and 44 of the symmetric mass matrix of the links [kg m^2]; the others
-            are 0. The rotors of the motors add the same to each element of the diagonal.
+        gravity: Torques that hold the arm against its weight [N m].
+        inertia: Elements 11, 22, 23, 24, 33, 34 and 44 of the symmetric mass matrix of the links [kg m^2]; the others
+            are 0. The rotors of the motors add the same to each diagonal element.
     """
 
     joints: Joints
@@ -114,7 +113,7 @@ class Posture(NamedTuple):
     inertia: tuple[float, float, float, float, float, float, float]
 
     def torques(self, force: Vector) -> Joints:
-        """Joint torques that the arm presses with a force [N] with: J^T f."""
+        """Joint torques of a force [N] that the tip exerts: J^T f."""
         fx, fy, fz = force
         radial = self.cos_yaw * fx + self.sin_yaw * fy
         r2, z2, r3, z3, r4, z4 = self.columns
@@ -148,6 +147,10 @@ class Posture(NamedTuple):
             m24 * q2 + m34 * q3 + (m44 + rotor) * q4,
         )
 
+    def coriolis(self, rates: Joints) -> Joints:
+        """Torques of Coriolis and centrifugal forces [N m]."""
+        return _coriolis(self.joints, rates)
+
     def jacobian(self) -> tuple[Joints, Joints, Joints]:
         """dx/dq, dy/dq and dz/dq of the tip [m/rad]."""
         c, s = self.cos_yaw, self.sin_yaw
@@ -159,8 +162,7 @@ class Posture(NamedTuple):
         )
 
 
-def posture(joints: Joints) -> Posture:
-    """The arm at these angles [rad]."""
+def arm_pose(joints: Joints) -> ArmPose:
     yaw, q2, q3, q4 = joints
     upper, fore = q2, q2 + q3
     pitch = fore + q4
@@ -177,7 +179,7 @@ def posture(joints: Joints) -> Posture:
     weight4 = -(_W4X * cos_pitch + _W4Z * sin_pitch)
     weight3 = weight4 - (_W3X * cos_fore + _W3Z * sin_fore)
     weight2 = weight3 - (_W2X * cos_upper + _W2Z * sin_upper)
-    return Posture(
+    return ArmPose(
         joints,
         (AXIS_X_M + r2 * cos_yaw, r2 * sin_yaw, SHOULDER_Z_M + z2),
         pitch,
@@ -193,10 +195,10 @@ def posture(joints: Joints) -> Posture:
 def _inertia(
     elbow: tuple[float, float], upper: tuple[float, float], fore: tuple[float, float], hand: tuple[float, float]
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Elements of the mass matrix, from joint 2 to the elbow [m] and cosine and sine of the links' angles.
+    """Elements of the mass matrix, from the vector joint 2 to elbow [m] and cosine and sine of the links' angles.
 
-    Worked out in the absolute angles of the three links, whose kinetic energy is a sum over pairs of links. About the
-    vertical, a link's own moment counts as that of a rod that lies as the link does.
+    Derived in the absolute angles of the three links, whose kinetic energy is a sum over pairs of links. About the
+    vertical, a link's own moment is that of a rod along the link.
     """
     elbow_r, elbow_z = elbow
     (ca, sa), (cb, sb), (cc, sc) = upper, fore, hand
@@ -217,8 +219,38 @@ def _inertia(
     return (m11, _S2 + m33 + 2.0 * (ab + ac), m33 + ab + ac, m34 + ac, m33, m34, _S4)
 
 
+def _coriolis(joints: Joints, rates: Joints) -> Joints:
+    """From Lagrange's equations in the absolute angles; derivatives of a vector (r, z) of a link are (z, -r)."""
+    _, q2, q3, q4 = joints
+    ca, sa, cb, sb, cc, sc = cos(q2), sin(q2), cos(q2 + q3), sin(q2 + q3), cos(q2 + q3 + q4), sin(q2 + q3 + q4)
+    _, link3, link4, link5 = LINKS
+    elbow_r, elbow_z = ELBOW_X_M * ca + ELBOW_Z_M * sa, ELBOW_Z_M * ca - ELBOW_X_M * sa
+    wrist_r, wrist_z = FOREARM_M * cb, -FOREARM_M * sb
+    r3, z3 = link3.centre_x * ca + link3.centre_z * sa, link3.centre_z * ca - link3.centre_x * sa
+    r4, z4 = link4.centre_x * cb, -link4.centre_x * sb
+    r5, z5 = link5.centre_x * cc + link5.centre_z * sc, link5.centre_z * cc - link5.centre_x * sc
+    hand_r, hand_z = link5.mass * r5, link5.mass * z5
+    fore_r, fore_z = link4.mass * r4 + link5.mass * wrist_r, link4.mass * z4 + link5.mass * wrist_z
+    # Derivatives of the moment of inertia about joint 1 by the absolute angles.
+    out4, out5 = link4.mass * (elbow_r + r4), link5.mass * (elbow_r + wrist_r + r5)
+    by_a = 2.0 * (link3.moment * sa * ca + link3.mass * r3 * z3 + (out4 + out5) * elbow_z)
+    by_b = 2.0 * (out4 * z4 + out5 * wrist_z - link4.moment * cb * sb)
+    by_c = 2.0 * (out5 * z5 - link5.moment * cc * sc)
+    turn, rate_a = rates[0], rates[1]
+    rate_b = rate_a + rates[2]
+    rate_c = rate_b + rates[3]
+    half, aa, bb, square_c = 0.5 * turn * turn, rate_a * rate_a, rate_b * rate_b, rate_c * rate_c
+    ab = elbow_r * fore_z - elbow_z * fore_r
+    ac = elbow_r * hand_z - elbow_z * hand_r
+    bc = wrist_r * hand_z - wrist_z * hand_r
+    on_c = -aa * ac - bb * bc - half * by_c
+    on_b = on_c + square_c * bc - aa * ab - half * by_b
+    on_a = on_b + bb * ab + square_c * ac - half * by_a
+    return (turn * (by_a * rate_a + by_b * rate_b + by_c * rate_c), on_a, on_b, on_c)
+
+
 def potential_energy(joints: Joints) -> float:
-    """Of the weight of all links [J], up to a constant; its gradient is `Posture.gravity`."""
+    """Of the weight of all links [J], up to a constant; its gradient is `ArmPose.gravity`."""
     _, q2, q3, q4 = joints
     fore = q2 + q3
     pitch = fore + q4
@@ -230,7 +262,7 @@ def potential_energy(joints: Joints) -> float:
 
 
 def inverse(tip: Vector, pitch: float, elbow_up: bool = True) -> Joints | None:
-    """Joint angles [rad] that put the tip there [m] with this pitch [rad]; None out of reach or of the joint limits."""
+    """Joint angles [rad] for a tip position [m] and pitch [rad]; None out of reach or beyond joint limits."""
     x, y = tip[0] - AXIS_X_M, tip[1]
     reach = hypot(x, y)
     wrist_r = reach - HAND_M * cos(pitch)
@@ -248,7 +280,7 @@ def inverse(tip: Vector, pitch: float, elbow_up: bool = True) -> Joints | None:
 
 
 def inverse_nearest(tip: Vector, pitch: float) -> Joints | None:
-    """Joint angles [rad] that put the tip there [m] with the pitch that is nearest to the one wanted [rad].
+    """Joint angles [rad] for a tip position [m], with the reachable pitch that is nearest to `pitch` [rad].
 
     Tried in steps of 0.02 rad, the elbow up before down; None where no pitch reaches it.
     """
@@ -262,7 +294,7 @@ def inverse_nearest(tip: Vector, pitch: float) -> Joints | None:
 
 
 def within_limits(joints: Joints, margin: float = 0.0) -> bool:
-    """Whether every joint is within its limits, and this far from them [rad]."""
+    """Whether every joint is at least `margin` within its limits [rad]."""
     return all(low + margin <= q <= high - margin for low, q, high in zip(LOWER, joints, UPPER, strict=True))
 
 

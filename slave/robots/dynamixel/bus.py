@@ -1,16 +1,22 @@
-"""The bus: one request at a time, its answers within a deadline, and what goes wrong named by joint and id.
-
-Owns deadlines and the pairing of requests with answers. Knows what a register is, and nothing of what the arm does.
-"""
+"""The bus of the motors: requests, their answers within a deadline, and errors that name joint and id."""
 
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from struct import Struct
 from time import monotonic, sleep
 from typing import Final, NamedTuple, Protocol
 
+from weberlink.hardware.discovery import UDEV_RULES, UsbId
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import ALERT, Packet, Status, StatusReader, encode_packet, error_text
+from weberlink.slave.robots.dynamixel.packet import (
+    ALERT,
+    Packet,
+    StatusPacket,
+    StatusPacketReader,
+    encode_packet,
+    error_text,
+)
 from weberlink.slave.robots.dynamixel.registers import (
     HARDWARE_ERROR,
     PRESENT_ADDRESS,
@@ -19,21 +25,24 @@ from weberlink.slave.robots.dynamixel.registers import (
     hardware_error_text,
 )
 
+USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010), UsbId(0x0403, 0x6015))
+"""ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm."""
+SYSFS: Final = Path("/sys/bus/usb-serial/devices")
 BITS_PER_BYTE: Final = 10
 STATUS_OVERHEAD: Final = 11
 SETTLE_S: Final = 0.003
-"""How long the line has to be quiet after an answer went wrong, so that a late one is not taken for the next."""
+"""Time of silence after a bad answer [s], so that a late answer is not taken for the next one."""
 _SETTLE_MOST: Final = 8
 MARK_ADDRESS: Final = 120
 MARK_SIZES: Final = range(11, 27)
-"""Of reads that nothing else asks for; more of them than can be owed before the arm counts as lost."""
+"""Sizes of reads that are used for nothing else; more than answers can be owed before the arm counts as lost."""
 ADAPTER_S: Final = 0.0002
-"""What any adapter adds to the time on the wire, at least [s]."""
+"""Least delay of any adapter beyond the time on the wire [s]."""
 _PRESENT: Final = Struct("<hii")
 
 
 class Port(Protocol):
-    """What `weberlink.hardware.serial_port.SerialPort` offers."""
+    """A serial port, such as `weberlink.hardware.serial_port.SerialPort`."""
 
     path: str
 
@@ -46,24 +55,24 @@ class Port(Protocol):
     def close(self) -> None: ...
 
 
-class Present(NamedTuple):
-    """What a motor measures, in counts."""
+class MotorReading(NamedTuple):
+    """Measurements of a motor, in counts."""
 
     current: int
     velocity: int
     position: int
 
 
-class Bus:
+class MotorBus:
     """Motors on one port.
 
     Args:
-        port: open, at the rate of the motors.
-        baud: that rate [bit/s].
-        ids: of the motors, in the order of the joints.
-        margin: how long an answer may take beyond its time on the wire [s]: adapter, host and return delay.
-        clock: monotonic [s].
-        pause: lets time pass [s].
+        port: Open, at the rate of the motors.
+        baud: That rate [bit/s].
+        ids: Of the motors, in the order of the joints.
+        margin: Longest time of an answer beyond its time on the wire [s]: adapter, host and return delay.
+        clock: Monotonic [s].
+        pause: Sleeps [s].
     """
 
     def __init__(
@@ -81,7 +90,7 @@ class Bus:
         self._margin = margin
         self._clock = clock
         self._pause = pause
-        self._reader = StatusReader()
+        self._reader = StatusPacketReader()
         self._unsettled = False
         self._marks = 0
         self._ask_present = encode_packet(packet.sync_read(PRESENT_ADDRESS, PRESENT_SIZE, self.ids))
@@ -95,7 +104,7 @@ class Bus:
         return self._port.path
 
     def label(self, id_: int) -> str:
-        """A motor, for a person."""
+        """Name of a motor for messages."""
         return f"joint {self.ids.index(id_) + 1} (id {id_})" if id_ in self.ids else f"id {id_}"
 
     def ping(self, id_: int) -> int:
@@ -105,7 +114,7 @@ class Bus:
             BadReply: no good answer.
             HardwareFault: the port is gone.
         """
-        # Asked for without regard to alarms: what stands there is told before why it does not work.
+        # Alarms are ignored here, since a wrong model is reported before an alarm.
         (status,) = self._ask(encode_packet(packet.ping(id_)), (id_,), 3)
         return int.from_bytes(status.parameters[:2], "little")
 
@@ -121,13 +130,13 @@ class Bus:
         return register.decode(status.parameters)
 
     def write(self, id_: int, register: Register, value: int) -> None:
-        """Set a register and wait for the motor to say so; raises as `read` does."""
+        """Set a register and wait for the confirmation; raises as `read` does."""
         request = Packet(id_, packet.WRITE, register.address.to_bytes(2, "little") + register.encode(value))
         (status,) = self._ask(encode_packet(request), (id_,), 0)
         self._check(status, f"{value} in register {register.address}")
 
     def sync_write(self, register: Register, values: Iterable[tuple[int, int]]) -> None:
-        """Set a register of several motors to (id, value) each. None of them answers.
+        """Set a register of several motors to (id, value) each, without confirmation.
 
         Raises:
             HardwareFault: the port is gone.
@@ -135,8 +144,8 @@ class Bus:
         request = packet.sync_write(register.address, register.size, [(id_, register.encode(v)) for id_, v in values])
         self._send(encode_packet(request))
 
-    def present(self) -> list[Present]:
-        """What all motors measure, in the order of the joints; they measure one after the other, as they answer.
+    def present(self) -> list[MotorReading]:
+        """Measurements of all motors in the order of the joints; each measures when it answers.
 
         Raises:
             BadReply: an answer was missing, late or garbled.
@@ -144,9 +153,8 @@ class Bus:
         """
         statuses = self._ask(self._ask_present, self.ids, PRESENT_SIZE)
         for status in statuses:
-            if status.error:
-                self._check(status, "a read of what it measures")
-        return [Present(*_PRESENT.unpack(status.parameters)) for status in statuses]
+            self._check(status, "a read of what it measures")
+        return [MotorReading(*_PRESENT.unpack(status.parameters)) for status in statuses]
 
     def reading_s(self) -> float:
         """Time of `present` on the wire [s]."""
@@ -158,7 +166,7 @@ class Bus:
         self.sent_at = now
         self._port.write(request)
 
-    def _ask(self, request: bytes, ids: tuple[int, ...], size: int) -> list[Status]:
+    def _ask(self, request: bytes, ids: tuple[int, ...], size: int) -> list[StatusPacket]:
         """One answer of each motor in turn, each with `size` bytes."""
         self._settle()
         if self._unsettled:
@@ -169,26 +177,26 @@ class Bus:
         self._send(request)
         wire_s = (len(request) + len(ids) * (STATUS_OVERHEAD + size)) * self._byte_s
         until = self.sent_at + wire_s + self._margin
-        # To wake for every answer as it comes costs more than it gains: nothing is done before the last one is there.
+        # Nothing can be done before the last answer has arrived, so the thread sleeps until then.
         self._pause(wire_s + ADAPTER_S)
-        statuses: list[Status] = []
+        statuses: list[StatusPacket] = []
         while len(statuses) < len(ids):
             data = self._port.read(until)
             if not data:
                 complaint = "garbled" if reader.bad_crc > bad_before else "missing or late"
                 raise BadReply(f"{self.label(ids[len(statuses)])}: its answer was {complaint}")
             for status in reader.feed(data):
-                # Anything but the answer that is due is a stray: of another motor or of an earlier request.
+                # Any other answer belongs to another motor or to an earlier request.
                 if len(statuses) < len(ids) and status.id == ids[len(statuses)]:
                     statuses.append(self._sized(status, size))
         self._unsettled = False
         return statuses
 
     def _mark(self) -> None:
-        """Make sure that no answer is owed any more.
+        """Wait until no answer to an earlier request can arrive any more.
 
-        Answers come in the order of requests, and a late one looks like one in time. So something is asked for that is
-        told from all that may still be owed by its size: once its answer is there, whatever was owed before has come.
+        Answers arrive in the order of requests, and a late one looks like one in time. So this sends a read of a unique
+        size: once its answer has arrived, all earlier ones have.
         """
         id_, size = self.ids[0], MARK_SIZES[self._marks % len(MARK_SIZES)]
         self._marks += 1
@@ -200,21 +208,23 @@ class Bus:
                 return
         raise BadReply(f"{self.label(id_)}: its answer was missing or late")
 
-    def _sized(self, status: Status, size: int) -> Status:
+    def _sized(self, status: StatusPacket, size: int) -> StatusPacket:
         if len(status.parameters) != size and not status.error & ~ALERT:
             raise BadReply(f"{self.label(status.id)}: answered {len(status.parameters)} bytes instead of {size}")
         return status
 
     def _settle(self) -> None:
-        """Take away what is not an answer to what is asked next."""
+        """Discard what is not an answer to the next request."""
         self._reader.clear()
         self._port.drain()
         for _ in range(_SETTLE_MOST if self._unsettled else 0):
             if not self._port.read(self._clock() + SETTLE_S):
                 return
 
-    def _check(self, status: Status, what: str) -> None:
-        """Raise what the error byte says."""
+    def _check(self, status: StatusPacket, what: str) -> None:
+        """Raise the error that a status reports."""
+        if not status.error:
+            return
         error = status.error & ~ALERT
         if error == packet.CRC_ERROR:
             raise BadReply(f"{self.label(status.id)}: the request arrived there garbled")
@@ -224,8 +234,28 @@ class Bus:
             raise HardwareFault(f"{self.label(status.id)} refuses {what}: {error_text(error)}")
 
     def _alarm(self, id_: int) -> str:
-        """What the motor's alarm means."""
+        """Meaning of a motor's alarm."""
         register = HARDWARE_ERROR
         (status,) = self._ask(encode_packet(packet.read(id_, register.address, register.size)), (id_,), register.size)
         value = register.decode(status.parameters)
         return f"{hardware_error_text(value)}; it stays off until its power was off and on again"
+
+
+def latency_ms(path: str, sysfs: Path = SYSFS) -> int | None:
+    """Time for which an FTDI adapter collects bytes [ms]; None where it is unknown."""
+    try:
+        return int((sysfs / Path(path).resolve().name / "latency_timer").read_text())
+    except (OSError, ValueError):
+        return None
+
+
+def latency_advice(path: str, sysfs: Path = SYSFS) -> str | None:
+    """Advice for an adapter that collects for more than 1 ms; None otherwise."""
+    latency = latency_ms(path, sysfs)
+    if latency is None or latency <= 1:
+        return None
+    name = Path(path).resolve().name
+    return (
+        f"{path} collects what it receives for {latency} ms; set it to 1 ms with: "
+        f"echo 1 | sudo tee {SYSFS / name / 'latency_timer'} (the shipped {UDEV_RULES} does so for good)"
+    )

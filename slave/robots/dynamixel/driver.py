@@ -1,4 +1,4 @@
-"""The robot `dynamixel`: an OpenMANIPULATOR-X under Cartesian impedance, for a tick that is faster than its bus."""
+"""The robot `dynamixel`: an OpenMANIPULATOR-X under Cartesian impedance, with its bus in a thread."""
 
 from math import ceil
 from time import monotonic, sleep
@@ -11,18 +11,18 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.hardware.worker import Worker
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.adapter import USB, latency_advice
+from weberlink.slave.robots.dynamixel.bus import USB, latency_advice
 from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
-from weberlink.slave.robots.dynamixel.external_force import LowPass
-from weberlink.slave.robots.dynamixel.motors import OnClose, watchdog_units
-from weberlink.slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
+from weberlink.slave.robots.dynamixel.external_force import ForceLowPass
+from weberlink.slave.robots.dynamixel.motors import watchdog_units
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions, OnClose, worst_force_error
 from weberlink.slave.robots.interpolation import Interpolation
 from weberlink.slave.robots.virtual import saturated
 from weberlink.slave.scenes.scene import Scene
 
 NAME: Final = "dynamixel"
 LOST_S: Final = 0.15
-"""Without a good answer for so long the arm is lost [s]."""
+"""Time without a good answer after which the arm counts as lost [s]."""
 STALE_S: Final = 0.1
 REACHED_M: Final = 0.015
 REST_STEP_S: Final = 0.01
@@ -30,10 +30,10 @@ REST_MOST_S: Final = 10.0
 
 
 class DynamixelRobot:
-    """The bus runs in a thread of its own; readings are interpolated, and late by the lag that the spec states.
+    """Readings are interpolated between the cycles of the bus, and late by the lag that the spec states.
 
     Raises:
-        ValueError: a scene was given: this robot touches what is in front of it.
+        ValueError: a scene was given.
     """
 
     Options = DynamixelOptions
@@ -50,16 +50,15 @@ class DynamixelRobot:
         self._options = options
         lag = 1.0 / options.rate_hz + options.reading_s
         self._interpolation = Interpolation(lag)
-        self._settings = settings_of(options)
         self.spec = self._spec(lag)
-        self._exchange = ArmExchange(self._settings, self._connect, self._interpolation)
+        self._exchange = ArmExchange(options, self._connect, self._interpolation)
         self._worker = Worker[Vector | None, ArmSample](
             self._exchange,
             rest=None,
             period=1.0 / options.rate_hz,
             on_command=False,
             stale=STALE_S,
-            bad_replies=max(3, ceil(LOST_S / (self._settings.margin + options.reading_s))),
+            bad_replies=max(3, ceil(LOST_S / (options.margin_s + options.reading_s))),
             reconnect=options.reconnect_s,
         )
         self._open = False
@@ -68,7 +67,7 @@ class DynamixelRobot:
     def _spec(self, lag: float) -> RobotSpec:
         options = self._options
         error = worst_force_error(options)
-        cutoff = LowPass(options.force_cutoff_hz)
+        cutoff = ForceLowPass(options.force_cutoff_hz)
         note = (
             "the force is estimated from motor currents, at rest within "
             f"{error[0]:.1f} N and {error[1]:.0%}, and lags {cutoff.lag * 1e3:.1f} ms more than the position"
@@ -84,7 +83,7 @@ class DynamixelRobot:
             force_sensing=True,
             lag_s=lag,
             force_error=error,
-            watchdog_s=registers.WATCHDOG_UNIT_S * watchdog_units(self._settings.watchdog),
+            watchdog_s=registers.WATCHDOG_UNIT_S * watchdog_units(options.watchdog_s),
             note=note if advice is None else f"{note}; {advice}",
         )
 
@@ -127,7 +126,7 @@ class DynamixelRobot:
         return reading
 
     def close(self) -> None:
-        """Leave the arm as `on_close` says; going home first takes as long as the way is, 10 s at most."""
+        """Leave the arm as `on_close` says; going home first takes at most 10 s."""
         if self._open and self._worker.fault is None and self._options.on_close is OnClose.REST:
             self._exchange.hold_on_close = not self._go_home()
         self._open = False
@@ -135,7 +134,7 @@ class DynamixelRobot:
         self._worker.stop()
 
     def _go_home(self) -> bool:
-        """Whether the tip got there."""
+        """Whether the tip arrived."""
         home, speed = self._options.home_m, self._options.approach_m_s
         goal = self._worker.newest[0].tip
         until = monotonic() + REST_MOST_S

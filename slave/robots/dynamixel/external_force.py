@@ -1,12 +1,11 @@
 """The force of the environment on the tip, from the currents of the motors.
 
-At rest, and nearly so in slow motion, the motors carry the weight, the friction and whatever presses on the tip:
+At rest and in slow motion, the motors carry the weight, the friction and the force on the tip:
 
     J^T f = gravity + friction - tau,    tau = torque constant * current
 
-four equations for three unknowns, solved by least squares, damped where the arm is nearly straight and a direction can
-no longer be felt. What it takes to move the links' own mass is not subtracted: it is felt, as that of a tool is. Owns
-the uncertainty of the estimate. Knows no registers and no clock.
+four equations for three unknowns, solved by least squares, damped where the arm is nearly straight and a direction is
+not observable. The inertia of the links is not subtracted: it is felt, as that of a tool is.
 """
 
 from itertools import product
@@ -14,27 +13,27 @@ from math import expm1, hypot, pi, sqrt
 from typing import Final, NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector
-from weberlink.slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, Joints, Posture
+from weberlink.slave.robots.dynamixel.arm import COULOMB_N_M, VISCOUS_N_M_S, ArmPose, Joints
 
 _FEELS_LEAST_M: Final = 0.02
 """Smallest singular value of the planar Jacobian, and smallest reach, without damping [m]: below it a torque of
-0.02 N m, which is friction, would pass for more than 1 N."""
+0.02 N m, which is friction, would appear as more than 1 N."""
 
 
-class Friction(NamedTuple):
-    """Of the joints: Coulomb [N m], viscous [N m s], and the rate from which the Coulomb part is full [rad/s]."""
+class JointFriction(NamedTuple):
+    """Coulomb [N m] and viscous friction [N m s], and the rate above which the Coulomb part is full [rad/s]."""
 
     coulomb: Joints = COULOMB_N_M
     viscous: Joints = VISCOUS_N_M_S
     full_rate: float = 0.05
 
     def torque(self, joint: int, rate: float) -> float:
-        """That opposes a joint at this rate; at rest the Coulomb part is unknown, and counts as none."""
+        """Opposing torque of a joint at this rate [N m]; at rest the Coulomb part is unknown, and taken as 0."""
         share = min(max(rate / self.full_rate, -1.0), 1.0)
         return self.coulomb[joint] * share + self.viscous[joint] * rate
 
 
-def tip_force(posture: Posture, rates: Joints, torques: Joints, friction: Friction) -> Vector:
+def tip_force(posture: ArmPose, rates: Joints, torques: Joints, friction: JointFriction) -> Vector:
     """Force of the environment on the robot [N], from the torques of the motors [N m]."""
     g1, g2, g3, g4 = posture.gravity
     q1, q2, q3, q4 = rates
@@ -43,7 +42,7 @@ def tip_force(posture: Posture, rates: Joints, torques: Joints, friction: Fricti
     return _pressing(posture, (g1 + rub(0, q1) - t1, g2 + rub(1, q2) - t2, g3 + rub(2, q3) - t3, g4 + rub(3, q4) - t4))
 
 
-def _pressing(posture: Posture, torques: Joints) -> Vector:
+def _pressing(posture: ArmPose, torques: Joints) -> Vector:
     """The tip force whose J^T f is nearest to these torques."""
     t1, t2, t3, t4 = torques
     a2, b2, a3, b3, a4, b4 = posture.columns
@@ -63,26 +62,25 @@ def _pressing(posture: Posture, torques: Joints) -> Vector:
 
 
 def _damping(square: float) -> float:
-    """What is added to a squared singular value [m^2]: none where the direction is felt, more the less it is."""
+    """Addition to a squared singular value [m^2]; 0 where the direction is observable."""
     least = _FEELS_LEAST_M**2
     return max(0.0, least - square)
 
 
-def force_error(posture: Posture, friction: Friction, torque_constant_error: float) -> tuple[float, float]:
-    """Bound on the error of `tip_force` at rest in this posture: newtons, and a share of the force that it gives.
+def force_error(posture: ArmPose, friction: JointFriction, torque_constant_error: float) -> tuple[float, float]:
+    """Bound on the error of `tip_force` at rest: newtons, and a share of the estimated force.
 
-    Where an ampere makes r times the torque that it is taken for, the motors carry tau = r tau', and
+    If the true torque constant is r times the assumed one, the motors carry tau = r tau', and
 
         J^T f = gravity + friction - r tau' = J^T f' + friction - (r - 1) (gravity - J^T f')
 
     with f' the estimate. So the error is that of friction - (r - 1) gravity, and |r - 1| of f'. Friction at rest may
-    point either way in every joint; r is that of the kind of motor, the same for all four. The newtons are the worst of
-    these signs.
+    have either sign in each joint; r is the same for all motors. The newtons are the worst case over these signs.
 
     Args:
-        posture: where the arm rests.
-        friction: of its joints.
-        torque_constant_error: the most that r differs from 1.
+        posture: The pose of the arm.
+        friction: Of its joints.
+        torque_constant_error: Largest |r - 1|.
     """
     a, b, c, d = [_pressing(posture, _only(joint, friction.coulomb[joint])) for joint in range(4)]
     g1, g2, g3, g4 = posture.gravity
@@ -102,11 +100,10 @@ def _only(joint: int, torque: float) -> Joints:
     return (a, b, c, d)
 
 
-class LowPass:
-    """First-order low-pass of a force; lags by 1 / (2 pi cutoff) [s] at frequencies well below the cutoff.
+class ForceLowPass:
+    """First-order low-pass of a force, with a cutoff [Hz] or 0 for none.
 
-    Args:
-        cutoff: [Hz]; 0 for none.
+    It lags by 1 / (2 pi cutoff) [s] at frequencies well below the cutoff.
     """
 
     def __init__(self, cutoff: float) -> None:

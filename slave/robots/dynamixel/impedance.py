@@ -1,38 +1,37 @@
-"""Cartesian impedance: the tip behaves as if a spring and a damper held it at the goal.
+"""Cartesian impedance of the tip about a goal, and the goal that follows the commands.
 
     tau = J^T (K (goal - x), at most a limit) - a M q' + gravity + posture in the null space + springs at joint limits
 
 Four joints and three axes leave one motion that does not move the tip, along n with J n = 0. The posture term turns the
-gripper towards a pitch along n alone, so that it never presses the tip: n . J^T f = 0 for every f.
+gripper towards a pitch along n alone, so it exerts no force at the tip: n . J^T f = 0 for every f.
 
-The damping is in proportion to the mass matrix M, the rotors of the motors included. So all motions die away at the
-same rate a, heavy ones of the whole arm and light ones of the wrist alike; a damper at the tip that suits the heavy
-ones is, with the delay of the bus, unstable for the light ones. Owns the gains and their bounds. Knows no registers and
-no clock.
+The damping is proportional to the mass matrix M, with the rotors of the motors. So all motions decay at the same rate
+a; a damper at the tip that suits the heavy motions of the whole arm is, with the delay of the bus, unstable for the
+light ones of the wrist.
 """
 
 from math import hypot
 from typing import Final, NamedTuple
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import ZERO, Vector, add, distance, scale, subtract
 from weberlink.slave.robots.dynamixel.arm import (
     LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
     ROTOR_INERTIA_KG_M2,
     UPPER,
+    ArmPose,
     Joints,
-    Posture,
 )
 
 
-class Gains(NamedTuple):
-    """Of the impedance; `stiffest` and `fastest_damping` bound them.
+class ImpedanceGains(NamedTuple):
+    """Gains of the impedance, bounded by `stiffest` and `fastest_damping`.
 
     Args:
-        stiffness: of the tip [N/m].
-        damping_rate: at which motion dies away [1/s].
-        force: largest force of the spring [N].
-        rotor: inertia of each motor, seen at its joint, as the damping takes it to be [kg m^2].
+        stiffness: Of the tip [N/m].
+        damping_rate: Decay rate of motions [1/s].
+        force: Largest force of the spring [N].
+        rotor: Inertia of each motor at its joint that the damping assumes [kg m^2].
     """
 
     stiffness: float = 400.0
@@ -42,15 +41,15 @@ class Gains(NamedTuple):
 
 
 SLOWEST_HZ: Final = 200.0
-"""Rate of the bus below which a stiff wall under the tip makes it swing."""
+"""Rate of the bus below which contact with a stiff wall is unstable."""
 
 
 def fastest_damping(rate: float, rotor: float) -> float:
     """Damping rate up to which the arm is stable at a bus rate [Hz], with a whole cycle of delay [1/s].
 
-    A damper of rate b with a cycle T of delay and hold is stable for b T < 1. Where the rotors are lighter than the
-    damping takes them to be, the same torques damp that much faster: at worst by `rotor` over the least published
-    inertia. Half of that is left for a motor that turns an ampere into more torque than it should, and for contacts.
+    A damper of rate b with a cycle T of delay and hold is stable for b T < 1. Where the rotors are lighter than
+    assumed, the same torques damp faster: at worst by `rotor` over the least published inertia. Half of that is a
+    margin for the torque constant and for contacts.
     """
     return rate * min(0.25, 0.5 * LEAST_ROTOR_INERTIA_KG_M2 / rotor)
 
@@ -59,32 +58,31 @@ def stiffest(damping_rate: float, rate: float, rotor: float) -> float:
     """Stiffness of the tip up to which it is stable at a bus rate [Hz], with a whole cycle of delay [N/m].
 
     A spring k that acts T = 1.5 periods late (one of delay, half of hold) pushes as a damper of -k T would, and the
-    damper is a m, so k T < a m. With m the mass that the damping takes the tip to have, this holds whatever the tip
-    weighs. The least m in any direction within the default workspace is 0.05 kg without rotors and more than 0.1 kg +
-    7.5 m^-2 times the inertia of a rotor with them; half of that is left to the springs of pitch and joint limits, to
-    contacts, and to be safe.
+    damper is a m, so k T < a m. With m the mass that the damping assumes, this holds for any mass of the tip. The least
+    m in any direction within the default workspace is 0.05 kg without rotors and more than 0.1 kg + 7.5 m^-2 times the
+    inertia of a rotor with them; half of that is a margin for the springs of pitch and joint limits, and for contacts.
     """
     return (0.05 + 3.75 * rotor) * damping_rate * rate / 1.5
 
 
-# The springs of pitch and joint limits are in proportion to that of the tip, so that one bound is good for all [m^2].
+# The springs of pitch and joint limits are proportional to that of the tip, so that one bound holds for all [m^2].
 _PITCH: Final = 0.003
 _LIMIT: Final = 0.006
 LIMIT_MARGIN_RAD: Final = 0.2
-"""So far in front of a joint's limit its spring begins."""
+"""Distance from the limit of a joint at which its spring begins."""
 _NULL_LEAST: Final = 1e-4
-"""Below this length of n [m^2] the arm is straight, where it has no motion of its own."""
+"""Below this length of n [m^2] the arm counts as straight, without a null motion."""
 
 
-def joint_torques(posture: Posture, rates: Joints, goal: Vector, pitch: float, gains: Gains) -> Joints:
+def joint_torques(posture: ArmPose, rates: Joints, goal: Vector, pitch: float, gains: ImpedanceGains) -> Joints:
     """Torques of the joints [N m].
 
     Args:
-        posture: where the arm is.
-        rates: of the joints [rad/s].
-        goal: for the tip [m].
-        pitch: for the gripper [rad].
-        gains: of spring, damper and posture.
+        posture: The pose of the arm.
+        rates: Of the joints [rad/s].
+        goal: For the tip [m].
+        pitch: For the gripper [rad].
+        gains: Of spring and damper.
     """
     tip = posture.tip
     k, most, decay = gains.stiffness, gains.force, gains.damping_rate
@@ -106,8 +104,8 @@ def joint_torques(posture: Posture, rates: Joints, goal: Vector, pitch: float, g
     )
 
 
-def null_direction(posture: Posture) -> tuple[float, float, float]:
-    """Unit vector over joints 2 to 4 whose motion leaves the tip where it is; zero where the arm is straight."""
+def null_direction(posture: ArmPose) -> tuple[float, float, float]:
+    """Unit vector over joints 2 to 4 whose motion does not move the tip; zero where the arm is straight."""
     r2, z2, r3, z3, r4, z4 = posture.columns
     n2, n3, n4 = r3 * z4 - r4 * z3, r4 * z2 - r2 * z4, r2 * z3 - r3 * z2
     length = hypot(n2, n3, n4)
@@ -117,12 +115,12 @@ def null_direction(posture: Posture) -> tuple[float, float, float]:
 
 
 def _short(q: float, low: float, high: float) -> float:
-    """How far a joint would have to go back to be clear of its limits [rad]."""
+    """Distance that a joint has to move to be clear of its limits, with its sign [rad]."""
     return min(high - LIMIT_MARGIN_RAD - q, 0.0) + max(low + LIMIT_MARGIN_RAD - q, 0.0)
 
 
 def currents(torques: Joints, torque_constant: float, most: float) -> Joints:
-    """Motor currents [A] for joint torques [N m], each cut to +-`most`."""
+    """Motor currents [A] for joint torques [N m], each limited to +-`most`."""
     a, b, c, d = torques
     return (
         min(max(a / torque_constant, -most), most),
@@ -130,3 +128,53 @@ def currents(torques: Joints, torque_constant: float, most: float) -> Joints:
         min(max(c / torque_constant, -most), most),
         min(max(d / torque_constant, -most), most),
     )
+
+
+class TipGoal:
+    """Follows commands; once they have stopped, holds the tip where it is, without spring force.
+
+    After `place` or such a pause it approaches the next command at a limited speed, and follows without delay once it
+    is there, so the arm never jumps.
+
+    Args:
+        approach_speed: [m/s], > 0.
+        patience: How long the last command holds when no more come [s].
+    """
+
+    def __init__(self, approach_speed: float, patience: float) -> None:
+        self._approach_speed = approach_speed
+        self._patience = patience
+        self._point: Vector = ZERO
+        self._following = False
+        self._holding = True
+        self._heard_at = 0.0
+        self._at = 0.0
+
+    @property
+    def holding(self) -> bool:
+        """Whether there is no command."""
+        return self._holding
+
+    def place(self, tip: Vector, now: float) -> None:
+        """Hold here [m]."""
+        self._point = tip
+        self._following = False
+        self._holding = True
+        self._at = self._heard_at = now
+
+    def next(self, command: Vector | None, tip: Vector, now: float) -> Vector:
+        """The goal [m] at `now` [s], for a command or None, and the position of the tip [m]."""
+        elapsed, self._at = max(0.0, now - self._at), now
+        if command is None:
+            if not self._holding and now - self._heard_at > self._patience:
+                self.place(tip, now)
+            return self._point
+        self._heard_at = now
+        self._holding = False
+        way, left = self._approach_speed * elapsed, distance(self._point, command)
+        self._following = self._following or left <= way
+        if self._following:
+            self._point = command
+        else:
+            self._point = add(self._point, scale(subtract(command, self._point), way / left))
+        return self._point

@@ -1,52 +1,42 @@
-"""The four motors: made ready for current control, watched while they run, and left safe.
-
-Owns the order in which that has to happen. Knows no kinematics: what the currents are for is another matter.
-"""
+"""The four motors: set up for current control, watched while they run, and left in a safe state."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from enum import StrEnum
 from math import ceil, floor
 from typing import Final, TypeVar
 
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.bus import Bus, Present
-from weberlink.slave.robots.dynamixel.registers import MODELS, OPENMANIPULATOR_X_MODEL, Register
+from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorReading
+from weberlink.slave.robots.dynamixel.registers import (
+    MODELS,
+    OPENMANIPULATOR_X_MODEL,
+    WITHOUT_CURRENT_CONTROL,
+    Register,
+)
 
 TRIES: Final = 12
-"""At opening, where one answer that is late should not be the end; in all longer than a busy host pauses."""
+"""At opening, where a late answer must not be fatal; together longer than a pause of a busy host."""
 
-Answer = TypeVar("Answer")
-
-
-class OnClose(StrEnum):
-    """How the arm is left.
-
-    A torque that is switched off under gravity drops the arm, so `hold` is the default.
-    """
-
-    HOLD = "hold"
-    LIMP = "limp"
-    REST = "rest"
+Reply = TypeVar("Reply")
 
 
 def watchdog_units(watchdog_s: float) -> int:
-    """What stands in the register of a bus watchdog of at least this long [s]."""
+    """Register value of a bus watchdog of at least this time [s]."""
     return min(max(1, ceil(watchdog_s / registers.WATCHDOG_UNIT_S - 1e-9)), registers.WATCHDOG_MOST)
 
 
 class Motors:
-    """The motors of the arm, on a bus that is theirs alone.
+    """The motors of the arm.
 
     Args:
-        bus: with their ids in the order of the joints.
-        baud: its rate [bit/s], for complaints.
-        watchdog_s: how long a motor that hears nothing goes on [s].
-        current: largest one that a motor is ever told to have [A].
+        bus: With their ids in the order of the joints.
+        baud: Its rate [bit/s], for error messages.
+        watchdog_s: Time without instructions after which a motor stops [s].
+        current: Largest one ever commanded [A].
     """
 
-    def __init__(self, bus: Bus, baud: int, watchdog_s: float, current: float) -> None:
+    def __init__(self, bus: MotorBus, baud: int, watchdog_s: float, current: float) -> None:
         self._bus = bus
         self._baud = baud
         self._watchdog_s = watchdog_s
@@ -54,14 +44,10 @@ class Motors:
         self._most = floor(current / registers.A_PER_COUNT)
         self._next = 0
         self.current_limit = 0
-        """Largest goal current that all of them take [counts]."""
+        """Largest goal current that all of them accept [counts]."""
 
     def find(self) -> None:
-        """Make sure that the right motors are there, turn the right way, and have no alarm.
-
-        Raises:
-            HardwareFault: with what to check.
-        """
+        """Check models, direction and alarms; raises HardwareFault with what to check."""
         bus = self._bus
         models = {id_: self._found(id_) for id_ in bus.ids}
         missing = [bus.label(id_) for id_, model in models.items() if model is None]
@@ -90,21 +76,16 @@ class Motors:
     def _check_model(self, id_: int, number: int) -> None:
         if number == OPENMANIPULATOR_X_MODEL:
             return
-        wanted = MODELS[OPENMANIPULATOR_X_MODEL].name
-        model = MODELS.get(number)
-        name = model.name if model is not None else f"model {number}"
-        reason = ", which cannot control its current" if model is not None and not model.current_control else ""
+        wanted, name = MODELS[OPENMANIPULATOR_X_MODEL], MODELS.get(number, f"model {number}")
+        reason = ", which cannot control its current" if number in WITHOUT_CURRENT_CONTROL else ""
         raise HardwareFault(
             f"{self._bus.label(id_)}: is a {name}{reason}; an OpenMANIPULATOR-X has {wanted}: check ids"
         )
 
     def engage(self, goals: Sequence[int]) -> None:
-        """Current control with torque on, beginning with these goals [counts].
+        """Enable current control with these goals [counts]; raises as the bus does.
 
-        A motor whose settings differ loses its torque for the few milliseconds that it takes to change them.
-
-        Raises:
-            BadReply, HardwareFault: as of the bus.
+        A motor whose settings differ is without torque for the few milliseconds that it takes to change them.
         """
         for number, (id_, goal) in enumerate(zip(self._bus.ids, goals, strict=True)):
             if self._read(id_, registers.BUS_WATCHDOG) == registers.WATCHDOG_TRIPPED:
@@ -112,42 +93,42 @@ class Motors:
             self._set_eeprom(id_, registers.RETURN_DELAY_TIME, 0)
             self._set_eeprom(id_, registers.OPERATING_MODE, registers.MODE_CURRENT)
             self._write(id_, registers.BUS_WATCHDOG, self._watchdog)
-            # A change of mode leaves the largest current as the goal: that it is gone must be sure before torque.
+            # A change of mode sets the largest current as the goal, so it must be overwritten before torque is on.
             self._write(id_, registers.GOAL_CURRENT, goal)
             self._write(id_, registers.TORQUE_ENABLE, 1)
-            self.command(goals[: number + 1])  # or the watchdogs of those before it would trip meanwhile
+            self.command(goals[: number + 1])  # feeds the watchdogs of the motors before it
 
     def _set_eeprom(self, id_: int, register: Register, value: int) -> None:
-        """EEPROM wears, and takes writes with the torque off only."""
+        """Write only if it differs: EEPROM wears out, and can be written with the torque off only."""
         if self._read(id_, register) != value:
             self._write(id_, registers.TORQUE_ENABLE, 0)
             self._write(id_, register, value)
 
     def command(self, goals: Sequence[int]) -> None:
-        """Goal currents [counts] of the motors from joint 1 on, cut to what they take and may have."""
+        """Set goal currents [counts] from joint 1 on, limited to what the motors accept and may have."""
         limit = min(self.current_limit, self._most)
         self._bus.sync_write(
             registers.GOAL_CURRENT,
             [(id_, min(max(goal, -limit), limit)) for id_, goal in zip(self._bus.ids, goals, strict=False)],
         )
 
-    def present(self) -> list[Present]:
+    def present(self) -> list[MotorReading]:
         return self._bus.present()
 
-    def first_present(self) -> list[Present]:
-        """As `present`, where one answer that is late should not be the end."""
+    def first_present(self) -> list[MotorReading]:
+        """As `present`, tried again after a bad answer."""
         return self._insist(self._bus.present)
 
     def slept(self, now: float) -> bool:
-        """Whether the bus was silent, now or since `watch_all`, for so long that the watchdogs may have tripped."""
+        """Whether the bus was silent, now or since `watch_all`, long enough for a watchdog to trip."""
         return max(self._bus.silence, now - self._bus.sent_at) >= self._watchdog_s
 
     def watch(self) -> None:
-        """Look at one register of one motor, in turn: whether it still does what it is told, its answers do not say.
+        """Check torque or watchdog of one motor, in turn, since its measurements do not show them.
 
         Raises:
-            BadReply: as of the bus.
-            HardwareFault: its watchdog has tripped, or it was without power.
+            BadReply: As of the bus.
+            HardwareFault: Its watchdog has tripped, or it was without power.
         """
         count = len(self._bus.ids)
         number, self._next = self._next, (self._next + 1) % (2 * count)
@@ -158,7 +139,7 @@ class Motors:
             self._check_torque(id_)
 
     def watch_all(self) -> None:
-        """As `watch`, of everything."""
+        """As `watch`, for all motors at once."""
         self._bus.silence = 0.0
         for id_ in self._bus.ids:
             self._check_watchdog(id_)
@@ -176,19 +157,18 @@ class Motors:
             raise HardwareFault(f"{self._bus.label(id_)}: its torque is off; was it without power?")
 
     def leave(self, hold: bool) -> None:
-        """Hold the arm where it is by the motors' own position control, or let it go limp; never raises.
+        """Hold the arm by the motors' own position control, or let it go limp; never raises.
 
-        Nobody watches a motor that holds: its watchdog is off, and all that bounds it is its goal current, the largest
-        one it was ever told to have. Left on, the watchdog would end the hold at once; and in firmware with a homing
-        offset a motor has been seen to run away when it tripped in a mode that counts turns, as this one does
-        (ROBOTIS-GIT/DynamixelSDK, issue 584).
+        A motor that holds has no watchdog; only its goal current limits it, to the largest one ever commanded. The
+        watchdog would end the hold at once, and with a homing offset a motor has been seen to run away when its
+        watchdog tripped in a multi-turn mode (ROBOTIS-GIT/DynamixelSDK, issue 584).
 
-        To hold, a motor has to change its mode, for which its torque is off for a few milliseconds. Its watchdog is
-        switched off only while its torque is: one that does not answer any more, or whose host is killed meanwhile,
-        goes limp by its watchdog, is limp, or holds within the bound.
+        The change of mode takes a few milliseconds without torque. The watchdog is off only while the torque is off or
+        the motor holds, so a motor that stops answering, or whose host is killed meanwhile, goes limp, is limp, or
+        holds within the limit.
         """
         for id_ in self._bus.ids:
-            # An alarm has made its motor limp already, and must not keep the others from holding.
+            # A motor with an alarm is limp already, and must not prevent the others from holding.
             with suppress(HardwareFault):
                 self._leave_one(id_, hold)
 
@@ -209,7 +189,7 @@ class Motors:
         self._insist(lambda: self._bus.write(id_, register, value))
 
     @staticmethod
-    def _insist(ask: Callable[[], Answer]) -> Answer:
+    def _insist(ask: Callable[[], Reply]) -> Reply:
         for _ in range(TRIES - 1):
             with suppress(BadReply):
                 return ask()

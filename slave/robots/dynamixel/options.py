@@ -1,5 +1,6 @@
-"""What the file says of the arm, checked against what bus, mechanics and gains allow. Knows no thread."""
+"""Options of the robot `dynamixel`, checked against what bus, mechanics and gains allow."""
 
+from enum import StrEnum
 from functools import lru_cache
 from itertools import product
 from math import ceil, floor, hypot, radians
@@ -14,26 +15,29 @@ from weberlink.slave.robots.dynamixel.arm import (
     LEAST_ROTOR_INERTIA_KG_M2,
     ROTOR_INERTIA_KG_M2,
     VISCOUS_N_M_S,
-    Posture,
+    ArmPose,
+    arm_pose,
     inverse_nearest,
-    posture,
 )
 from weberlink.slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
-from weberlink.slave.robots.dynamixel.exchange import Settings
-from weberlink.slave.robots.dynamixel.external_force import Friction, force_error
-from weberlink.slave.robots.dynamixel.impedance import SLOWEST_HZ, Gains, fastest_damping, stiffest
-from weberlink.slave.robots.dynamixel.motors import OnClose
+from weberlink.slave.robots.dynamixel.external_force import JointFriction, force_error
+from weberlink.slave.robots.dynamixel.impedance import SLOWEST_HZ, ImpedanceGains, fastest_damping, stiffest
 from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
 
-PATIENCE_S: Final = 0.1
-"""How long the last command holds when no more come [s]."""
 READ_REQUEST: Final = 18
 WRITE_REQUEST: Final = 26
 """Bytes on the wire for four motors: sync read of what they measure, sync write of their goal currents."""
 
-Workspace = tuple[Vector, Vector]
-Figure = Annotated[float, Field(ge=0.0, le=1.0)]
-PerJoint = tuple[Figure, Figure, Figure, Figure]
+FrictionValue = Annotated[float, Field(ge=0.0, le=1.0)]
+JointValues = tuple[FrictionValue, FrictionValue, FrictionValue, FrictionValue]
+
+
+class OnClose(StrEnum):
+    """How the arm is left; `hold` is the default, since without torque the arm drops."""
+
+    HOLD = "hold"
+    LIMP = "limp"
+    REST = "rest"
 
 
 class DynamixelOptions(BaseModel):
@@ -61,7 +65,7 @@ class DynamixelOptions(BaseModel):
         "rest: goes home, then limp",
     )
     home_m: Vector = Field(default=(0.14, 0.0, 0.06), description="where `on_close: rest` puts the tip")
-    workspace_m: Workspace = Field(
+    workspace_m: tuple[Vector, Vector] = Field(
         default=((0.12, -0.12, 0.05), (0.26, 0.12, 0.25)), description="lowest and highest corner for commands"
     )
     pitch_deg: float | None = Field(
@@ -86,9 +90,36 @@ class DynamixelOptions(BaseModel):
     torque_constant_error: float = Field(
         default=0.4, ge=0.0, lt=1.0, description="share by which it may be wrong; smaller after a calibration"
     )
-    coulomb_n_m: PerJoint = Field(default=COULOMB_N_M, description="dry friction of the joints")
-    viscous_n_m_s: PerJoint = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
+    coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
+    viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
     force_cutoff_hz: float = Field(default=50.0, ge=0.0, description="of the low-pass on the force; 0 for none")
+
+    @property
+    def margin_s(self) -> float:
+        """Longest time of an answer beyond its time on the wire [s]."""
+        return 1e-3 * (self.timeout_ms + self.latency_ms)
+
+    @property
+    def watchdog_s(self) -> float:
+        return 1e-3 * self.bus_watchdog_ms
+
+    @property
+    def gains(self) -> ImpedanceGains:
+        return ImpedanceGains(self.stiffness_n_m, self.damping_rate_s, self.force_n, self.rotor_inertia_kg_m2)
+
+    @property
+    def pitch(self) -> float | None:
+        """Of the gripper [rad]; None for that at opening."""
+        return None if self.pitch_deg is None else radians(self.pitch_deg)
+
+    @property
+    def current(self) -> float:
+        """Largest of a motor [A]."""
+        return 1e-3 * self.max_current_ma
+
+    @property
+    def friction(self) -> JointFriction:
+        return JointFriction(self.coulomb_n_m, self.viscous_n_m_s)
 
     @property
     def reading_s(self) -> float:
@@ -99,8 +130,8 @@ class DynamixelOptions(BaseModel):
 
     @model_validator(mode="after")
     def check_bus(self) -> Self:
-        if self.baud not in BAUD_RATES.values():
-            raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES.values()))}, got {self.baud}")
+        if self.baud not in BAUD_RATES:
+            raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES))}, got {self.baud}")
         if len(set(self.ids)) != 4 or not all(0 <= id_ <= 252 for id_ in self.ids):
             raise ValueError(f"ids: expected four different ones from 0 to 252, got {self.ids}")
         busy = self.reading_s + BITS_PER_BYTE / self.baud * WRITE_REQUEST
@@ -148,43 +179,25 @@ class DynamixelOptions(BaseModel):
         return self
 
 
-def corners(workspace: Workspace) -> list[Vector]:
-    """Of the box, and its middle [m]."""
+def corners(workspace: tuple[Vector, Vector]) -> list[Vector]:
+    """Corners of the box, and its middle [m]."""
     low, high = workspace
     middle = scale(add(low, high), 0.5)
     return [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])] + [middle]
 
 
-def settings_of(options: DynamixelOptions) -> Settings:
-    return Settings(
-        baud=options.baud,
-        ids=options.ids,
-        rate=options.rate_hz,
-        margin=1e-3 * (options.timeout_ms + options.latency_ms),
-        watchdog=1e-3 * options.bus_watchdog_ms,
-        gains=Gains(options.stiffness_n_m, options.damping_rate_s, options.force_n, options.rotor_inertia_kg_m2),
-        pitch=None if options.pitch_deg is None else radians(options.pitch_deg),
-        torque_constant=options.torque_constant_n_m_a,
-        current=1e-3 * options.max_current_ma,
-        friction=Friction(options.coulomb_n_m, options.viscous_n_m_s),
-        cutoff=options.force_cutoff_hz,
-        approach_speed=options.approach_m_s,
-        patience=PATIENCE_S,
-    )
-
-
 @lru_cache(maxsize=8)
 def worst_force_error(options: DynamixelOptions) -> tuple[float, float]:
-    """Of the estimate at rest, over the workspace: newtons, rounded up to a half as the grid is coarse, and share."""
-    friction, share = Friction(options.coulomb_n_m, options.viscous_n_m_s), options.torque_constant_error
-    newtons = max(force_error(there, friction, share)[0] for there in postures(options))
+    """Of the estimate at rest in the workspace: newtons, rounded up to a half as the grid is coarse, and share."""
+    friction, share = options.friction, options.torque_constant_error
+    newtons = max(force_error(there, friction, share)[0] for there in poses(options))
     return (0.5 * ceil(2.0 * newtons), share)
 
 
-def postures(options: DynamixelOptions, count: int = 25) -> list[Posture]:
-    """On a grid over the workspace, with the pitch nearest to the one wanted (0 where none is).
+def poses(options: DynamixelOptions, count: int = 25) -> list[ArmPose]:
+    """A grid over the workspace, with the reachable pitch nearest to the one wanted (0 if none is).
 
-    Joint 1 turns the arm without changing how its other joints stand, so the grid is one of reach and height.
+    Joint 1 does not change the other joints, so the grid is one of reach and height.
     """
     (x0, y0, low), (x1, y1, high) = options.workspace_m
     near = hypot(_least(x0 - AXIS_X_M, x1 - AXIS_X_M), _least(y0, y1))
@@ -192,7 +205,7 @@ def postures(options: DynamixelOptions, count: int = 25) -> list[Posture]:
     pitch = radians(options.pitch_deg or 0.0)
     points = product(_spread(AXIS_X_M + near, AXIS_X_M + far, count), _spread(low, high, count))
     found = (inverse_nearest((x, 0.0, z), pitch) for x, z in points)
-    return [posture(joints) for joints in found if joints is not None]
+    return [arm_pose(joints) for joints in found if joints is not None]
 
 
 def _least(low: float, high: float) -> float:

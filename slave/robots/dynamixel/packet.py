@@ -1,12 +1,11 @@
 """Packets of Dynamixel protocol 2.0: bytes to packets and back.
 
-Layout (ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; everything little endian)::
+Layout (ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0"; little endian)::
 
     FF FF FD 00 | id | length (2) | instruction | parameters ... | crc (2)
 
-`length` counts from the instruction to the end of the CRC. A status has the instruction 0x55 and an error byte in front
-of its parameters. A header that occurs by chance between instruction and CRC is broken by an FD after it ("stuffing"),
-so whatever looks like a header is one. Knows no registers and does no I/O.
+`length` counts from the instruction to the end of the CRC. A status has the instruction 0x55 and an error byte before
+its parameters. Stuffing (an FD after FF FF FD between instruction and CRC) makes a header unique.
 """
 
 from collections.abc import Iterable
@@ -29,7 +28,7 @@ SYNC_READ: Final = 0x82
 SYNC_WRITE: Final = 0x83
 
 ALERT: Final = 0x80
-"""Bit of the error byte: the hardware error register says more."""
+"""Bit of the error byte: see the hardware error register."""
 RESULT_FAIL: Final = 1
 INSTRUCTION_ERROR: Final = 2
 CRC_ERROR: Final = 3
@@ -49,13 +48,13 @@ ERRORS: Final = {
 }
 
 LONGEST: Final = 1024
-"""Bytes of the longest packet that a reader takes; what claims to be longer is garbage."""
+"""Bytes of the longest packet that a reader accepts."""
 
 OVERHEAD: Final = 10
 """Bytes of an instruction without parameters; a status has one more."""
 
-_CHANCE: Final = HEADER[:3]
-_STUFFED: Final = _CHANCE + b"\xfd"
+_UNSTUFFED: Final = HEADER[:3]
+_STUFFED: Final = _UNSTUFFED + b"\xfd"
 _WORDS: Final = Struct("<HH")
 
 
@@ -67,8 +66,8 @@ class Packet(NamedTuple):
     parameters: bytes = b""
 
 
-class Status(NamedTuple):
-    """A motor's answer; `error` is 0 where all is well."""
+class StatusPacket(NamedTuple):
+    """A motor's answer; `error` is 0 for success."""
 
     id: int
     error: int
@@ -97,18 +96,16 @@ def crc16(data: bytes | bytearray) -> int:
 
 
 def encode_packet(packet: Packet) -> bytes:
-    """The bytes on the wire."""
     return _framed(packet.id, bytes((packet.instruction,)) + packet.parameters)
 
 
-def encode_status(status: Status) -> bytes:
-    """The bytes on the wire."""
+def encode_status(status: StatusPacket) -> bytes:
     return _framed(status.id, bytes((STATUS, status.error)) + status.parameters)
 
 
 def _framed(id_: int, body: bytes) -> bytes:
-    if _CHANCE in body:
-        body = body.replace(_CHANCE, _STUFFED)
+    if _UNSTUFFED in body:
+        body = body.replace(_UNSTUFFED, _STUFFED)
     frame = HEADER + bytes((id_,)) + (len(body) + 2).to_bytes(2, "little") + body
     return frame + crc16(frame).to_bytes(2, "little")
 
@@ -126,27 +123,27 @@ def write(id_: int, address: int, data: bytes) -> Packet:
 
 
 def sync_read(address: int, size: int, ids: Iterable[int]) -> Packet:
-    """Ask several motors for the same registers; they answer one after the other, in this order."""
+    """Read the same registers of several motors, which answer in this order."""
     return Packet(BROADCAST, SYNC_READ, _WORDS.pack(address, size) + bytes(ids))
 
 
 def sync_write(address: int, size: int, values: Iterable[tuple[int, bytes]]) -> Packet:
-    """Write the same registers of several motors, each its own `size` bytes; none of them answers."""
+    """Write the same registers of several motors, `size` bytes each; they do not answer."""
     return Packet(
         BROADCAST, SYNC_WRITE, _WORDS.pack(address, size) + b"".join(bytes((id_,)) + data for id_, data in values)
     )
 
 
 def error_text(error: int) -> str:
-    """What the error byte says, without its alert."""
+    """Meaning of the error byte, without its alert bit."""
     number = error & ~ALERT
     return ERRORS.get(number, f"error {number}") if number else "no error"
 
 
 class _FrameReader:
-    """Cuts a stream into frames; never raises, whatever the bytes, and never holds more than the longest frame.
+    """Cuts a stream into frames; never raises, and never holds more than the longest frame.
 
-    Since stuffing keeps headers out of frames, a header inside one means that it was cut short.
+    Stuffing keeps headers out of frames, so a header inside one means that it was cut short.
     """
 
     def __init__(self) -> None:
@@ -171,13 +168,13 @@ class _FrameReader:
         return frames
 
     def _cut(self, frames: list[tuple[int, bytes]]) -> bool:
-        """Take one frame or some garbage off the front; False where that needs more bytes."""
+        """Remove one frame or some garbage from the front; False if more bytes are needed."""
         buffer = self._buffer
         begin = buffer.find(HEADER)
         if begin != 0:
-            # Without a header, the last three bytes may be the beginning of one.
-            garbage = begin if begin > 0 else len(buffer) - _begun(buffer)
-            self._drop(garbage)
+            # Without a header, the last bytes may be the beginning of one.
+            begun = next((length for length in (3, 2, 1) if buffer.endswith(HEADER[:length])), 0)
+            self._drop(begin if begin > 0 else len(buffer) - begun)
             if begin < 0:
                 return False
         if len(buffer) < 7:
@@ -202,7 +199,7 @@ class _FrameReader:
             return True
         body = bytes(buffer[7 : end - 2])
         if _STUFFED in body:
-            body = body.replace(_STUFFED, _CHANCE)
+            body = body.replace(_STUFFED, _UNSTUFFED)
         frames.append((buffer[4], body))
         del buffer[:end]
         return True
@@ -212,27 +209,21 @@ class _FrameReader:
         del self._buffer[:count]
 
 
-def _begun(buffer: bytearray) -> int:
-    """Length of the longest end of the buffer that is a beginning of a header."""
-    for length in (3, 2, 1):
-        if buffer.endswith(HEADER[:length]):
-            return length
-    return 0
-
-
 class PacketReader(_FrameReader):
-    """What a motor hears: instructions, out of a stream."""
+    """Instructions in a stream, for a motor; status packets are skipped."""
 
     def feed(self, data: bytes) -> list[Packet]:
-        """The instructions that are now whole, oldest first; statuses are none."""
+        """The instructions that are now complete, oldest first."""
         return [Packet(id_, body[0], body[1:]) for id_, body in self._frames(data) if body[0] != STATUS]
 
 
-class StatusReader(_FrameReader):
-    """What the host hears: answers, out of a stream; an echo of its own instructions is skipped."""
+class StatusPacketReader(_FrameReader):
+    """Status packets in a stream, for the host; an echo of its own instructions is skipped."""
 
-    def feed(self, data: bytes) -> list[Status]:
-        """The answers that are now whole, oldest first."""
+    def feed(self, data: bytes) -> list[StatusPacket]:
+        """The answers that are now complete, oldest first."""
         return [
-            Status(id_, body[1], body[2:]) for id_, body in self._frames(data) if body[0] == STATUS and len(body) > 1
+            StatusPacket(id_, body[1], body[2:])
+            for id_, body in self._frames(data)
+            if body[0] == STATUS and len(body) > 1
         ]

@@ -1,72 +1,144 @@
-"""The control table of Dynamixel X-series motors: what of it is used, its units, and what its alarms mean.
+"""The control table of an XM430-W350: addresses, sizes, access, initial values, ranges, units and alarms.
 
-Source: ROBOTIS e-Manual, pages "XM430-W350" and "Bus Watchdog". Registers below 64 are EEPROM: writable only with the
-torque off. Knows no packets.
+Source: ROBOTIS e-Manual, XM430-W350, "Control Table of EEPROM Area" and "of RAM Area", and "Bus Watchdog". Registers
+below 64 are EEPROM: writable only with the torque off. Indirect addressing (168 and above) is left out.
 """
 
 from math import pi
 from typing import Final, NamedTuple
 
+EEPROM_END: Final = 64
+END: Final = 147
+ANY_16: Final = 0x7FFF
+ANY_32: Final = 0x7FFF_FFFF
+"""Range of a goal that only another register limits."""
+OPENMANIPULATOR_X_MODEL: Final = 1020
+FIRMWARE: Final = 45
+"""New enough for all functions used here (bus watchdog from 38, clear from 42)."""
+
 
 class Register(NamedTuple):
-    """Where a value lies; `unit` says what one count is, empty for a plain number."""
+    """One register; signed if `low` is below 0. `low` and `high` are the range that the manual states."""
 
     address: int
     size: int
-    signed: bool = False
-    unit: str = ""
+    name: str
+    writable: bool
+    initial: int
+    low: int
+    high: int
+
+    @property
+    def signed(self) -> bool:
+        return self.low < 0
 
     def encode(self, value: int) -> bytes:
         """Raises OverflowError for a value that does not fit."""
-        return value.to_bytes(self.size, "little", signed=self.signed)
+        return value.to_bytes(self.size, "little", signed=self.low < 0)
 
-    def decode(self, data: bytes) -> int:
-        return int.from_bytes(data, "little", signed=self.signed)
+    def decode(self, data: bytes | bytearray) -> int:
+        return int.from_bytes(data, "little", signed=self.low < 0)
 
 
-MODEL_NUMBER: Final = Register(0, 2)
-ID: Final = Register(7, 1)
-BAUD_RATE: Final = Register(8, 1)
-RETURN_DELAY_TIME: Final = Register(9, 1, unit="2 us")
-DRIVE_MODE: Final = Register(10, 1)
-OPERATING_MODE: Final = Register(11, 1)
-HOMING_OFFSET: Final = Register(20, 4, signed=True, unit="1/4096 rev")
-CURRENT_LIMIT: Final = Register(38, 2, unit="2.69 mA")
-TORQUE_ENABLE: Final = Register(64, 1)
-HARDWARE_ERROR: Final = Register(70, 1)
-BUS_WATCHDOG: Final = Register(98, 1, signed=True, unit="20 ms")
-GOAL_CURRENT: Final = Register(102, 2, signed=True, unit="2.69 mA")
-GOAL_POSITION: Final = Register(116, 4, signed=True, unit="1/4096 rev")
-PRESENT_CURRENT: Final = Register(126, 2, signed=True, unit="2.69 mA")
-PRESENT_VELOCITY: Final = Register(128, 4, signed=True, unit="0.229 rpm")
-PRESENT_POSITION: Final = Register(132, 4, signed=True, unit="1/4096 rev")
+def _measured(address: int, size: int, name: str, initial: int = 0, *, signed: bool = False) -> Register:
+    low = -(1 << (8 * size - 1)) if signed else 0
+    return Register(address, size, name, False, initial, low, (1 << (8 * size - (1 if signed else 0))) - 1)
+
+
+def _setting(address: int, size: int, name: str, initial: int, low: int, high: int) -> Register:
+    return Register(address, size, name, True, initial, low, high)
+
+
+REGISTERS: Final = (
+    _measured(0, 2, "model_number", OPENMANIPULATOR_X_MODEL),
+    _measured(2, 4, "model_information"),
+    _measured(6, 1, "firmware_version", FIRMWARE),
+    _setting(7, 1, "id", 1, 0, 252),
+    _setting(8, 1, "baud_rate", 1, 0, 7),
+    _setting(9, 1, "return_delay_time", 250, 0, 254),
+    _setting(10, 1, "drive_mode", 0, 0, 5),
+    _setting(11, 1, "operating_mode", 3, 0, 16),
+    _setting(12, 1, "secondary_id", 255, 0, 255),
+    _setting(13, 1, "protocol_version", 2, 1, 2),
+    _setting(20, 4, "homing_offset", 0, -1_044_479, 1_044_479),
+    _setting(24, 4, "moving_threshold", 10, 0, 1023),
+    _setting(31, 1, "temperature_limit", 80, 0, 100),
+    _setting(32, 2, "max_voltage_limit", 160, 95, 160),
+    _setting(34, 2, "min_voltage_limit", 95, 95, 160),
+    _setting(36, 2, "pwm_limit", 885, 0, 885),
+    _setting(38, 2, "current_limit", 1193, 0, 1193),
+    _setting(40, 4, "acceleration_limit", 32_767, 0, 32_767),
+    _setting(44, 4, "velocity_limit", 350, 0, 1023),
+    _setting(48, 4, "max_position_limit", 4095, 0, 4095),
+    _setting(52, 4, "min_position_limit", 0, 0, 4095),
+    _setting(63, 1, "shutdown", 52, 0, 255),
+    _setting(64, 1, "torque_enable", 0, 0, 1),
+    _setting(65, 1, "led", 0, 0, 1),
+    _setting(68, 1, "status_return_level", 2, 0, 2),
+    _measured(69, 1, "registered_instruction"),
+    _measured(70, 1, "hardware_error_status"),
+    _setting(76, 2, "velocity_i_gain", 1920, 0, 16_383),
+    _setting(78, 2, "velocity_p_gain", 100, 0, 16_383),
+    _setting(80, 2, "position_d_gain", 0, 0, 16_383),
+    _setting(82, 2, "position_i_gain", 0, 0, 16_383),
+    _setting(84, 2, "position_p_gain", 800, 0, 16_383),
+    _setting(88, 2, "feedforward_2nd_gain", 0, 0, 16_383),
+    _setting(90, 2, "feedforward_1st_gain", 0, 0, 16_383),
+    _setting(98, 1, "bus_watchdog", 0, -1, 127),
+    _setting(100, 2, "goal_pwm", 885, -ANY_16, ANY_16),
+    _setting(102, 2, "goal_current", 0, -ANY_16, ANY_16),
+    _setting(104, 4, "goal_velocity", 0, -ANY_32, ANY_32),
+    _setting(108, 4, "profile_acceleration", 0, 0, 32_767),
+    _setting(112, 4, "profile_velocity", 0, 0, 32_767),
+    _setting(116, 4, "goal_position", 0, -1_048_575, 1_048_575),
+    _measured(120, 2, "realtime_tick"),
+    _measured(122, 1, "moving"),
+    _measured(123, 1, "moving_status"),
+    _measured(124, 2, "present_pwm", signed=True),
+    _measured(126, 2, "present_current", signed=True),
+    _measured(128, 4, "present_velocity", signed=True),
+    _measured(132, 4, "present_position", signed=True),
+    _measured(136, 4, "velocity_trajectory", signed=True),
+    _measured(140, 4, "position_trajectory", signed=True),
+    _measured(144, 2, "present_input_voltage", 120),
+    _measured(146, 1, "present_temperature", 30),
+)
+BY_NAME: Final = {register.name: register for register in REGISTERS}
+BY_ADDRESS: Final = {register.address: register for register in REGISTERS}
+
+RETURN_DELAY_TIME: Final = BY_NAME["return_delay_time"]
+DRIVE_MODE: Final = BY_NAME["drive_mode"]
+OPERATING_MODE: Final = BY_NAME["operating_mode"]
+HOMING_OFFSET: Final = BY_NAME["homing_offset"]
+CURRENT_LIMIT: Final = BY_NAME["current_limit"]
+TORQUE_ENABLE: Final = BY_NAME["torque_enable"]
+HARDWARE_ERROR: Final = BY_NAME["hardware_error_status"]
+BUS_WATCHDOG: Final = BY_NAME["bus_watchdog"]
+GOAL_CURRENT: Final = BY_NAME["goal_current"]
+GOAL_POSITION: Final = BY_NAME["goal_position"]
+PRESENT_CURRENT: Final = BY_NAME["present_current"]
+PRESENT_VELOCITY: Final = BY_NAME["present_velocity"]
+PRESENT_POSITION: Final = BY_NAME["present_position"]
 
 PRESENT_ADDRESS: Final = PRESENT_CURRENT.address
 PRESENT_SIZE: Final = 10
-"""Current, velocity and position lie side by side: one read of 10 bytes."""
+"""Current, velocity and position are contiguous: one read of 10 bytes."""
 
 MODE_CURRENT: Final = 0
+MODE_POSITION: Final = 3
+MODE_EXTENDED_POSITION: Final = 4
 MODE_CURRENT_BASED_POSITION: Final = 5
 
 DRIVE_MODE_REVERSE: Final = 0x01
-"""Bit of the drive mode: counts, velocity and current run the other way round."""
+"""Bit of the drive mode: position, velocity and current have the opposite sign."""
 
 WATCHDOG_TRIPPED: Final = -1
 """Read from the bus watchdog: goals are read-only until 0 is written to it."""
 WATCHDOG_UNIT_S: Final = 0.020
 WATCHDOG_MOST: Final = 127
 
-BAUD_RATES: Final = {
-    0: 9_600,
-    1: 57_600,
-    2: 115_200,
-    3: 1_000_000,
-    4: 2_000_000,
-    5: 3_000_000,
-    6: 4_000_000,
-    7: 4_500_000,
-}
-"""Value of the register to rate [bit/s]; 1 as delivered."""
+BAUD_RATES: Final = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""By the value of the register [bit/s]; delivered with 1."""
 
 COUNTS_PER_TURN: Final = 4096
 CENTRE: Final = 2048
@@ -82,35 +154,22 @@ HARDWARE_ERRORS: Final = {
     4: "electrical shock or too little power: check supply and cables",
     5: "overload: it pushed too hard for too long",
 }
-"""Bit of the hardware error register to what it means."""
-
-
-class Model(NamedTuple):
-    """A kind of motor.
-
-    Args:
-        name: as sold.
-        current_control: whether its current can be set and is measured.
-    """
-
-    name: str
-    current_control: bool
+"""By the bit of the hardware error register."""
 
 
 MODELS: Final = {
-    1000: Model("XH430-W350", True),
-    1020: Model("XM430-W350", True),
-    1060: Model("XL430-W250", False),
-    1080: Model("XC430-W240", False),
-    1160: Model("2XC430-W250", False),
+    1000: "XH430-W350",
+    1020: "XM430-W350",
+    1060: "XL430-W250",
+    1080: "XC430-W240",
+    1160: "2XC430-W250",
 }
-"""By model number, those that the vendor's own software lists; 1020 is in every OpenMANIPULATOR-X."""
-
-OPENMANIPULATOR_X_MODEL: Final = 1020
+"""By model number, those of the vendor's own software."""
+WITHOUT_CURRENT_CONTROL: Final = {1060, 1080, 1160}
 
 
 def angle(counts: int) -> float:
-    """Of a joint [rad], from the position of its motor."""
+    """Angle of a joint [rad] from the position of its motor."""
     return (counts - CENTRE) * RAD_PER_COUNT
 
 
@@ -119,6 +178,6 @@ def counts_of_current(amperes: float) -> int:
 
 
 def hardware_error_text(value: int) -> str:
-    """What a hardware error register means."""
+    """Meaning of the hardware error register."""
     names = [HARDWARE_ERRORS.get(bit, f"alarm bit {bit}") for bit in range(8) if value >> bit & 1]
     return "; ".join(names) if names else "none"

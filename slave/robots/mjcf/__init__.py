@@ -1,4 +1,4 @@
-"""A robot out of any MJCF file, computed by MuJoCo: loading, position control, force sensing, and the driver.
+"""A robot from any MJCF file, computed by MuJoCo.
 
-MuJoCo is an optional package: only `driver` and `options` may be imported without it.
+MuJoCo is optional: only `driver` and `options` can be imported without it, and `rotation` only if it is configured.
 """

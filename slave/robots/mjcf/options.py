@@ -1,4 +1,4 @@
-"""What a file says of the robot `mujoco`. Knows nothing of MuJoCo, so that a schema can be made without it."""
+"""Options of the robot `mujoco`; needs no MuJoCo, so that a schema can be made without it."""
 
 from pathlib import Path
 from typing import Annotated, Self
@@ -9,7 +9,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.slave.safety import Workspace
 
 CONTACTS = "contacts"
-"""Where `force` names no sensor of the file: the contacts of the end effector."""
+"""Value of `force` for the contacts of the end effector instead of a sensor of the file."""
 
 LARGEST_WORKSPACE = 10.0
 """Half an edge [m]."""

@@ -1,10 +1,8 @@
-"""An MJCF file as a plant: model, state, the end effector and the degrees of freedom that move it.
-
-Owns all that MuJoCo may print or write: nothing. Knows no commands, no control and no time but that of a step.
-"""
+"""An MJCF file as a plant: model, state, end effector, and the degrees of freedom that move it."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -12,38 +10,44 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.geometry.vector import Vector
+
 Array = NDArray[np.float64]
 
 
-class Plant:
-    """What is in the file, ready to be stepped.
+CLOSE_ENOUGH = 1e-6
+"""Distance at which a point counts as reached [m]."""
+ITERATIONS = 500
+LONGEST_STRIDE = 0.02
+"""Of the end effector in one iteration of inverse kinematics [m]."""
 
-    The degrees of freedom of the robot are those of the kinematic tree that the end effector is part of; what else
-    moves in the file is what it may touch. Actuators of the file are switched off, and so is the gravity compensation
-    that it may ask for on the robot: the position control does that.
+
+class Plant:
+    """The model of a file, ready to be stepped.
+
+    The degrees of freedom of the robot are those of the kinematic tree of the end effector; other bodies that move are
+    what it may touch. Actuators of the file, and gravity compensation of the robot, are switched off: the position
+    control replaces them.
+
+    Args:
+        path: Of the file.
+        end_effector: Name of its site.
+        keyframe: Initial state; None for joints at 0.
+        turns: Whether to compute the Jacobian of the rotation.
+
+    Raises:
+        ValueError: one line that begins with the option that is wrong.
 
     Attributes:
-        model, data: of MuJoCo. Arrays of fixed size may be kept, they are views into `data`.
-        site: number of the end effector's.
-        body: number of the body that it sits on.
-        dofs: those of the robot.
-        axes: along which the end effector can move, as a subset of "xyz".
-        position, turned: where its site is, and the rows of its matrix.
-        jacobian: of its position; `twist` has the rows of its turning below, if they are asked for.
+        model, data: Of MuJoCo. Arrays of fixed size are views into `data` and may be kept.
+        site, body: Numbers of the site of the end effector and of its body.
+        dofs: Those of the robot.
+        axes: Along which the end effector can move, as a subset of "xyz".
+        position, turned: Of its site, the second as the rows of a rotation matrix.
+        jacobian: Of its position; `twist` has the rows of its rotation below, if they are asked for.
     """
 
     def __init__(self, path: Path, end_effector: str, keyframe: str | None, *, turns: bool = False) -> None:
-        """Load the file and take the pose to begin in.
-
-        Args:
-            path: of the file.
-            end_effector: name of its site.
-            keyframe: to begin in; None for that of the joints at 0.
-            turns: whether the turning of the end effector is computed as well.
-
-        Raises:
-            ValueError: one line that begins with the option that is wrong.
-        """
         self.model: Any = _load(path)
         self.data: Any = mujoco.MjData(self.model)
         self.path = path
@@ -65,30 +69,16 @@ class Plant:
         moving = np.linalg.norm(self.jacobian, axis=1)
         self.axes = "".join(axis for axis, way in zip("xyz", moving, strict=True) if way > 1e-9 * moving.max())
 
-    def sensor(self, name: str) -> int:
-        """Number of a force sensor.
-
-        Raises:
-            ValueError: if the file has none of that name.
-        """
-        there = {self.model.sensor(i).name: i for i in self._sensors(mujoco.mjtSensor.mjSENS_FORCE)}
-        return there[name] if name in there else _unknown("force", "force sensor", name, there)
+    def force_sensor(self, name: str) -> int:
+        """Number of a force sensor; raises ValueError if there is none of this name."""
+        return self._sensor("force", "force sensor", mujoco.mjtSensor.mjSENS_FORCE, name)
 
     def torque_sensor(self, name: str) -> int:
-        """Number of a torque sensor.
-
-        Raises:
-            ValueError: if the file has none of that name.
-        """
-        there = {self.model.sensor(i).name: i for i in self._sensors(mujoco.mjtSensor.mjSENS_TORQUE)}
-        return there[name] if name in there else _unknown("rotation.torque", "torque sensor", name, there)
+        """Number of a torque sensor; raises ValueError if there is none of this name."""
+        return self._sensor("rotation.torque", "torque sensor", mujoco.mjtSensor.mjSENS_TORQUE, name)
 
     def force_sensor_on(self, site: int) -> int:
-        """Number of the force sensor on a site.
-
-        Raises:
-            ValueError: if there is none.
-        """
+        """Number of the force sensor on a site; raises ValueError if there is none."""
         for sensor in self._sensors(mujoco.mjtSensor.mjSENS_FORCE):
             if self.model.sensor_objid[sensor] == site:
                 return sensor
@@ -99,7 +89,7 @@ class Plant:
         )
 
     def reset(self) -> None:
-        """Everything at rest where it begins, the robot at `home`."""
+        """Everything at rest in the initial state, the robot at `home`."""
         if self._keyframe is None:
             mujoco.mj_resetData(self.model, self.data)
         else:
@@ -109,7 +99,7 @@ class Plant:
         self.refresh()
 
     def refresh(self) -> None:
-        """Bring all that follows from positions and velocities up to date: `position`, `jacobian`, contacts, bias."""
+        """Compute what follows from positions and velocities: `position`, `jacobian`, contacts, bias."""
         mujoco.mj_step1(self.model, self.data)
         mujoco.mj_jacSite(self.model, self.data, self.jacobian, self._spin, self.site)
 
@@ -124,13 +114,17 @@ class Plant:
         mujoco.mj_solveM(self.model, self.data, inverse, np.eye(self.model.nv))
         return inverse
 
-    def complaint(self) -> str | None:
-        """What MuJoCo has warned of since `reset`: after any of it the motion cannot be trusted."""
+    def warning(self) -> str | None:
+        """The first warning of MuJoCo since `reset`, after which the motion cannot be trusted."""
         counts = self._warnings.tolist()
         if not any(counts):
             return None
         kind = next(kind for kind, count in enumerate(counts) if count)
         return _one_line(mujoco.mju_warningText(kind, self.data.warning[kind].lastinfo))
+
+    def _sensor(self, option: str, label: str, kind: Any, name: str) -> int:
+        there = {self.model.sensor(i).name: i for i in self._sensors(kind)}
+        return there[name] if name in there else _unknown(option, label, name, there)
 
     def _sensors(self, kind: Any) -> list[int]:
         return [sensor for sensor in range(self.model.nsensor) if self.model.sensor_type[sensor] == kind]
@@ -141,7 +135,7 @@ class Plant:
         return there[name] if name in there else _unknown(option, {"key": "keyframe"}.get(kind, kind), name, there)
 
     def _tree_dofs(self, end_effector: str) -> slice:
-        """Of one tree: they follow one another in MuJoCo."""
+        """Those of one kinematic tree, which are contiguous in MuJoCo."""
         body = self.body
         while body and not self.model.body_dofnum[body]:
             body = int(self.model.body_parentid[body])
@@ -168,7 +162,7 @@ def _load(path: Path) -> Any:
 
 
 def _keep_quiet(message: str) -> None:
-    """Or MuJoCo would print it, and write MUJOCO_LOG.TXT where the program runs; warnings are counted in `data`."""
+    """Replaces MuJoCo's printing and its MUJOCO_LOG.TXT; warnings are counted in `data`."""
 
 
 def _unknown(option: str, kind: str, name: str, there: Iterable[str]) -> int:
@@ -181,3 +175,42 @@ def _unknown(option: str, kind: str, name: str, there: Iterable[str]) -> int:
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
+
+
+def settle(plant: Plant, goal: Vector) -> None:
+    """Make a pose with the end effector at `goal` [m] the plant's home, by damped least squares from the present pose.
+
+    Raises:
+        ValueError: no such pose is found within the joint limits.
+    """
+    model, data, dofs = plant.model, plant.data, plant.dofs
+    target = np.array(goal)
+    turn: Array = np.zeros(model.nv)
+    nearest = inf
+    for _ in range(ITERATIONS):
+        missing = target - plant.position
+        length = float(np.linalg.norm(missing))
+        nearest = min(nearest, length)
+        if length < CLOSE_ENOUGH:
+            break
+        jacobian = plant.jacobian[:, dofs]
+        square = jacobian @ jacobian.T
+        square.flat[::4] += 1e-6 * square.trace()
+        stride = missing * min(1.0, LONGEST_STRIDE / length)
+        turn[dofs] = jacobian.T @ np.linalg.solve(square, stride)
+        mujoco.mj_integratePos(model, data.qpos, turn, 1.0)
+        _keep_limits(plant)
+        plant.refresh()
+    else:
+        raise ValueError(f"home_m: the end effector comes no closer than {nearest:.2g} m to {list(goal)}")
+    plant.home[:] = data.qpos
+    plant.reset()
+
+
+def _keep_limits(plant: Plant) -> None:
+    model, qpos = plant.model, plant.data.qpos
+    simple = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+    for joint in np.flatnonzero(model.jnt_limited):
+        if int(model.jnt_type[joint]) in simple:
+            address = model.jnt_qposadr[joint]
+            qpos[address] = np.clip(qpos[address], *model.jnt_range[joint])

@@ -1,5 +1,6 @@
-"""The force of the environment on an end effector, in the world frame. Knows no control and no units but newtons."""
+"""The force of the environment on an end effector, in the world frame."""
 
+from collections.abc import Iterator
 from typing import Protocol
 
 import mujoco
@@ -9,57 +10,64 @@ from weberlink.geometry.vector import Vector
 from weberlink.slave.robots.mjcf.options import CONTACTS
 from weberlink.slave.robots.mjcf.plant import Plant
 
+PressedContact = tuple[int, Vector, Vector, list[float]]
+"""Number of the contact, its force [N] in the world frame, its own torque [N m] in its frame, and that frame, whose
+rows are its axes in the world."""
 
-class Sensing(Protocol):
-    """Reads the force [N] of the step that the plant just did."""
+
+class ForceSensing(Protocol):
+    """Reads the force [N] of the last step."""
 
     def force(self) -> Vector: ...
 
 
-def sensing(plant: Plant, name: str) -> Sensing:
-    """The one that the option `force` names.
-
-    Raises:
-        ValueError: if the file has no such sensor.
-    """
-    return ContactSensing(plant) if name == CONTACTS else SensorSensing(plant, plant.sensor(name))
+def force_sensing(plant: Plant, name: str) -> ForceSensing:
+    """The sensing that the option `force` names; raises ValueError if the file has no such sensor."""
+    return ContactSensing(plant) if name == CONTACTS else SensorSensing(plant, plant.force_sensor(name))
 
 
 class ContactSensing:
     """The sum of all contacts between the body of the end effector, with all that hangs on it, and anything else."""
 
     def __init__(self, plant: Plant) -> None:
-        self._geoms = geoms_of(plant)
-        self._model, self._data, self._contacts = plant.model, plant.data, plant.data.contact
+        model = plant.model
+        bodies = {plant.body}
+        for body in range(plant.body + 1, model.nbody):  # children come after their parents
+            if model.body_parentid[body] in bodies:
+                bodies.add(body)
+        self._geoms = frozenset(geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies)
+        self._model, self._data, self._contacts = model, plant.data, plant.data.contact
         self._wrench = np.zeros(6)
 
-    def force(self) -> Vector:
+    def contacts(self) -> Iterator[PressedContact]:
+        """The contacts of the end effector, as it feels them."""
         if not self._data.ncon:
-            return (0.0, 0.0, 0.0)
+            return
         mine, wrench = self._geoms, self._wrench
-        x = y = z = 0.0
         frames = self._contacts.frame.tolist()
         for number, (first, second) in enumerate(self._contacts.geom.tolist()):
             if (first in mine) is (second in mine):
                 continue
             mujoco.mj_contactForce(self._model, self._data, number, wrench)
-            a, b, c, _, _, _ = wrench.tolist()
-            if first in mine:
-                a, b, c = -a, -b, -c
-            # The rows of the frame are its axes in the world; the normal, and the force, point from first to second.
-            nx, ny, nz, sx, sy, sz, tx, ty, tz = frames[number]
-            x += a * nx + b * sx + c * tx
-            y += a * ny + b * sy + c * ty
-            z += a * nz + b * sz + c * tz
+            a, b, c, d, e, f = wrench.tolist()
+            if first in mine:  # the normal, and the force, point from first to second
+                a, b, c, d, e, f = -a, -b, -c, -d, -e, -f
+            frame = nx, ny, nz, sx, sy, sz, tx, ty, tz = frames[number]
+            force = (a * nx + b * sx + c * tx, a * ny + b * sy + c * ty, a * nz + b * sz + c * tz)
+            yield number, force, (d, e, f), frame
+
+    def force(self) -> Vector:
+        x = y = z = 0.0
+        for _, (a, b, c), _, _ in self.contacts():
+            x, y, z = x + a, y + b, z + c
         return (x, y, z)
 
 
 class SensorSensing:
-    """A `<force>` sensor of the file, less the weight of what hangs on it.
+    """A `<force>` sensor of the file, less the weight of what hangs on it, as a wrist sensor is tared.
 
-    It gives the force that holds the body of its site, and all that hangs on it, to the parent of that body, in the
-    frame of the site: against what touches it, against its weight, and for its acceleration. The weight is known and is
-    taken off, as a wrist sensor is tared; inertia stays.
+    The sensor gives the force that holds the body of its site, and all that hangs on it, in the frame of the site:
+    against what touches it, against its weight, and for its acceleration. Inertia is not subtracted.
     """
 
     def __init__(self, plant: Plant, sensor: int) -> None:
@@ -69,20 +77,10 @@ class SensorSensing:
         self._frame = data.site_xmat[site]
         mass = float(model.body_subtreemass[model.site_bodyid[site]])
         gx, gy, gz = model.opt.gravity.tolist()
-        self._weight: Vector = (mass * gx, mass * gy, mass * gz)
+        self.weight: Vector = (mass * gx, mass * gy, mass * gz)
 
     def force(self) -> Vector:
         a, b, c = self._local.tolist()
         xx, xy, xz, yx, yy, yz, zx, zy, zz = self._frame.tolist()
-        wx, wy, wz = self._weight
+        wx, wy, wz = self.weight
         return (-xx * a - xy * b - xz * c - wx, -yx * a - yy * b - yz * c - wy, -zx * a - zy * b - zz * c - wz)
-
-
-def geoms_of(plant: Plant) -> frozenset[int]:
-    """Those of the body of the end effector, and of all that hangs on it."""
-    model = plant.model
-    bodies = {plant.body}
-    for body in range(plant.body + 1, model.nbody):  # children come after their parents
-        if model.body_parentid[body] in bodies:
-            bodies.add(body)
-    return frozenset(geom for geom in range(model.ngeom) if model.geom_bodyid[geom] in bodies)

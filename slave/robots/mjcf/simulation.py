@@ -1,6 +1,5 @@
-"""Plant, control and sensing of a file put together, stepped as far as a tick asks. Knows no sessions."""
+"""Plant, position control and sensing of an MJCF file, stepped once per tick."""
 
-from collections.abc import Sequence
 from math import ceil, sqrt
 from typing import TYPE_CHECKING
 
@@ -10,38 +9,34 @@ import numpy as np
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.slave.robots.contract import Quaternion, RobotFault
 from weberlink.slave.robots.mjcf.impedance import Impedance
-from weberlink.slave.robots.mjcf.options import MujocoOptions, RotationOptions
-from weberlink.slave.robots.mjcf.plant import Plant
-from weberlink.slave.robots.mjcf.posture import settle
-from weberlink.slave.robots.mjcf.sensing import sensing
+from weberlink.slave.robots.mjcf.options import MujocoOptions
+from weberlink.slave.robots.mjcf.plant import Plant, settle
+from weberlink.slave.robots.mjcf.sensing import force_sensing
 
 if TYPE_CHECKING:
-    from weberlink.slave.robots.mjcf.pose_impedance import PoseImpedance
-    from weberlink.slave.robots.mjcf.torque_sensing import TorqueSensing
+    from weberlink.slave.robots.mjcf.rotation import PoseImpedance, TorqueSensing
 
 STABLE_SHARE = 0.5
 """Of the longest stable step of the control. Its damper is explicit, so that at a ratio r an oscillation of w is stable
 up to 2 (sqrt(1 + r^2) - r) / w."""
 SUBSTEPS_MOST = 50
 STRETCH = 0.25
-"""A step may be longer than meant by this share, so that a tick that is a little late takes no step more."""
+"""Share by which a step may be longer, so that a tick that is a little late takes no additional step."""
 
 
-class Simulation:
+class MjcfSimulation:
     """Moves the end effector of a file.
 
+    Raises:
+        ValueError: one line that begins with the option that is wrong.
+
     Attributes:
-        axes: along which it can move.
-        home: where it is until the first command [m].
-        substeps: steps per tick.
+        axes: Along which it can move.
+        home: Position until the first command [m].
+        substeps: Steps per tick.
     """
 
     def __init__(self, options: MujocoOptions, tick_period: float) -> None:
-        """Load the file and bring the robot home.
-
-        Raises:
-            ValueError: one line that begins with the option that is wrong.
-        """
         rotation = options.rotation
         plant = Plant(options.model, options.end_effector, options.keyframe, turns=rotation is not None)
         if options.home_m is not None:
@@ -52,25 +47,30 @@ class Simulation:
         options.check_home(self.home)
         self._plant = plant
         self._options = options
-        self._pose = None if rotation is None else _pose(plant, options, rotation)
-        self._control = self._pose or Impedance(plant, options.stiffness_n_m, options.damping_ratio, options.posture_hz)
-        self._sensing = sensing(plant, options.force)
-        self._torque_sensing = None if rotation is None else _torque_sensing(plant, rotation.torque)
+        self._control: Impedance | PoseImpedance
+        self._pose: PoseImpedance | None = None
+        self._torque_sensing: TorqueSensing | None = None
+        ratio, posture_hz = options.damping_ratio, options.posture_hz
+        if rotation is None:
+            self._control = Impedance(plant, options.stiffness_n_m, ratio, posture_hz)
+        else:
+            from weberlink.slave.robots.mjcf import rotation as poses  # noqa: PLC0415
+
+            stiffnesses = (options.stiffness_n_m, rotation.stiffness_n_m_rad)
+            self._control = self._pose = poses.PoseImpedance(plant, stiffnesses, ratio, posture_hz)
+            self._torque_sensing = poses.torque_sensing(plant, rotation.torque)
+        self._force_sensing = force_sensing(plant, options.force)
         self.substeps = self._substeps(float(plant.model.opt.timestep), tick_period)
         self._step = tick_period / self.substeps
 
     def reset(self) -> None:
-        """Everything as it begins."""
+        """Return to the initial state."""
         self._plant.reset()
         if self._pose is not None:
             self._pose.reset()
 
     def point(self, orientation: Quaternion) -> None:
-        """The orientation to turn to, from that at home; only with `rotation`.
-
-        Raises:
-            ValueError: if it is none.
-        """
+        """Set the orientation to hold, from that at home; no effect without `rotation`. See `PoseImpedance.point`."""
         if self._pose is not None:
             self._pose.point(orientation)
 
@@ -78,73 +78,49 @@ class Simulation:
         """Move on by `elapsed` [s] toward `commanded` [m].
 
         Returns:
-            Where the end effector is [m], and the force [N] and the torque about it [N m] of its surroundings on it in
-            the last step; no torque without `rotation`.
+            Position of the end effector [m], and force [N] and torque about it [N m] of its surroundings in the last
+            step; zero torque without `rotation`.
 
         Raises:
-            RobotFault: if the motion can no longer be trusted; it stays so until `reset`.
+            RobotFault: the motion can no longer be trusted, until `reset`.
         """
         plant, control = self._plant, self._control
         count = max(1, ceil(elapsed / self._step - STRETCH))
         step = elapsed / count
         try:
-            with np.errstate(all="ignore"):  # what is no longer finite is seen below
+            with np.errstate(all="ignore"):  # checked below
                 for number in range(count):
                     if number:
                         plant.refresh()
                     control.apply(commanded)
                     plant.advance(step)
-                force = self._sensing.force()
+                force = self._force_sensing.force()
                 torque = ZERO if self._torque_sensing is None else self._torque_sensing.torque()
                 plant.refresh()
         except mujoco.FatalError as error:
             raise RobotFault(f"mujoco: {' '.join(str(error).split())}") from None
         x, y, z = plant.position.tolist()
-        complaint = plant.complaint()
-        if complaint is not None:
-            raise RobotFault(f"mujoco: the simulation cannot go on: {complaint}")
+        warning = plant.warning()
+        if warning is not None:
+            raise RobotFault(f"mujoco: the simulation cannot go on: {warning}")
         if not (is_finite((x, y, z)) and is_finite(force) and is_finite(torque)):
             raise RobotFault(f"mujoco: the simulation is no longer finite after the command {commanded}")
         return (x, y, z), force, torque
 
     def description(self) -> str:
-        """One line for a person: what is in the file, the steps, and the position control with its lag."""
-        model = self._plant.model
-        lags_ms = [1e3 * lag for lag in self._control.lags]
+        model, lags_ms = self._plant.model, [1e3 * lag for lag in self._control.lags]
+        least, most = (format(lag, ".1f") for lag in (min(lags_ms), max(lags_ms)))
         steps = f"{self.substeps} steps" if self.substeps > 1 else "1 step"
         return (
             f"{self._plant.path.name}: bodies {model.nbody - 1}, dofs {model.nv}, {steps} of {1e3 * self._step:g} ms "
-            f"per tick; {self._control.strength}, lags a ramp by {_span(lags_ms, '.1f')} ms"
+            f"per tick; {self._control.strength}, lags a ramp by {least if least == most else f'{least} to {most}'} ms"
         )
 
     def _substeps(self, timestep: float, tick_period: float) -> int:
-        """As the file asks, or more where the control is too quick for that.
-
-        Raises:
-            ValueError: if even the most would not do.
-        """
+        """As the file asks, or more where the control needs it; ValueError if it needs more than the most."""
         ratio, control = self._options.damping_ratio, self._control
         radians = STABLE_SHARE * 2.0 * (sqrt(1.0 + ratio * ratio) - ratio)
         needed = control.fastest * tick_period / radians
         if needed > SUBSTEPS_MOST:
             raise ValueError(control.too_strong((needed / SUBSTEPS_MOST) ** 2))
         return max(ceil(tick_period / timestep - 1e-6), ceil(needed))
-
-
-def _pose(plant: Plant, options: MujocoOptions, rotation: RotationOptions) -> "PoseImpedance":
-    from weberlink.slave.robots.mjcf.pose_impedance import PoseImpedance  # noqa: PLC0415
-
-    stiffnesses = (options.stiffness_n_m, rotation.stiffness_n_m_rad)
-    return PoseImpedance(plant, stiffnesses, options.damping_ratio, options.posture_hz)
-
-
-def _torque_sensing(plant: Plant, name: str) -> "TorqueSensing":
-    from weberlink.slave.robots.mjcf.torque_sensing import torque_sensing  # noqa: PLC0415
-
-    return torque_sensing(plant, name)
-
-
-def _span(values: Sequence[float], form: str) -> str:
-    """The least and the most of them, or one where they read alike."""
-    least, most = (format(value, form) for value in (min(values), max(values)))
-    return least if least == most else f"{least} to {most}"

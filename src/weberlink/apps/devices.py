@@ -1,7 +1,4 @@
-"""The `devices` command: the drivers of both sides, what is plugged in, and the line that removes what is in the way.
-
-Knows the contract of drivers and no driver. Opens nothing.
-"""
+"""The `devices` command: lists drivers and the hardware plugged in, and suggests fixes. It opens no device."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,7 +27,7 @@ BROKEN = "broken"
 COLOURS = {READY: "green", NOTHING: "dim"}
 
 LATENCY_MS = 1
-"""What the rules set the latency timer of an FTDI chip to."""
+"""Value that the rules set the latency timer of an FTDI chip to."""
 
 
 class DriverTable(Protocol):
@@ -42,13 +39,13 @@ class DriverTable(Protocol):
 
 
 @dataclass(frozen=True)
-class Side:
-    """Where the drivers of one side come from, and where a configuration names them.
+class DriverFamily:
+    """The drivers of one side, and where a configuration names them.
 
     Args:
-        table: of the drivers.
-        group: of the entry points of other packages.
-        section: of a configuration.
+        table: module that lists and loads the drivers.
+        group: entry points of other packages.
+        section: of a configuration, as a dotted path.
     """
 
     table: DriverTable
@@ -56,22 +53,22 @@ class Side:
     section: str
 
 
-SIDES: Mapping[str, Side] = {
-    "master": Side(devices, "weberlink.devices", "master.device"),
-    "slave": Side(robots, "weberlink.robots", "slave.robot"),
+SIDES: Mapping[str, DriverFamily] = {
+    "master": DriverFamily(devices, "weberlink.devices", "master.device"),
+    "slave": DriverFamily(robots, "weberlink.robots", "slave.robot"),
 }
 
 
 @dataclass(frozen=True)
-class Host:
-    """What is asked of this machine.
+class DeviceAccess:
+    """Access to this machine, replaceable in tests.
 
     Args:
         accessible: whether this user may read and write a path.
-        groups: that this process is in.
+        groups: ids of the groups of this process.
         rules: folders where udev looks for rules.
-        ttys: what the kernel says of serial ports.
-        links: to serial ports, by names that do not depend on what was plugged in first.
+        ttys: folder of the kernel's serial ports.
+        links: folder of stable names of serial ports.
     """
 
     accessible: Callable[[str], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
@@ -82,18 +79,18 @@ class Host:
 
 
 @dataclass(frozen=True)
-class Row:
-    """One driver as it stands here.
+class DriverStatus:
+    """State of one driver on this machine.
 
     Args:
         side: "master" or "slave".
         driver: its name.
-        package: that it comes from; None for a built-in one.
-        kind: "virtual" or "hardware"; None where it could not be loaded.
-        extra: of this project that it needs; None for none.
-        state: one of those above.
-        plugged: what it could drive.
-        advice: what helps, a line each.
+        package: where it comes from; None for a built-in driver.
+        kind: "virtual" or "hardware"; None if it could not be loaded.
+        extra: extra of this project that it needs; None for none.
+        state: one of the constants above.
+        plugged: devices that it could drive.
+        advice: suggested fixes, a line each.
     """
 
     side: str
@@ -108,91 +105,93 @@ class Row:
 
 @dataclass(frozen=True)
 class Survey:
-    """What was found, and how it is shown."""
+    """State of all drivers."""
 
-    rows: Sequence[Row]
+    drivers: Sequence[DriverStatus]
     rules_installed: bool
 
     @property
     def advice(self) -> dict[str, list[str]]:
-        """What helps, and the drivers that it helps."""
+        """Suggested fixes, and the drivers that each is for."""
         lines: dict[str, list[str]] = {}
-        for row in self.rows:
-            for line in row.advice:
-                lines.setdefault(line, []).append(row.driver)
+        for each in self.drivers:
+            for line in each.advice:
+                lines.setdefault(line, []).append(each.driver)
         return lines
 
     @property
     def document(self) -> dict[str, Any]:
         """For JSON."""
         return {
-            "drivers": [asdict(row) for row in self.rows],
+            "drivers": [asdict(each) for each in self.drivers],
             "rules_installed": self.rules_installed,
             "advice": [{"line": line, "drivers": drivers} for line, drivers in self.advice.items()],
         }
 
     def show(self, console: Console) -> None:
-        """The table, and below it one line for each thing in the way."""
+        """Print a table, and below it one line for each fix."""
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         table.add_column("side", no_wrap=True)
         table.add_column("driver", max_width=20, overflow="fold")
         table.add_column("kind", no_wrap=True)
         table.add_column("state", no_wrap=True)
         table.add_column("plugged in", overflow="fold")
-        for row in self.rows:
+        for each in self.drivers:
             table.add_row(
-                row.side,
-                row.driver if row.package is None else f"{row.driver} (of {row.package})",
-                f"extra {row.extra}" if row.extra else row.kind or "-",
-                Text(row.state, style=COLOURS.get(row.state, "red")),
-                Text("\n".join(map(str, row.plugged)) or "-"),
+                each.side,
+                each.driver if each.package is None else f"{each.driver} (of {each.package})",
+                f"extra {each.extra}" if each.extra else each.kind or "-",
+                Text(each.state, style=COLOURS.get(each.state, "red")),
+                Text("\n".join(map(str, each.plugged)) or "-"),
             )
         console.print(table)
         for line, drivers in self.advice.items():
-            console.print(Text(f"{', '.join(drivers)}: {line}"), soft_wrap=True)  # is copied, so must not be broken
+            console.print(Text(f"{', '.join(drivers)}: {line}"), soft_wrap=True)  # a line to copy must not be wrapped
 
 
-def survey(host: Host | None = None, sides: Mapping[str, Side] = SIDES) -> Survey:
-    """Look at every driver of both sides and at what is plugged in."""
-    here = host or Host()
+def survey(host: DeviceAccess | None = None, sides: Mapping[str, DriverFamily] = SIDES) -> Survey:
+    """List every driver of both sides and the hardware plugged in."""
+    here = host or DeviceAccess()
     has_rules = rules.installed(here.rules)
-    rows: list[Row] = []
+    drivers: list[DriverStatus] = []
     for name, side in sides.items():
         packages = _packages(side)
-        looks = (_Look(name, side, each, packages.get(each), here, has_rules) for each in sorted(side.table.drivers()))
-        rows.extend(look.row() for look in looks)
-    return Survey(rows, has_rules)
+        drivers.extend(
+            _Inspection(name, side, driver, packages.get(driver), here, has_rules).status()
+            for driver in sorted(side.table.drivers())
+        )
+    return Survey(drivers, has_rules)
 
 
 @dataclass(frozen=True)
-class _Look:
-    """At one driver."""
+class _Inspection:
+    """Examines one driver."""
 
     name: str
-    side: Side
+    side: DriverFamily
     driver: str
     package: str | None
-    host: Host
+    host: DeviceAccess
     has_rules: bool
 
-    def row(self) -> Row:
+    def status(self) -> DriverStatus:
         try:
             driver = self.side.table.load(self.driver)
-        except Exception as error:  # whatever another package does when it is imported
-            return self._row(None, None, BROKEN, (), f"cannot be loaded: {_in_words(error)}")
+        except Exception as error:  # another package may raise anything at import
+            return self._status(None, None, BROKEN, (), f"cannot be loaded: {_in_words(error)}")
         kind = "hardware" if hasattr(driver, "plugged") else "virtual"
         package, extra = getattr(driver, "NEEDS", (None, None))
         if package is not None and find_spec(package) is None:
-            return self._row(kind, extra, NO_EXTRA, (), f'pip install "weberlink[{extra}]"')
+            return self._status(kind, extra, NO_EXTRA, (), f'pip install "weberlink[{extra}]"')
         if kind == "virtual":
-            return self._row(kind, extra, READY)
+            return self._status(kind, extra, READY)
         return self._hardware(driver, extra)
 
-    def _hardware(self, driver: Any, extra: str | None) -> Row:
+    def _hardware(self, driver: Any, extra: str | None) -> DriverStatus:
         try:
             plugged = tuple(driver.plugged())
         except Exception as error:  # a listing that fails must not hide the other drivers
-            return self._row("hardware", extra, BROKEN, (), f"what is plugged in cannot be listed: {_in_words(error)}")
+            return self._status("hardware", extra, BROKEN, (), f"plugged devices cannot be listed: {_in_words(error)}")
         states = [self._state(found) for found in plugged]
         advice = [line for found, state in zip(plugged, states, strict=True) for line in self._advice(found, state)]
         usable = [found for found, state in zip(plugged, states, strict=True) if state == READY]
@@ -200,12 +199,12 @@ class _Look:
             ports = " or ".join(f"port: {self._lasting(found.path)}" for found in usable)
             advice.append(f"{len(usable)} are plugged in; say which under {self.side.section}: {ports}")
         state = READY if usable else states[0] if states else NOTHING
-        return self._row("hardware", extra, state, plugged, *advice)
+        return self._status("hardware", extra, state, plugged, *advice)
 
-    def _row(
+    def _status(
         self, kind: str | None, extra: str | None, state: str, plugged: tuple[PluggedDevice, ...] = (), *advice: str
-    ) -> Row:
-        return Row(self.name, self.driver, self.package, kind, extra, state, plugged, advice)
+    ) -> DriverStatus:
+        return DriverStatus(self.name, self.driver, self.package, kind, extra, state, plugged, advice)
 
     def _state(self, found: PluggedDevice) -> str:
         if found.path.startswith("/") and not self.host.accessible(found.path):
@@ -218,9 +217,9 @@ class _Look:
             yield rules.install_line()
         elif state == NO_PERMISSION:
             yield rules.group_line(found.path, self.host.groups) or (
-                f"unplug {found.path} and plug it in again: it has been there for longer than the rules"
+                f"unplug {found.path} and plug it in again: it was plugged in before the rules were installed"
                 if self.package is None
-                else f"no permission to open {found.path}; {self.package} says which udev rule it takes"
+                else f"no permission to open {found.path}; {self.package} documents the udev rule that it needs"
             )
         elif state == UNUSABLE:
             yield f"{found.path}: {found.problem}"
@@ -228,7 +227,7 @@ class _Look:
             yield from self._latency(found)
 
     def _latency(self, found: PluggedDevice) -> Iterator[str]:
-        """A slow latency timer, which only chips of FTDI have."""
+        """Advice for a slow latency timer, which only FTDI chips have."""
         timer = self.host.ttys / Path(found.path).name / "device" / "latency_timer"
         try:
             latency_ms = int(timer.read_text())
@@ -237,10 +236,10 @@ class _Look:
         if latency_ms > LATENCY_MS:
             by_hand = f"echo {LATENCY_MS} | sudo tee {timer}"
             line = by_hand if self.has_rules or self.package is not None else rules.install_line()
-            yield f"{found.path} holds replies back for {latency_ms} ms (latency timer): {line}"
+            yield f"{found.path} delays replies by {latency_ms} ms (latency timer): {line}"
 
     def _lasting(self, path: str) -> str:
-        """A name of a port that is the same after the next start, if there is one."""
+        """The stable name of a port, if it has one."""
         try:
             links = sorted(self.host.links.iterdir())
         except OSError:
@@ -248,8 +247,8 @@ class _Look:
         return next((str(link) for link in links if os.path.realpath(link) == os.path.realpath(path)), path)
 
 
-def _packages(side: Side) -> dict[str, str]:
-    """Name of a driver to the package that brings it, where that is not this one."""
+def _packages(side: DriverFamily) -> dict[str, str]:
+    """Driver name to package, for drivers of other packages."""
     built_in = getattr(side.table, "BUILT_IN", {})
     return {
         entry.name: entry.dist.name if entry.dist is not None else entry.value

@@ -1,4 +1,4 @@
-"""The `info` and `export` commands: what a recording holds, and its records as tables."""
+"""The `info` and `export` commands: describe recordings, and write their records as tables."""
 
 import csv
 import os
@@ -21,7 +21,7 @@ from weberlink.telemetry.record import AXES
 
 FORMATS = ("csv", "parquet")
 BLOCK_ROWS = 50_000
-"""Turned into text at a time: a number takes far more memory as an object than in its array."""
+"""Rows converted at a time: Python numbers take far more memory than an array."""
 
 
 class ExportError(Exception):
@@ -29,24 +29,24 @@ class ExportError(Exception):
 
 
 @dataclass(frozen=True)
-class Description:
-    """What was found in the files, and how it is shown."""
+class RecordingDescription:
+    """What the recordings contain, and how it is shown."""
 
     document: dict[str, Any]
 
     def show(self, console: Console) -> None:
-        """A line for each file, then the report of the session."""
+        """Print a line for each file, then the report of the session."""
         for file in self.document["files"]:
             console.print(Text(_file_line(file)))
         title = "weberlink info " + " ".join(file["path"] for file in self.document["files"])
         session_report(self.document, title, console)
 
 
-def describe(paths: Sequence[Path]) -> Description:
-    """Read one recording, or those of both sides.
+def describe(paths: Sequence[Path]) -> RecordingDescription:
+    """Describe one recording, or those of both sides.
 
     Raises:
-        ConfigurationError: a file is none, or they do not belong together.
+        ConfigurationError: a file is not a recording, or the files are not of one session.
     """
     recordings, session = _read(paths)
     files = [
@@ -65,15 +65,15 @@ def describe(paths: Sequence[Path]) -> Description:
     ]
     document = {"files": files} | session.summary()
     document["outcome"] = next((_ended(file) for file in files if not file["complete"]), "completed")
-    return Description(document)
+    return RecordingDescription(document)
 
 
 def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
-    """Write one table for each side beside the first recording, or in the folder; returns what to tell.
+    """Write one table for each side beside the first recording, or into the folder; returns a line for each.
 
     Raises:
-        ConfigurationError: for a format or a file that cannot be used, or a table that is there already.
-        ExportError: if a table cannot be written; no part of it is left.
+        ConfigurationError: for a format or a file that cannot be used, or a table that exists already.
+        ExportError: a table cannot be written; no part of it is left.
     """
     if to not in FORMATS:
         raise ConfigurationError(f"--to: {to!r} is none of {', '.join(FORMATS)}")
@@ -103,7 +103,7 @@ def export(paths: Sequence[Path], to: str, folder: Path | None) -> list[str]:
 def _place(
     columns: dict[str, NDArray[Any]], path: Path, write: Callable[[dict[str, NDArray[Any]], Path], None]
 ) -> None:
-    """Write a table that appears under its name only when it is whole."""
+    """Write to a temporary name, then rename, so that no part of a table can remain."""
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         write(columns, draft)
@@ -126,7 +126,7 @@ def _read(paths: Sequence[Path]) -> tuple[list[Any], Any]:
 
 
 def _date(recording: Any) -> str | None:
-    """When it began on the wall clock; None for a clock that a simulation made."""
+    """Start on the wall clock; None for virtual time."""
     if recording.facts.get("clock") == "virtual" or not recording.origins:
         return None
     began = min(origin.wall_s for origin in recording.origins.values())
@@ -149,13 +149,13 @@ def _ended(file: dict[str, Any]) -> str:
     if file["complete"]:
         return "whole"
     if file["outcome"] == "complete":
-        return "not whole"  # how much is lost is said beside it
+        return "not whole"  # the number of lost records is shown beside it
     outcome: str = file["outcome"]
     return outcome
 
 
 def _columns(records: Records) -> dict[str, NDArray[Any]]:
-    """Flat columns: a vector becomes three, named by axis."""
+    """Flat columns; a vector becomes three, named by axis."""
     columns: dict[str, NDArray[Any]] = {}
     for name in records.dtype.names or ():
         if records[name].ndim == 1:
@@ -166,7 +166,7 @@ def _columns(records: Records) -> dict[str, NDArray[Any]]:
 
 
 def _write_csv(columns: dict[str, NDArray[Any]], path: Path) -> None:
-    """Numbers with as many digits as it takes to read the same ones back; an unknown one as `nan`."""
+    """Write numbers with enough digits to read the same ones back; unknown ones as `nan`."""
     with path.open("x", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)

@@ -1,7 +1,4 @@
-"""The udev rules that give a user access to the devices: whether this host has them, installing them, what else helps.
-
-Knows no driver; that the rules name the devices of every driver is held by a test.
-"""
+"""Installs and checks the udev rules that give users access to devices. A test checks that they cover all drivers."""
 
 import grp
 import os
@@ -20,15 +17,15 @@ from weberlink.hardware.discovery import UDEV_RULES
 
 RULES_DIR = Path("/etc/udev/rules.d")
 FOLDERS = (RULES_DIR, Path("/usr/lib/udev/rules.d"), Path("/lib/udev/rules.d"))
-"""Where udev looks for rules."""
+"""Folders that udev reads rules from."""
 SUBSYSTEMS = ("hidraw", "tty", "usb")
-"""Of the devices that the rules are for."""
+"""Subsystems of the devices that the rules cover."""
 SUDO_FOLDERS = ("/usr/local/bin", "/usr/bin", "/bin")
-"""Where sudo finds a program by its bare name."""
+"""Folders that sudo searches for programs."""
 
 
 class RulesError(Exception):
-    """The rules cannot be installed; one line that says why and what to do."""
+    """The rules cannot be installed; the message says why and what to do."""
 
 
 def shipped() -> str:
@@ -37,17 +34,17 @@ def shipped() -> str:
 
 
 def installed(folders: Iterable[Path] = FOLDERS) -> bool:
-    """Whether the rules of this version are where udev looks."""
+    """Whether the rules of this version are installed."""
     text = shipped()
     return any(_text(folder / UDEV_RULES) == text for folder in folders)
 
 
 def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
-    """Copy the rules, and let udev apply them to what is plugged in; returns what to tell.
+    """Copy the rules and let udev apply them to plugged devices; returns lines to show.
 
     Args:
-        folder: where to.
-        udevadm: the program that talks to udev; looked for if not given.
+        folder: target.
+        udevadm: path of that program; searched if not given.
 
     Raises:
         RulesError: they cannot be written; nothing is changed.
@@ -68,12 +65,12 @@ def install(folder: Path = RULES_DIR, udevadm: str | None = None) -> list[str]:
             draft.unlink(missing_ok=True)
     problem = _apply(udevadm or shutil.which("udevadm"))
     if problem is None:
-        return [f"{target}: installed, and applied to what is plugged in"]
+        return [f"{target}: installed, and applied to plugged devices"]
     return [f"{target}: installed; {problem}, so unplug the devices and plug them in again, or restart"]
 
 
 def install_line() -> str:
-    """The command that installs the rules, as this user can type it: sudo does not look into a virtual environment."""
+    """The command that installs the rules; with a full path where sudo does not search, as in a virtual environment."""
     program = Path(sys.executable).with_name("weberlink")
     if any(Path(folder, "weberlink").exists() for folder in SUDO_FOLDERS):
         return "sudo weberlink devices --install-rules"
@@ -82,11 +79,11 @@ def install_line() -> str:
 
 
 def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str | None:
-    """How to get into the group that may open a device, if it is the group that is missing.
+    """How to join the group that may open a device, if that is what is missing.
 
     Args:
         path: of the device.
-        groups: this process is in these.
+        groups: ids of the groups of this process.
         user: name; that of this process if not given.
     """
     try:
@@ -98,12 +95,12 @@ def group_line(path: str, groups: Iterable[int], user: str | None = None) -> str
     if not may or status.st_gid == 0 or status.st_gid in groups:
         return None
     if (user or _user()) in group.gr_mem:
-        return f"log out and in again: you are in the group {group.gr_name}, but this session began before"
+        return f"log out and in again: you are in the group {group.gr_name}, but this login began before that"
     return f"sudo usermod -aG {group.gr_name} $USER    (then log out and in again)"
 
 
 def _apply(udevadm: str | None) -> str | None:
-    """Let udev read the rules and go over what is plugged in; returns what is in the way."""
+    """Let udev apply the rules to plugged devices; returns an error, or None."""
     if udevadm is None:
         return "there is no udevadm here"
     trigger = ["trigger", "--action=change", *(f"--subsystem-match={name}" for name in SUBSYSTEMS)]

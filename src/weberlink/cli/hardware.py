@@ -1,4 +1,4 @@
-"""Commands for what is plugged in: what there is, whether it works, and its stand-in."""
+"""The commands `devices`, `device test` and `emulate`."""
 
 import sys
 from pathlib import Path
@@ -11,21 +11,19 @@ from weberlink.cli.output import errors, fail, write
 from weberlink.system.daemon import FAILED
 
 Options = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of it; may be repeated.")
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set an option of the driver; may be repeated.")
 ]
 
-device = typer.Typer(
-    name="device", cls=OneLineErrors, help="Look at one device or robot by itself.", no_args_is_help=True
-)
+device = typer.Typer(name="device", cls=OneLineErrors, help="Work with a single device or robot.", no_args_is_help=True)
 
 
 def devices(
     install_rules: Annotated[
-        bool, typer.Option("--install-rules", help="Install the shipped udev rules first; needs root.")
+        bool, typer.Option("--install-rules", help="Install the udev rules first; needs root.")
     ] = False,
     json_out: Json = None,
 ) -> None:
-    """Say which drivers there are, what is plugged in, and what helps where something is in the way."""
+    """List drivers and plugged devices, and suggest fixes."""
     from weberlink.apps import rules  # noqa: PLC0415
     from weberlink.apps.devices import survey  # noqa: PLC0415
 
@@ -40,43 +38,43 @@ def devices(
 
 @device.command("test")
 def device_test(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the driver; `weberlink devices` lists them.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the driver; `weberlink devices` lists them.")],
     config: Annotated[
-        Path | None, typer.Option("--config", metavar="FILE", help="A configuration that has its options.")
+        Path | None, typer.Option("--config", metavar="FILE", help="Configuration with options of the driver.")
     ] = None,
-    yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion beforehand.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Agree to force and motion in advance.")] = False,
     set_: Options = None,
 ) -> None:
-    """Show what it measures, check its signs without force, then, after a yes, gently with force."""
-    from weberlink.apps.device_test import DeviceTestError, Dialog, Request, run  # noqa: PLC0415
+    """Test a device: show its readings, check signs without force and, after a yes, with a gentle force."""
+    from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, Dialog, run  # noqa: PLC0415
 
     try:
         with errors():
-            run(Request(name, config, tuple(set_ or ())), Dialog(sys.stdin, sys.stdout, yes=yes))
+            run(DeviceTestRequest(name, config, tuple(set_ or ())), Dialog(sys.stdin, sys.stdout, yes=yes))
     except DeviceTestError as error:
         fail(str(error), FAILED)
 
 
 def emulate(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the driver that is to talk to it.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Driver of the device to emulate.")],
     command: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[-- COMMAND...]", help="Run beside it; {port} stands for the port. A HID device needs one."
+            metavar="[-- COMMAND...]", help="Command to run meanwhile; {port} is the port. HID devices need one."
         ),
     ] = None,
     link: Annotated[
-        Path | None, typer.Option("--link", metavar="PATH", help="Of the serial port; weberlink-NAME if not given.")
+        Path | None, typer.Option("--link", metavar="PATH", help="Path of the serial port; default: weberlink-NAME.")
     ] = None,
     faults: Annotated[
-        Path | None, typer.Option("--faults", metavar="PATH", help="A FIFO for lines that say what goes wrong.")
+        Path | None, typer.Option("--faults", metavar="PATH", help="FIFO that fault commands are read from.")
     ] = None,
     set_: Options = None,
 ) -> None:
-    """Be the device at the other end of the wire, faults included, until Ctrl-C."""
+    """Emulate a device, with faults on request, until Ctrl-C."""
     from weberlink.apps.emulate import run  # noqa: PLC0415
 
-    # A command beside it may want standard output for itself.
+    # The command may use standard output itself.
     out = sys.stderr if command else sys.stdout
     with errors():
         status = run(name, link, tuple(set_ or ()), tuple(command or ()), out=out, source=sys.stdin, faults=faults)

@@ -1,4 +1,4 @@
-"""The command that shows a running session in a browser."""
+"""The `monitor` command."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,15 +12,15 @@ from weberlink.system.extras import need
 
 
 def monitor(
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0 for any that is free.")] = 8765,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0 for any free port.")] = 8765,
     listen: Annotated[
-        str, typer.Option(metavar="ADDRESS", help="Where the page is served; beyond this host needs --public.")
+        str, typer.Option(metavar="ADDRESS", help="Address of the page; one that other hosts can reach needs --public.")
     ] = "127.0.0.1",
     public: Annotated[
-        bool, typer.Option("--public", help="Serve other hosts too, without encryption and to whoever asks.")
+        bool, typer.Option("--public", help="Allow other hosts, without encryption or authentication.")
     ] = False,
     session: Annotated[
-        str | None, typer.Option(metavar="ID", help="Follow one session, by its launcher's process id; else all.")
+        str | None, typer.Option(metavar="ID", help="Follow one session, by its launcher's process id; default: all.")
     ] = None,
     browse: Annotated[bool, typer.Option("--open/--no-open", help="Open the page in a browser.")] = False,
     share: Annotated[
@@ -31,29 +31,32 @@ def monitor(
         str | None, typer.Option("--from", metavar="HOST:PORT", help="Show the telemetry that another host shares.")
     ] = None,
     key_file: Annotated[
-        Path | None, typer.Option(metavar="KEY", help="Of --share and --from, by weberlink keygen; the same on both.")
+        Path | None,
+        typer.Option(
+            metavar="KEY", help="Key of --share and --from, made by weberlink keygen; the same on both hosts."
+        ),
     ] = None,
 ) -> None:
-    """Show running sessions on a page in a browser, and to Prometheus, until Ctrl-C."""
+    """Show running sessions in a browser and to Prometheus, until Ctrl-C."""
     with errors():
         for package in ("aiohttp", "prometheus_client"):
             need(package, "monitor", "weberlink monitor")
-    from weberlink.apps.monitor import guard  # noqa: PLC0415 - a web server is imported on use
-    from weberlink.apps.monitor.program import MonitorError, Order, run, tell  # noqa: PLC0415
+    from weberlink.apps.monitor import access  # noqa: PLC0415 - a web server is imported on use
+    from weberlink.apps.monitor.program import MonitorError, MonitorSettings, run, tell  # noqa: PLC0415
 
     addresses = _address("--share", share), _address("--from", source)
     security = _security(key_file, needed=share is not None or source is not None)
-    if not guard.is_loopback(listen):
+    if not access.is_loopback(listen):
         if not public:
             fail(
-                f"--listen {listen}: the page is neither encrypted nor authenticated; add --public if it is to be "
-                "served beyond this host all the same",
+                f"--listen {listen}: the page is neither encrypted nor authenticated; "
+                "add --public to serve it to other hosts all the same",
                 MISCONFIGURED,
             )
-        tell(f"warning: {listen}: neither encrypted nor authenticated; whoever reaches it sees everything")
-    order = Order(listen, port, session, browse, *addresses, security)
+        tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
+    settings = MonitorSettings(listen, port, session, browse, *addresses, security)
     try:
-        run(order)
+        run(settings)
     except MonitorError as error:
         fail(str(error), FAILED)
 
@@ -68,8 +71,8 @@ def _address(option: str, text: str | None) -> tuple[str, int] | None:
 
 
 def _security(path: Path | None, *, needed: bool) -> Any:
-    """Made of the key that is shared with the other host, which is needed with it and of no use without."""
-    from weberlink.apps.monitor.remote.handshake import suite  # noqa: PLC0415
+    """The key of --share and --from, which need it."""
+    from weberlink.apps.monitor.remote.stream import telemetry_key  # noqa: PLC0415
     from weberlink.protocol.keys import KeyFileError, load  # noqa: PLC0415
     from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
 
@@ -78,10 +81,10 @@ def _security(path: Path | None, *, needed: bool) -> Any:
             fail("--share and --from need --key-file; make a key with: weberlink keygen KEYFILE", MISCONFIGURED)
         return None
     if not needed:
-        fail("--key-file is for --share and --from; expected one of them beside it", MISCONFIGURED)
+        fail("--key-file needs --share or --from", MISCONFIGURED)
     forbid_core_dumps()
     try:
-        return suite(load(path))
+        return telemetry_key(load(path))
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
 

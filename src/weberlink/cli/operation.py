@@ -1,4 +1,4 @@
-"""Commands for whoever operates a host."""
+"""The `doctor` command."""
 
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ from weberlink.system.configuration import SIDES, load
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
 
 Side = Annotated[
-    Literal["master", "slave"] | None, typer.Option("--side", help="That is to run here; both if not given.")
+    Literal["master", "slave"] | None, typer.Option("--side", help="Check what this side needs; default: both.")
 ]
 
 
@@ -20,7 +20,7 @@ def doctor(
     json_out: Json = None,
     set_: Set = None,
 ) -> None:
-    """Look at this machine, and at what FILE needs of it; say what is in the way, and the line that helps."""
+    """Check this machine for real-time problems and suggest fixes; with FILE, check what it needs."""
     from weberlink.apps.doctor import Grade, Needs, examine  # noqa: PLC0415 - each command imports what it needs
 
     if file is None and set_:

@@ -64,9 +64,6 @@ def evaluate(
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Processes; as many as pay if not given.")
     ] = None,
-    engine: Annotated[
-        str, typer.Option(metavar="E", help="What codes: python, compiled (extra: weberlink[compiled]), or auto.")
-    ] = "auto",
     dask: Annotated[
         str | None,
         typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster for the work (extra: weberlink[dask])."),
@@ -75,15 +72,14 @@ def evaluate(
     plots: Plots = None,
 ) -> None:
     """Code recorded signals: packets, error and run time."""
-    from weberlink.studies.evaluate.command import EvaluationError, Place, run  # noqa: PLC0415
+    from weberlink.studies.evaluate.command import EvaluationError, EvaluationWorkers, run  # noqa: PLC0415
 
-    place = Place(workers, dask)
     try:
         with errors(), progress_bar() as progress:
             result = run(
                 traces, predictor, weber, floor,
-                jnd=jnd, wire=wire, plots=plots is not None, engine=engine, deadbands=deadband,
-                place=place, progress=progress,
+                jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
+                workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
         fail(str(error), FAILED)
@@ -163,12 +159,12 @@ def experiment(
 
     An interrupted study continues where it stopped.
     """
-    from weberlink.studies.experiment.command import Request  # noqa: PLC0415
+    from weberlink.studies.experiment.command import ExperimentRequest  # noqa: PLC0415
     from weberlink.studies.experiment.command import run as conduct  # noqa: PLC0415
     from weberlink.studies.experiment.conduct import ConductError  # noqa: PLC0415
 
     overrides = tuple(set_ or ())
-    request = Request(file, overrides, out, subject, seed, duration, simulate, record)
+    request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
     # Progress would tell a subject about the conditions.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
     with errors(), shown as progress:

@@ -4,7 +4,8 @@ Assumes that the loop is stable by itself; adds no lag. Which stiffness and dela
 `weberlink stability` measures.
 """
 
-from weberlink.control.contract import LinkQuality, Settings, Surface, Vector
+from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
+from weberlink.geometry.vector import Vector
 
 
 class DirectMaster:
@@ -12,18 +13,18 @@ class DirectMaster:
 
     __slots__ = ()
 
-    active = 0
+    active = "none"
     tank = 0.0
     credit = 0
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         """Make it; nothing of the settings is needed."""
 
     def reset(self) -> None: ...
 
     def resume(self, peer_credit: int) -> None: ...
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None: ...
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None: ...
 
@@ -38,11 +39,11 @@ class DirectSlave:
 
     __slots__ = ()
 
-    active = 0
+    active = "none"
     tank = 0.0
     credit = 0
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         """Make it; nothing of the settings is needed."""
 
     def reset(self) -> None: ...

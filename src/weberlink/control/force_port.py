@@ -6,7 +6,7 @@ whatever the hand did between the samples: the force that was held times the way
 
 from math import hypot
 
-from weberlink.control.contract import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
 """At most this part of the tank may be foreseen to leave in one tick."""

@@ -14,11 +14,11 @@ as the operator's port of `weberlink.control.tdpa`, which also answers for what 
 
 from math import dist, hypot
 
-from weberlink.control.contract import ZERO, LinkQuality, Settings, Surface, Vector
-from weberlink.control.drag import LevelDrag
+from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
+from weberlink.control.energy import FORGIVENESS, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.model import SurfaceMixture
-from weberlink.control.tank import FORGIVENESS, EnergyTank
+from weberlink.geometry.vector import ZERO, Vector
 
 TURN = 0.05
 """Time in which a new model replaces the old one, where energy allows it [s]."""
@@ -35,10 +35,10 @@ class MmtMaster:
 
     __slots__ = ("_drag", "_elapsed", "_fallback", "_held", "_level", "_mixture", "_port", "_tank")
 
-    active = 2
+    active = "mmt"
     credit = 0
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
@@ -65,7 +65,7 @@ class MmtMaster:
         self._mixture.reset()
         self._fallback = self._held = ZERO
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         if surface is not None:
             self._mixture.want(surface, self._port.position)
             self._fallback = ZERO

@@ -8,7 +8,8 @@ takes energy, and how much is known before it is made.
 
 from math import hypot, sqrt
 
-from weberlink.control.contract import Surface, Vector
+from weberlink.control.contract import WallModel
+from weberlink.geometry.vector import Vector
 
 MOST_SURFACES = 6
 """Surfaces in a mixture; of more the lightest is dropped, which only takes energy."""
@@ -24,7 +25,7 @@ class RecessedSurface:
 
     __slots__ = ("recess", "surface", "weight")
 
-    def __init__(self, surface: Surface, recess: float) -> None:
+    def __init__(self, surface: WallModel, recess: float) -> None:
         self.surface = surface
         self.recess = recess
         self.weight = 0.0
@@ -67,11 +68,11 @@ class SurfaceMixture:
         self._wanted: RecessedSurface | None = None
 
     @property
-    def wanted(self) -> Surface | None:
+    def wanted(self) -> WallModel | None:
         """The surface that the mixture turns into; None for free space."""
         return None if self._wanted is None else self._wanted.surface
 
-    def want(self, surface: Surface | None, position: Vector) -> None:
+    def want(self, surface: WallModel | None, position: Vector) -> None:
         """Begin to turn into this surface, recessed so that it presses no harder on the hand than the mixture does."""
         if surface is None:
             self._wanted = None

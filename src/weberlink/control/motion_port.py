@@ -7,7 +7,8 @@ range of the sensor, and takes more: both are booked so that a wall never seems 
 
 from math import hypot, inf, sqrt
 
-from weberlink.control.contract import LEAST_CONTACT, ZERO, Vector
+from weberlink.control.contract import LEAST_CONTACT
+from weberlink.geometry.vector import ZERO, Vector
 
 CAUTION = 4.0
 """A wall may be this much stiffer than it has shown yet."""

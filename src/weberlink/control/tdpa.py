@@ -14,12 +14,11 @@ back, since the energy to push it out is still in the wall at the other end.
 
 from math import dist, hypot
 
-from weberlink.control.contract import LEAST_CONTACT, LinkQuality, Settings, Surface, Vector
-from weberlink.control.drag import LevelDrag
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
+from weberlink.control.energy import FORGIVENESS, CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.motion_port import MotionPort
-from weberlink.control.prediction import CreditPrediction
-from weberlink.control.tank import FORGIVENESS, EnergyTank
+from weberlink.geometry.vector import Vector
 
 SHARE_AT_MASTER = 0.3
 """Level of the master's tank as a share of the slave's."""
@@ -40,9 +39,9 @@ class TdpaMaster:
 
     __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_port", "_tank")
 
-    active = 1
+    active = "tdpa"
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = SHARE_AT_MASTER * settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
@@ -68,7 +67,7 @@ class TdpaMaster:
         self._tank.renounce(peer_credit)
         self._in_contact = False
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None: ...
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)
@@ -101,9 +100,9 @@ class TdpaSlave:
 
     __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_tank", "_target")
 
-    active = 1
+    active = "tdpa"
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._catch_up_speed = settings.catch_up_speed
         self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)

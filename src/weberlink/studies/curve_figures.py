@@ -1,8 +1,7 @@
-"""The figures of a study over Weber factors: packet rate, quality, and quality over packet rate.
+"""Figures over Weber factors: packet rate, quality, and quality over packet rate, with confidence intervals.
 
 As Figs. 7 to 9 of Xu, Kammerl, Chaudhari and Steinbach, "Hybrid signal-based and geometry-based prediction for haptic
-data reduction", HAVE 2011, with the confidence of every mean. Drawing and writing are apart, so that what is drawn can
-be looked into. Needs matplotlib (extra: plots), which nothing else imports.
+data reduction", HAVE 2011.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -14,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
-from weberlink.studies.curves import CONFIDENCE, RESAMPLES, Band, Curves, Point, write_csv
-from weberlink.studies.sheet import Look, key, looks, save, sheet, watermark
+from weberlink.studies.curves import CONFIDENCE, RESAMPLES, Band, CurvePoint, Curves, write_csv
+from weberlink.studies.sheet import PlotStyle, key, looks, save, sheet, watermark
 
 BODY_CM = 10.2
 WEBER_LABEL = "Weber factor k [%]"
@@ -24,12 +23,12 @@ RATE_LABEL = "packets per second"
 
 @dataclass(frozen=True)
 class QualityAxis:
-    """What the quality of the observations is.
+    """How the quality of the observations is drawn.
 
     Args:
         label: with the unit, such as "rating" or "error, RMS [JND]".
         better: which end is good; that end is drawn up.
-        limits: least and largest value that there is, such as 0 and 5; None for those of the data.
+        limits: least and largest possible value, such as 0 and 5; None for those of the data.
         column: prefix of its columns in the CSV file.
     """
 
@@ -50,9 +49,9 @@ class CurveFigures:
     Args:
         curves: at least one predictor.
         quality: what the quality is.
-        caption: the environment in which the curves were made.
+        caption: the environment of the measurement.
         title: of the study.
-        mark: what nobody may overlook, such as "SIMULATED RATINGS"; in the title and across every figure.
+        mark: a warning, such as "SIMULATED RATINGS", in the title and across every figure.
         units: what the means are over, in the plural.
     """
 
@@ -114,7 +113,7 @@ class CurveFigures:
             f"percentiles of {RESAMPLES:,} bootstrap resamples. "
         )
 
-    def _over_weber(self, axes: Any, band_of: Callable[[Point], Band]) -> None:
+    def _over_weber(self, axes: Any, band_of: Callable[[CurvePoint], Band]) -> None:
         for predictor, look in looks(self.curves).items():
             percents = [_percent(point) for point in self.curves[predictor]]
             bands = [band_of(point) for point in self.curves[predictor]]
@@ -128,7 +127,7 @@ class CurveFigures:
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
 
     def _rate_scale(self, axes: Any, which: Literal["x", "y"]) -> None:
-        """Logarithmic, since rates fall as 1/k and would lie on one another at its end; linear where there is a 0."""
+        """Logarithmic, because rates fall as 1/k; linear if a rate is 0."""
         if any(point.packets_per_s.low <= 0.0 for point in _points(self.curves)):
             axes.set(**{f"{which}lim": (0.0, None)})
             return
@@ -145,7 +144,7 @@ class CurveFigures:
         axes.set_ylabel(self.quality.full_label)
         if self.quality.limits is not None:
             low, high = self.quality.limits
-            room = 0.02 * (high - low)  # so that a marker on the limit is seen whole
+            room = 0.02 * (high - low)  # a marker on the limit stays visible
             axes.set_ylim(low - room, high + room)
         elif self.quality.better == "lower" and all(point.quality.low >= 0.0 for point in _points(self.curves)):
             axes.set_ylim(bottom=0.0)
@@ -174,25 +173,25 @@ def draw_curves(
     write_csv(curves, folder / "curves.csv", quality.column, mark)
 
 
-def _points(curves: Curves) -> Iterable[Point]:
+def _points(curves: Curves) -> Iterable[CurvePoint]:
     return (point for points in curves.values() for point in points)
 
 
-def _percent(point: Point) -> float:
-    """The Weber factor [%], without the digits that the multiplication adds."""
+def _percent(point: CurvePoint) -> float:
+    """The Weber factor [%], without rounding errors of the multiplication."""
     return round(100.0 * point.weber, 9)
 
 
-def _curve(axes: Any, predictor: str, look: Look, across: Sequence[Band], up: Sequence[Band]) -> None:
+def _curve(axes: Any, predictor: str, look: PlotStyle, across: Sequence[Band], up: Sequence[Band]) -> None:
     x, y = [band.mean for band in across], [band.mean for band in up]
     axes.plot(x, y, label=predictor, linewidth=1.5, **_style(look))
 
 
-def _handle(predictor: str, look: Look) -> Line2D:
+def _handle(predictor: str, look: PlotStyle) -> Line2D:
     return Line2D([], [], label=predictor, linewidth=1.5, **_style(look))
 
 
-def _style(look: Look) -> dict[str, Any]:
+def _style(look: PlotStyle) -> dict[str, Any]:
     return {"color": look.colour, "linestyle": look.line, "marker": look.marker, "markersize": look.size}
 
 
@@ -207,7 +206,7 @@ def _run_of_webers(curves: Curves) -> str:
 
 
 def _weber_ticks(curves: Curves) -> list[float]:
-    """The Weber factors of the curves [%], without those that would be printed over their neighbour."""
+    """The Weber factors of the curves [%], without those whose labels would overlap."""
     percents = sorted({_percent(point) for point in _points(curves)})
     span = percents[-1] - percents[0]
     ticks = percents[:1]

@@ -1,11 +1,8 @@
-"""Packet rate and quality over the Weber factor: means over traces or over subjects, and how sure they are.
+"""Packet rate and quality over the Weber factor: means over traces or subjects with confidence intervals.
 
-Owns the averaging, the confidence and the table of it. It does not know what a quality is (an error, a rating), who
-measured it or how it is drawn.
-
-Confidence is a bootstrap over units: a unit is drawn with all that was observed of it, because what is measured on one
-trace or rated by one person hangs together. The interval is the percentile interval of Efron and Tibshirani, An
-Introduction to the Bootstrap, 1993. With few units it is known to be somewhat narrow: read it as "at least so unsure".
+The intervals are percentile intervals of a bootstrap over units (Efron and Tibshirani, An Introduction to the
+Bootstrap, 1993). A unit is drawn with all of its observations, because those of one trace or person are dependent. With
+few units the interval is somewhat too narrow.
 """
 
 import csv
@@ -28,10 +25,9 @@ Combination = tuple[str, float]
 
 @dataclass(frozen=True)
 class Observation:
-    """What one unit showed with one predictor at one Weber factor."""
+    """The measurement of one unit, a trace or a subject, with one predictor and Weber factor."""
 
     unit: str
-    """A trace or a subject."""
     predictor: str
     weber: float
     packets_per_s: float
@@ -47,7 +43,7 @@ class Band(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Point:
+class CurvePoint:
     """One predictor at one Weber factor."""
 
     predictor: str
@@ -57,16 +53,15 @@ class Point:
     quality: Band
 
 
-Curves = dict[str, list[Point]]
+Curves = dict[str, list[CurvePoint]]
 """Points by rising Weber factor, per predictor in order of first appearance."""
 
 
 def curves(observations: Sequence[Observation], *, seed: int = 0) -> Curves:
-    """Means over units with their confidence.
+    """Means over units with confidence intervals.
 
-    `RESAMPLES` times as many units as there are is drawn with replacement, the same draw for every predictor and Weber
-    factor, so that bands of the same seed can be compared; low and high are the 2.5 % and 97.5 % percentiles of the
-    means. The order of the observations does not matter. One unit says nothing about others: low = high = mean.
+    Every one of the `RESAMPLES` resamples uses the same units for all predictors and Weber factors, so that bands of
+    the same seed can be compared. The order of the observations does not matter. With one unit, low = high = mean.
 
     Args:
         observations: every unit with every combination of predictor and Weber factor that occurs. Several of one unit
@@ -74,8 +69,7 @@ def curves(observations: Sequence[Observation], *, seed: int = 0) -> Curves:
         seed: of the bootstrap.
 
     Raises:
-        ValueError: for a number that is not finite, or a unit that lacks a combination: a mean over other units is not
-            comparable with its neighbours.
+        ValueError: a number is not finite, or a unit lacks a combination.
     """
     cells = _cells(observations)
     units = sorted({unit for unit, _ in cells})
@@ -85,7 +79,7 @@ def curves(observations: Sequence[Observation], *, seed: int = 0) -> Curves:
     points: Curves = {}
     for combination, (rate, quality) in zip(combinations, _bands(table, seed), strict=True):
         predictor, weber = combination
-        points.setdefault(predictor, []).append(Point(predictor, weber, len(units), rate, quality))
+        points.setdefault(predictor, []).append(CurvePoint(predictor, weber, len(units), rate, quality))
     return {predictor: sorted(mine, key=lambda point: point.weber) for predictor, mine in points.items()}
 
 
@@ -96,8 +90,8 @@ def write_csv(curves: Curves, path: Path, quality: str, mark: str | None = None)
         curves: of `curves`.
         path: of the file.
         quality: prefix of the last three columns, such as "rating" or "error_rms_jnd".
-        mark: what a reader must know of every row, such as "SIMULATED RATINGS"; adds a column `mark`. A comment line
-            would be lost, or be an error, in most readers of CSV.
+        mark: a warning for every row, such as "SIMULATED RATINGS", in a column `mark`; most CSV readers do not read
+            comment lines.
     """
     header = ["predictor", "weber", "units"]
     header += [f"{name}_{end}" for name in ("packets_per_s", quality) for end in Band._fields]
@@ -151,6 +145,6 @@ def _bands(table: Array, seed: int) -> list[list[Band]]:
     resampled = np.einsum("ru,ucq->rcq", weights, table, optimize=True)
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.percentile(resampled, [tail, 100.0 - tail], axis=0)
-    # Rounding may put the ends of a band without width on the wrong side of the mean.
+    # Rounding may put the ends of a zero-width band on the wrong side of the mean.
     ends = np.stack([means, np.minimum(low, means), np.maximum(high, means)], axis=-1)
     return [[Band(*quantity) for quantity in pair] for pair in ends.tolist()]

@@ -1,8 +1,8 @@
-"""Work spread over the processors of this machine. Knows nothing of what the work is."""
+"""Run a function on many tasks in processes of this machine."""
 
 import os
 import signal
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -12,38 +12,60 @@ from weberlink.realtime.process import die_with_parent
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+Progress = Callable[[int, int], None]
+"""Receives the number of tasks done and of all tasks."""
 
 
-def spread(
+def parallel_map(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
     workers: int | None,
-    length: Callable[[Task], float] = lambda _: 1.0,
-) -> Iterator[tuple[int, Result]]:
-    """Each task's place and result, as they come.
+    cost: Callable[[Task], float] = lambda _: 1.0,
+    progress: Progress = lambda *_: None,
+) -> list[Result]:
+    """The results in the order of the tasks.
 
     Args:
         work: a function of a module, called with each task in some process.
-        tasks: what can be pickled.
-        workers: processes; None for as many as there are processors, 1 for none but this one.
-        length: a measure of what a task costs. The longest go first, so that none is left alone at last.
+        tasks: must be picklable.
+        workers: processes; None for one per processor, 1 for this process alone.
+        cost: relative run time of a task. The longest tasks start first.
+        progress: called after every task.
+
+    Raises:
+        BrokenProcessPool: a worker process died.
     """
+    return in_order(_as_completed(work, tasks, workers, cost), len(tasks), progress)
+
+
+def in_order(pairs: Iterable[tuple[int, Result]], count: int, progress: Progress) -> list[Result]:
+    """Collect `count` pairs of index and result, and sort them by index."""
+    results: dict[int, Result] = {}
+    for index, result in pairs:
+        results[index] = result
+        progress(len(results), count)
+    return [results[index] for index in range(count)]
+
+
+def longest_first(tasks: Sequence[Task], cost: Callable[[Task], float]) -> list[int]:
+    return sorted(range(len(tasks)), key=lambda index: -cost(tasks[index]))
+
+
+def _as_completed(
+    work: Callable[[Task], Result], tasks: Sequence[Task], workers: int | None, cost: Callable[[Task], float]
+) -> Iterator[tuple[int, Result]]:
     count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     if count <= 1:
         yield from ((index, work(task)) for index, task in enumerate(tasks))
         return
-    # Spawned, since the program that asks may run threads. However that ends, its processes end with it: by themselves
-    # they would wait for work for ever, each at a pipe that it holds open itself.
+    # Spawned, because the calling program may have threads. Workers end with their parent: each holds its own end of
+    # the pipe open and would otherwise wait for work for ever.
     pool = ProcessPoolExecutor(
-        count,
-        mp_context=get_context("spawn"),
-        initializer=die_with_parent,
-        initargs=(signal.SIGTERM, os.getpid()),
+        count, mp_context=get_context("spawn"), initializer=die_with_parent, initargs=(signal.SIGTERM, os.getpid())
     )
     try:
-        order = sorted(range(len(tasks)), key=lambda index: -length(tasks[index]))
-        with _uninterrupted():  # submitting starts the processes
-            futures = {pool.submit(work, tasks[index]): index for index in order}
+        with _sigint_blocked():  # submitting starts the processes
+            futures = {pool.submit(work, tasks[index]): index for index in longest_first(tasks, cost)}
         for future in as_completed(futures):
             yield futures[future], future.result()
     finally:
@@ -51,11 +73,10 @@ def spread(
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C reaches every process of the group; the one that was asked ends the others.
+def _sigint_blocked() -> Iterator[None]:
+    """Ctrl-C reaches the whole process group, but only this process must handle it.
 
-    Processes that start meanwhile are deaf to it for good, from their first instruction on: they inherit the mask. Here
-    it is only late.
+    Processes started meanwhile inherit the mask and never see SIGINT; here the signal is only delayed.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:

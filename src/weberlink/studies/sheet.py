@@ -1,7 +1,4 @@
-"""What all figures for print have in common: the page, how a predictor looks, mark and footer, the files.
-
-It knows nothing of what is drawn. Needs matplotlib (extra: plots), which nothing else imports.
-"""
+"""Figures for print: page, style of each predictor, warning mark, footer and files. Needs matplotlib (extra: plots)."""
 
 from collections.abc import Iterable, Sequence
 from itertools import cycle
@@ -14,57 +11,57 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 WIDTH_IN = 16.0 / 2.54
-"""Printed as wide as it is drawn, so that sizes of type are those of the page."""
+"""Figures are printed at this width, so font sizes are those on the page."""
 SMALLEST_PT = 8.0
 LINE = 104
-"""Characters of the smallest type across the page."""
+"""Characters of the smallest font across the page."""
 SENT = "#0072B2"
-"""Whatever was transmitted."""
+"""Colour of transmitted samples."""
 MARK_COLOUR = "#B00020"
 
 
-class Look(NamedTuple):
-    """How a predictor is drawn: told apart by the colour-blind, and in grey by line and marker."""
+class PlotStyle(NamedTuple):
+    """How a predictor is drawn; colours suit the colour-blind, and line and marker differ in grey."""
 
     colour: str
     line: Any
     marker: str
     size: float
-    """Of the marker [pt]. They shrink in the order of drawing, so that curves which coincide are all seen."""
+    """Of the marker [pt]; it shrinks in the order of drawing, so that coincident curves stay visible."""
 
 
 LOOKS = {
-    "zoh": Look("#0072B2", "--", "s", 7.5),
-    "linear": Look("#D55E00", "-.", "^", 6.5),
-    "plane": Look("#009E73", ":", "D", 5.5),
-    "sphere": Look("#CC79A7", (0, (5, 1.2, 1, 1.2, 1, 1.2)), "v", 5.0),
-    "trend": Look("#56B4E9", (0, (7, 2)), "P", 4.8),
-    "affine": Look("#E69F00", (0, (1, 2)), "X", 4.6),
-    "surface": Look("#7F7F7F", (0, (4, 1)), "*", 4.4),
-    "hybrid": Look("#000000", "-", "o", 4.0),
-    "adaptive": Look("#8B0000", (0, (9, 1)), "h", 3.8),
+    "zoh": PlotStyle("#0072B2", "--", "s", 7.5),
+    "linear": PlotStyle("#D55E00", "-.", "^", 6.5),
+    "plane": PlotStyle("#009E73", ":", "D", 5.5),
+    "sphere": PlotStyle("#CC79A7", (0, (5, 1.2, 1, 1.2, 1, 1.2)), "v", 5.0),
+    "trend": PlotStyle("#56B4E9", (0, (7, 2)), "P", 4.8),
+    "affine": PlotStyle("#E69F00", (0, (1, 2)), "X", 4.6),
+    "surface": PlotStyle("#7F7F7F", (0, (4, 1)), "*", 4.4),
+    "hybrid": PlotStyle("#000000", "-", "o", 4.0),
+    "adaptive": PlotStyle("#8B0000", (0, (9, 1)), "h", 3.8),
 }
-"""Colours of Okabe and Ito, and three more."""
+"""Colours of Okabe and Ito, and some more."""
 FURTHER = (
-    Look("#4B0082", (0, (8, 3)), "p", 6.0),
-    Look("#808000", (0, (2, 3)), "<", 5.0),
-    Look("#404040", (0, (3, 3)), ">", 5.0),
+    PlotStyle("#4B0082", (0, (8, 3)), "p", 6.0),
+    PlotStyle("#808000", (0, (2, 3)), "<", 5.0),
+    PlotStyle("#404040", (0, (3, 3)), ">", 5.0),
 )
 
 
-def looks(predictors: Iterable[str]) -> dict[str, Look]:
-    """A look for each predictor, the same in every figure for those of the paper."""
+def looks(predictors: Iterable[str]) -> dict[str, PlotStyle]:
+    """A style for each predictor; known predictors have the same in every figure."""
     further = cycle(FURTHER)
     return {name: LOOKS[name] if name in LOOKS else next(further) for name in predictors}
 
 
 def dot(label: str, marker: str, colour: str, size: float = 4.5) -> Line2D:
-    """An entry of a legend: a marker without a line."""
+    """A legend entry: a marker without a line."""
     return Line2D([], [], label=label, marker=marker, color=colour, linestyle="", markersize=size)
 
 
 def key(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1.0) -> None:
-    """The legend, between the title and `axes`, at `above` of their height."""
+    """Draw the legend between the title and `axes`, at `above` of their height."""
     axes.legend(
         handles=handles, loc="lower center", bbox_to_anchor=(0.5, above), ncols=columns, fontsize=9,
         handlelength=3.2, columnspacing=1.6, frameon=False,
@@ -72,13 +69,13 @@ def key(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1.0)
 
 
 def sheet(body_cm: float, title: str, caption: str, mark: str | None = None) -> Figure:
-    """An empty figure with title, footer and, where there is one, the mark in the title.
+    """An empty figure with title and footer.
 
     Args:
-        body_cm: height of the figure without its footer, so that a long caption takes nothing away.
-        title: wrapped where it is too long.
-        caption: the environment in which the numbers were made; wrapped, printed below.
-        mark: what nobody may overlook, such as "SIMULATED RATINGS".
+        body_cm: height without the footer; a long caption makes the figure higher.
+        title: wrapped if too long.
+        caption: the environment of the measurement; wrapped, printed below.
+        mark: a warning for the title, such as "SIMULATED RATINGS".
     """
     figure = Figure(figsize=(WIDTH_IN, (body_cm + footer_cm(caption)) / 2.54), layout="constrained")
     heading = fill(title if mark is None else f"{mark}: {title}", 78)
@@ -99,7 +96,7 @@ def footer_cm(caption: str) -> float:
 
 
 def watermark(axes: Any, mark: str | None) -> None:
-    """The mark, large and faint, behind what is drawn in `axes` (flat, or a 3-D view)."""
+    """Draw the mark, large and faint, behind the content of `axes` (2-D or 3-D)."""
     if mark is None:
         return
     place = axes.text2D if hasattr(axes, "text2D") else axes.text
@@ -111,12 +108,12 @@ def watermark(axes: Any, mark: str | None) -> None:
 
 
 def save(figure: Figure, stem: Path) -> None:
-    """Write `stem`.png and `stem`.svg; the SVG keeps its text as text, and equal figures give equal files."""
+    """Write `stem`.png and `stem`.svg; text stays text in the SVG, and equal figures give equal files."""
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "weberlink"}):
         figure.savefig(beside(stem, ".png"), dpi=200, metadata={"Software": None})
         figure.savefig(beside(stem, ".svg"), metadata={"Date": None, "Creator": None})
 
 
 def beside(stem: Path, ending: str) -> Path:
-    """`stem` with an ending; dots in the stem, as in "k=0.10", stay."""
+    """`stem` with an ending; unlike `with_suffix`, keeps dots in the stem, as in "k=0.10"."""
     return stem.with_name(stem.name + ending)

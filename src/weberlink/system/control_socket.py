@@ -81,7 +81,7 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
     return answer
 
 
-class Door:
+class ControlSocket:
     """The daemon's end: takes questions between ticks, and hands them to its side."""
 
     def __init__(self, ring: str | Path, side: Askable) -> None:
@@ -140,21 +140,21 @@ class Door:
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
         elif not change:
             self._answer(sender, {})
-        elif (why_not := self._side.propose(change, monotonic())) is not None:
-            self._answer(sender, {"accepted": False, "why": why_not})
+        elif (refusal := self._side.propose(change, monotonic())) is not None:
+            self._answer(sender, {"accepted": False, "why": refusal})
         else:
             self._waiting = sender
             self._look()
 
     def _look(self) -> None:
-        verdict = self._side.tuning.verdict
-        if verdict is None:
+        result = self._side.tuning.result
+        if result is None:
             if self._loop is not None and self._socket is not None:
                 self._loop.call_later(LOOK_S, self._look)
             return
         if self._waiting is not None:
-            accepted = verdict.why_not is None
-            told: dict[str, object] = {"tick": verdict.tick} if accepted else {"why": verdict.why_not}
+            accepted = result.refusal is None
+            told: dict[str, object] = {"tick": result.tick} if accepted else {"why": result.refusal}
             self._answer(self._waiting, {"accepted": accepted} | told)
             self._waiting = None
 
@@ -167,19 +167,19 @@ class Door:
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)
 
 
-class WithDoor:
+class WithControlSocket:
     """A transport, and a door that is open while it is."""
 
-    def __init__(self, transport: Transport, door: Door) -> None:
+    def __init__(self, transport: Transport, door: ControlSocket) -> None:
         self._transport = transport
-        self._door = door
+        self._control = door
         self.service = transport.service  # bound here, so that a tick pays nothing for the door
         self.flush = transport.flush
 
     def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
-        self._door.open(loop)
+        self._control.open(loop)
         return self._transport.open(loop)
 
     def close(self) -> None:
-        self._door.close()
+        self._control.close()
         self._transport.close()

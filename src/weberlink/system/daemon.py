@@ -7,7 +7,7 @@ launcher with an `Order` as JSON; answers with a summary as JSON on standard out
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from getpass import getuser
@@ -17,23 +17,21 @@ from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, p
 from socket import gethostname
 from time import monotonic, perf_counter, time_ns
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
-from weberlink.control.tuning import Tuning
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
-from weberlink.realtime.shell import Side as Ticking
 from weberlink.system import description
 from weberlink.system.composition.link import Identity, build_security
 from weberlink.system.composition.live import permitted
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
-from weberlink.system.control_socket import Door, WithDoor
-from weberlink.telemetry.record import Record
+from weberlink.system.control_socket import ControlSocket, WithControlSocket
+from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
@@ -44,25 +42,6 @@ HEAD_START = 0.2
 """From the beginning of a side's composition to its first tick [s]."""
 RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
-
-
-class Side(Ticking, Protocol):
-    """What a daemon asks of a loop beyond its ticks; both sides are one."""
-
-    endpoint: Endpoint
-    tuning: Tuning
-    failure: str | None
-
-    @property
-    def faults(self) -> dict[str, int]: ...
-
-    def open(self, now: float) -> None: ...
-
-    def close(self) -> None: ...
-
-    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
-
-    def record(self, *, lateness_us: float, work_us: float, missed: int) -> Record: ...
 
 
 class StartError(Exception):
@@ -137,7 +116,7 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
     transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
     if permitted(system):
-        transport = WithDoor(transport, Door(order.ring, side))
+        transport = WithControlSocket(transport, ControlSocket(order.ring, side))
     capacity = int(RING_SECONDS * system.rate_hz)
     described = description.publish(order.ring, description.describe(configuration, order.side))
     try:

@@ -9,10 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from weberlink.master.loop import MasterLoop
 from weberlink.protocol.emulation import EmulatedLink
-from weberlink.slave.loop import SlaveLoop
 from weberlink.system.scoring.session import Records
+from weberlink.system.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
 
 MASTER_ADDRESS = ("master", 1)
@@ -49,8 +48,8 @@ class Simulation:
     def __init__(
         self,
         *,
-        master: MasterLoop,
-        slave: SlaveLoop,
+        master: Side,
+        slave: Side,
         links: tuple[Link, Link],
         tick_period: float,
         epoch: float = 0.0,

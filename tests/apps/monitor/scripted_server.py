@@ -1,29 +1,25 @@
-"""A server that tells the page what a test hands it, and remembers what it asks: the contract without a session."""
+"""The monitor's web server with sessions that a test scripts: what pages are told, and what they ask."""
 
 import asyncio
-import json
 import threading
-from collections.abc import Callable
-from concurrent.futures import Future
-from importlib.resources import files
-from pathlib import Path
+from collections.abc import Callable, Coroutine
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
-from aiohttp import WSMsgType, web
+from aiohttp import web
 
-T = TypeVar("T")
+from weberlink.apps.monitor import access
+from weberlink.apps.monitor.viewer import MessageKind, Viewer
+from weberlink.apps.monitor.watch import to_json
+from weberlink.apps.monitor.web import Site
+
 Message = dict[str, Any]
-
-PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
-STRICT = {"Content-Security-Policy": "default-src 'self'"}
-KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 
 class ScriptedServer:
-    """Serves the page on a loopback port while it is entered.
+    """Serves the page on a loopback port in a thread; stands in for `SessionWatcher`.
 
-    `greeting` are the messages that a page gets when it connects; `answer` makes the reply to what it asks.
+    `greeting` are the messages to a page that connects; `answer` replies to its requests.
     """
 
     def __init__(self) -> None:
@@ -32,8 +28,8 @@ class ScriptedServer:
         self.answer: Callable[[Message], Message | None] = lambda _: None
         self.asked: list[Message] = []
         self.followed: list[str | None] = []
+        self.viewers: list[Viewer] = []
         self.port = 0
-        self._sockets: set[web.WebSocketResponse] = set()
         self._runner: web.AppRunner | None = None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -56,71 +52,51 @@ class ScriptedServer:
     @property
     def pages(self) -> int:
         """How many are connected."""
-        return len(self._sockets)
+        return len(self.viewers)
 
     def start(self) -> None:
         """Serve, on the same port as before if there was one."""
         self._wait(self._start())
 
     def stop(self) -> None:
-        """Leave as a process does that ends."""
-        self._wait(self._stop())
+        if self._runner is not None:
+            self._wait(self._runner.cleanup())
+            self._runner = None
 
     def say(self, *messages: Message) -> None:
         """To every page."""
-        self._wait(self._say(messages))
 
-    def _wait(self, work: Any) -> None:
-        done: Future[None] = asyncio.run_coroutine_threadsafe(work, self._loop)
-        done.result(30.0)
+        async def say() -> None:
+            for viewer in self.viewers:
+                self._put(viewer, messages)
+
+        self._wait(say())
+
+    def join(self, viewer: Viewer) -> None:
+        self.followed.append(viewer.pinned)
+        self._put(viewer, self.greeting)
+        self.viewers.append(viewer)
+
+    def leave(self, viewer: Viewer) -> None:
+        self.viewers.remove(viewer)
+
+    def overview(self) -> list[Message]:
+        return self.sessions
+
+    async def change(self, viewer: Viewer, document: Any) -> Message:
+        self.asked.append(document)
+        return self.answer(document) or {"type": "nothing"}
+
+    def _put(self, viewer: Viewer, messages: Any) -> None:
+        for message in messages:
+            viewer.put(MessageKind.ROWS, to_json(message))
+
+    def _wait(self, work: Coroutine[Any, Any, None]) -> None:
+        asyncio.run_coroutine_threadsafe(work, self._loop).result(30.0)
 
     async def _start(self) -> None:
-        application = web.Application()
-        application.router.add_get("/", self._file)
-        application.router.add_get("/assets/{path:.+}", self._file)
-        application.router.add_get("/api/sessions", self._list)
-        application.router.add_get("/ws", self._socket)
-        self._runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=1.0)
+        site = Site(self, access.names("127.0.0.1"), lambda: (b"", "text/plain"))  # type: ignore[arg-type]
+        self._runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
         await self._runner.setup()
         await web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True).start()
         self.port = int(self._runner.addresses[0][1])
-
-    async def _stop(self) -> None:
-        for socket in list(self._sockets):
-            await socket.close()
-        if self._runner is not None:
-            await self._runner.cleanup()
-            self._runner = None
-
-    async def _say(self, messages: tuple[Message, ...]) -> None:
-        for message in messages:
-            for socket in list(self._sockets):
-                await socket.send_str(json.dumps(message, allow_nan=False))
-
-    async def _file(self, request: web.Request) -> web.StreamResponse:
-        path = PAGE / request.match_info.get("path", "index.html")
-        if not path.is_file():
-            raise web.HTTPNotFound
-        return web.Response(body=path.read_bytes(), headers={"Content-Type": KINDS[path.suffix], **STRICT})
-
-    async def _list(self, _request: web.Request) -> web.StreamResponse:
-        return web.json_response({"sessions": self.sessions}, headers=STRICT)
-
-    async def _socket(self, request: web.Request) -> web.StreamResponse:
-        socket = web.WebSocketResponse()
-        await socket.prepare(request)
-        self.followed.append(request.query.get("session"))
-        for message in self.greeting:
-            await socket.send_str(json.dumps(message, allow_nan=False))
-        self._sockets.add(socket)
-        try:
-            async for frame in socket:
-                if frame.type is WSMsgType.TEXT:
-                    asked = json.loads(frame.data)
-                    self.asked.append(asked)
-                    reply = self.answer(asked)
-                    if reply is not None:
-                        await socket.send_str(json.dumps(reply, allow_nan=False))
-        finally:
-            self._sockets.discard(socket)
-        return socket

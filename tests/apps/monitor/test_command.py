@@ -28,12 +28,12 @@ def complaint(*arguments: object) -> str:
 
 
 @pytest.mark.parametrize("address", ["0.0.0.0", "::", "192.0.2.1"])
-def test_an_address_beyond_this_host_needs_a_word(address: str) -> None:
+def test_public_address_needs_the_public_option(address: str) -> None:
     assert "--public" in complaint("--listen", address)
 
 
 @pytest.mark.parametrize("option", ["--share", "--from"])
-def test_the_link_needs_a_key_and_an_address(option: str, tmp_path: Path) -> None:
+def test_link_needs_key_and_address(option: str, tmp_path: Path) -> None:
     assert "weberlink keygen" in complaint(option, "127.0.0.1:1")
     assert f"{option}: must be host:port" in complaint(option, "127.0.0.1")
     assert "does not exist" in complaint(option, "127.0.0.1:1", "--key-file", tmp_path / "missing")
@@ -42,9 +42,9 @@ def test_the_link_needs_a_key_and_an_address(option: str, tmp_path: Path) -> Non
     assert "chmod 600" in complaint(option, "127.0.0.1:1", "--key-file", tmp_path / "key")
 
 
-def test_a_key_without_a_link_is_a_mistake(tmp_path: Path) -> None:
-    assert "--share and --from" in complaint("--key-file", tmp_path / "key")
+def test_key_without_link_is_an_error(tmp_path: Path) -> None:
+    assert "--share or --from" in complaint("--key-file", tmp_path / "key")
 
 
-def test_a_port_is_a_port() -> None:
+def test_port_must_be_in_range() -> None:
     complaint("--port", 70_000)

@@ -7,11 +7,10 @@ import pytest
 
 from tests.apps.monitor.feeds import description
 from tests.system.systems import CONFIGS
-from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.scene import MOST_HEIGHTS, drawn
+from weberlink.apps.monitor.hello import MOST_HEIGHTS, drawn, hello
 
 
-def test_a_greeting_says_what_a_page_draws_and_offers() -> None:
+def test_greeting_has_scene_settings_and_choices() -> None:
     told = hello("7", {"master": description("master"), "slave": None}, remote=False)
     assert told["scene"][0]["shape"] == "plane" and told["scene"][0]["normal"] == [0.0, 0.0, 1.0]
     assert told["scene"][1] == {
@@ -30,7 +29,7 @@ def test_a_greeting_says_what_a_page_draws_and_offers() -> None:
     assert set(told["sides"]) == {"master", "slave"} and told["present"] == ["master", "slave"]
 
 
-def test_another_hosts_session_and_one_that_says_nothing_are_for_looking_only() -> None:
+def test_remote_or_unknown_session_is_read_only() -> None:
     for told in (
         hello("remote", {"slave": description("slave")}, remote=True),
         hello("7", {"slave": None}, remote=False),
@@ -39,7 +38,7 @@ def test_another_hosts_session_and_one_that_says_nothing_are_for_looking_only() 
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
-def test_every_scene_can_be_drawn(path: Path) -> None:
+def test_every_shipped_scene_can_be_drawn(path: Path) -> None:
     if "key_file" in path.read_text():
         pytest.skip("needs a key")
     told = hello("7", {"slave": description("slave", path.name)}, remote=False)
@@ -49,7 +48,7 @@ def test_every_scene_can_be_drawn(path: Path) -> None:
         assert shape.get("heights_m", ()) is not None
 
 
-def test_a_large_height_field_is_thinned_in_place() -> None:
+def test_large_height_field_is_thinned_in_place() -> None:
     heights = [[float(100 * row + column) for column in range(400)] for row in range(201)]
     scene = [{"shape": "height_field", "center_m": [1.0, 2.0, 0.0], "heights_m": heights, "spacing_m": 0.01}]
     (shape,) = drawn(scene, files=True)
@@ -64,7 +63,7 @@ def test_a_large_height_field_is_thinned_in_place() -> None:
         assert y == pytest.approx(2.0 + (row * step - 200 / 2) * 0.01)
 
 
-def test_a_file_of_another_host_is_not_opened(tmp_path: Path) -> None:
+def test_files_of_another_host_are_not_opened(tmp_path: Path) -> None:
     (tmp_path / "field.csv").write_text("0,1\n2,3\n")
     scene = [{"shape": "height_field", "csv": str(tmp_path / "field.csv"), "spacing_m": 0.01}]
     assert drawn(scene, files=False)[0]["heights_m"] is None

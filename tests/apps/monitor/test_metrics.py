@@ -7,14 +7,14 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from tests.apps.monitor.feeds import HandFeed, description, records
 from weberlink.apps.monitor.metrics import CHANNEL_FIGURES, COUNTERS, exposition
-from weberlink.apps.monitor.session import Session
+from weberlink.apps.monitor.session import WatchedSession
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import RELEASED
 
 
-def test_every_figure_has_its_name_its_unit_and_its_labels() -> None:
+def test_metrics_have_names_units_and_labels() -> None:
     master, slave = HandFeed("master"), HandFeed("slave")
-    session = Session("7", slave)
+    session = WatchedSession("7", slave)
     session.admit(master)
     made = records(1000, seed=1)
     made["lateness_us"] = 120.0
@@ -65,10 +65,10 @@ def test_every_figure_has_its_name_its_unit_and_its_labels() -> None:
     ("file", "channels"),
     [("loopback.yaml", {"force", "position"}), ("rotation.yaml", {"force", "position", "torque", "orientation"})],
 )
-def test_every_channel_that_a_session_has_is_there(file: str, channels: set[str]) -> None:
+def test_metrics_cover_the_channels_of_the_session(file: str, channels: set[str]) -> None:
     feed = HandFeed("slave")
     feed.description = description("slave", file)
-    session = Session("7", feed)
+    session = WatchedSession("7", feed)
     feed.put(records(1000, seed=1))
     session.look()
     text, _ = exposition(lambda: [session])()
@@ -77,7 +77,7 @@ def test_every_channel_that_a_session_has_is_there(file: str, channels: set[str]
         assert {sample.labels["channel"] for sample in families[f"weberlink_{name}"].samples} == channels
 
 
-def test_without_a_session_there_is_only_the_monitor_itself() -> None:
+def test_without_session_only_process_metrics() -> None:
     text, _ = exposition(list)()
     families = list(text_string_to_metric_families(text.decode()))
     samples = [sample.name for family in families for sample in family.samples]

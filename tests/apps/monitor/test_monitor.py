@@ -156,7 +156,7 @@ async def asked(url: str, session: str) -> dict[tuple[Any, ...], float]:
 
 
 @pytest.mark.realtime
-def test_the_last_figures_of_the_page_are_the_reports(watched: Watched) -> None:
+def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     last = final(watched.page)
     assert last["seen_from_start"]
     expected = {key: watched.report[key] for key in last["figures"]}
@@ -166,12 +166,12 @@ def test_the_last_figures_of_the_page_are_the_reports(watched: Watched) -> None:
 
 
 @pytest.mark.realtime
-def test_a_page_that_opens_late_ends_with_the_same_figures(watched: Watched) -> None:
+def test_late_page_ends_with_the_same_figures(watched: Watched) -> None:
     assert final(watched.late)["figures"] == final(watched.page)["figures"]
 
 
 @pytest.mark.realtime
-def test_a_page_sees_rows_of_both_sides_in_order_and_every_send(watched: Watched) -> None:
+def test_page_gets_ordered_rows_and_every_send(watched: Watched) -> None:
     for messages in (watched.page, watched.late):
         assert messages[0]["type"] == "hello" and messages[0]["session"] == watched.session
         for side in ("master", "slave"):
@@ -184,7 +184,7 @@ def test_a_page_sees_rows_of_both_sides_in_order_and_every_send(watched: Watched
 
 
 @pytest.mark.realtime
-def test_the_greeting_describes_the_session(watched: Watched) -> None:
+def test_greeting_describes_the_session(watched: Watched) -> None:
     hello = [message for message in watched.page if message["type"] == "hello"][-1]
     assert hello["present"] == ["master", "slave"]
     description = hello["sides"]["master"]
@@ -195,7 +195,7 @@ def test_the_greeting_describes_the_session(watched: Watched) -> None:
 
 
 @pytest.mark.realtime
-def test_prometheus_reads_the_same(watched: Watched) -> None:
+def test_metrics_equal_the_report(watched: Watched) -> None:
     told, report = watched.metrics, watched.report
     for side in ("master", "slave"):
         ticks = report["ticks"][side]
@@ -224,7 +224,7 @@ def test_prometheus_reads_the_same(watched: Watched) -> None:
 
 
 @pytest.mark.realtime
-def test_the_other_host_sees_the_same_and_can_change_nothing(watched: Watched) -> None:
+def test_other_host_sees_the_same_read_only(watched: Watched) -> None:
     last = final(watched.remote)
     assert last["seen_from_start"]
     assert_same(last["figures"], {key: watched.report[key] for key in last["figures"]})
@@ -235,11 +235,11 @@ def test_the_other_host_sees_the_same_and_can_change_nothing(watched: Watched) -
 
 
 @pytest.mark.realtime
-def test_it_runs_below_the_daemons(watched: Watched) -> None:
+def test_monitor_has_lower_priority_than_daemons(watched: Watched) -> None:
     assert watched.niceness >= 5
 
 
-def test_ctrl_c_is_an_orderly_end_also_with_a_page_open(tmp_path: Path) -> None:
+def test_ctrl_c_closes_open_pages_and_exits_0(tmp_path: Path) -> None:
     async def interrupted(monitor: Monitor) -> int | None:
         async with (
             asyncio.timeout(PATIENCE),
@@ -266,7 +266,7 @@ def taken_port() -> Iterator[int]:
         yield server.getsockname()[1]
 
 
-def test_a_port_in_use_is_one_line_that_says_what_to_do(tmp_path: Path, taken_port: int, key: Path) -> None:
+def test_port_in_use_is_one_line(tmp_path: Path, taken_port: int, key: Path) -> None:
     with Monitor(tmp_path, "--port", taken_port) as monitor:
         status, said = monitor.finish()
     assert status == 1
@@ -277,7 +277,7 @@ def test_a_port_in_use_is_one_line_that_says_what_to_do(tmp_path: Path, taken_po
     assert f"--share 127.0.0.1:{taken_port}: cannot be served" in said.splitlines()[-1]
 
 
-def test_no_server_is_one_line_and_the_page_is_served_all_the_same(tmp_path: Path, key: Path) -> None:
+def test_missing_server_is_one_line_and_page_is_served(tmp_path: Path, key: Path) -> None:
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))  # and nobody listens
         nobody = f"127.0.0.1:{server.getsockname()[1]}"
@@ -290,7 +290,7 @@ def test_no_server_is_one_line_and_the_page_is_served_all_the_same(tmp_path: Pat
 
 
 @pytest.mark.realtime
-def test_one_session_of_two_hosts_has_the_figures_of_its_two_recordings(key: Path, tmp_path: Path) -> None:
+def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) -> None:
     """The slave is followed over the link, the master on this host; `info` puts the two files on one clock."""
     address = f"127.0.0.1:{free_port()}"
     where = ("--set", f"link.listen={address}", "--set", f"link.slave={address}")
@@ -325,7 +325,7 @@ async def to_the_end(url: str, session: str) -> list[Figures]:
 
 
 @pytest.mark.realtime
-def test_a_change_from_the_page_is_in_force_and_every_page_is_told(tmp_path: Path) -> None:
+def test_live_change_takes_effect_on_every_page(tmp_path: Path) -> None:
     async def change(url: str, session: str) -> list[Figures]:
         async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
             await there(client, url, session)

@@ -51,7 +51,7 @@ def value(report: dict[str, Any], path: str) -> float:
     return nan if inner is None else float(inner)
 
 
-def test_numbers_on_the_page_are_those_of_the_report(page: Browser, tmp_path: Path) -> None:
+def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> None:
     out = tmp_path / "report.json"
     with Monitor(tmp_path) as monitor:
         page.open(f"{monitor.url}/")  # a monitor that is there before the session sees all of it
@@ -80,7 +80,7 @@ def test_numbers_on_the_page_are_those_of_the_report(page: Browser, tmp_path: Pa
         assert float(exact or "nan") == pytest.approx(value(report, path), rel=1e-9, nan_ok=True), path
 
 
-def test_weber_factor_set_on_the_page_holds_on_both_ends(page: Browser, tmp_path: Path) -> None:
+def test_weber_factor_from_the_page_takes_effect(page: Browser, tmp_path: Path) -> None:
     with Program("loopback") as program, Monitor(tmp_path, "--session", program.pid) as monitor:
         page.open(f"{monitor.url}/")
         page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the slider")

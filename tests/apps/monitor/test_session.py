@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from tests.apps.monitor.feeds import BANK, RATE, HandFeed, description, pieces, records
-from weberlink.apps.monitor.session import BACKLOG_S, Session
+from weberlink.apps.monitor.session import BACKLOG_S, WatchedSession
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
 
 
-def both() -> tuple[HandFeed, HandFeed, Session]:
+def both() -> tuple[HandFeed, HandFeed, WatchedSession]:
     slave, master = HandFeed("slave"), HandFeed("master")
-    session = Session("7", slave)
+    session = WatchedSession("7", slave)
     session.admit(master)
     return master, slave, session
 
 
-def test_the_figures_are_those_of_the_launcher() -> None:
+def test_figures_equal_those_of_the_launcher() -> None:
     master, slave, session = both()
     ours, theirs = records(3000, seed=1), records(3000, phase=3e-4, seed=2)
     launcher = SessionScore(RATE, BANK)
@@ -36,7 +36,7 @@ def test_the_figures_are_those_of_the_launcher() -> None:
     assert told["force"]["selected"] == expected["force"]["selected"]
 
 
-def test_a_look_tells_what_came_and_the_backlog_tells_it_again() -> None:
+def test_backlog_repeats_the_messages_of_looks() -> None:
     master, slave, session = both()
     assert session.look() == [] and session.backlog() == []
     told = []
@@ -54,7 +54,7 @@ def test_a_look_tells_what_came_and_the_backlog_tells_it_again() -> None:
     assert again[-1]["type"] == "felt"
 
 
-def test_the_backlog_is_of_the_last_seconds_only() -> None:
+def test_backlog_covers_only_the_last_seconds() -> None:
     master, _, session = both()
     for first in range(0, 12_000, 500):
         master.put(records(500, first=first))
@@ -64,7 +64,7 @@ def test_the_backlog_is_of_the_last_seconds_only() -> None:
     assert message["t"][-1] == pytest.approx(11.996)
 
 
-def test_faults_are_counted_when_they_begin() -> None:
+def test_faults_are_counted_at_their_beginning() -> None:
     _, slave, session = both()
     made = records(100)
     made["fault"][20:60] = Fault.SILENCE
@@ -78,7 +78,7 @@ def test_faults_are_counted_when_they_begin() -> None:
     assert told["faults_now"] == {"master": None, "slave": "silence"}
 
 
-def test_it_ends_with_its_last_side_and_says_whether_it_was_seen_whole() -> None:
+def test_session_ends_with_its_last_side() -> None:
     master, slave, session = both()
     assert session.seen_from_start
     master.over = True
@@ -93,7 +93,7 @@ def test_it_ends_with_its_last_side_and_says_whether_it_was_seen_whole() -> None
     assert master.is_closed and slave.is_closed
 
 
-def test_the_settings_that_a_daemon_says_stand_before_those_of_its_file() -> None:
+def test_reported_settings_override_those_of_the_file() -> None:
     _, _, session = both()
     assert session.hello()["settings"]["weber"] == 0.1
     assert "settings" not in session.figures()
@@ -102,10 +102,10 @@ def test_the_settings_that_a_daemon_says_stand_before_those_of_its_file() -> Non
     assert session.figures()["generation"] == 3
 
 
-def test_a_side_whose_description_is_missing_still_has_figures() -> None:
+def test_side_without_description_has_figures() -> None:
     feed = HandFeed("slave")
     feed.description = None
-    session = Session("7", feed)
+    session = WatchedSession("7", feed)
     made = records(10)
     made["sent"], made["selected"] = 1, 3
     feed.put(made)
@@ -115,10 +115,10 @@ def test_a_side_whose_description_is_missing_still_has_figures() -> None:
 
 
 @pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])
-def test_rows_have_the_rotation_where_the_session_has_it(file: str) -> None:
+def test_rows_include_rotation_of_6_dof_sessions(file: str) -> None:
     feed = HandFeed("slave")
     feed.description = description("slave", file)
-    session = Session("7", feed)
+    session = WatchedSession("7", feed)
     feed.put(records(10))
     (told,) = session.look()
     assert ("rotation_raw" in told["columns"]) is (file == "rotation.yaml")

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import weberlink.apps.monitor
 
-VENDOR = Path(weberlink.monitor.__file__).parent / "page" / "vendor"
+VENDOR = Path(weberlink.apps.monitor.__file__).parent / "page" / "vendor"
 FETCH = runpy.run_path(str(VENDOR / "fetch.py"))
 
 
-def test_libraries_are_those_of_the_manifest() -> None:
+def test_libraries_match_the_manifest() -> None:
     check = subprocess.run(
         [sys.executable, VENDOR / "fetch.py", "--check"], capture_output=True, text=True, check=False
     )
     assert (check.returncode, check.stderr) == (0, "")
 
 
-def test_a_changed_file_is_noticed(tmp_path: Path) -> None:
+def test_changed_library_is_detected(tmp_path: Path) -> None:
     for path in VENDOR.glob("*.*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / "uplot.js").write_bytes((tmp_path / "uplot.js").read_bytes() + b"\n")

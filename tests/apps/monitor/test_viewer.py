@@ -5,7 +5,7 @@ import asyncio
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.apps.monitor.viewer import ANSWERS_WAITING, GREETINGS_WAITING, ROWS_WAITING, Kind, Viewer
+from weberlink.apps.monitor.viewer import ANSWERS_WAITING, GREETINGS_WAITING, ROWS_WAITING, MessageKind, Viewer
 
 BOUND = ROWS_WAITING + ANSWERS_WAITING + 2 * GREETINGS_WAITING + 2
 
@@ -17,8 +17,8 @@ def drained(viewer: Viewer) -> list[str]:
     return taken
 
 
-@given(st.lists(st.sampled_from(list(Kind)), max_size=600))
-def test_the_queue_is_bounded_and_the_newest_of_a_kind_is_in_it(kinds: list[Kind]) -> None:
+@given(st.lists(st.sampled_from(list(MessageKind)), max_size=600))
+def test_queue_is_bounded_and_keeps_the_newest(kinds: list[MessageKind]) -> None:
     viewer = Viewer(None, may_change=False)
     for number, kind in enumerate(kinds):
         viewer.put(kind, f"{kind.name} {number}")
@@ -26,47 +26,52 @@ def test_the_queue_is_bounded_and_the_newest_of_a_kind_is_in_it(kinds: list[Kind
     left = drained(viewer)
     numbers = [int(text.split()[1]) for text in left]
     assert numbers == sorted(numbers)
-    for kind in (Kind.HELLO, Kind.AGAIN, Kind.ANSWER, Kind.FINAL):
+    for kind in (MessageKind.HELLO, MessageKind.AGAIN, MessageKind.ANSWER, MessageKind.FINAL):
         put = [number for number, each in enumerate(kinds) if each is kind]
         if put:
             assert f"{kind.name} {put[-1]}" in left
 
 
-def test_a_slow_page_loses_rows_and_no_figures() -> None:
+def test_slow_page_loses_rows_but_no_figures() -> None:
     viewer = Viewer(None, may_change=False)
-    viewer.put(Kind.HELLO, "hello")
+    viewer.put(MessageKind.HELLO, "hello")
     for number in range(1000):
-        viewer.put(Kind.ROWS, f"rows {number}")
+        viewer.put(MessageKind.ROWS, f"rows {number}")
         if number % 10 == 0:
-            viewer.put(Kind.FIGURES, f"figures {number}")
-    viewer.put(Kind.FINAL, "final")
+            viewer.put(MessageKind.FIGURES, f"figures {number}")
+    viewer.put(MessageKind.FINAL, "final")
     left = drained(viewer)
     assert left[0] == "hello" and left[-1] == "final"
     assert left[1:-1] == [f"rows {number}" for number in range(1000 - ROWS_WAITING, 1000)]
     assert viewer.lost_rows == 1000 - ROWS_WAITING
 
 
-def test_the_final_figures_of_a_session_come_before_the_next_one() -> None:
+def test_final_figures_precede_the_next_greeting() -> None:
     viewer = Viewer(None, may_change=False)
-    for kind, text in ((Kind.ROWS, "old"), (Kind.FINAL, "final"), (Kind.HELLO, "next"), (Kind.ROWS, "new")):
+    for kind, text in (
+        (MessageKind.ROWS, "old"),
+        (MessageKind.FINAL, "final"),
+        (MessageKind.HELLO, "next"),
+        (MessageKind.ROWS, "new"),
+    ):
         viewer.put(kind, text)
     assert drained(viewer) == ["final", "next", "new"]
 
 
-def test_a_greeting_of_the_same_session_takes_no_rows_away() -> None:
+def test_repeated_greeting_keeps_the_rows() -> None:
     viewer = Viewer(None, may_change=False)
-    for kind, text in ((Kind.HELLO, "one side"), (Kind.ROWS, "rows"), (Kind.AGAIN, "both sides")):
+    for kind, text in ((MessageKind.HELLO, "one side"), (MessageKind.ROWS, "rows"), (MessageKind.AGAIN, "both sides")):
         viewer.put(kind, text)
     assert drained(viewer) == ["one side", "rows", "both sides"]
 
 
-def test_what_comes_later_wakes_the_sender() -> None:
+def test_new_message_wakes_the_sender() -> None:
     async def run() -> str:
         viewer = Viewer(None, may_change=False)
         messages = viewer.messages()
         first = asyncio.ensure_future(anext(messages))
         await asyncio.sleep(0)
-        viewer.put(Kind.ANSWER, "late")
+        viewer.put(MessageKind.ANSWER, "late")
         return await first
 
     assert asyncio.run(run()) == "late"

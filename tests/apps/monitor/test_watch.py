@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from tests.apps.monitor.feeds import HandFeed, records
-from weberlink.apps.monitor.session import Session
+from weberlink.apps.monitor.rings import find_rings
+from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
-from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, Watch
+from weberlink.apps.monitor.watch import ENDED_KEPT, FIND_S, SessionWatcher
 from weberlink.telemetry.ring import RingWriter
 
 
@@ -33,11 +34,11 @@ def told(viewer: Viewer) -> list[dict[str, Any]]:
     return messages
 
 
-def test_sessions_come_and_go_and_a_page_follows_to_the_next(tmp_path: Path) -> None:
+def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
     said: list[str] = []
 
     async def run() -> None:
-        watch = Watch(tmp_path, None, said.append)
+        watch = SessionWatcher(tmp_path, None, said.append)
         viewer = Viewer(None, may_change=True)
         watch.join(viewer)
         watch.look(0.0)
@@ -71,12 +72,12 @@ def test_sessions_come_and_go_and_a_page_follows_to_the_next(tmp_path: Path) -> 
     assert said[-1] == "session 8: over"
 
 
-def test_a_page_that_asked_for_one_session_stays_with_it(tmp_path: Path) -> None:
+def test_pinned_page_stays_with_its_session(tmp_path: Path) -> None:
     async def run() -> None:
-        watch = Watch(tmp_path, None, lambda _: None)
+        watch = SessionWatcher(tmp_path, None, lambda _: None)
         feeds = {name: HandFeed("slave") for name in ("1", "2")}
         for name, feed in feeds.items():
-            watch.put(Session(name, feed))
+            watch.put(WatchedSession(name, feed))
         pinned, free = Viewer("1", may_change=True), Viewer(None, may_change=True)
         for viewer in (pinned, free):
             watch.join(viewer)
@@ -94,16 +95,16 @@ def test_a_page_that_asked_for_one_session_stays_with_it(tmp_path: Path) -> None
     asyncio.run(run())
 
 
-def test_a_page_that_asked_for_a_session_that_is_not_there_sees_the_newest_until_it_is() -> None:
+def test_page_pinned_to_a_later_session_waits() -> None:
     async def run() -> None:
-        watch = Watch(Path("/nonexistent"), None, lambda _: None)
+        watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
         viewer = Viewer("9", may_change=True)
         watch.join(viewer)
-        watch.put(Session("1", HandFeed("slave")))
+        watch.put(WatchedSession("1", HandFeed("slave")))
         watch.look(0.0)
         assert told(viewer)[0]["session"] == "1"
-        watch.put(Session("9", HandFeed("slave")))
-        watch.put(Session("10", HandFeed("slave")))
+        watch.put(WatchedSession("9", HandFeed("slave")))
+        watch.put(WatchedSession("10", HandFeed("slave")))
         watch.look(1.0)
         assert told(viewer)[0]["session"] == "9"
         watch.look(2.0)
@@ -112,40 +113,40 @@ def test_a_page_that_asked_for_a_session_that_is_not_there_sees_the_newest_until
     asyncio.run(run())
 
 
-def test_only_the_session_that_was_asked_for_is_opened(tmp_path: Path) -> None:
+def test_only_the_requested_session_is_opened(tmp_path: Path) -> None:
     with ring(tmp_path, 7, "slave"), ring(tmp_path, 8, "slave"):
-        watch = Watch(tmp_path, "8", lambda _: None)
+        watch = SessionWatcher(tmp_path, "8", lambda _: None)
         watch.look(0.0)
         assert list(watch.sessions) == ["8"]
         watch.sessions["8"].close()
 
 
-def test_what_is_no_ring_of_ours_is_said_once_and_passed_over(tmp_path: Path) -> None:
+def test_foreign_file_is_reported_once(tmp_path: Path) -> None:
     said: list[str] = []
     (tmp_path / "weberlink-9-slave.ring").write_bytes(b"x" * 500)
-    watch = Watch(tmp_path, None, said.append)
+    watch = SessionWatcher(tmp_path, None, said.append)
     watch.look(0.0)
     watch.look(FIND_S * 2)
     assert watch.sessions == {}
     assert len(said) == 1 and "not a telemetry ring" in said[0]
 
 
-def test_rings_that_dead_daemons_left_are_no_sessions(tmp_path: Path) -> None:
+def test_rings_of_dead_daemons_are_ignored(tmp_path: Path) -> None:
     writer = ring(tmp_path, 7, "slave")
     writer.close(unlink=False)
-    watch = Watch(tmp_path, None, lambda _: None)
+    watch = SessionWatcher(tmp_path, None, lambda _: None)
     watch.look(0.0)
     assert watch.sessions == {}
 
 
-def test_sessions_that_are_over_are_forgotten_in_time() -> None:
-    watch = Watch(Path("/nonexistent"), None, lambda _: None)
+def test_ended_sessions_are_forgotten() -> None:
+    watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     feeds = []
     for number in range(ENDED_KEPT + 3):
         feed = HandFeed("slave")
         feed.over = True
         feeds.append(feed)
-        watch.put(Session(str(number), feed))
+        watch.put(WatchedSession(str(number), feed))
     watch.look(0.0)
     assert list(watch.sessions) == [str(number) for number in range(3, ENDED_KEPT + 3)]
     assert [feed.is_closed for feed in feeds] == [True] * 3 + [False] * ENDED_KEPT
@@ -166,20 +167,39 @@ def test_sessions_that_are_over_are_forgotten_in_time() -> None:
         ({"type": "change", "weber": 0.1}, "no session"),
     ],
 )
-def test_what_cannot_be_changed_is_answered_with_the_reason(request_: object, why: str) -> None:
-    watch = Watch(Path("/nonexistent"), None, lambda _: None)
+def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
+    watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
     answer = asyncio.run(watch.change(Viewer(None, may_change=True), request_))
     assert answer["type"] == "answer" and answer["accepted"] is False
     assert why in answer["why"]
 
 
-def test_a_page_that_may_only_look_changes_nothing() -> None:
+def test_read_only_page_changes_nothing() -> None:
     async def run() -> dict[str, Any]:
-        watch = Watch(Path("/nonexistent"), None, lambda _: None)
-        watch.put(Session("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
+        watch = SessionWatcher(Path("/nonexistent"), None, lambda _: None)
+        watch.put(WatchedSession("7", HandFeed("slave", ring=Path("/nonexistent/ring"))))
         viewer = Viewer(None, may_change=False)
         watch.join(viewer)
         assert told(viewer)[0]["readonly"] is True
         return await watch.change(viewer, {"type": "change", "weber": 0.1})
 
     assert "look only" in asyncio.run(run())["why"]
+
+
+def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:
+    for name in (
+        "weberlink-7-master.ring",
+        "weberlink-7-slave.ring",
+        "weberlink-7-slave.json",
+        "weberlink-12-slave.ring",
+        "weberlink-12-slave.ring.x8d2",
+        "weberlink-x-slave.ring",
+        "weberlink-9-other.ring",
+        "another.ring",
+    ):
+        (tmp_path / name).touch()
+    found = find_rings(tmp_path)
+    assert {name: sorted(rings) for name, rings in found.items()} == {"7": ["master", "slave"], "12": ["slave"]}
+    assert found["12"]["slave"].path == tmp_path / "weberlink-12-slave.ring"
+    assert found["12"]["slave"].inode == (tmp_path / "weberlink-12-slave.ring").stat().st_ino
+    assert find_rings(tmp_path / "missing") == {}

@@ -2,7 +2,7 @@
 
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator
 from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import Packet, Status, StatusReader, encode_packet
+from weberlink.slave.robots.dynamixel.packet import Packet, StatusPacket, StatusPacketReader, encode_packet
 
 IDS = (11, 12, 13, 14, 15)
 
@@ -13,16 +13,16 @@ class Host:
     def __init__(self, emulator: DynamixelEmulator, now: float = 100.0) -> None:
         self.emulator = emulator
         self.now = now
-        self.reader = StatusReader()
+        self.reader = StatusPacketReader()
         emulator.advance(now)
 
-    def wait(self, time: float) -> list[Status]:
+    def wait(self, time: float) -> list[StatusPacket]:
         """Whatever is said meanwhile."""
         self.now += time
         self.emulator.advance(self.now)
         return self.reader.feed(b"".join(self.emulator.replies(self.now)))
 
-    def ask(self, *packets: Packet, patience: float = 0.02) -> list[Status]:
+    def ask(self, *packets: Packet, patience: float = 0.02) -> list[StatusPacket]:
         self.emulator.receive(b"".join(map(encode_packet, packets)), self.now)
         return self.wait(patience)
 

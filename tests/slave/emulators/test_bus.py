@@ -6,22 +6,29 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.slave.emulators.host import IDS, Host
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import packet
-from weberlink.slave.robots.dynamixel.packet import ACCESS_ERROR, BROADCAST, Packet, Status, StatusReader, encode_packet
+from weberlink.slave.robots.dynamixel.packet import (
+    ACCESS_ERROR,
+    BROADCAST,
+    Packet,
+    StatusPacket,
+    StatusPacketReader,
+    encode_packet,
+)
 
 READ_POSITION = packet.read(11, 132, 4)  # 14 bytes, answered with 15
 
 
 @pytest.fixture
 def host() -> Host:
-    return Host(DynamixelEmulator(DynamixelOptions()))
+    return Host(DynamixelEmulator(DynamixelEmulatorOptions()))
 
 
 @pytest.mark.parametrize("baud", [57_600, 1_000_000, 3_000_000])
 @pytest.mark.parametrize("delay", [0, 250])
 def test_an_answer_leaves_after_both_packets_and_the_delay(baud: int, delay: int) -> None:
-    host = Host(DynamixelEmulator(DynamixelOptions(baud=baud)))
+    host = Host(DynamixelEmulator(DynamixelEmulatorOptions(baud=baud)))
     host.emulator.servos[0].registers["return_delay_time"] = delay
     due = 14 * 10 / baud + 2e-6 * delay + 15 * 10 / baud
     assert host.ask(READ_POSITION, patience=due - 1e-6) == []
@@ -41,7 +48,7 @@ def test_the_timer_is_when_something_is_next_due(host: Host) -> None:
 
 def test_the_vendors_packets() -> None:
     """ROBOTIS e-Manual, protocol 2.0, ping of id 1 and of id 2 (Example 2), but for model and firmware."""
-    host = Host(DynamixelEmulator(DynamixelOptions(ids=(1, 2, 3, 4, 5))))
+    host = Host(DynamixelEmulator(DynamixelEmulatorOptions(ids=(1, 2, 3, 4, 5))))
     for servo in host.emulator.servos:
         servo.rename(1030)
         servo.registers["firmware_version"] = 38
@@ -74,7 +81,10 @@ def test_behind_one_that_is_silent_all_are(host: Host) -> None:
 
 
 def test_a_refused_sync_read_is_answered_all_the_same(host: Host) -> None:
-    assert host.ask(packet.sync_read(14, 1, (11, 12))) == [Status(11, ACCESS_ERROR), Status(12, ACCESS_ERROR)]
+    assert host.ask(packet.sync_read(14, 1, (11, 12))) == [
+        StatusPacket(11, ACCESS_ERROR),
+        StatusPacket(12, ACCESS_ERROR),
+    ]
 
 
 def test_sync_write_reaches_those_named_and_nobody_answers(host: Host) -> None:
@@ -118,7 +128,7 @@ def test_packets_in_pieces_and_in_one_piece_mean_the_same() -> None:
     stream = b"".join(map(encode_packet, (packet.write(11, 65, b"\x01"), packet.read(11, 65, 1), packet.ping(12))))
     said = []
     for size in (1, 5, len(stream)):
-        host = Host(DynamixelEmulator(DynamixelOptions()))
+        host = Host(DynamixelEmulator(DynamixelEmulatorOptions()))
         for at in range(0, len(stream), size):
             host.emulator.receive(stream[at : at + size], host.now)
         said.append(host.wait(0.02))
@@ -156,8 +166,8 @@ def test_a_value_that_looks_like_a_header_comes_through(host: Host) -> None:
     )
 )
 def test_no_bytes_upset_it(chunks: list[bytes]) -> None:
-    emulator = DynamixelEmulator(DynamixelOptions(held=False))
-    reader, now = StatusReader(), 5.0
+    emulator = DynamixelEmulator(DynamixelEmulatorOptions(held=False))
+    reader, now = StatusPacketReader(), 5.0
     for chunk in chunks:
         now += 0.004
         emulator.receive(chunk, now)

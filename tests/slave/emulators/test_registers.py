@@ -1,11 +1,13 @@
 """What instructions do to registers, against the manual."""
 
+from math import pi
+
 import pytest
 
 from tests.slave.emulators.host import Host
-from weberlink.slave.emulators import control_table
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
-from weberlink.slave.robots.dynamixel import packet, registers
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
+from weberlink.slave.emulators.servo import OFF, Measured, Servo
+from weberlink.slave.robots.dynamixel import packet
 from weberlink.slave.robots.dynamixel.packet import (
     ACCESS_ERROR,
     ALERT,
@@ -15,28 +17,15 @@ from weberlink.slave.robots.dynamixel.packet import (
     INSTRUCTION_ERROR,
     RESULT_FAIL,
     Packet,
-    Status,
+    StatusPacket,
 )
-from weberlink.slave.robots.dynamixel.registers import Register
+
+TURN = 2.0 * pi
 
 
 @pytest.fixture
 def host() -> Host:
-    return Host(DynamixelEmulator(DynamixelOptions()))
-
-
-def test_the_drivers_table_is_that_of_the_manual() -> None:
-    table = {name: item for name, item in vars(registers).items() if isinstance(item, Register)}
-    assert len(table) > 15
-    for name, register in table.items():
-        item = control_table.BY_ADDRESS[register.address]
-        assert item.size == register.size, name
-        assert (item.low < 0) == register.signed, name
-
-
-def test_registers_do_not_overlap() -> None:
-    assert sum(item.size for item in control_table.ITEMS) == len(control_table.DEFINED)
-    assert list(control_table.ITEMS) == sorted(control_table.ITEMS)
+    return Host(DynamixelEmulator(DynamixelEmulatorOptions()))
 
 
 @pytest.mark.parametrize(
@@ -48,21 +37,14 @@ def test_values_as_delivered(host: Host, address: int, size: int, value: int) ->
 
 
 def test_ping_gives_model_and_firmware(host: Host) -> None:
-    assert host.ask(packet.ping(12)) == [Status(12, 0, b"\xfc\x03\x2d")]
+    assert host.ask(packet.ping(12)) == [StatusPacket(12, 0, b"\xfc\x03\x2d")]
     assert host.ask(packet.ping(42)) == []
-
-
-def test_written_values_are_read_back(host: Host) -> None:
-    assert host.write(13, 9, 1, 20) == 0
-    assert host.read(13, 9, 1) == 20
-    assert host.write(13, 84, 2, 640) == 0
-    assert host.read(13, 84, 2) == 640
 
 
 def test_several_registers_in_one_write(host: Host) -> None:
     host.current_control(11)
     data = (7).to_bytes(2, "little") + (100).to_bytes(4, "little")
-    assert host.ask(packet.write(11, 102, data)) == [Status(11, 0)]
+    assert host.ask(packet.write(11, 102, data)) == [StatusPacket(11, 0)]
     assert (host.read(11, 102, 2), host.read(11, 104, 4)) == (7, 100)
 
 
@@ -101,7 +83,7 @@ def test_goals_are_limited_by_what_the_limits_say_now(host: Host) -> None:
 
 def test_one_bad_register_of_a_write_spoils_it_all(host: Host) -> None:
     data = (7).to_bytes(2, "little") + (1000).to_bytes(4, "little")
-    assert host.ask(packet.write(11, 102, data)) == [Status(11, DATA_LIMIT_ERROR)]
+    assert host.ask(packet.write(11, 102, data)) == [StatusPacket(11, DATA_LIMIT_ERROR)]
     assert host.read(11, 102, 2) == 0
 
 
@@ -113,15 +95,15 @@ def test_eeprom_is_locked_while_the_torque_is_on(host: Host) -> None:
 
 
 def test_reads_of_nothing_are_refused(host: Host) -> None:
-    assert host.ask(packet.read(11, 14, 1)) == [Status(11, ACCESS_ERROR)]
-    assert host.ask(packet.read(11, 132, 60_000)) == [Status(11, ACCESS_ERROR)]
-    assert host.ask(packet.read(11, 132, 0)) == [Status(11, ACCESS_ERROR)]
-    assert host.ask(Packet(11, packet.READ, b"\x00")) == [Status(11, DATA_LENGTH_ERROR)]
+    assert host.ask(packet.read(11, 14, 1)) == [StatusPacket(11, ACCESS_ERROR)]
+    assert host.ask(packet.read(11, 132, 60_000)) == [StatusPacket(11, ACCESS_ERROR)]
+    assert host.ask(packet.read(11, 132, 0)) == [StatusPacket(11, ACCESS_ERROR)]
+    assert host.ask(Packet(11, packet.READ, b"\x00")) == [StatusPacket(11, DATA_LENGTH_ERROR)]
 
 
 def test_unknown_instructions_are_named_as_such(host: Host) -> None:
-    assert host.ask(Packet(11, 0x77)) == [Status(11, INSTRUCTION_ERROR)]
-    assert host.ask(Packet(11, packet.ACTION)) == [Status(11, INSTRUCTION_ERROR)]
+    assert host.ask(Packet(11, 0x77)) == [StatusPacket(11, INSTRUCTION_ERROR)]
+    assert host.ask(Packet(11, packet.ACTION)) == [StatusPacket(11, INSTRUCTION_ERROR)]
 
 
 def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
@@ -132,11 +114,11 @@ def test_a_new_mode_resets_gains_and_goals(host: Host) -> None:
 
 
 def test_reg_write_waits_for_action(host: Host) -> None:
-    assert host.ask(Packet(11, packet.REG_WRITE, b"\x41\x00\x01")) == [Status(11, 0)]
+    assert host.ask(Packet(11, packet.REG_WRITE, b"\x41\x00\x01")) == [StatusPacket(11, 0)]
     assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (0, 1)
-    assert host.ask(Packet(11, packet.ACTION)) == [Status(11, 0)]
+    assert host.ask(Packet(11, packet.ACTION)) == [StatusPacket(11, 0)]
     assert (host.read(11, 65, 1), host.read(11, 69, 1)) == (1, 0)
-    assert host.ask(Packet(11, packet.REG_WRITE, b"\x7e\x00\x01\x00")) == [Status(11, ACCESS_ERROR)]
+    assert host.ask(Packet(11, packet.REG_WRITE, b"\x7e\x00\x01\x00")) == [StatusPacket(11, ACCESS_ERROR)]
 
 
 @pytest.mark.parametrize(("level", "answers"), [(0, (1, 0, 0)), (1, (1, 1, 0)), (2, (1, 1, 1))])
@@ -153,11 +135,11 @@ def test_an_alarm_lets_go_and_stays_until_a_reboot(host: Host) -> None:
     host.emulator.inject("overload", 2)
     host.wait(0.001)
     assert host.ask(packet.ping(12))[0].error == ALERT
-    assert host.ask(packet.read(12, 70, 1)) == [Status(12, ALERT, b"\x20")]
-    assert host.ask(packet.read(12, 64, 1)) == [Status(12, ALERT, b"\x00")]
+    assert host.ask(packet.read(12, 70, 1)) == [StatusPacket(12, ALERT, b"\x20")]
+    assert host.ask(packet.read(12, 64, 1)) == [StatusPacket(12, ALERT, b"\x00")]
     assert host.write(12, 64, 1, 1) == ALERT | RESULT_FAIL
     assert host.read(11, 64, 1) == 1
-    assert host.ask(Packet(12, packet.REBOOT)) == [Status(12, ALERT)]
+    assert host.ask(Packet(12, packet.REBOOT)) == [StatusPacket(12, ALERT)]
     assert host.ask(packet.ping(12)) == []
     host.wait(0.3)
     assert host.read(12, 70, 1) == 0
@@ -170,7 +152,7 @@ def test_a_shutdown_that_is_masked_only_alerts(host: Host) -> None:
     assert host.write(11, 64, 1, 1) == 0
     host.emulator.inject("overload", 1)
     host.wait(0.001)
-    assert host.ask(packet.read(11, 64, 1)) == [Status(11, ALERT, b"\x01")]
+    assert host.ask(packet.read(11, 64, 1)) == [StatusPacket(11, ALERT, b"\x01")]
 
 
 class TestBusWatchdog:
@@ -215,7 +197,7 @@ class TestBusWatchdog:
         assert host.read(11, 98, 1) == 1
 
     def test_in_position_control_the_motor_stops_where_it_is(self) -> None:
-        host = Host(DynamixelEmulator(DynamixelOptions(held=False, coulomb_n_m=(0.0, 0.0, 0.0, 0.0))))
+        host = Host(DynamixelEmulator(DynamixelEmulatorOptions(held=False, coulomb_n_m=(0.0, 0.0, 0.0, 0.0))))
         for id_ in (11, 12, 13, 14):
             assert host.write(id_, 116, 4, 3000) == 0
         assert host.write(11, 98, 1, 1) == 0
@@ -227,7 +209,7 @@ class TestBusWatchdog:
 
 
 def test_drive_mode_and_offset_turn_what_is_measured() -> None:
-    host = Host(DynamixelEmulator(DynamixelOptions(start_rad=(0.5, 0.0, 0.0, 0.0))))
+    host = Host(DynamixelEmulator(DynamixelEmulatorOptions(start_rad=(0.5, 0.0, 0.0, 0.0))))
     counts = round(0.5 * 4096 / 6.283185307)
     assert host.read(11, 132, 4) == 2048 + counts
     assert host.write(11, 20, 4, 100) == 0
@@ -236,3 +218,44 @@ def test_drive_mode_and_offset_turn_what_is_measured() -> None:
     assert host.read(11, 132, 4) == 2148 - counts
     assert host.write(11, 20, 4, 2000) == 0  # no effect in position control
     assert host.read(11, 132, 4) == 2048 - counts
+
+
+class Shaft:
+    """Sensor values of a servo alone."""
+
+    def __init__(self, angle: float) -> None:
+        self.angle = angle
+
+    def __call__(self) -> Measured:
+        return Measured(self.angle, 0.0, 0.0)
+
+
+def position(servo: Servo) -> int:
+    error, data = servo.read(132, 4)
+    assert error == 0
+    return int.from_bytes(data, "little", signed=True)
+
+
+def test_the_position_counts_over_turns_until_it_is_reset() -> None:
+    shaft = Shaft(0.5 * TURN + 0.1)
+    servo = Servo(1, shaft)
+    assert position(servo) == 65  # within a turn after power on
+    shaft.angle += TURN
+    assert position(servo) == 65 + 4096
+    assert servo.write(64, b"\x01") == 0  # position control
+    assert position(servo) == 65
+    assert servo.write(64, b"\x00") == 0
+    assert servo.write(11, b"\x00") == 0
+    shaft.angle -= 2.0 * TURN
+    assert servo.write(64, b"\x01") == 0  # current control keeps counting
+    assert position(servo) == 65 - 2 * 4096
+    servo.reboot(0.0)
+    assert position(servo) == 65
+    assert servo.drive is OFF
+
+
+def test_a_goal_is_within_the_present_turn() -> None:
+    servo = Servo(1, Shaft(TURN + 0.1))
+    assert servo.write(116, (2048).to_bytes(4, "little")) == 0
+    assert servo.write(64, b"\x01") == 0
+    assert abs(servo.drive.goal - TURN) < 1e-9

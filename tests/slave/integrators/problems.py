@@ -3,48 +3,50 @@
 from collections.abc import Callable
 
 from weberlink.geometry.vector import ZERO, Vector, dot, subtract
-from weberlink.slave.integrators import INTEGRATORS, Body, Motion
-from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
+from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import Sphere
+from weberlink.slave.scenes.sphere import SphereShape
 
 UP: Vector = (0.0, 0.0, 1.0)
-BODY = Body(0.2, 500.0, 5.0)
-OFF = Body(0.05, 0.0, 0.0)
+BODY = ControlledMass(0.2, 500.0, 5.0)
+OFF = ControlledMass(0.05, 0.0, 0.0)
 """Its control is off: nothing but contact acts on it."""
 
 
 def wall(stiffness: float, damping: float | None = None, friction: FrictionCone | None = None) -> Scene:
-    return Scene([SceneObject(Plane(ZERO, UP), stiffness, friction, damping)])
+    return Scene([SceneObject(PlaneShape(ZERO, UP), stiffness, friction, damping)])
 
 
 def ball(stiffness: float, damping: float | None = None, friction: FrictionCone | None = None) -> Scene:
     """Of 30 mm radius, its top at the origin."""
-    return Scene([SceneObject(Sphere((0.0, 0.0, -0.03), 0.03), stiffness, friction, damping)])
+    return Scene([SceneObject(SphereShape((0.0, 0.0, -0.03), 0.03), stiffness, friction, damping)])
 
 
 def corner(*planes: tuple[Vector, float, float | None]) -> Scene:
     """Planes through the origin: normal, stiffness, damping."""
-    return Scene([SceneObject(Plane(ZERO, normal), stiffness, None, damping) for normal, stiffness, damping in planes])
+    return Scene(
+        [SceneObject(PlaneShape(ZERO, normal), stiffness, None, damping) for normal, stiffness, damping in planes]
+    )
 
 
-def moving(scene: Scene | None, position: Vector, velocity: Vector) -> Motion:
+def moving(scene: Scene | None, position: Vector, velocity: Vector) -> MassState:
     """A motion with the contact force that belongs to it."""
-    return Motion(position, velocity, ZERO if scene is None else reaction(scene.touch(position), velocity))
+    return MassState(position, velocity, ZERO if scene is None else contact_force(scene.touch(position), velocity))
 
 
 def run(
     name: str,
-    body: Body,
+    body: ControlledMass,
     make: Callable[[], Scene | None],
     position: Vector,
     velocity: Vector,
     goal: Vector,
     duration: float,
     steps: int,
-) -> Motion:
+) -> MassState:
     """Where a body arrives in equal steps of the integrator `name`, in a fresh scene."""
     scene = make()
     integrator = INTEGRATORS[name].build(body, scene)
@@ -54,7 +56,7 @@ def run(
     return motion
 
 
-def energy(body: Body, motion: Motion, goal: Vector, scene: Scene, stiffness: float) -> float:
+def energy(body: ControlledMass, motion: MassState, goal: Vector, scene: Scene, stiffness: float) -> float:
     """Of motion, of the control's spring, and of contact with a single stiffness [J]."""
     away = subtract(motion.position, goal)
     return 0.5 * (
@@ -64,7 +66,7 @@ def energy(body: Body, motion: Motion, goal: Vector, scene: Scene, stiffness: fl
     )
 
 
-def difference(one: Motion, other: Motion, seconds: float) -> float:
+def difference(one: MassState, other: MassState, seconds: float) -> float:
     """Of position, and of velocity times `seconds` [m]."""
     far = max(abs(a - b) for a, b in zip(one.position, other.position, strict=True))
     fast = max(abs(a - b) for a, b in zip(one.velocity, other.velocity, strict=True))

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.integrators.problems import ball, wall
-from weberlink.slave.integrators import INTEGRATORS, Body
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass
 from weberlink.slave.integrators.choice import FEW, SUBSTEPS_MOST, chosen
 from weberlink.slave.scenes.contact import FrictionCone
 
@@ -13,8 +13,8 @@ TICK = 0.001
 CONE = FrictionCone(0.5, 0.4)
 
 
-def body(mass: float, stiffness: float = 2e4) -> Body:
-    return Body(mass, stiffness, 2.0 * sqrt(stiffness * mass))
+def body(mass: float, stiffness: float = 2e4) -> ControlledMass:
+    return ControlledMass(mass, stiffness, 2.0 * sqrt(stiffness * mass))
 
 
 def test_flat_contact_without_friction_is_solved_exactly_and_so_is_none() -> None:

@@ -12,11 +12,11 @@ from scipy.integrate import solve_ivp
 from tests.examples import examples
 from tests.slave.integrators.problems import OFF, UP, corner, difference, moving, run, wall
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
-from weberlink.slave.integrators import INTEGRATORS, Body, Motion
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import Sphere
+from weberlink.slave.scenes.sphere import SphereShape
 
 STEEL = 1e7
 OBLIQUE = ((UP, 3000.0, None), (unit((1.0, 0.3, 0.6)), 800.0, 4.0), (unit((-0.4, 1.0, 0.5)), 1500.0, None))
@@ -33,7 +33,7 @@ Event = Callable[[float, np.ndarray], float]
 class HeightOverWall:
     """The motion along the normal of a wall at 0, in pieces between events that scipy locates."""
 
-    def __init__(self, body: Body, stiffness: float, damping: float, goal: float) -> None:
+    def __init__(self, body: ControlledMass, stiffness: float, damping: float, goal: float) -> None:
         self.body, self.stiffness, self.damping, self.goal = body, stiffness, damping, goal
 
     def after(self, height: float, speed: float, duration: float) -> np.ndarray:
@@ -93,7 +93,7 @@ def terminal(event: Event, direction: float) -> Event:
 @pytest.mark.parametrize("damping", [0.0, 3.0, 60.0])
 @pytest.mark.parametrize(("mass", "stiffness"), [(0.1, 500.0), (0.1, 1e5), (1.0, 2e6)])
 def test_it_is_the_solution_that_scipy_finds(mass: float, stiffness: float, damping: float, step: float) -> None:
-    body = Body(mass, 800.0, 3.0)
+    body = ControlledMass(mass, 800.0, 3.0)
     z, v, goal = 1e-4 if step < 1e-2 else 0.003, -0.4, -0.001
     truth = HeightOverWall(body, stiffness, damping, goal).after(z, v, step)
     end = run(
@@ -124,7 +124,7 @@ def test_one_step_goes_as_far_as_two_hundred(
     height: float,
     velocity: Vector,
 ) -> None:
-    body = Body(mass, control, 2.0 * ratio * sqrt(control * mass))
+    body = ControlledMass(mass, control, 2.0 * ratio * sqrt(control * mass))
     start, goal = (0.0, 0.0, height), (0.01, 0.0, -0.002)
     once = run("exact", body, lambda: wall(stiffness, damping), start, velocity, goal, step, 1)
     often = run("exact", body, lambda: wall(stiffness, damping), start, velocity, goal, step, 200)
@@ -141,7 +141,7 @@ def test_several_contacts_at_once_against_a_brute_force_solution(
     planes: tuple[tuple[Vector, float, float | None], ...], duration: float
 ) -> None:
     """Smallest push over all subsets of planes, by numpy, and DOP853 that sees kinks as they come."""
-    body = Body(0.1, 400.0, 3.0)
+    body = ControlledMass(0.1, 400.0, 3.0)
     normals = np.array([normal for normal, _, _ in planes])
     start, velocity, goal = (0.002, 0.003, 0.001), (-0.3, -0.2, -0.4), (-0.004, -0.003, -0.005)
 
@@ -188,8 +188,8 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
     """Undamped, control off, within a single step: mirrored velocity, and pi / omega spent inside."""
     if dot(normal, normal) < 0.1:
         normal = UP
-    n, body = unit(normal), Body(mass, 0.0, 0.0)
-    scene = Scene([SceneObject(Plane(ZERO, n), stiffness)])
+    n, body = unit(normal), ControlledMass(mass, 0.0, 0.0)
+    scene = Scene([SceneObject(PlaneShape(ZERO, n), stiffness)])
     start, velocity = (0.001 * n[0], 0.001 * n[1], 0.001 * n[2]), (-speed * n[0], -speed * n[1], -speed * n[2])
     inside = pi / sqrt(stiffness / mass)
     end = INTEGRATORS["exact"].build(body, scene).advance(moving(scene, start, velocity), ZERO, 0.003 / speed + inside)
@@ -201,7 +201,7 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 1e-2, 0.1])
 def test_an_undamped_oscillation_through_the_surface_keeps_its_energy(step: float) -> None:
     """1 g against 1e7 N/m with an undamped control: hundreds of bounces."""
-    body, scene = Body(1e-3, 1000.0, 0.0), wall(STEEL)
+    body, scene = ControlledMass(1e-3, 1000.0, 0.0), wall(STEEL)
     integrator = INTEGRATORS["exact"].build(body, scene)
     motion, goal = moving(scene, (0.0, 0.0, 0.0005), ZERO), (0.0, 0.0, -0.0005)
     before = 0.5 * 1000.0 * 0.001**2
@@ -215,7 +215,7 @@ def test_an_undamped_oscillation_through_the_surface_keeps_its_energy(step: floa
 @pytest.mark.parametrize("miss", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_a_contact_that_only_grazes_within_a_step_is_found(miss: float) -> None:
     """Half a swing of the control dips to `miss` below the surface and is out again before the step ends."""
-    body = Body(1.0, 100.0, 0.0)  # omega 10 rad/s: down and up again in 0.628 s
+    body = ControlledMass(1.0, 100.0, 0.0)  # omega 10 rad/s: down and up again in 0.628 s
     start, goal = (0.0, 0.0, 0.02), (0.0, 0.0, 0.01 - miss / 2.0)
     free = run("exact", body, lambda: None, start, ZERO, goal, 0.6, 1)
     touched = run("exact", body, lambda: wall(1e5), start, ZERO, goal, 0.6, 1)
@@ -245,7 +245,7 @@ def test_with_damping_the_force_ends_before_the_depth_does_and_never_pulls() -> 
 
 def test_steel_is_no_trouble_for_a_gram() -> None:
     """Pressed by its control at a tick of 1 ms, 100 rad of contact oscillation."""
-    body, scene = Body(1e-3, 5e4, 2.0 * sqrt(50.0)), wall(STEEL)
+    body, scene = ControlledMass(1e-3, 5e4, 2.0 * sqrt(50.0)), wall(STEEL)
     integrator = INTEGRATORS["exact"].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.01), ZERO)
     for tick in range(1, 300):
@@ -257,8 +257,8 @@ def test_steel_is_no_trouble_for_a_gram() -> None:
 def test_a_slot_narrower_than_nothing_ends_all_the_same() -> None:
     """Two planes face each other and overlap: no push satisfies both, yet the motion is bounded."""
     scene = corner((UP, 1e6, None), ((0.0, 0.0, -1.0), 1e6, None), ((0.0, 0.0, 1.0), 500.0, 3.0))
-    integrator = INTEGRATORS["exact"].build(Body(0.1, 1000.0, 1.0), scene)
-    motion = Motion((0.001, 0.0, 0.002), (0.1, 0.0, -0.3), ZERO)
+    integrator = INTEGRATORS["exact"].build(ControlledMass(0.1, 1000.0, 1.0), scene)
+    motion = MassState((0.001, 0.0, 0.002), (0.1, 0.0, -0.3), ZERO)
     for _ in range(300):
         motion = integrator.advance(motion, (0.0, 0.0, -0.003), 1e-3)
         assert norm(motion.position) < 0.02
@@ -268,9 +268,9 @@ def test_it_is_the_tangent_elsewhere_and_says_how_good_that_is() -> None:
     """A stiff ball with friction, stuck: the error against fine steps is far below that of ignoring the curvature."""
 
     def rough() -> Scene:
-        return Scene([SceneObject(Sphere((0.0, 0.0, -0.03), 0.03), 1e5, FrictionCone(0.5, 0.4))])
+        return Scene([SceneObject(SphereShape((0.0, 0.0, -0.03), 0.03), 1e5, FrictionCone(0.5, 0.4))])
 
-    body, start, goal = Body(0.1, 2000.0, 28.0), (0.0, 0.0, 0.0005), (0.002, 0.0, -0.003)
+    body, start, goal = ControlledMass(0.1, 2000.0, 28.0), (0.0, 0.0, 0.0005), (0.002, 0.0, -0.003)
     truth = run("exact", body, rough, start, (0.1, 0.0, -0.1), goal, 0.1, 5000)
     coarse = run("exact", body, rough, start, (0.1, 0.0, -0.1), goal, 0.1, 100)
     assert difference(coarse, truth, 0.001) < 2e-5

@@ -3,7 +3,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import Vector, dot, unit
-from weberlink.slave.integrators.faces import Faces
+from weberlink.slave.integrators.linear_contact import Faces
 from weberlink.slave.scenes.active_set import smallest_push
 
 directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda n: dot(n, n) > 0.1).map(unit)

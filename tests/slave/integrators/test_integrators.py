@@ -9,8 +9,8 @@ import pytest
 from tests.slave.integrators.problems import BODY, UP, ball, corner, moving, run, wall
 from tests.slave.scenes.solids import scenes
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.slave.integrators import INTEGRATORS, Body, Motion
-from weberlink.slave.integrators.reaction import reaction
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
+from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.scenes.contact import FrictionCone
 from weberlink.slave.scenes.scene import Scene
 
@@ -30,7 +30,7 @@ SCENES: dict[str, Callable[[], Scene]] = {
 every_scene = pytest.mark.parametrize("place", sorted(SCENES))
 
 
-def roaming(name: str, scene: Scene | None, ticks: int = 400) -> list[Motion]:
+def roaming(name: str, scene: Scene | None, ticks: int = 400) -> list[MassState]:
     """Down into the scene, then about in it."""
     integrator = INTEGRATORS[name].build(BODY, scene)
     motion = moving(scene, (0.0, 0.0, 0.03), ZERO)
@@ -54,7 +54,7 @@ def test_the_force_and_the_scene_are_those_of_the_position_returned(name: str, p
         state = scene.state
         touches = scene.touch(motion.position)
         # Asked again, a proxy between many curved shapes comes a little closer still.
-        assert motion.force == pytest.approx(reaction(touches, motion.velocity), rel=1e-3, abs=1e-4)
+        assert motion.force == pytest.approx(contact_force(touches, motion.velocity), rel=1e-3, abs=1e-4)
         assert scene.proxy == pytest.approx(state.proxy, abs=1e-6)
         scene.restore(state)
         touched += bool(touches)
@@ -121,7 +121,7 @@ def test_an_absurd_goal_ends_the_step_all_the_same(name: str, place: str, goal: 
 
 @every_integrator
 def test_sliding_it_feels_the_dynamic_coefficient(name: str) -> None:
-    body = Body(0.1, 2000.0, 2.0 * sqrt(200.0))
+    body = ControlledMass(0.1, 2000.0, 2.0 * sqrt(200.0))
     scene = wall(2000.0, 5.0, CONE)
     integrator = INTEGRATORS[name].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.001), ZERO)
@@ -134,7 +134,7 @@ def test_sliding_it_feels_the_dynamic_coefficient(name: str) -> None:
 @every_integrator
 def test_within_the_static_cone_it_stays_where_it_stuck(name: str) -> None:
     """Drawn sideways by 1.2 N while pressed by 4 N: the springs of control and surface share the way."""
-    body = Body(0.1, 2000.0, 2.0 * sqrt(200.0))
+    body = ControlledMass(0.1, 2000.0, 2.0 * sqrt(200.0))
     scene = wall(2000.0, 5.0, CONE)
     integrator = INTEGRATORS[name].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.001), ZERO)

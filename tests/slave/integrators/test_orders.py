@@ -8,7 +8,7 @@ import pytest
 
 from tests.slave.integrators.problems import BODY, ball, difference, run, wall
 from weberlink.geometry.vector import Vector
-from weberlink.slave.integrators import INTEGRATORS, Motion
+from weberlink.slave.integrators import INTEGRATORS, MassState
 from weberlink.slave.scenes.scene import Scene
 
 STEPS = (40, 80, 160, 320)
@@ -22,7 +22,7 @@ class Problem(NamedTuple):
     goal: Vector
     duration: float
 
-    def arrived(self, name: str, steps: int) -> Motion:
+    def arrived(self, name: str, steps: int) -> MassState:
         return run(name, BODY, *self, steps)
 
 
@@ -37,7 +37,7 @@ SMOOTH = {
 BOUNCE = Problem(lambda: ball(2000.0), (0.001, 0.0, 0.004), (0.1, 0.0, -0.5), (0.01, 0.0, 0.005), 0.05)
 
 
-def slope(name: str, problem: Problem, truth: Motion) -> float:
+def slope(name: str, problem: Problem, truth: MassState) -> float:
     errors = [difference(problem.arrived(name, steps), truth, 0.01) for steps in STEPS]
     return -float(np.polyfit(np.log(STEPS), np.log(errors), 1)[0])
 

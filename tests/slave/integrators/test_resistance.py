@@ -4,10 +4,9 @@ from hypothesis import strategies as st
 
 from tests.slave.integrators.problems import UP, corner, wall
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
-from weberlink.slave.integrators.reaction import depth_rates, pressing, reaction
-from weberlink.slave.integrators.resistance import Resistance
+from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, depth_rates, pressing
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 STEP = 1e-3
@@ -21,7 +20,7 @@ def implicit(scene: Scene, start: Vector, velocity: Vector) -> Vector:
     state = scene.state
     touches = scene.touch(add(start, scale(velocity, STEP)))
     scene.restore(state)
-    return subtract(scale(velocity, INERTIA), scale(reaction(touches, velocity), STEP))
+    return subtract(scale(velocity, INERTIA), scale(contact_force(touches, velocity), STEP))
 
 
 @pytest.mark.parametrize(
@@ -42,7 +41,7 @@ def test_it_inverts_the_derivative_of_the_implicit_equation(scene: Scene, push: 
     scene.touch(start)
     velocity: Vector = (0.01, -0.01, -0.02)
     state = scene.state
-    at = Resistance(scene.touch(add(start, scale(velocity, STEP))), velocity, INERTIA, STEP)
+    at = ContactResistance(scene.touch(add(start, scale(velocity, STEP))), velocity, INERTIA, STEP)
     scene.restore(state)
     tiny = 1e-4
     change = at.solved(scale(push, tiny))
@@ -55,10 +54,12 @@ def test_a_contact_that_would_pull_neither_pushes_nor_resists() -> None:
     scene.touch((0.0, 0.0, 0.001))
     touches = scene.touch((0.0, 0.0, -1e-5))
     leaving: Vector = (0.0, 0.0, 0.1)
-    assert reaction(touches, leaving) == ZERO
+    assert contact_force(touches, leaving) == ZERO
     assert pressing(touches, leaving) == frozenset()
     assert pressing(touches, ZERO) == {0}
-    assert Resistance(touches, leaving, INERTIA, STEP).solved((0.0, 0.0, INERTIA)) == pytest.approx((0.0, 0.0, 1.0))
+    assert ContactResistance(touches, leaving, INERTIA, STEP).solved((0.0, 0.0, INERTIA)) == pytest.approx(
+        (0.0, 0.0, 1.0)
+    )
 
 
 @given(st.lists(vectors.filter(lambda n: norm(n) > 0.3).map(unit), min_size=1, max_size=3), vectors)
@@ -88,10 +89,10 @@ def gram(normals: list[Vector]) -> float:
 
 def test_parallel_contacts_are_resisted_by_the_sum_of_them() -> None:
     touches = [Touch(i, 0.001, UP, 1e5, 0.0, ZERO, 0.0) for i in range(2)]
-    change = Resistance(touches, ZERO, INERTIA, STEP).solved((0.0, 0.0, 1.0))
+    change = ContactResistance(touches, ZERO, INERTIA, STEP).solved((0.0, 0.0, 1.0))
     assert 0.0 < change[2] < 1.0 / (INERTIA + STEP * STEP * 1e5)
 
 
 def test_damping_takes_the_true_velocity_not_a_difference_of_depths() -> None:
-    scene = Scene([SceneObject(Plane(ZERO, UP), 1000.0, None, 20.0)])
-    assert reaction(scene.touch((0.0, 0.0, -0.001)), (0.5, 0.0, -0.1)) == pytest.approx((0.0, 0.0, 1.0 + 2.0))
+    scene = Scene([SceneObject(PlaneShape(ZERO, UP), 1000.0, None, 20.0)])
+    assert contact_force(scene.touch((0.0, 0.0, -0.001)), (0.5, 0.0, -0.1)) == pytest.approx((0.0, 0.0, 1.0 + 2.0))

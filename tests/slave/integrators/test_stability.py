@@ -10,10 +10,10 @@ from tests.examples import examples
 from tests.slave.integrators.problems import ball, energy, moving, wall
 from tests.slave.scenes.solids import SHAPES
 from weberlink.geometry.vector import ZERO, Vector, norm, unit
-from weberlink.slave.integrators import INTEGRATORS, Body
+from weberlink.slave.integrators import INTEGRATORS, ControlledMass
 from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 STIFFNESSES = (1e1, 1e3, 1e5, 1e7)
@@ -28,7 +28,7 @@ def test_thrown_at_a_wall_it_never_gains_energy(name: str) -> None:
     for stiffness in STIFFNESSES:
         for mass in MASSES:
             for tick in TICKS:
-                body, scene, goal = Body(mass, 200.0, 0.0), wall(stiffness), (0.0, 0.0, -0.0005)
+                body, scene, goal = ControlledMass(mass, 200.0, 0.0), wall(stiffness), (0.0, 0.0, -0.0005)
                 integrator = INTEGRATORS[name].build(body, scene)
                 motion = moving(scene, (0.0, 0.0, 0.002), (0.1, 0.0, -0.5))
                 before = energy(body, motion, goal, scene, stiffness)
@@ -58,7 +58,7 @@ def test_the_implicit_scheme_gains_no_energy_to_speak_of_on_any_shape(
     velocity: Vector,
     goal: Vector,
 ) -> None:
-    body, scene = Body(mass, 300.0, 0.0), Scene([SceneObject(SHAPES[shape], stiffness, None, damping)])
+    body, scene = ControlledMass(mass, 300.0, 0.0), Scene([SceneObject(SHAPES[shape], stiffness, None, damping)])
     integrator = INTEGRATORS["implicit"].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.045), velocity)
     first = energy(body, motion, goal, scene, stiffness)
@@ -85,7 +85,7 @@ def test_what_auto_picks_stays_bounded_with_friction_too(
     """It starts 5 cm above and cannot be thrown farther than its energy would carry it."""
     cone = FrictionCone(0.5, 0.4) if rough else None
     scene = Scene([SceneObject(SHAPES[shape], stiffness, cone, damping)])
-    body = Body(mass, 1000.0, 2.0 * sqrt(1000.0 * mass))
+    body = ControlledMass(mass, 1000.0, 2.0 * sqrt(1000.0 * mass))
     name, substeps, _ = chosen(body, scene, tick)
     integrator = INTEGRATORS[name].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.045), ZERO)
@@ -101,7 +101,7 @@ def test_what_auto_picks_stays_bounded_with_friction_too(
 def test_the_implicit_scheme_is_l_stable(damping: float | None) -> None:
     """One step into contact a million times too stiff for it, and nothing is left of the motion along the normal."""
     scene = wall(1e7, damping)
-    integrator = INTEGRATORS["implicit"].build(Body(1e-3, 1.0, 0.0), scene)
+    integrator = INTEGRATORS["implicit"].build(ControlledMass(1e-3, 1.0, 0.0), scene)
     motion = moving(scene, (0.0, 0.0, -1e-5), (0.1, 0.0, -0.01))
     left = []
     for _ in range(6):
@@ -117,7 +117,7 @@ def test_symplectic_euler_is_stable_just_where_it_says(damping: float, factor: f
     """2 a + b < 4, to a tenth of a percent."""
     mass, stiffness = 0.05, 1e4
     limit = (-damping + sqrt(damping**2 + 4.0 * mass * stiffness)) / stiffness  # of 2 c h / m + k h^2 / m = 4
-    integrator = INTEGRATORS["semi_implicit"].build(Body(mass, stiffness, damping), None)
+    integrator = INTEGRATORS["semi_implicit"].build(ControlledMass(mass, stiffness, damping), None)
     motion, farthest = moving(None, (0.0, 0.0, -1.0), ZERO), 0.0
     for _ in range(4000):
         motion = integrator.advance(motion, ZERO, factor * limit)
@@ -127,7 +127,7 @@ def test_symplectic_euler_is_stable_just_where_it_says(damping: float, factor: f
 
 @pytest.mark.parametrize("name", L_STABLE)
 def test_a_gram_falls_on_a_stiff_ball_and_rests_there(name: str) -> None:
-    body, scene = Body(1e-3, 1000.0, 2.0), ball(1e6)
+    body, scene = ControlledMass(1e-3, 1000.0, 2.0), ball(1e6)
     integrator = INTEGRATORS[name].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.01), ZERO)
     for tick in range(600):
@@ -139,8 +139,8 @@ def test_a_gram_falls_on_a_stiff_ball_and_rests_there(name: str) -> None:
 def test_oblique_stiff_contacts_hold_what_is_pressed_between_them() -> None:
     normals = (unit((0.5, 0.0, 1.0)), unit((-0.5, 0.0, 1.0)))
     for name in L_STABLE:
-        scene = Scene([SceneObject(Plane(ZERO, n), k) for n, k in zip(normals, (1e7, 1e5), strict=True)])
-        integrator = INTEGRATORS[name].build(Body(0.01, 1000.0, 6.0), scene)
+        scene = Scene([SceneObject(PlaneShape(ZERO, n), k) for n, k in zip(normals, (1e7, 1e5), strict=True)])
+        integrator = INTEGRATORS[name].build(ControlledMass(0.01, 1000.0, 6.0), scene)
         motion = moving(scene, (0.002, 0.0, 0.01), ZERO)
         for _ in range(500):
             motion = integrator.advance(motion, (0.0, 0.0, -0.005), 1e-3)
@@ -160,7 +160,7 @@ def test_an_impact_that_defeats_newton_takes_energy_all_the_same(
     shape: str, stiffness: float, mass: float, tick: float, position: Vector, velocity: Vector
 ) -> None:
     """Metres per second against a rough, stiff, curved surface, a centimetre per step."""
-    body, goal = Body(mass, 1000.0, 2.0 * sqrt(1000.0 * mass)), (0.0, 0.0, -0.015)
+    body, goal = ControlledMass(mass, 1000.0, 2.0 * sqrt(1000.0 * mass)), (0.0, 0.0, -0.015)
     scene = Scene([SceneObject(SHAPES[shape], stiffness, FrictionCone(0.5, 0.4), 60.0)])
     integrator = INTEGRATORS["implicit"].build(body, scene)
     motion = moving(scene, position, velocity)

@@ -12,11 +12,11 @@ from pathlib import Path
 from tests.pace import TICK, real_time, virtual_time
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import PtyDevice
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 GROUND = 500.0  # [N/m]
@@ -55,7 +55,7 @@ class Bench:
 
 
 def ground() -> Scene:
-    return Scene([SceneObject(Plane(ZERO, (0.0, 0.0, 1.0)), GROUND)])
+    return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), GROUND)])
 
 
 @contextmanager
@@ -87,7 +87,7 @@ def mujoco(folder: Path) -> Iterator[Bench]:
 def dynamixel(folder: Path) -> Iterator[Bench]:
     floor = 0.10
     scene = [{"shape": "plane", "point_m": [0.0, 0.0, floor], "stiffness_n_m": GROUND}]
-    emulator = DynamixelEmulator(DynamixelOptions(scene=scene))
+    emulator = DynamixelEmulator(DynamixelEmulatorOptions(scene=scene))
     with PtyDevice(emulator, folder / "arm") as wire:
         driver = load("dynamixel")
         # Patient with a machine that stalls; what it does then is the business of its own tests.

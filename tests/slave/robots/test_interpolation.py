@@ -6,17 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.slave.robots.interpolation import Interpolation, Sample
+from weberlink.slave.robots.interpolation import Interpolation, TimedValues
 
 numbers = st.floats(-1e3, 1e3)
 steps = st.lists(st.tuples(st.floats(1e-4, 0.1), numbers, numbers), min_size=1, max_size=6)
 
 
-def filled(interpolation: Interpolation, walk: list[tuple[float, float, float]]) -> list[Sample]:
+def filled(interpolation: Interpolation, walk: list[tuple[float, float, float]]) -> list[TimedValues]:
     at, samples = 100.0, []
     for step, a, b in walk:
         at += step
-        samples.append(Sample(at, (a, b)))
+        samples.append(TimedValues(at, (a, b)))
         interpolation.add(samples[-1])
     return samples
 
@@ -58,7 +58,7 @@ def test_while_samples_come_time_never_goes_back_and_is_late_by_the_lag(steps: l
     for step, wait in steps:
         at += step
         first = at if first == 100.0 else first
-        interpolation.add(Sample(at, (at,)))
+        interpolation.add(TimedValues(at, (at,)))
         now = max(now, at) + wait
         reading = interpolation.at(now)
         assert reading.at >= last
@@ -69,31 +69,31 @@ def test_while_samples_come_time_never_goes_back_and_is_late_by_the_lag(steps: l
 
 def test_after_the_newest_it_holds_and_does_not_extrapolate() -> None:
     interpolation = Interpolation(0.005)
-    interpolation.add(Sample(1.0, (0.0,)))
-    interpolation.add(Sample(1.1, (1.0,)))
-    assert interpolation.at(9.0) == Sample(1.1, (1.0,))
+    interpolation.add(TimedValues(1.0, (0.0,)))
+    interpolation.add(TimedValues(1.1, (1.0,)))
+    assert interpolation.at(9.0) == TimedValues(1.1, (1.0,))
 
 
 def test_before_the_oldest_that_is_kept_it_holds() -> None:
     interpolation = Interpolation(0.0, keep=2)
     for number in range(4):
-        interpolation.add(Sample(float(number), (float(number),)))
-    assert interpolation.at(0.5) == Sample(2.0, (2.0,))
+        interpolation.add(TimedValues(float(number), (float(number),)))
+    assert interpolation.at(0.5) == TimedValues(2.0, (2.0,))
 
 
 def test_a_sample_that_is_not_newer_is_ignored() -> None:
     interpolation = Interpolation(0.0)
-    interpolation.add(Sample(1.0, (1.0,)))
-    interpolation.add(Sample(1.0, (5.0,)))
-    interpolation.add(Sample(0.5, (7.0,)))
-    assert interpolation.at(2.0) == Sample(1.0, (1.0,))
+    interpolation.add(TimedValues(1.0, (1.0,)))
+    interpolation.add(TimedValues(1.0, (5.0,)))
+    interpolation.add(TimedValues(0.5, (7.0,)))
+    assert interpolation.at(2.0) == TimedValues(1.0, (1.0,))
 
 
 def test_a_restart_forgets_what_was() -> None:
     interpolation = Interpolation(0.0)
-    interpolation.add(Sample(1.0, (1.0,)))
-    interpolation.restart(Sample(0.5, (3.0,)))
-    assert interpolation.at(0.7) == Sample(0.5, (3.0,))
+    interpolation.add(TimedValues(1.0, (1.0,)))
+    interpolation.restart(TimedValues(0.5, (3.0,)))
+    assert interpolation.at(0.7) == TimedValues(0.5, (3.0,))
 
 
 def test_nothing_is_made_up_before_the_first_sample() -> None:

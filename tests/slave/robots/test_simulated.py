@@ -11,7 +11,7 @@ from weberlink.slave.integrators.choice import FEW
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
@@ -19,7 +19,7 @@ UP = (0.0, 0.0, 1.0)
 
 
 def wall(stiffness: float, damping: float | None = None) -> Scene:
-    return Scene([SceneObject(Plane(ZERO, UP), stiffness, None, damping)])
+    return Scene([SceneObject(PlaneShape(ZERO, UP), stiffness, None, damping)])
 
 
 def test_against_a_wall_it_rests_where_both_springs_agree() -> None:
@@ -77,7 +77,7 @@ def test_auto_is_never_refused_and_stays_bounded(
     mass: float, gain: float, damping: float | None, stiffness: float, surface: float | None, rough: bool
 ) -> None:
     options = SimulatedOptions(mass_kg=mass, stiffness_n_m=gain, damping_n_s_m=damping)
-    scene = Scene([SceneObject(Plane(ZERO, UP), stiffness, FrictionCone(0.5, 0.4) if rough else None, surface)])
+    scene = Scene([SceneObject(PlaneShape(ZERO, UP), stiffness, FrictionCone(0.5, 0.4) if rough else None, surface)])
     robot = SimulatedRobot(options, scene, TICK)
     assert 1 <= robot.substeps <= FEW
     robot.open(0.0)

@@ -9,7 +9,7 @@ from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.scenes.box import BoxCavity
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 TICK = 0.001
@@ -22,7 +22,7 @@ def robot_of(name: str, scene: Scene | None = None, **options: Any) -> Robot:
 
 
 def ground() -> Scene:
-    return Scene([SceneObject(Plane(ZERO, (0.0, 0.0, 1.0)), 500.0)])
+    return Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), 500.0)])
 
 
 @every_driver

@@ -3,35 +3,34 @@
 from math import sin
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.scenes.box import Box, BoxCavity
-from weberlink.slave.scenes.carved import Carved
+from weberlink.slave.scenes.box import BoxCavity, BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.height_field import HeightField, bumps
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.derived import CarvedShape, TurnedShape
+from weberlink.slave.scenes.height_field import HeightFieldShape, bumps
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.sphere import Sphere, SphereCavity
-from weberlink.slave.scenes.turned import Turned
+from weberlink.slave.scenes.sphere import SphereShape
 
 UP: Vector = (0.0, 0.0, 1.0)
-GROUND = Plane((0.0, 0.0, 0.0), UP)
+GROUND = PlaneShape((0.0, 0.0, 0.0), UP)
 STIFFNESS = 500.0
 
 
-def field() -> HeightField:
+def field() -> HeightFieldShape:
     heights, spacing = bumps(0.003, 0.02, 0.12)
-    return HeightField(heights, spacing, (-0.06, -0.06, 0.0))
+    return HeightFieldShape(heights, spacing, (-0.06, -0.06, 0.0))
 
 
 SHAPES: dict[str, Shape] = {
-    "plane": Plane((0.0, 0.01, 0.0), (1.0, 2.0, 3.0)),
-    "sphere": Sphere((0.01, 0.0, -0.01), 0.03),
-    "sphere cavity": SphereCavity((0.0, 0.01, 0.0), 0.04),
-    "box": Box((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)),
+    "plane": PlaneShape((0.0, 0.01, 0.0), (1.0, 2.0, 3.0)),
+    "sphere": SphereShape((0.01, 0.0, -0.01), 0.03),
+    "sphere cavity": SphereShape((0.0, 0.01, 0.0), 0.04, inside=True),
+    "box": BoxShape((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)),
     "box cavity": BoxCavity((0.0, 0.0, 0.01), (0.06, 0.04, 0.05)),
-    "turned box": Turned(Box((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)), (0.0, 0.0, -0.01), (0.3, -0.2, 0.7)),
-    "bowl": Carved(GROUND, [SphereCavity((0.0, 0.0, 0.02), 0.03)]),
-    "pocket": Carved(GROUND, [BoxCavity((0.0, 0.0, 0.0), (0.04, 0.03, 0.02))]),
+    "turned box": TurnedShape(BoxShape((0.0, 0.0, -0.01), (0.06, 0.04, 0.02)), (0.0, 0.0, -0.01), (0.3, -0.2, 0.7)),
+    "bowl": CarvedShape(GROUND, [SphereShape((0.0, 0.0, 0.02), 0.03, inside=True)]),
+    "pocket": CarvedShape(GROUND, [BoxCavity((0.0, 0.0, 0.0), (0.04, 0.03, 0.02))]),
     "height field": field(),
 }
 
@@ -46,9 +45,9 @@ def scenes() -> dict[str, Scene]:
     everything = [SceneObject(shape, 300.0 + 100.0 * i, cone, 2.0) for i, shape in enumerate(SHAPES.values())]
     return {
         **{name: elastic(shape) for name, shape in SHAPES.items()},
-        "dome on the ground": elastic(GROUND, Sphere((0.0, 0.0, -0.01), 0.03)),
+        "dome on the ground": elastic(GROUND, SphereShape((0.0, 0.0, -0.01), 0.03)),
         "rough dome": Scene(
-            [SceneObject(GROUND, 600.0, cone, 1.0), SceneObject(Sphere((0.0, 0.0, 0.0), 0.02), 400.0, cone)]
+            [SceneObject(GROUND, 600.0, cone, 1.0), SceneObject(SphereShape((0.0, 0.0, 0.0), 0.02), 400.0, cone)]
         ),
         "everything": Scene(everything),
     }

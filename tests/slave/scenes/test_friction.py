@@ -8,7 +8,7 @@ from tests.slave.scenes.solids import GROUND
 from weberlink.geometry.vector import Vector, dot, norm, subtract
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import Sphere
+from weberlink.slave.scenes.sphere import SphereShape
 
 TICK = 0.001
 STIFFNESS = 1000.0
@@ -71,7 +71,7 @@ def test_lifting_off_forgets_where_it_stuck() -> None:
 
 @given(steps=st.lists(st.tuples(*[st.floats(-0.001, 0.001)] * 3), min_size=1, max_size=60))
 def test_the_force_stays_in_the_friction_cone_on_a_curved_surface(steps: list[Vector]) -> None:
-    ball = Sphere((0.0, 0.0, -0.03), 0.03)
+    ball = SphereShape((0.0, 0.0, -0.03), 0.03)
     scene = Scene([SceneObject(ball, STIFFNESS, FrictionCone(STATIC, DYNAMIC))])
     scene.force((0.0, 0.0, 0.01), TICK)
     x = y = 0.0

@@ -10,14 +10,13 @@ from hypothesis import strategies as st
 from tests.slave.scenes.solids import GROUND, SHAPES, UP, wander
 from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, subtract
 from weberlink.slave.integrators.choice import chosen
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
-from weberlink.slave.scenes.box import Box
+from weberlink.slave.scenes.box import BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.moving import MovingScene
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.moving import MovingScene, Sway
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sway import Sway
 
 TICK = 0.001
 STIFFNESS = 500.0
@@ -105,7 +104,7 @@ def test_only_the_motion_relative_to_the_surface_counts(
 
 def test_nothing_thin_and_fast_passes_through_the_probe() -> None:
     """A sheet of 1 mm that moves by 9 mm a tick carries the probe on its surface."""
-    sheet = Box((0.0, 0.0, 0.0), (0.2, 0.2, 0.001))
+    sheet = BoxShape((0.0, 0.0, 0.0), (0.2, 0.2, 0.001))
     swing = Sway(UP, 0.05, 45.0, -0.25, "triangle")
     fast = MovingScene([SceneObject(sheet, STIFFNESS)], [swing])
     fast.force((0.0, 0.0, 0.0), 0.0)
@@ -117,7 +116,7 @@ def test_nothing_thin_and_fast_passes_through_the_probe() -> None:
 
 def test_what_moves_elsewhere_takes_no_proxy_along() -> None:
     """Not even through a sheet at rest that the probe leans on from below."""
-    sheet = SceneObject(Box((0.0, 0.0, 0.0), (0.2, 0.2, 0.001)), STIFFNESS)
+    sheet = SceneObject(BoxShape((0.0, 0.0, 0.0), (0.2, 0.2, 0.001)), STIFFNESS)
     ball = SceneObject(SHAPES["sphere"], STIFFNESS)
     scene = MovingScene([sheet, ball], [None, Sway(UP, 0.05, 45.0, 0.0, "triangle")])
     scene.force((0.08, 0.08, -0.01), 0.0)
@@ -161,7 +160,7 @@ def test_a_lowered_object_lets_go_and_a_raised_one_takes_hold_again() -> None:
 
 
 def test_objects_at_rest_stay_where_they_are_beside_one_that_moves() -> None:
-    floor, wall = SceneObject(GROUND, STIFFNESS), SceneObject(Plane((0.02, 0.0, 0.0), (-1.0, 0.0, 0.0)), 800.0)
+    floor, wall = SceneObject(GROUND, STIFFNESS), SceneObject(PlaneShape((0.02, 0.0, 0.0), (-1.0, 0.0, 0.0)), 800.0)
     scene = MovingScene([floor, wall], [RISING, None])
     scene.force((0.0, 0.0, 0.03), 0.0)
     scene.force((0.0, 0.0, -0.005), 0.0)
@@ -172,7 +171,7 @@ def test_objects_at_rest_stay_where_they_are_beside_one_that_moves() -> None:
 
 
 def test_squeezed_between_floor_and_ceiling_it_stays_finite_and_comes_free() -> None:
-    ceiling = SceneObject(Plane((0.0, 0.0, 0.005), (0.0, 0.0, -1.0)), 800.0)
+    ceiling = SceneObject(PlaneShape((0.0, 0.0, 0.005), (0.0, 0.0, -1.0)), 800.0)
     scene = MovingScene([SceneObject(GROUND, STIFFNESS, CONE, 2.0), ceiling], [RISING, None])
     scene.force((0.0, 0.0, 0.002), 0.0)
     for _ in range(1000):
@@ -234,7 +233,7 @@ def test_a_time_of_no_use_moves_nothing() -> None:
 def test_a_body_with_mass_is_refused_by_every_integrator() -> None:
     for integrator in ("auto", "semi_implicit", "implicit", "exact"):
         with pytest.raises(ValueError, match=r"motion.*driver: point"):
-            chosen(Body(0.2, 1000.0, 10.0), moving(), TICK, integrator)
+            chosen(ControlledMass(0.2, 1000.0, 10.0), moving(), TICK, integrator)
     with pytest.raises(ValueError, match="without motion"):
         SimulatedRobot(SimulatedOptions(), moving(), TICK)
     assert not Scene([SceneObject(GROUND, STIFFNESS)]).moves

@@ -6,19 +6,9 @@ from pathlib import Path
 import yaml
 from pydantic import TypeAdapter
 
-from weberlink.slave.scenes.settings import (
-    BoxShape,
-    HeightFieldShape,
-    MotionSettings,
-    PlaneShape,
-    SceneSettings,
-    SphereShape,
-    Surface,
-    build,
-)
+from weberlink.slave.scenes.settings import BUILT_IN, MotionSettings, ObjectSettings, SceneSettings, build
 
 PAGE = (Path(__file__).parents[3] / "docs" / "scenes.md").read_text(encoding="utf-8")
-SHAPES = {"plane": PlaneShape, "sphere": SphereShape, "box": BoxShape, "height_field": HeightFieldShape}
 
 
 def rows(heading: str) -> dict[str, str]:
@@ -29,13 +19,13 @@ def rows(heading: str) -> dict[str, str]:
 
 def test_every_shape_is_listed_with_its_keys() -> None:
     listed = rows("shape")
-    assert listed.keys() == SHAPES.keys()
-    for name, shape in SHAPES.items():
+    assert listed.keys() == BUILT_IN.keys()
+    for name, shape in BUILT_IN.items():
         assert set(shape.model_fields) - {"shape"} <= set(re.findall(r"`(\w+)`", listed[name]))
 
 
 def test_every_key_of_a_surface_and_of_a_motion_is_listed() -> None:
-    assert rows("surface").keys() == Surface.model_fields.keys()
+    assert rows("surface").keys() == ObjectSettings.model_fields.keys() - {"shape"}
     listed = rows("key of `motion`")
     assert listed.keys() == MotionSettings.model_fields.keys()
     for name, field in MotionSettings.model_fields.items():

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from tests.slave.scenes.solids import SHAPES, field
 from weberlink.geometry.vector import Vector, add, distance, dot, is_finite, norm, scale, subtract
-from weberlink.slave.scenes.box import Box
-from weberlink.slave.scenes.height_field import HeightField, bumps
-from weberlink.slave.scenes.plane import Plane
-from weberlink.slave.scenes.sphere import Sphere, SphereCavity
-from weberlink.slave.scenes.turned import Turned
+from weberlink.slave.scenes.box import BoxShape
+from weberlink.slave.scenes.derived import TurnedShape
+from weberlink.slave.scenes.height_field import HeightFieldShape, bumps
+from weberlink.slave.scenes.plane import PlaneShape
+from weberlink.slave.scenes.sphere import SphereShape
 
 near = st.floats(-0.08, 0.08)
 points = st.tuples(near, near, near)
@@ -61,15 +61,15 @@ def test_any_finite_point_is_answered(name: str, point: Vector) -> None:
 
 
 def test_the_centre_of_a_sphere_has_a_way_out() -> None:
-    ((gap, normal),) = Sphere((0.01, 0.02, 0.03), 0.05).linearise((0.01, 0.02, 0.03))
+    ((gap, normal),) = SphereShape((0.01, 0.02, 0.03), 0.05).linearise((0.01, 0.02, 0.03))
     assert (gap, norm(normal)) == (-0.05, 1.0)
-    ((gap, normal),) = SphereCavity((0.01, 0.02, 0.03), 0.05).linearise((0.01, 0.02, 0.03))
+    ((gap, normal),) = SphereShape((0.01, 0.02, 0.03), 0.05, inside=True).linearise((0.01, 0.02, 0.03))
     assert (gap, norm(normal)) == (0.05, 1.0)
 
 
 @given(excess=st.floats(0.0, 1e-160))
 def test_a_corner_is_safe_however_near(excess: float) -> None:
-    box = Box((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))
+    box = BoxShape((0.0, 0.0, 0.0), (2.0, 2.0, 2.0))
     for _, normal in box.linearise((1.0 + excess, 1.0 + excess, 1.0 + excess)):
         assert norm(normal) == pytest.approx(1.0)
 
@@ -77,12 +77,12 @@ def test_a_corner_is_safe_however_near(excess: float) -> None:
 @given(point=points, angles=st.tuples(*[st.floats(-3.0, 3.0)] * 3))
 def test_turning_keeps_distances(point: Vector, angles: Vector) -> None:
     pivot = (0.01, -0.02, 0.03)
-    ball = Sphere(pivot, 0.02)
-    assert Turned(ball, pivot, angles).clearance(point) == pytest.approx(ball.clearance(point), abs=1e-12)
+    ball = SphereShape(pivot, 0.02)
+    assert TurnedShape(ball, pivot, angles).clearance(point) == pytest.approx(ball.clearance(point), abs=1e-12)
 
 
 def test_yaw_turns_from_x_to_y() -> None:
-    long_in_y = Turned(Box((0.0, 0.0, 0.0), (0.1, 0.02, 0.02)), (0.0, 0.0, 0.0), (0.0, 0.0, pi / 2.0))
+    long_in_y = TurnedShape(BoxShape((0.0, 0.0, 0.0), (0.1, 0.02, 0.02)), (0.0, 0.0, 0.0), (0.0, 0.0, pi / 2.0))
     assert long_in_y.clearance((0.0, 0.04, 0.0)) == pytest.approx(-0.01)
     ((gap, normal),) = long_in_y.linearise((0.0, 0.06, 0.0))
     assert gap == pytest.approx(0.01)
@@ -108,7 +108,9 @@ def test_a_steep_height_field_is_not_nearer_than_it_says(
 ) -> None:
     """Cliffs of 5 mm over 1 mm, where the vertical distance says little."""
     draw = Random(seed)
-    cliffs = HeightField([[draw.choice((0.0, 0.005)) for _ in range(11)] for _ in range(11)], 0.001, (0.0, 0.0, 0.0))
+    cliffs = HeightFieldShape(
+        [[draw.choice((0.0, 0.005)) for _ in range(11)] for _ in range(11)], 0.001, (0.0, 0.0, 0.0)
+    )
     height = -cliffs.clearance((*surface, -1.0)) - 1.0
     clearance = cliffs.clearance(add((*surface, height), offset))
     if clearance > 0.0:
@@ -117,7 +119,7 @@ def test_a_steep_height_field_is_not_nearer_than_it_says(
 
 def test_the_height_field_passes_through_its_samples() -> None:
     heights = [[0.0, 0.001, 0.0], [0.002, -0.001, 0.004]]
-    surface = HeightField(heights, 0.01, (0.5, 0.25, 0.1))
+    surface = HeightFieldShape(heights, 0.01, (0.5, 0.25, 0.1))
     for row, values in enumerate(heights):
         for column, height in enumerate(values):
             assert surface.clearance((0.5 + 0.01 * column, 0.25 + 0.01 * row, 0.1 + height)) == pytest.approx(
@@ -127,7 +129,7 @@ def test_the_height_field_passes_through_its_samples() -> None:
 
 def test_bumps_are_the_formula_to_interpolation_accuracy() -> None:
     heights, spacing = bumps(0.003, 0.02, 0.06)
-    surface = HeightField(heights, spacing, (0.0, 0.0, 0.0))
+    surface = HeightFieldShape(heights, spacing, (0.0, 0.0, 0.0))
     for i in range(50):
         x, y = 0.06 * i / 49.0, 0.06 * ((7 * i) % 50) / 49.0
         exact = 0.003 * (1.0 - cos(2.0 * pi * x / 0.02)) * (1.0 - cos(2.0 * pi * y / 0.02)) / 4.0
@@ -138,7 +140,7 @@ def test_bumps_are_the_formula_to_interpolation_accuracy() -> None:
 
 
 def test_beyond_its_grid_the_border_of_a_height_field_goes_on() -> None:
-    surface = HeightField([[0.01, 0.02], [0.03, 0.04]], 0.01, (0.0, 0.0, 0.0))
+    surface = HeightFieldShape([[0.01, 0.02], [0.03, 0.04]], 0.01, (0.0, 0.0, 0.0))
     assert surface.clearance((-1.0, -1.0, 0.01)) == pytest.approx(0.0, abs=1e-12)
     assert surface.clearance((1e6, 1e6, 0.04)) == pytest.approx(0.0, abs=1e-12)
     ((_, normal),) = surface.linearise((1.0, -1.0, 0.0))
@@ -148,14 +150,14 @@ def test_beyond_its_grid_the_border_of_a_height_field_goes_on() -> None:
 @pytest.mark.parametrize(
     ("build", "named"),
     [
-        (lambda: Plane((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), "normal"),
-        (lambda: Sphere((0.0, 0.0, 0.0), 0.0), "radius"),
-        (lambda: SphereCavity((0.0, 0.0, 0.0), -1.0), "radius"),
-        (lambda: Box((0.0, 0.0, 0.0), (1.0, 0.0, 1.0)), "size"),
-        (lambda: HeightField([[0.0, 0.0]], 0.01, (0.0, 0.0, 0.0)), "heights"),
-        (lambda: HeightField([[0.0, 0.0], [0.0]], 0.01, (0.0, 0.0, 0.0)), "heights"),
-        (lambda: HeightField([[0.0, float("nan")], [0.0, 0.0]], 0.01, (0.0, 0.0, 0.0)), "heights"),
-        (lambda: HeightField([[0.0, 0.0], [0.0, 0.0]], 0.0, (0.0, 0.0, 0.0)), "spacing"),
+        (lambda: PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), "normal"),
+        (lambda: SphereShape((0.0, 0.0, 0.0), 0.0), "radius"),
+        (lambda: SphereShape((0.0, 0.0, 0.0), -1.0, inside=True), "radius"),
+        (lambda: BoxShape((0.0, 0.0, 0.0), (1.0, 0.0, 1.0)), "size"),
+        (lambda: HeightFieldShape([[0.0, 0.0]], 0.01, (0.0, 0.0, 0.0)), "heights"),
+        (lambda: HeightFieldShape([[0.0, 0.0], [0.0]], 0.01, (0.0, 0.0, 0.0)), "heights"),
+        (lambda: HeightFieldShape([[0.0, float("nan")], [0.0, 0.0]], 0.01, (0.0, 0.0, 0.0)), "heights"),
+        (lambda: HeightFieldShape([[0.0, 0.0], [0.0, 0.0]], 0.0, (0.0, 0.0, 0.0)), "spacing"),
     ],
 )
 def test_an_impossible_shape_is_refused_by_name(build: object, named: str) -> None:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import distance, norm
-from weberlink.slave.scenes.sway import Sway, Wave
+from weberlink.slave.scenes.moving import Sway, Wave
 
 ALONG = (0.6, 0.0, 0.8)
 STEP = 1e-5

@@ -1,4 +1,4 @@
-"""The evaluate command where its work is shared: processes, a cluster, and what is left behind."""
+"""The evaluate command: arguments, processes, a Dask cluster, interruption, table and figures."""
 
 import csv
 import json
@@ -8,28 +8,32 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
+from tests.examples import examples
 from tests.studies.evaluate.signals import walk, wall
 from tests.system.clusters import Cluster, cluster
 from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from tests.system.work import reject, slowly
 from weberlink.cli import app
-from weberlink.studies.evaluate.command import run
-from weberlink.studies.evaluate.row import Row
-from weberlink.studies.evaluate.sweep import Recording, Study
+from weberlink.studies.evaluate.command import names, run
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
 from weberlink.studies.evaluate.table import FEW, table_of
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 RECORDED = CONFIGS.parent.parent / "shared" / "traces"
+MAIN = "from weberlink.cli import main; main()"
+MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
+"""Weber factors for minutes of work."""
 
 
 def write(path: Path, ticks: int, seed: int) -> Path:
@@ -37,74 +41,52 @@ def write(path: Path, ticks: int, seed: int) -> Path:
     lines = ["t,px,py,pz,fx,fy,fz"]
     columns = zip(made.time_s.tolist(), made.position_m.tolist(), made.force_n.tolist(), strict=True)
     lines += [",".join(map(repr, [time, *position, *force])) for time, position, force in columns]
-    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("\n".join(lines))
     return path
 
 
 @pytest.fixture(scope="module")
 def traces(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """The longest last, so that what is done first is not what comes first."""
+    """The longest last, so that tasks are not done in the order of the rows."""
     folder = tmp_path_factory.mktemp("traces")
     return [write(folder / f"walk_{seed}.csv", 300 + 200 * seed, seed) for seed in range(3)]
-
-
-MAIN = "from weberlink.cli import main; main()"
 
 
 def command(*arguments: object, program: str = MAIN) -> list[str]:
     return [sys.executable, "-c", program, *map(str, ("evaluate", *arguments))]
 
 
-def program(*arguments: object, before: str = "") -> subprocess.CompletedProcess[str]:
-    """The command as a process that does something else before it."""
-    line = command(*arguments, program=before + MAIN)
+def process(*arguments: object, program: str = MAIN) -> subprocess.CompletedProcess[str]:
+    line = command(*arguments, program=program)
     return subprocess.run(line, cwd=CONFIGS.parent, capture_output=True, text=True, timeout=120, check=False)
 
 
-def patience(seconds: float) -> str:
-    """Less than the command has, for what is known to wait in vain."""
-    return f"from evaluation import cluster; cluster.PATIENCE_S = {seconds}; "
+def invoke(*arguments: object) -> Result:
+    """The command in this process."""
+    return CliRunner().invoke(app, list(map(str, ("evaluate", *arguments))))
 
 
-def timeless(document: dict[str, Any]) -> str:
-    """All but what is measured, to the last bit of every number."""
-    del document["run_time_s"]
-    for row in document["rows"]:
-        del row["tick_us"]
-    return json.dumps(document)
-
-
-def rows_from(*arguments: object) -> str:
-    ended = program(*arguments, "--json", "-")
+def rows_from(*arguments: object) -> list[dict[str, Any]]:
+    """All rows without the measured run time, to the last bit of every number."""
+    ended = process(*arguments, "--json", "-")
     assert (ended.returncode, ended.stderr) == (0, "")
-    return timeless(json.loads(ended.stdout))
+    rows: list[dict[str, Any]] = json.loads(ended.stdout)["rows"]
+    for row in rows:
+        del row["tick_us"]
+    return rows
 
 
 def complaint(ended: subprocess.CompletedProcess[str] | Result, status: int) -> str:
     returned = ended.exit_code if isinstance(ended, Result) else ended.returncode
     assert (returned, ended.stdout) == (status, "")
-    lines = ended.stderr.splitlines()
-    assert len(lines) == 1, ended.stderr
-    return lines[0]
+    (line,) = ended.stderr.splitlines()
+    return line
 
 
-def invoke(*arguments: object) -> Result:
-    """The command in this process, where it makes no difference."""
-    return CliRunner().invoke(app, list(map(str, ("evaluate", *arguments))))
+# --- traces and arguments
 
 
-# --- traces
-
-
-def test_traces_of_one_stem_are_told_apart(tmp_path: Path) -> None:
-    one, other = (write(tmp_path / folder / "run.csv", 200, seed) for seed, folder in enumerate(("a", "b")))
-    result = run([one, other], "zoh", "0.1", 0.02)
-    assert [row.trace for row in result.rows] == ["a/run", "b/run"]
-    assert result.rows[0].packets != result.rows[1].packets
-
-
-def test_the_same_trace_twice_is_one_line(tmp_path: Path) -> None:
+def test_a_trace_listed_twice_is_refused(tmp_path: Path) -> None:
     link = tmp_path / "link.csv"
     link.symlink_to(OPERATOR)
     for again in (OPERATOR, OPERATOR.parent / ".." / "traces" / OPERATOR.name, link):
@@ -112,239 +94,131 @@ def test_the_same_trace_twice_is_one_line(tmp_path: Path) -> None:
         assert line == f"weberlink: {again}: listed twice, and would count twice in every mean"
 
 
-def test_the_factors_of_the_paper_have_a_name() -> None:
-    result = run([OPERATOR], "zoh", "paper", 0.02)
-    assert [row.weber for row in result.rows] == [0.025, 0.05, 0.10, 0.15, 0.20, 0.30]
+@pytest.mark.parametrize(
+    ("listed", "expected"),
+    [
+        (["/x/one.csv", "/y/two.csv"], ["one", "two"]),
+        (["/x/run.csv", "/y/run.csv", "/y/other.csv"], ["x/run", "y/run", "other"]),
+        (["/x/run.csv", "/x/run.mcap"], ["run.csv", "run.mcap"]),
+        (["/x/k/run.csv", "/y/k/run.csv"], ["x/k/run", "y/k/run"]),
+        (["/x/run.csv", "/x/run.mcap", "/y/run.csv"], ["x/run.csv", "x/run.mcap", "y/run.csv"]),
+        (["/x/run.csv", "/x/run.mcap", "/x/run.csv.csv"], ["/x/run.csv", "/x/run.mcap", "/x/run.csv.csv"]),
+    ],
+)
+def test_a_name_is_as_long_as_needed(listed: list[str], expected: list[str]) -> None:
+    assert names([Path(each) for each in listed]) == expected
+
+
+parts = st.sampled_from(["a", "b", "run", "run.csv"])
+paths = st.builds(
+    lambda folders, stem, end: Path("/", *folders, stem + end),
+    st.lists(parts, max_size=3), parts, st.sampled_from([".csv", ".mcap", ""]),
+)  # fmt: skip
+
+
+@examples(50)
+@given(st.lists(paths, unique_by=str, max_size=6))
+def test_different_files_have_different_names(listed: list[Path]) -> None:
+    assert len(set(names(listed))) == len(listed)
+
+
+def test_paper_stands_for_its_weber_factors(traces: list[Path]) -> None:
+    assert [row.weber for row in run(traces[:1], "zoh", "paper", 0.02).rows] == [0.025, 0.05, 0.10, 0.15, 0.20, 0.30]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--predictor", "cubic"), "--predictor: 'cubic' is none of zoh, "),
+        (("--predictor", "zoh,zoh"), "--predictor: zoh is listed twice"),
+        (("--weber", "often"), "--weber: must be numbers with commas between them, not 'often', or 'paper'"),
+        (("--weber", "1.5"), "--weber: must be 0 to 1, not 1.5"),
+        (("--deadband", "ball"), "--deadband: 'ball' is none of isotropic, "),
+        (("--deadband", "level_crossing", "--floor", "0"), "--deadband level_crossing: needs --floor above 0"),
+        (("--jnd", "0"), "--jnd: must be above 0 and at most 1, not 0"),
+        (("--dask", "tcp://127.0.0.1:1", "--workers", "2"), "--workers: is for this machine; with --dask it is"),
+    ],
+)
+def test_a_wrong_argument_is_one_line(arguments: tuple[str, ...], said: str) -> None:
+    assert complaint(invoke(OPERATOR, *arguments), 2).startswith(f"weberlink: {said}")
 
 
 # --- processes
 
 
-def test_rows_are_the_same_whatever_the_number_of_processes(traces: list[Path]) -> None:
-    alone, shared = (rows_from(*traces, "--weber", "0.05,0.2", "--workers", workers) for workers in (1, 2))
-    assert len(json.loads(alone)["rows"]) == 30
+def test_rows_do_not_depend_on_the_number_of_processes(traces: list[Path]) -> None:
+    alone, shared = (
+        rows_from(*traces, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2", "--workers", n) for n in (1, 2)
+    )
+    assert len(alone) == 12
     assert shared == alone
 
 
-def test_progress_is_told_task_by_task(traces: list[Path]) -> None:
+def test_progress_is_reported_after_every_task(traces: list[Path]) -> None:
     told: list[tuple[int, int]] = []
-    run(traces, "zoh,plane", "0.1,0.2", 0.02, progress=lambda done, total: told.append((done, total)))
+    run(traces, "zoh", "0.1,0.2", 0.02, progress=lambda done, total: told.append((done, total)))
     assert told == [(done, 6) for done in range(1, 7)]
 
 
-def test_a_process_that_dies_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_dead_worker_process_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("weberlink.studies.evaluate.command.rows_of", reject)
     assert complaint(invoke(OPERATOR, "--weber", "0.1,0.2", "--workers", 2), 1) == (
         "weberlink: a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
     )
 
 
-# --- what codes
+# --- interruption
 
 
-@pytest.mark.skipif(find_spec("numba") is None, reason="numba (extra: compiled) is not installed")
-def test_rows_are_the_same_whatever_codes(traces: list[Path]) -> None:
-    rows = []
-    for engine in ("python", "compiled"):
-        document = run(traces, "zoh,hybrid", "0.05,0.2", 0.02, engine=engine).document
-        assert document["engine"] == engine
-        rows.append([{key: value for key, value in row.items() if key != "tick_us"} for row in document["rows"]])
-    assert rows[0] == rows[1]
-
-
-def test_little_work_is_done_by_the_live_codec() -> None:
-    assert run([OPERATOR], "zoh", "0.1", 0.02).document["engine"] == "python"
-
-
-def test_an_engine_that_there_is_not_is_one_line() -> None:
-    line = complaint(invoke(OPERATOR, "--engine", "steam"), 2)
-    assert line == "weberlink: --engine: 'steam' is none of auto, python, compiled"
-
-
-def test_compiling_without_numba_is_one_line() -> None:
-    hidden = "import sys; sys.modules['numba'] = None; import importlib.util as u; found = u.find_spec; "
-    hidden += "u.find_spec = lambda name, *more: None if name == 'numba' else found(name, *more); "
-    line = complaint(program(OPERATOR, "--engine", "compiled", before=hidden), 2)
-    assert line == ('weberlink: --engine compiled: needs numba; install it with: pip install "weberlink[compiled]"')
-
-
-# --- a cluster
-
-pytest.importorskip("distributed", reason="needs distributed (extra: dask)")
-from weberlink.studies.evaluate.cluster import LostClusterError, spread_on_cluster  # noqa: E402 - of the extra
-
-
-@pytest.fixture(scope="module")
-def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
-    with cluster(tmp_path_factory.mktemp("cluster"), workers=2) as started:
-        yield started
-
-
-def test_rows_of_a_cluster_are_those_of_this_machine(two_workers: Cluster, traces: list[Path]) -> None:
-    arguments = (*traces, "--weber", "0.05,0.1,0.2")
-    assert rows_from(*arguments, "--dask", two_workers.address) == rows_from(*arguments, "--workers", 1)
-
-
-def test_both_workers_of_a_cluster_work(two_workers: Cluster) -> None:
-    tasks = [((0.2, "shared"), number) for number in range(8)]
-    answers = dict(spread_on_cluster(two_workers.address, slowly, tasks))
-    assert {index: answer[1] for index, answer in answers.items()} == dict(enumerate(range(8)))
-    assert {answer[0] for answer in answers.values()} == {worker.pid for worker in two_workers.workers}
-
-
-def test_work_of_a_worker_that_dies_is_done_by_another_and_that_of_the_last_by_none(tmp_path: Path) -> None:
-    tasks = [((0.2, "shared"), number) for number in range(8)]
-    with cluster(tmp_path, workers=2) as started:
-        answers = []
-        for answer in spread_on_cluster(started.address, slowly, tasks):
-            if not answers:
-                started.workers[0].kill()
-            answers.append(answer)
-        assert sorted((index, number) for index, (_, number) in answers) == [(n, n) for n in range(8)]
-        assert lost(started, started.workers[1]) == "no worker is left"
-
-
-def lost(started: Cluster, dies: subprocess.Popen[bytes]) -> str:
-    """What is said of a cluster when a process of it dies in the middle of the work."""
-    working = spread_on_cluster(started.address, slowly, [((0.5, "shared"), number) for number in range(8)])
-    next(working)
-    dies.kill()
-    with pytest.raises(LostClusterError) as caught:
-        list(working)
-    return str(caught.value).removeprefix(f"{started.address}: ").removesuffix("; the rest of the work is not done")
-
-
-def test_a_cluster_without_workers_is_one_line(tmp_path: Path) -> None:
-    with cluster(tmp_path, workers=0) as started:
-        line = complaint(program(OPERATOR, "--dask", started.address, before=patience(2.0)), 2)
-    address = started.address
-    assert line == (
-        f"weberlink: --dask: {address}: the scheduler has no workers; start some with: dask worker {address}"
-    )
-
-
-NOWHERE = ("tcp://127.0.0.1:1", "nonsense", "post://host:1", "tcp://host.invalid:8786")
-EACH = """
-import sys
-from weberlink.cli import app
-for address in sys.argv.pop().split():
-    try:
-        app([*sys.argv[1:], "--dask", address], prog_name="weberlink")
-    except SystemExit as ended:
-        assert ended.code == 2
-"""
-"""The command once for each of the addresses in the last argument."""
-
-
-def test_an_address_where_nobody_answers_is_one_line() -> None:
-    """A process, which says nothing more of half-made clients when it ends."""
-    line = command(OPERATOR, " ".join(NOWHERE), program=patience(0.5) + EACH)
-    ended = subprocess.run(line, cwd=CONFIGS.parent, capture_output=True, text=True, timeout=120, check=False)
-    assert (ended.returncode, ended.stdout) == (0, "")
-    lines = ended.stderr.splitlines()
-    assert len(lines) == len(NOWHERE), ended.stderr
-    for address, said in zip(NOWHERE, lines, strict=True):
-        assert said.startswith(f"weberlink: --dask: {address}: no scheduler answers there (")
-        assert said.endswith("); expected an address such as tcp://host:8786")
-
-
-def test_processes_of_this_machine_are_none_of_a_cluster() -> None:
-    line = complaint(invoke(OPERATOR, "--dask", "tcp://127.0.0.1:1", "--workers", 2), 2)
-    assert line == "weberlink: --workers: is for this machine; with --dask it is the cluster that has workers"
-
-
-def test_without_distributed_a_cluster_is_refused_in_one_line_and_nothing_else_needs_it() -> None:
-    without = "import sys; sys.modules['distributed'] = None; from weberlink.cli import main; main()"
-    ended = [
-        subprocess.run(
-            command(OPERATOR, "--predictor", "zoh", *more, program=without),
-            cwd=CONFIGS.parent,
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
-        for more in (("--dask", "tcp://127.0.0.1:1"), ())
-    ]
-    assert complaint(ended[0], 2) == (
-        'weberlink: --dask: needs distributed; install it with: pip install "weberlink[dask]"'
-    )
-    assert ended[1].returncode == 0
-
-
-# --- ended by hand
-
-
-NOTED = """
-import sys
-from pathlib import Path
-import weberlink.studies.evaluate.command
-run, first = weberlink.evaluate.run, Path(sys.argv.pop())
-def noted(*arguments, progress, **options):
-    def told(done, total):
-        first.touch()
-        progress(done, total)
-    return run(*arguments, progress=told, **options)
-weberlink.evaluate.run = noted
-"""
-"""Leaves a file when the first piece of the work is done; its name is the last argument."""
-
-
-def interrupted(*arguments: object, first: Path) -> subprocess.CompletedProcess[str]:
+def interrupted(*arguments: object, folder: Path) -> subprocess.CompletedProcess[str]:
     """Ctrl-C in the middle of the work: the signal reaches every process of the group."""
-    process = subprocess.Popen(
-        command(*arguments, first, program=NOTED + MAIN), cwd=CONFIGS.parent, text=True, start_new_session=True,
+    first = folder / "first"
+    touching = f"""
+from pathlib import Path
+import weberlink.studies.evaluate.command as command
+run = command.run
+def noted(*arguments, progress, **options):
+    return run(*arguments, progress=lambda *state: Path({str(first)!r}).touch(), **options)
+command.run = noted
+{MAIN}
+"""
+    program = subprocess.Popen(
+        command(*arguments, program=touching), cwd=CONFIGS.parent, text=True, start_new_session=True,
         stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     )  # fmt: skip
-    until(lambda: first.exists() or process.poll() is not None, "the first piece of the work")
-    os.killpg(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=60)
-    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
-
-
-MANY = ",".join(f"{0.0005 * step:g}" for step in range(1, 400))
-"""Minutes of work."""
+    until(lambda: first.exists() or program.poll() is not None, "the first task")
+    os.killpg(program.pid, signal.SIGINT)
+    out, err = program.communicate(timeout=60)
+    return subprocess.CompletedProcess(program.args, program.returncode, out, err)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c_ends_it_without_a_word(workers: int, tmp_path: Path) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", workers, first=tmp_path / "first")
+def test_ctrl_c_ends_it_silently(workers: int, tmp_path: Path) -> None:
+    ended = interrupted(OPERATOR, "--weber", MANY, "--workers", workers, folder=tmp_path)
     assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
 
 
-def test_ctrl_c_takes_its_work_from_the_cluster(two_workers: Cluster, traces: list[Path], tmp_path: Path) -> None:
-    ended = interrupted(OPERATOR, "--weber", MANY, "--dask", two_workers.address, first=tmp_path / "first")
-    assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
-    # The cluster is free for others at once.
-    assert json.loads(rows_from(traces[0], "--dask", two_workers.address))["rows"]
+# --- table and figures
 
 
-def test_a_scheduler_that_dies_is_one_line(two_workers: Cluster) -> None:
-    """The last to use this cluster."""
-    assert lost(two_workers, two_workers.scheduler) == "the scheduler went away"
-
-
-# --- what is left behind
-
-
-def printed(rows: list[Row]) -> list[str]:
+def printed(rows: list[EvaluationRow]) -> list[str]:
     paper = StringIO()
     Console(width=80, file=paper).print(table_of(rows, 0.10, 1.0, "made by a test"))
     return paper.getvalue().splitlines()
 
 
 def test_the_limit_is_shown_where_it_is_known() -> None:
-    (row,) = Study(("zoh",)).rows(Recording("wall", wall(200)))
+    (row,) = EvaluationStudy(("zoh",)).rows(NamedTrace("wall", wall(200)))
     unknown, known = (printed([replace(row, clairvoyant_packets=packets)]) for packets in (None, 3))
     assert unknown[0].split() == ["trace", "predictor", "k", "packets/s", "fewer", "RMS", "JND", "noticed", "us/tick"]
     assert known[0].split()[3:5] == ["packets/s", "limit"]
     assert known[1].split()[3:5] == [f"{row.packets_per_s:.1f}", "15.0"]
 
 
-def test_few_rows_are_printed_one_by_one_and_many_as_means() -> None:
-    study = Study(webers=tuple(0.02 * step for step in range(1, 6)))
-    one = list(study.rows(Recording("a_name_that_is_rather_long_for_a_column_1", wall(60))))
-    other = list(study.rows(Recording("another", walk(60, seed=2))))
+def test_few_rows_are_printed_singly_and_many_as_means() -> None:
+    study = EvaluationStudy(webers=tuple(0.02 * step for step in range(1, 6)))
+    one = study.rows(NamedTrace("a_name_that_is_rather_long_for_a_column_1", wall(60)))
+    other = study.rows(NamedTrace("another", walk(60, seed=2)))
     lines = printed(one)
     assert max(map(len, lines)) <= 80
     assert [line.split()[0] for line in lines[1:26]] == ["…_for_a_column_1"] * 25
@@ -359,7 +233,8 @@ def test_few_rows_are_printed_one_by_one_and_many_as_means() -> None:
 
 def test_plots_are_curves_a_moment_a_surface_and_all_rows(traces: list[Path], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    ended = invoke(*traces[:2], OPERATOR, "--weber", "0.1,0.2", "--plots", tmp_path, "--json", tmp_path / "rows.json")
+    arguments = ("--predictor", "zoh,hybrid", "--weber", "0.1,0.2", "--plots", tmp_path)
+    ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")
     assert (ended.exit_code, ended.stderr) == (0, "")
     drawn = {path.name for path in tmp_path.iterdir()}
     for name in ("packet_rate", "quality", "quality_over_rate", "force", "model"):
@@ -367,27 +242,109 @@ def test_plots_are_curves_a_moment_a_surface_and_all_rows(traces: list[Path], tm
     with (tmp_path / "rows.csv").open(newline="", encoding="utf-8") as file:
         table = list(csv.DictReader(file))
     rows = json.loads((tmp_path / "rows.json").read_text())["rows"]
-    assert len(table) == len(rows) == 30
+    assert len(table) == len(rows) == 8
     for flat, row in zip(table, rows, strict=True):
         selected = row.pop("selected", None)
         assert {key: flat[key] for key in row} == {key: str(value) for key, value in row.items()}
         assert [flat[f"selected_{name}"] for name in ("zoh", "linear", "plane", "sphere")] == (
             ["", "", "", ""] if selected is None else [str(sends) for sends in selected.values()]
         )
-    assert (tmp_path / "curves.csv").read_text().count("\n") == 11
+    assert (tmp_path / "curves.csv").read_text().count("\n") == 5
 
 
-def test_one_trace_without_geometry_has_no_surface_to_draw(tmp_path: Path) -> None:
-    pytest.importorskip("matplotlib")
-    ended = invoke(OPERATOR, "--predictor", "zoh", "--plots", tmp_path)
-    assert (ended.exit_code, ended.stderr) == (0, "")
-    assert "quality.png" in {path.name for path in tmp_path.iterdir()}
-    assert not list(tmp_path.glob("model*"))
-
-
-@pytest.mark.skipif(not RECORDED.is_dir(), reason="recordings of people lie in ../shared/traces, which is not here")
-def test_on_recordings_of_people_the_codec_keeps_its_word_and_none_beats_the_clairvoyant() -> None:
-    for row in run(sorted(RECORDED.glob("tue_*_1.csv")), "zoh,linear,plane,hybrid", "0.1,0.2", 0.02).rows:
+@pytest.mark.skipif(not RECORDED.is_dir(), reason="needs the recordings of people in ../shared/traces")
+def test_recordings_of_people_stay_within_the_deadband() -> None:
+    for row in run(sorted(RECORDED.glob("tue_*_1.csv")), "zoh,hybrid", "0.1", 0.02).rows:
         assert row.violation_fraction == 0.0
         assert row.clairvoyant_packets is not None
         assert row.clairvoyant_packets <= row.packets
+
+
+# --- a cluster
+
+pytest.importorskip("distributed", reason="needs distributed (extra: dask)")
+from weberlink.studies.cluster import LostClusterError, cluster_map  # noqa: E402 - of the extra
+
+NOWHERE = ("tcp://127.0.0.1:1", "nonsense", "post://host:1", "tcp://host.invalid:8786")
+
+
+@pytest.fixture(scope="module")
+def two_workers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    with cluster(tmp_path_factory.mktemp("cluster"), workers=2) as started:
+        yield started
+
+
+def test_rows_of_a_cluster_are_those_of_this_machine(two_workers: Cluster, traces: list[Path]) -> None:
+    arguments = (*traces, "--predictor", "zoh,hybrid", "--weber", "0.05,0.2")
+    assert rows_from(*arguments, "--dask", two_workers.address) == rows_from(*arguments, "--workers", 1)
+
+
+def test_both_workers_of_a_cluster_work(two_workers: Cluster) -> None:
+    tasks = [((0.1, "shared"), number) for number in range(6)]
+    answers = cluster_map(slowly, tasks, two_workers.address)
+    assert [number for _, number in answers] == list(range(6))
+    assert {pid for pid, _ in answers} == {worker.pid for worker in two_workers.workers}
+
+
+def test_ctrl_c_takes_its_work_from_the_cluster(two_workers: Cluster, traces: list[Path], tmp_path: Path) -> None:
+    ended = interrupted(OPERATOR, "--weber", MANY, "--dask", two_workers.address, folder=tmp_path)
+    assert (ended.returncode, ended.stdout, ended.stderr.strip()) == (130, "", "")
+    assert rows_from(traces[0], "--predictor", "zoh", "--dask", two_workers.address)
+
+
+def loss(started: Cluster, dies: subprocess.Popen[bytes]) -> str:
+    """The error when a process of a cluster dies in the middle of the work."""
+    tasks = [((0.3, "shared"), number) for number in range(8)]
+    with pytest.raises(LostClusterError) as caught:
+        cluster_map(slowly, tasks, started.address, progress=lambda *_: dies.kill())
+    return str(caught.value).removeprefix(f"{started.address}: ").removesuffix("; the rest of the work is not done")
+
+
+def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster, tmp_path: Path) -> None:
+    """The last test that uses the shared cluster, since it ends it."""
+    tasks = [((0.1, "shared"), number) for number in range(8)]
+    answers = cluster_map(slowly, tasks, two_workers.address, progress=lambda *_: two_workers.workers[0].kill())
+    assert [number for _, number in answers] == list(range(8))
+    assert loss(two_workers, two_workers.workers[1]) == "no worker is left"
+    address = two_workers.address
+    ended = process(OPERATOR, "--dask", address, program=patience(1.0) + MAIN)
+    assert complaint(ended, 2) == (
+        f"weberlink: --dask: {address}: the scheduler has no workers; start some with: dask worker {address}"
+    )
+
+
+def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
+    with cluster(tmp_path, workers=1) as started:
+        assert loss(started, started.scheduler) == "the scheduler went away"
+
+
+def patience(seconds: float) -> str:
+    """A program that waits no longer for a cluster."""
+    return f"from weberlink.studies import cluster; cluster.PATIENCE_S = {seconds}; "
+
+
+def test_an_address_without_a_scheduler_is_one_line() -> None:
+    """In a process, which must not report half-made clients when it ends."""
+    each = f"""
+import sys
+from weberlink.cli import app
+for address in {NOWHERE!r}:
+    try:
+        app([*sys.argv[1:], "--dask", address], prog_name="weberlink")
+    except SystemExit as ended:
+        assert ended.code == 2
+"""
+    ended = process(OPERATOR, program=patience(0.5) + each)
+    assert (ended.returncode, ended.stdout) == (0, "")
+    for address, said in zip(NOWHERE, ended.stderr.splitlines(), strict=True):
+        assert said.startswith(f"weberlink: --dask: {address}: no scheduler answers there (")
+        assert said.endswith("); expected an address such as tcp://host:8786")
+
+
+def test_only_a_cluster_needs_distributed(traces: list[Path]) -> None:
+    without = f"import sys; sys.modules['distributed'] = None; {MAIN}"
+    refused = process(traces[0], "--dask", "tcp://127.0.0.1:1", program=without)
+    assert complaint(refused, 2) == (
+        'weberlink: --dask: needs distributed; install it with: pip install "weberlink[dask]"'
+    )
+    assert process(traces[0], "--predictor", "zoh", program=without).returncode == 0

@@ -1,16 +1,15 @@
-"""Plans, subjects and signals for tests of the study, handed in where a person and a session would be."""
+"""Plans, and fakes of the trial runner and of the subject."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from weberlink.studies.experiment.conduct import Elapsed, Felt, Left, Trial
-from weberlink.studies.experiment.ledger import Progress
-from weberlink.studies.experiment.plan import Plan, order
-from weberlink.studies.experiment.scale import WORDING, Reference
+from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, SubjectLeft, TrialResult
+from weberlink.studies.experiment.ledger import SubjectProgress
+from weberlink.studies.experiment.plan import WORDING, TrainingReference, TrialPlan, order
 
 
-def plan(subject: int = 1, *, simulated: bool = False, seed: int = 0) -> Plan:
-    return Plan(
+def plan(subject: int = 1, *, simulated: bool = False, seed: int = 0) -> TrialPlan:
+    return TrialPlan(
         subject=subject,
         simulated=simulated,
         seed=seed,
@@ -27,11 +26,11 @@ class Rig:
     """Notes what was felt; `problems` come up one after the other, None for a good trial."""
 
     def __init__(self, problems: Sequence[str | None] = ()) -> None:
-        self.felt: list[Trial] = []
+        self.felt: list[FeltTrial] = []
         self.recordings: list[Path | None] = []
         self._problems = list(problems)
 
-    def feel(self, trial: Trial, recording: Path | None, elapsed: Elapsed) -> Felt:
+    def feel(self, trial: FeltTrial, recording: Path | None, elapsed: Elapsed) -> TrialResult:
         self.felt.append(trial)
         self.recordings.append(recording)
         if recording is not None:
@@ -40,7 +39,7 @@ class Rig:
         elapsed(0.5)
         problem = self._problems.pop(0) if self._problems else None
         figures = {"packets_per_s": 1000.0 / (1 + 100 * trial.condition.weber), "outcome": problem or "completed"}
-        return Felt(figures, problem, problem == "interrupted")
+        return TrialResult(figures, problem, problem == "interrupted")
 
 
 class Robot:
@@ -51,24 +50,24 @@ class Robot:
         self._rule = rule
         self._leave_at = leave_at
 
-    def welcome(self, progress: Progress) -> None:
+    def welcome(self, progress: SubjectProgress) -> None:
         self.said.append(f"welcome {len(progress.rated)}")
 
-    def prepare_reference(self, place: int, reference: Reference) -> None:
+    def prepare_reference(self, place: int, reference: TrainingReference) -> None:
         self.said.append(f"reference {reference.level}")
 
-    def learn(self, reference: Reference, felt: Felt) -> bool:
+    def learn(self, reference: TrainingReference, felt: TrialResult) -> bool:
         return reference.level == 3 and self.said.count("reference 3") == 1
 
     def prepare(self, number: int, of: int) -> None:
         if number >= self._leave_at:
-            raise Left
+            raise SubjectLeft
         self.said.append(f"trial {number} of {of}")
 
     def elapsed(self, seconds: float) -> None:
         pass
 
-    def rate(self, number: int, felt: Felt) -> int:
+    def rate(self, number: int, felt: TrialResult) -> int:
         return self._rule(number)
 
     def repeat(self, what: str, problem: str) -> None:

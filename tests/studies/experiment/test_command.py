@@ -17,10 +17,10 @@ from typer.testing import CliRunner, Result
 from tests.system.processes import Program, until
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
-from weberlink.studies.experiment.command import Request, run
+from weberlink.studies.experiment.command import ExperimentRequest, run
 from weberlink.studies.experiment.ledger import RATED, read
-from weberlink.studies.experiment.plan import PREDICTORS, WEBERS, Condition, order
-from weberlink.studies.experiment.trial_runner import Signals
+from weberlink.studies.experiment.plan import PREDICTORS, WEBERS, CodingCondition, order
+from weberlink.studies.experiment.trial_runner import TrialSignals
 from weberlink.system.configuration import load
 
 FILE = CONFIGS / "loopback.yaml"
@@ -65,7 +65,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 # --- experiment, simulated
 
 
-def test_a_simulated_subject_rates_every_combination_and_is_marked(study: Path) -> None:
+def test_a_simulated_subject_rates_every_condition(study: Path) -> None:
     assert sorted(path.name for path in study.iterdir()) == ["simulated-001.jsonl", "simulated-002.jsonl"]
     plan, *events = lines_of(study / "simulated-001.jsonl")
     assert plan["simulated"] is True
@@ -103,15 +103,6 @@ def test_another_subject_has_another_order_and_another_hand(study: Path) -> None
     assert errors[0] != errors[1]
 
 
-def test_the_same_subject_again_is_the_same_but_for_the_time(study: Path, tmp_path: Path) -> None:
-    assert simulated(tmp_path, "--subject", 2).exit_code == 0
-    pair = [lines_of(folder / "simulated-002.jsonl") for folder in (study, tmp_path)]
-    for events in pair:
-        for event in events:
-            event.pop("at", None)
-    assert pair[0] == pair[1]
-
-
 def test_a_complete_subject_has_nothing_left_to_do(study: Path) -> None:
     before = (study / "simulated-001.jsonl").read_bytes()
     result = simulated(study, "--subject", 1)
@@ -120,7 +111,7 @@ def test_a_complete_subject_has_nothing_left_to_do(study: Path) -> None:
     assert (study / "simulated-001.jsonl").read_bytes() == before
 
 
-def test_a_kill_in_the_middle_goes_on_to_the_same_ratings(study: Path, tmp_path: Path) -> None:
+def test_after_a_kill_the_ratings_are_the_same(study: Path, tmp_path: Path) -> None:
     path = tmp_path / "simulated-001.jsonl"
     arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 1)
     with Program(*arguments, "--duration", SHORT, "--set", ON_SURFACE) as program:
@@ -132,27 +123,17 @@ def test_a_kill_in_the_middle_goes_on_to_the_same_ratings(study: Path, tmp_path:
     assert 5 <= len(found.rated) < 30
     result = command(*arguments, "--set", ON_SURFACE)  # the length of a trial is known
     assert result.exit_code == 0, result.output
-    whole = [[e["rating"] for e in lines_of(folder / path.name) if e["event"] == RATED] for folder in (study, tmp_path)]
+    whole = [
+        [(e["rating"], e["figures"]) for e in lines_of(folder / path.name) if e["event"] == RATED]
+        for folder in (study, tmp_path)
+    ]
     assert whole[0] == whole[1]
 
 
-def test_ctrl_c_leaves_in_order_and_says_how_to_go_on(tmp_path: Path) -> None:
-    path = tmp_path / "simulated-003.jsonl"
-    arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 3, "--set", ON_SURFACE)
-    with Program(*arguments, "--duration", SHORT) as program:
-        until(lambda: path.exists() and b'"trial_rated"' in path.read_bytes(), "a rating")
-        program.send(signal.SIGINT)
-        status, output, errors = program.finish()
-    assert (status, errors) == (0, "")
-    (line,) = output.splitlines()
-    told = f"weberlink experiment {FILE} --subject 3 --out {tmp_path} --simulate --set '{ON_SURFACE}'"
-    assert line == f"continue with: {told}"
-
-
-def test_a_changed_configuration_is_refused_and_says_what_changed(study: Path) -> None:
+def test_a_changed_configuration_is_refused(study: Path) -> None:
     ledger = study / "simulated-001.jsonl"
     line = complaint(simulated(study, "--subject", 1, "--set", "slave.scene=[{shape: plane, stiffness_n_m: 300}]"))
-    assert line.startswith(f"weberlink: {ledger}: was begun with another configuration (slave.scene); go on as it was")
+    assert line.startswith(f"weberlink: {ledger}: was begun with another configuration (slave.scene); continue")
     line = complaint(simulated(study, "--subject", 1, "--set", "codec.force.floor_n=0.03"))
     assert "(codec.force.floor_n)" in line
     line = complaint(command("experiment", FILE, "--simulate", "--out", study, "--subject", 1, "--duration", 3))
@@ -161,22 +142,22 @@ def test_a_changed_configuration_is_refused_and_says_what_changed(study: Path) -
     assert "was begun with trials of 0.6 s" in line
 
 
-def test_where_the_file_lies_and_where_the_sides_meet_is_no_change(study: Path, tmp_path: Path) -> None:
+def test_paths_and_addresses_are_no_change(study: Path, tmp_path: Path) -> None:
     moved = tmp_path / "elsewhere.yaml"
     moved.write_text(FILE.read_text())
-    mine = Signals(FILE, ())
-    assert Signals(moved, ("link.listen='127.0.0.1:5000'", "codec.force.weber=0.3")).digest == mine.digest
-    assert Signals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
+    mine = TrialSignals(FILE, ())
+    assert TrialSignals(moved, ("link.listen='127.0.0.1:5000'", "codec.force.weber=0.3")).digest == mine.digest
+    assert TrialSignals(FILE, ("codec.force.reference=sent",)).digest != mine.digest
     trace = tmp_path / "operator.csv"
     trace.write_bytes((CONFIGS / "traces" / "operator.csv").read_bytes())
     override = f"master.device.trace={trace}"
     replay = CONFIGS / "replay.yaml"
-    assert Signals(replay, (override,)).digest == Signals(replay, ()).digest  # the same content elsewhere
+    assert TrialSignals(replay, (override,)).digest == TrialSignals(replay, ()).digest  # the same content elsewhere
     trace.write_bytes(trace.read_bytes().replace(b"\n0.001,", b"\n0.0011,"))
-    assert Signals(replay, (override,)).digest != Signals(replay, ()).digest
+    assert TrialSignals(replay, (override,)).digest != TrialSignals(replay, ()).digest
 
 
-def test_a_file_that_is_edited_during_an_experiment_stops_it(tmp_path: Path) -> None:
+def test_an_edited_file_stops_the_experiment(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(FILE.read_text())
 
@@ -184,8 +165,8 @@ def test_a_file_that_is_edited_during_an_experiment_stops_it(tmp_path: Path) -> 
         if done == 2:
             file.write_text(FILE.read_text().replace("stiffness_n_m: 500}", "stiffness_n_m: 400}"))
 
-    request = Request(file, (ON_SURFACE,), tmp_path, None, 0, SHORT, simulate=True, record=False)
-    with pytest.raises(ValueError, match="was changed during the experiment") as caught:
+    request = ExperimentRequest(file, (ON_SURFACE,), tmp_path, None, 0, SHORT, simulate=True, record=False)
+    with pytest.raises(ValueError, match="changed during the experiment") as caught:
         run(request, ports=list, source=io.StringIO(), screen=io.StringIO(), report=edit)
     assert "slave.scene" in str(caught.value)
     progress = read(tmp_path / "simulated-001.jsonl")
@@ -193,18 +174,18 @@ def test_a_file_that_is_edited_during_an_experiment_stops_it(tmp_path: Path) -> 
     assert len(progress.rated) == 2
 
 
-def test_a_scene_in_which_nothing_is_felt_is_refused(tmp_path: Path) -> None:
+def test_a_scene_without_contact_is_refused(tmp_path: Path) -> None:
     line = complaint(simulated(tmp_path, "--set", "slave.scene=[]"), status=1)
-    assert "the references cannot be told apart" in line
+    assert "felt errors of the references do not rise" in line
 
 
 def test_conditions_become_overrides() -> None:
-    signals = Signals(FILE, ("codec.force.weber=0.5",))
+    signals = TrialSignals(FILE, ("codec.force.weber=0.5",))
     for predictor in PREDICTORS:
         for weber in WEBERS:
-            force = load(FILE, signals.with_condition(Condition(predictor, weber))).system.codec.force
+            force = load(FILE, signals.with_condition(CodingCondition(predictor, weber))).system.codec.force
             assert (force.predictor, force.weber, force.floor_n) == (predictor, weber, 0.02)
-    force = load(FILE, signals.with_condition(Condition("zoh", 0.0))).system.codec.force
+    force = load(FILE, signals.with_condition(CodingCondition("zoh", 0.0))).system.codec.force
     assert (force.weber, force.floor_n) == (0.0, 0.0)  # every sample is sent
 
 
@@ -222,7 +203,7 @@ def test_wrong_arguments_are_one_line(arguments: tuple[object, ...], part: str, 
     assert not (tmp_path / "out").exists()
 
 
-def test_a_damaged_ledger_and_a_place_that_cannot_be_written_are_one_line(tmp_path: Path) -> None:
+def test_damaged_and_unwritable_ledgers_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "simulated-001.jsonl").write_text("{}\n")
     line = complaint(simulated(tmp_path, "--subject", 1))
     assert line.startswith(f"weberlink: {tmp_path / 'simulated-001.jsonl'}:1: damaged: ")
@@ -234,13 +215,13 @@ def test_a_damaged_ledger_and_a_place_that_cannot_be_written_are_one_line(tmp_pa
 
 
 @pytest.mark.realtime
-def test_a_person_feels_rates_leaves_and_comes_back(tmp_path: Path) -> None:
+def test_a_person_rates_leaves_and_continues(tmp_path: Path) -> None:
     """Both sides as processes, each trial recorded."""
     pytest.importorskip("mcap")
     screens = []
     for typed, end in (("\n" * 6 + "\n4\n\n2\n", "continue with: "), ("\n3\n", "continue with: ")):
         screen = io.StringIO()
-        request = Request(FILE, (), tmp_path, 1, 0, SHORT, simulate=False, record=True)
+        request = ExperimentRequest(FILE, (), tmp_path, 1, 0, SHORT, simulate=False, record=True)
         words = run(request, ports=_ports, source=io.StringIO(typed), screen=screen, report=lambda done, of: None)
         assert words.startswith(end), words
         screens.append(screen.getvalue())
@@ -265,7 +246,7 @@ def _ports() -> list[str]:
 
 
 @pytest.mark.realtime
-def test_ctrl_c_in_a_live_trial_leaves_no_process_and_no_rating(tmp_path: Path) -> None:
+def test_ctrl_c_in_a_live_trial_leaves_nothing(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     path = tmp_path / "subject-001.jsonl"
     try:
@@ -302,7 +283,7 @@ def _read_until(descriptor: int, text: bytes) -> bytes:
 # --- ratings
 
 
-def test_ratings_are_marked_as_simulated_everywhere(study: Path, tmp_path: Path) -> None:
+def test_simulated_ratings_are_marked_everywhere(study: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     result = command(
         "ratings", study, "--json", tmp_path / "out.json", "--csv", tmp_path / "out.csv", "--plots", tmp_path / "plots"
@@ -343,24 +324,20 @@ def test_ratings_are_the_means_of_the_ledgers(study: Path) -> None:
     assert document["savings"]["level"] == 3.0
 
 
-def test_a_folder_with_both_must_be_told_which(study: Path, tmp_path: Path) -> None:
+def test_a_folder_with_both_kinds_needs_a_choice(study: Path, tmp_path: Path) -> None:
     for name in ("simulated-001.jsonl", "simulated-002.jsonl"):
         (tmp_path / name).write_bytes((study / name).read_bytes())
     events = lines_of(study / "simulated-001.jsonl")
     people = [{**event, "simulated": False} for event in events]  # as a person's would be
     (tmp_path / "subject-001.jsonl").write_text("".join(json.dumps(event) + "\n" for event in people))
-    assert "never analysed together" in complaint(command("ratings", tmp_path))
+    assert "cannot be analysed together" in complaint(command("ratings", tmp_path))
     result = command("ratings", tmp_path, "--only", "people")
     assert result.exit_code == 0
     assert "SIMULATED" not in result.stdout
     assert result.stdout.startswith("1 subject with 30 trials of 0.6 s")
     assert command("ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
     assert "--only: expected people or simulated" in complaint(command("ratings", tmp_path, "--only", "all"))
-
-
-def test_nothing_to_analyse_is_one_line(tmp_path: Path) -> None:
     assert "no such folder" in complaint(command("ratings", tmp_path / "none"))
-    assert "no person has rated all trials; 0 incomplete" in complaint(command("ratings", tmp_path))
 
 
 @pytest.mark.parametrize("level", [-1, 6, "nan"])

@@ -1,11 +1,14 @@
-"""Nothing rated is ever lost: kills at any moment, torn and damaged lines, full disks, two at once."""
+"""Ledgers: no rating is lost by kills, torn or damaged lines and full disks; which ledgers are comparable."""
 
+import csv
 import fcntl
 import json
 import os
 import resource
 import subprocess
 import sys
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from time import sleep
@@ -17,8 +20,19 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.studies.experiment.studies import Rig, Robot, plan
-from weberlink.studies.experiment.conduct import Conduct, Left
-from weberlink.studies.experiment.ledger import RATED, TRAINED, Ledger, LedgerError, Progress, path_of, read, subjects
+from weberlink.studies.experiment.answers import gather
+from weberlink.studies.experiment.conduct import Conduct, SubjectLeft
+from weberlink.studies.experiment.ledger import (
+    RATED,
+    TRAINED,
+    Ledger,
+    LedgerError,
+    SubjectProgress,
+    path_of,
+    read,
+    subjects,
+)
+from weberlink.studies.experiment.plan import PREDICTORS, WEBERS
 
 ROOT = Path(__file__).parents[3]
 
@@ -54,7 +68,7 @@ def begun(path: Path, leave_at: int) -> Ledger:
     """A ledger left before a trial; still open."""
     ledger = Ledger(path)
     ledger.begin(plan())
-    with pytest.raises(Left):
+    with pytest.raises(SubjectLeft):
         Conduct(ledger, Rig(), Robot(leave_at=leave_at), None).run()
     return ledger
 
@@ -66,13 +80,13 @@ def left_before(path: Path, trial: int) -> list[bytes]:
     return path.read_bytes().splitlines(keepends=True)
 
 
-def ratings(progress: Progress | None) -> dict[int, int]:
+def ratings(progress: SubjectProgress | None) -> dict[int, int]:
     assert progress is not None
     return {number: event["rating"] for number, event in progress.rated.items()}
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_kill_9_at_random_moments_loses_nothing_that_was_rated(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.hunt), pytest.param(2, marks=pytest.mark.hunt)])
+def test_kill_9_loses_no_rating(seed: int, tmp_path: Path) -> None:
     path, chance = tmp_path / "subject-001.jsonl", Random(seed)
     told: dict[int, int] = {}
     ends = []
@@ -80,7 +94,7 @@ def test_kill_9_at_random_moments_loses_nothing_that_was_rated(seed: int, tmp_pa
         child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
         assert child.stdout is not None
         assert child.stdout.readline() == "begun\n"
-        sleep(chance.uniform(0.0, 0.01))
+        sleep(chance.uniform(0.0, 0.03))
         child.kill()
         output, _ = child.communicate()
         for line in output.splitlines(keepends=True):
@@ -107,9 +121,9 @@ def test_kill_9_at_random_moments_loses_nothing_that_was_rated(seed: int, tmp_pa
     ]
 
 
-@examples(60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(cut=st.integers(1, 3000))
-def test_a_file_cut_off_anywhere_goes_on_with_the_trial_that_was_lost(cut: int, tmp_path: Path) -> None:
+def test_a_cut_file_continues_with_the_lost_trial(cut: int, tmp_path: Path) -> None:
     path = tmp_path / f"{cut}-{os.urandom(4).hex()}.jsonl"
     lines = left_before(path, 12)
     data = b"".join(lines)[: -min(cut, sum(map(len, lines[1:])))]
@@ -138,17 +152,7 @@ def test_a_torn_plan_is_set_aside_and_the_ledger_is_empty(tmp_path: Path) -> Non
         assert ledger.progress is None
         assert ledger.set_aside == tmp_path / "subject-001.jsonl.torn-1"
         ledger.begin(plan())
-    assert read(path) == Progress(plan())
-
-
-def test_what_is_set_aside_never_covers_what_was_set_aside_before(tmp_path: Path) -> None:
-    path = tmp_path / "subject-001.jsonl"
-    left_before(path, 2)
-    for number, torn in enumerate((b'{"event": "tri', b'{"a'), 1):
-        path.write_bytes(path.read_bytes() + torn)
-        with Ledger(path) as ledger:
-            assert ledger.set_aside == tmp_path / f"subject-001.jsonl.torn-{number}"
-    assert (tmp_path / "subject-001.jsonl.torn-1").read_bytes() == b'{"event": "tri'
+    assert read(path) == SubjectProgress(plan())
 
 
 @pytest.mark.parametrize(
@@ -162,7 +166,11 @@ def test_what_is_set_aside_never_covers_what_was_set_aside_before(tmp_path: Path
         (8, b'{"event": "trial_rated", "trial": 31, "rating": 3}\n', "trial: expected 1 to 30, not 31"),
         (8, b'{"event": "trial_rated", "trial": 1, "rating": 6}\n', "rating: expected 0 to 5, not 6"),
         (8, b'{"event": "trial_rated", "trial": 1, "rating": true}\n', "rating: expected 0 to 5, not True"),
-        (8, b'{"event": "trial_rated", "trial": 1, "rating": 3, "predictor": "zoh", "weber": 9}\n', "not the one"),
+        (
+            8,
+            b'{"event": "trial_rated", "trial": 1, "rating": 3, "predictor": "zoh", "weber": 9}\n',
+            "another condition",
+        ),
         (10, None, "trial 1 is rated twice"),
     ],
 )
@@ -190,10 +198,10 @@ def test_two_at_once_on_a_subject_are_refused_even_from_another_process(tmp_path
         other = subprocess.run(
             [sys.executable, "-c", CHILD, str(path)], cwd=ROOT, capture_output=True, text=True, check=False
         )
-        assert "another process is at an experiment with this subject" in other.stderr
-        assert read(path) == Progress(plan())  # who only reads is let in
+        assert "another process runs an experiment with this subject" in other.stderr
+        assert read(path) == SubjectProgress(plan())  # who only reads is let in
     with Ledger(path) as again:
-        assert again.progress == Progress(plan())
+        assert again.progress == SubjectProgress(plan())
 
 
 def test_a_refused_or_damaged_ledger_is_let_go_of(tmp_path: Path) -> None:
@@ -228,7 +236,7 @@ def test_a_full_disk_leaves_the_ledger_as_it_was(tmp_path: Path) -> None:
     assert read(path) is not None
 
 
-def test_every_line_but_the_plan_tells_its_time_and_whether_a_program_rated(tmp_path: Path) -> None:
+def test_every_event_has_time_and_mark(tmp_path: Path) -> None:
     for simulated in (False, True):
         path = path_of(tmp_path, 3, simulated=simulated)
         with Ledger(path) as ledger:
@@ -241,7 +249,7 @@ def test_every_line_but_the_plan_tells_its_time_and_whether_a_program_rated(tmp_
         assert all(line.get("simulated", False) is simulated for line in rest)
 
 
-def test_ledgers_of_people_and_of_programs_have_names_of_their_own(tmp_path: Path) -> None:
+def test_ledgers_of_people_and_programs_differ_in_name(tmp_path: Path) -> None:
     names: list[Any] = ["subject-001.jsonl", "subject-010.jsonl", "subject-x.jsonl", "simulated-002.jsonl", "a.jsonl"]
     for name in names:
         (tmp_path / name).touch()
@@ -249,3 +257,83 @@ def test_ledgers_of_people_and_of_programs_have_names_of_their_own(tmp_path: Pat
     assert subjects(tmp_path, simulated=False) == [1, 10]
     assert subjects(tmp_path, simulated=True) == [2]
     assert path_of(tmp_path, 1234, simulated=False).name == "subject-1234.jsonl"
+
+
+def subject(folder: Path, number: int, *, simulated: bool = False, leave_at: int = 99, **changes: Any) -> Path:
+    """A ledger of somebody who rates trial n as n modulo 6."""
+    path = path_of(folder, number, simulated=simulated)
+    with Ledger(path) as ledger:
+        ledger.begin(replace(plan(number, simulated=simulated), **changes))
+        with suppress(SubjectLeft):
+            Conduct(ledger, Rig(), Robot(leave_at=leave_at), None).run()
+    return path
+
+
+def test_ratings_are_sorted_by_condition(tmp_path: Path) -> None:
+    for number in (1, 2, 5):
+        subject(tmp_path, number)
+    answers = gather(tmp_path, None)
+    assert answers.subjects == [1, 2, 5]
+    assert (answers.predictors, answers.webers) == (list(PREDICTORS), list(WEBERS))
+    ratings, rates = answers.ratings(), answers.packet_rates()
+    assert ratings.shape == rates.shape == (3, 5, 6)
+    for row, number in enumerate((1, 2, 5)):
+        for place, trial in enumerate(plan(number).trials, 1):
+            at = (row, PREDICTORS.index(trial.predictor), WEBERS.index(trial.weber))
+            assert ratings[at] == place % 6
+            assert rates[at] == pytest.approx(1000.0 / (1 + 100 * trial.weber))
+    assert {one.unit for one in answers.observations} == {"subject 1", "subject 2", "subject 5"}
+    assert list(dict.fromkeys(one.predictor for one in answers.observations)) == list(PREDICTORS)
+
+
+def test_incomplete_subjects_are_left_out_and_named(tmp_path: Path) -> None:
+    subject(tmp_path, 1)
+    subject(tmp_path, 2, leave_at=8)
+    path_of(tmp_path, 3, simulated=False).touch()
+    answers = gather(tmp_path, None)
+    assert (answers.subjects, answers.incomplete) == ([1], {2: 7, 3: 0})
+
+
+def test_people_and_programs_are_never_mixed(tmp_path: Path) -> None:
+    subject(tmp_path, 1)
+    subject(tmp_path, 1, simulated=True)
+    with pytest.raises(LedgerError, match="cannot be analysed together; choose with --only"):
+        gather(tmp_path, None)
+    assert not gather(tmp_path, "people").simulated
+    assert gather(tmp_path, "simulated").simulated
+
+
+def test_a_renamed_ledger_does_not_pass_for_a_person(tmp_path: Path) -> None:
+    made = subject(tmp_path, 1, simulated=True)
+    made.rename(path_of(tmp_path, 1, simulated=False))
+    with pytest.raises(LedgerError, match=r"subject-001.jsonl:1: is the ledger of simulated subject 1"):
+        gather(tmp_path, None)
+
+
+@pytest.mark.parametrize(
+    ("changes", "part"),
+    [
+        ({"digest": "e" * 64}, "another configuration"),
+        ({"duration_s": 5.0}, "trials of another length"),
+        ({"wording": {"0": "bad"}}, "another wording"),
+        ({"trials": plan().trials[:29]}, "other trials"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(changes: dict[str, Any], part: str, tmp_path: Path) -> None:
+    subject(tmp_path, 1)
+    subject(tmp_path, 2, **changes)
+    with pytest.raises(LedgerError, match=part) as caught:
+        gather(tmp_path, None)
+    assert "subject-002.jsonl: has" in str(caught.value)
+
+
+def test_csv_has_every_rating_in_order(tmp_path: Path) -> None:
+    path = subject(tmp_path, 4, simulated=True)
+    gather(tmp_path, None).write_csv(tmp_path / "out.csv")
+    with (tmp_path / "out.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    events = [event for line in path.read_text().splitlines() if (event := json.loads(line))["event"] == "trial_rated"]
+    assert [(row["trial"], row["predictor"], row["weber"], row["rating"]) for row in rows] == [
+        tuple(str(event[name]) for name in ("trial", "predictor", "weber", "rating")) for event in events
+    ]
+    assert all(row["simulated"] == "true" and row["subject"] == "4" for row in rows)

@@ -1,14 +1,23 @@
-"""Tests of ratings against numbers computed by hand, and published examples."""
+"""Rank tests and packets at equal quality, against results computed by hand."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
-from weberlink.studies.experiment.statistics import LEAST_SUBJECTS, against, friedman, holm
+from weberlink.studies.experiment.statistics import (
+    LEAST_SUBJECTS,
+    Crossing,
+    Reach,
+    against,
+    crossing,
+    falling,
+    friedman,
+    holm,
+    savings,
+)
 
 
 def test_friedman_by_hand() -> None:
@@ -26,19 +35,11 @@ def test_friedman_by_hand() -> None:
     assert result.remark == "approximate with 6 subjects"
 
 
-def test_friedman_with_ties_is_that_of_scipy() -> None:
-    table = np.random.default_rng(1).integers(0, 6, size=(14, 5)).astype(float)
-    expected = stats.friedmanchisquare(*table.T)
-    result = friedman(table)
-    assert (result.chi_squared, result.p) == (pytest.approx(expected.statistic), pytest.approx(expected.pvalue))
-    assert result.remark is None
-
-
 def test_all_alike_has_full_agreement_and_nothing_has_none() -> None:
     same = np.tile([1.0, 2.0, 3.0, 4.0], (8, 1))
     assert friedman(same).kendalls_w == pytest.approx(1.0)
     flat = friedman(np.full((8, 4), 3.0))
-    assert (flat.chi_squared, flat.p, flat.remark) == (None, None, "nobody made any difference")
+    assert (flat.chi_squared, flat.p, flat.remark) == (None, None, "every subject rated all levels alike")
 
 
 def test_too_few_subjects_have_no_p() -> None:
@@ -48,10 +49,6 @@ def test_too_few_subjects_have_no_p() -> None:
     assert result.remark == "too few subjects for a test: 5, needs 6"
     (pair,) = against(table[:, 0], {"other": table[:, 2]})
     assert (pair.p, pair.p_holm, pair.w, pair.median_difference) == (None, None, None, 2.0)
-
-
-def test_fewer_subjects_could_not_reach_five_percent_whatever_they_said() -> None:
-    assert 2.0 / 2**LEAST_SUBJECTS < 0.05 <= 2.0 / 2 ** (LEAST_SUBJECTS - 1)
 
 
 def test_signed_rank_by_hand() -> None:
@@ -94,3 +91,81 @@ def test_holm_keeps_the_order_and_never_lowers(ps: list[float]) -> None:
             assert high is not None
             assert low is not None
             assert high <= low
+
+
+RATES = (100.0, 60.0, 40.0, 20.0)
+levels = st.lists(st.floats(0.0, 5.0), min_size=1, max_size=8)
+
+
+@pytest.mark.parametrize(
+    ("ratings", "expected"),
+    [
+        ((5.0, 4.5, 3.5, 1.0), Crossing(Reach.CROSSES, 50.0)),
+        ((5.0, 4.0, 3.0, 1.0), Crossing(Reach.CROSSES, 60.0)),
+        ((5.0, 4.75, 3.75, 1.0), Crossing(Reach.CROSSES, 45.0)),
+        ((3.9, 3.0, 2.0, 1.0), Crossing(Reach.BELOW, None)),
+        ((5.0, 5.0, 4.5, 4.0), Crossing(Reach.ABOVE, 20.0)),
+        ((3.5, 5.5, 3.0, 1.0), Crossing(Reach.CROSSES, 60.0 - 20.0 * 0.5 / 1.5)),  # 4.5, 4.5, 3, 1
+    ],
+)
+def test_where_a_curve_is_at_level_4(ratings: tuple[float, ...], expected: Crossing) -> None:
+    found = crossing(RATES, ratings, 4.0)
+    assert found.reach is expected.reach
+    assert found.packets_per_s == (None if expected.packets_per_s is None else pytest.approx(expected.packets_per_s))
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ((5, 4, 3), [5, 4, 3]),
+        ((3, 4, 5), [4, 4, 4]),
+        ((5, 1, 3, 2), [5, 2, 2, 2]),
+        ((2, 4, 1, 3, 0), [3, 3, 2, 2, 0]),
+        ((), []),
+    ],
+)
+def test_the_nearest_falling_sequence(values: tuple[float, ...], expected: list[float]) -> None:
+    assert falling(values) == pytest.approx(expected)
+
+
+@given(levels)
+def test_falling_keeps_mean_and_falling_sequences(values: list[float]) -> None:
+    smooth = falling(values)
+    assert all(a >= b - 1e-12 for a, b in pairwise(smooth))
+    assert np.mean(smooth) == pytest.approx(np.mean(values))
+    ordered = sorted(values, reverse=True)
+    assert falling(ordered) == ordered
+
+
+def study(*subjects: tuple[tuple[float, ...], ...]) -> np.ndarray:
+    return np.array(subjects)
+
+
+def test_savings_against_a_base_by_hand() -> None:
+    ratings = study(((5.0, 4.5, 3.5, 1.0), (5.0, 5.0, 5.0, 3.0), (3.0, 2.0, 1.0, 0.0), (5.0, 5.0, 5.0, 5.0)))
+    rates = study((RATES, RATES, RATES, RATES))
+    found, saved = savings(rates, ratings, 4.0, 0)
+    assert [one.packets_per_s for one in found] == [50.0, 30.0, None, 20.0]
+    assert [one.share for one in saved] == [0.0, pytest.approx(0.4), None, pytest.approx(0.6)]
+    assert [one.at_least for one in saved] == [False, False, False, True]
+    assert all(one.low is None and one.high is None for one in saved)  # one subject says nothing of others
+
+
+def test_no_saving_against_a_base_without_crossing() -> None:
+    for base in ((3.0, 2.0, 1.0, 0.0), (5.0, 5.0, 5.0, 5.0)):
+        _, saved = savings(study((RATES, RATES)), study((base, (5.0, 4.5, 3.5, 1.0))), 4.0, 0)
+        assert [one.share for one in saved] == [None, None]
+
+
+def test_the_interval_shows_disagreement() -> None:
+    one = ((5.0, 4.5, 3.5, 1.0), (5.0, 5.0, 5.0, 3.0))
+    other = ((5.0, 4.5, 3.5, 1.0), (5.0, 4.5, 4.0, 3.0))
+    rates = np.array([(RATES, RATES)] * 6)
+    _, saved = savings(rates, study(*[one] * 6), 4.0, 0)
+    assert (saved[1].low, saved[1].high) == (pytest.approx(0.4), pytest.approx(0.4))
+    _, saved = savings(rates, study(*[one] * 3, *[other] * 3), 4.0, 0)
+    assert saved[1].low is not None
+    assert saved[1].high is not None
+    assert saved[1].share is not None
+    assert 0.2 <= saved[1].low < saved[1].share < saved[1].high <= 0.4
+    assert savings(rates, study(*[one] * 3, *[other] * 3), 4.0, 0)[1] == saved  # seeded

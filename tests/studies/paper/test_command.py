@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.master.trace import read_trace
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import Recording
 from weberlink.studies.paper.claims import CLAIMS
 from weberlink.studies.paper.command import PAGE, SCENE_STUDY, SCENES, STUDY, Scope, run
 from weberlink.studies.paper.document import PREDICTORS

@@ -1,4 +1,4 @@
-"""The composition of `weberlink precision`: which signals are coded, and what is said when a package is missing."""
+"""The composition of `weberlink precision`."""
 
 import json
 from io import StringIO
@@ -7,23 +7,12 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from weberlink.master.trace import Trace, read_trace
 from weberlink.studies.precision.command import Precision, codec
 
 
-def beginning(path: Path) -> Trace:
-    """Up to the middle of the first contact; all of it is long at fifty pairs of predictor and Weber factor."""
-    trace = read_trace(path)
-    part = slice(0, 1500)
-    return Trace(trace.time_s[part], trace.position_m[part], trace.force_n[part], trace.gaps_s)
-
-
-def test_the_codec_is_studied_on_the_shipped_recording_and_on_simulated_signals(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("weberlink.studies.precision.command.read_trace", beginning)
+def test_the_codec_is_studied_on_simulated_signals(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
-    section = codec(["scene-plane"], 1.5, "made here", lambda *what: told.append(what))
+    section = codec(["scene-plane"], 1.5, "made here", lambda *what: told.append(what), recorded_ticks=1500)
     assert told == [("signal of scene-plane", 0, 1), ("coding", 1, 1)]
     assert section.document["signal_s"]["scene-plane"] == pytest.approx(1.5, abs=0.1)
     assert {row["trace"] for row in section.document["rows"]} == {"operator", "scene-plane"}

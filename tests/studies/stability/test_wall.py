@@ -1,5 +1,6 @@
-"""Laws of the sampled wall on paper, against closed forms and against the parts that it is a model of."""
+"""Limits of the sampled wall: closed forms, eigenvalues, frequency response, and the real hand and plane."""
 
+import json
 from collections import deque
 from itertools import product
 from math import exp
@@ -9,10 +10,22 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from tests.examples import examples
 from weberlink.master.devices.hand import Hand
-from weberlink.studies.stability.boundary import hand_options, plane
+from weberlink.studies.stability.measured_wall import (
+    activity,
+    bounce,
+    disturbance_energy,
+    generated,
+    grows,
+    hand_options,
+    measured_limit,
+    plane,
+    survey,
+    walls,
+)
 from weberlink.studies.stability.wall import (
-    Wall,
+    SampledWall,
     bisect,
     bracket,
     gain_limit,
@@ -30,7 +43,7 @@ hands = st.sampled_from([0.01, 10.0, 300.0])
 
 @example(mass=10.0, damping=0.1, period=1 / 4000)
 @given(mass=masses, damping=dampings, period=periods)
-def test_free_device_without_delay_has_the_limit_of_its_closed_form(mass: float, damping: float, period: float) -> None:
+def test_a_free_device_has_the_closed_form_limit(mass: float, damping: float, period: float) -> None:
     """Of the determinant and of the trace of a 2x2 system (Jury), for a device that nothing holds."""
     slow = mass / damping
     share = exp(-period / slow)
@@ -38,7 +51,7 @@ def test_free_device_without_delay_has_the_limit_of_its_closed_form(mass: float,
     slack = period * (1 + share) - 2 * slow * (1 - share)
     alternating = 2 * damping * (1 + share) / slack if slack > 1e-9 * period else float("inf")
     # Softer, and what a tick moves the hand by is lost in the rounding of a transition that is almost the identity.
-    free = Wall(mass, damping, 1e-3, period)
+    free = SampledWall(mass, damping, 1e-3, period)
     assert stability_limit(free) == pytest.approx(min(swinging, alternating), rel=1e-3)
 
 
@@ -46,37 +59,30 @@ def test_free_device_without_delay_has_the_limit_of_its_closed_form(mass: float,
 def test_eigenvalues_and_frequency_response_agree(
     mass: float, damping: float, period: float, hand: float, delay: int
 ) -> None:
-    wall = Wall(mass, damping, hand, period, delay)
+    wall = SampledWall(mass, damping, hand, period, delay)
     assert gain_limit(wall) == pytest.approx(stability_limit(wall), rel=1e-4)
 
 
 @given(mass=masses, damping=dampings, period=periods, hand=hands, delay=st.integers(0, 4), share=st.floats(0.0, 0.9))
-def test_what_is_passive_for_any_hand_is_stable_with_this_one(
+def test_passive_for_any_hand_is_stable_with_one(
     mass: float, damping: float, period: float, hand: float, delay: int, share: float
 ) -> None:
-    wall = Wall(mass, damping, hand, period, delay, share * damping)
+    wall = SampledWall(mass, damping, hand, period, delay, share * damping)
     passive = passivity_limit(wall)
     assume(passive > 0.0)
     assert spectral_radius(wall, 0.999 * passive) < 1.0
 
 
-def test_with_a_heavy_device_little_is_stable_that_is_not_passive() -> None:
-    for delay in (0, 1, 3):
-        heavy = Wall(10.0, 0.5, 0.01, 1e-3, delay)
-        assert stability_limit(heavy) == pytest.approx(0.5 / (1e-3 * (delay + 0.5)), rel=1e-3)
-        assert passivity_limit(heavy) == pytest.approx(0.5 / (1e-3 * (delay + 0.5)))
-
-
-def test_bound_is_that_of_colgate_for_a_damped_wall_without_delay() -> None:
-    wall = Wall(0.3, 8.0, 0.01, 1e-3, 0, 3.0)
+def test_colgate_bound_of_a_damped_wall() -> None:
+    wall = SampledWall(0.3, 8.0, 0.01, 1e-3, 0, 3.0)
     stiffness = passivity_limit(wall)
     assert wall.damping_n_s_m == pytest.approx(stiffness * 1e-3 / 2 + 3.0)
-    assert passivity_limit(Wall(0.3, 2.0, 0.01, 1e-3, 0, 3.0)) == 0.0
+    assert passivity_limit(SampledWall(0.3, 2.0, 0.01, 1e-3, 0, 3.0)) == 0.0
 
 
 @pytest.mark.parametrize(("delay", "wall_damping"), list(product((0, 1, 3), (0.0, 2.0))))
-def test_matrix_moves_as_the_real_hand_and_plane_do(delay: int, wall_damping: float) -> None:
-    wall, stiffness, depth = Wall(0.3, 8.0, 300.0, 1e-3, delay, wall_damping), 800.0, 1e-3
+def test_the_matrix_moves_as_hand_and_plane(delay: int, wall_damping: float) -> None:
+    wall, stiffness, depth = SampledWall(0.3, 8.0, 300.0, 1e-3, delay, wall_damping), 800.0, 1e-3
     scene, hand = plane(stiffness, wall_damping), Hand(hand_options(wall), (0.0, 0.0, -depth))
     scene.force(hand.position, wall.tick_period)
     hand.position = (0.0, 0.0, -1.1 * depth)
@@ -92,20 +98,106 @@ def test_matrix_moves_as_the_real_hand_and_plane_do(delay: int, wall_damping: fl
         assert hand.velocity[2] == pytest.approx(state[1], abs=1e-12)
 
 
-def test_a_long_delay_is_within_reach() -> None:
+def test_the_limit_of_a_long_delay() -> None:
     """A second each way at 1 kHz: below the stiffness of the hand no delay whatever can do harm."""
-    assert gain_limit(Wall(0.3, 8.0, 300.0, 1e-3, 2000)) == pytest.approx(230.0, rel=0.01)
+    assert gain_limit(SampledWall(0.3, 8.0, 300.0, 1e-3, 2000)) == pytest.approx(230.0, rel=0.01)
 
 
 def test_gain_of_a_damped_wall_is_refused() -> None:
     with pytest.raises(ValueError, match="damped"):
-        gain_limit(Wall(0.3, 8.0, 300.0, 1e-3, 0, 1.0))
+        gain_limit(SampledWall(0.3, 8.0, 300.0, 1e-3, 0, 1.0))
 
 
-def test_bracket_and_bisection_find_where_something_begins() -> None:
+def test_bracket_and_bisection_find_a_threshold() -> None:
     for start in (1e-6, 3.0, 1e6):
         low, high = bracket(lambda value: value > 7.0, start)
         assert low <= 7.0 < high
         assert bisect(lambda value: value > 7.0, low, high, 1e-6) == pytest.approx(7.0, rel=1e-6)
     with pytest.raises(ValueError, match="no limit"):
         bracket(lambda value: False, 1.0)
+
+
+WALLS = [
+    SampledWall(0.001, 0.05, 0.01, 1 / 100),
+    SampledWall(10.0, 50.0, 0.01, 1 / 4000),
+    SampledWall(0.1, 5.0, 300.0, 1 / 1000, delay_ticks=1),
+    SampledWall(0.001, 0.5, 300.0, 1 / 100, delay_ticks=5),
+    SampledWall(0.1, 5.0, 0.01, 1 / 1000, wall_damping_n_s_m=2.0),
+    SampledWall(0.3, 8.0, 300.0, 1 / 1000, delay_ticks=1, wall_damping_n_s_m=2.0),
+]
+
+
+@pytest.mark.parametrize("wall", WALLS)
+def test_the_measured_limit_matches_the_eigenvalues(wall: SampledWall) -> None:
+    assert measured_limit(wall) == pytest.approx(stability_limit(wall), rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.95, 1.05, 2.0, 50.0])
+def test_a_disturbance_grows_only_above_the_limit(share: float) -> None:
+    wall = SampledWall(0.3, 8.0, 300.0, 1e-3, delay_ticks=1)
+    assert grows(wall, share * stability_limit(wall)) is (share > 1.0)
+
+
+def test_a_run_ends_when_contact_is_nearly_lost() -> None:
+    wall = SampledWall(0.3, 8.0, 300.0, 1e-3)
+    energy = disturbance_energy(wall, 3.0 * stability_limit(wall), 100_000)
+    assert len(energy) < 1000
+    assert energy[-1] > 1e4 * energy[0]
+
+
+@given(
+    damping=st.floats(0.05, 50.0),
+    mass=st.floats(0.001, 10.0),
+    period=st.sampled_from([1 / 100, 1 / 1000, 1 / 4000]),
+    delay=st.integers(0, 4),
+    wall_share=st.floats(0.0, 0.9),
+    share=st.floats(0.01, 1.0),
+)
+@examples(15)
+def test_no_motion_gets_energy_from_passive_walls(
+    damping: float, mass: float, period: float, delay: int, wall_share: float, share: float
+) -> None:
+    wall = SampledWall(mass, damping, 0.01, period, delay, wall_share * damping)
+    passive = passivity_limit(wall)
+    assume(passive > 0.0)
+    assert activity(wall, share * passive) <= 1e-9
+
+
+@given(path_um=st.lists(st.integers(-2000, 1000), min_size=2, max_size=12, unique=True), delay=st.integers(0, 3))
+@examples(40)
+def test_no_random_path_gets_energy_from_passive_walls(path_um: list[int], delay: int) -> None:
+    wall = SampledWall(0.3, 8.0, 0.01, 1e-3, delay)
+    assert generated(wall, passivity_limit(wall), [1e-6 * height for height in path_um]) <= 1e-9
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_only_active_walls_bounce_with_more_energy(delay: int) -> None:
+    wall = SampledWall(0.3, 5.0, 0.01, 1e-3, delay)
+    passive = passivity_limit(wall)
+    for share in (0.1, 0.5, 1.0):
+        assert 0.0 < bounce(wall, share * passive) < 1.0
+    assert bounce(wall, 2.0 * passive) > 1.0
+
+
+def test_a_survey_row_agrees_with_theory() -> None:
+    row = survey(SampledWall(0.1, 5.0, 0.01, 1e-3))
+    assert abs(row.deviation) < 0.02
+    assert row.passive_but_active == 0
+    assert {energy > 0.0 for stiffness, energy in row.activities if stiffness > row.passive_to_n_m} == {True}
+    document = json.loads(json.dumps(row.as_json(), allow_nan=False))
+    assert document["mass_kg"] == 0.1
+    assert len(document["cells"]) == len(row.activities)
+
+
+def test_a_never_passive_wall_has_no_activities() -> None:
+    row = survey(SampledWall(0.1, 5.0, 0.01, 1e-3, wall_damping_n_s_m=6.0))
+    assert row.passive_to_n_m == 0.0
+    assert row.activities == ()
+
+
+def test_walls_span_decades() -> None:
+    for full in (False, True):
+        limits = [wall.damping_n_s_m / wall.tick_period for wall in walls(full=full)]
+        assert max(limits) / min(limits) > 1e3
+        assert len(set(walls(full=full))) == len(walls(full=full))
+    assert len(walls(full=True)) > 5 * len(walls(full=False))

@@ -1,13 +1,25 @@
-"""The join of two records, on records made by hand."""
+"""The figures of a session, on records made by hand."""
+
+from math import pi
+from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from tests.examples import examples
+from weberlink.geometry.rotation import angle_between, quaternion
 from weberlink.protocol.states import State
-from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.scoring.channel import angles_between, turns, turns_between
+from weberlink.system.scoring.energy import PortWork
+from weberlink.system.scoring.session import Records, SessionScore, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 
 RATE = 1000.0
+NONE = np.empty(0, DTYPE)
+components = st.floats(-3.2, 3.2)
+rotations = st.tuples(components, components, components)
 
 
 def records(ticks: int, *, phase: float = 0.0) -> Records:
@@ -19,11 +31,28 @@ def records(ticks: int, *, phase: float = 0.0) -> Records:
     return made
 
 
-def score(master: Records, slave: Records, pieces: int = 1) -> dict[str, object]:
-    scored = SessionScore(RATE, ("zoh", "plane"))
+def score(master: Records, slave: Records, pieces: int = 1, torque_bank: tuple[str, ...] | None = None) -> Any:
+    scored = SessionScore(RATE, ("zoh", "plane"), torque_bank)
     for one, other in zip(np.array_split(master, pieces), np.array_split(slave, pieces), strict=True):
         scored.add(one, other)
     return scored.summary()
+
+
+# --- the join
+
+
+@examples(50)
+@given(st.integers(1, 60), st.integers(1, 60), st.floats(-3.0, 3.0), st.integers(0, 2**32 - 1))
+def test_the_nearest_tick_is_that_of_an_exhaustive_search(ticks: int, others: int, phase: float, seed: int) -> None:
+    chance = np.random.default_rng(seed)
+    master, slave = (np.sort(np.arange(n) + chance.uniform(-0.3, 0.3, n)) for n in (ticks, others))
+    slave += phase
+    ready, nearest, close = nearest_ticks(master, slave, 1.0)
+    assert (slave[:ready] <= master[-1] - 0.5).all()
+    assert ready == others or slave[ready] > master[-1] - 0.5
+    distances = np.abs(slave[:ready, None] - master)
+    assert np.abs(slave[:ready] - master[nearest]) == pytest.approx(distances.min(axis=1))
+    assert close.tolist() == (distances.min(axis=1) <= 0.75).tolist()
 
 
 def test_felt_error_compares_the_same_moment_on_both_sides() -> None:
@@ -32,13 +61,13 @@ def test_felt_error_compares_the_same_moment_on_both_sides() -> None:
     master["output"][:, 2] = np.arange(1000) * 0.01 + 0.5
     slave["bound"] = 0.4
     force = score(master, slave)["force"]
-    assert force["error_rms"] == pytest.approx(0.5)  # type: ignore[index]
-    assert force["violation_fraction"] == 1.0  # type: ignore[index]
+    assert force["error_rms"] == pytest.approx(0.5)
+    assert force["violation_fraction"] == 1.0
     slave["bound"] = 0.6
-    assert score(master, slave)["force"]["violation_fraction"] == 0.0  # type: ignore[index]
+    assert score(master, slave)["force"]["violation_fraction"] == 0.0
 
 
-def test_the_figures_do_not_depend_on_how_the_records_come_in_pieces() -> None:
+def test_the_figures_do_not_depend_on_the_pieces() -> None:
     rng = np.random.default_rng(1)
     master, slave = records(3000, phase=0.4e-3), records(3000)
     for side in (master, slave):
@@ -48,8 +77,8 @@ def test_the_figures_do_not_depend_on_how_the_records_come_in_pieces() -> None:
     whole, pieces = score(master, slave), score(master, slave, pieces=37)
     for channel in ("force", "position"):
         for key in ("error_rms", "error_max", "violation_fraction"):
-            assert pieces[channel][key] == pytest.approx(whole[channel][key], rel=2e-3)  # type: ignore[index]
-    assert pieces["energy"]["dissipated_j"] == pytest.approx(whole["energy"]["dissipated_j"], rel=1e-2, abs=0.1)  # type: ignore[index]
+            assert pieces[channel][key] == pytest.approx(whole[channel][key], rel=2e-3)
+    assert pieces["energy"]["dissipated_j"] == pytest.approx(whole["energy"]["dissipated_j"], rel=1e-2, abs=0.1)
 
 
 def test_ticks_of_a_ramp_or_out_of_session_do_not_count() -> None:
@@ -58,26 +87,75 @@ def test_ticks_of_a_ramp_or_out_of_session_do_not_count() -> None:
     master["ramping"][:500] = 1
     slave["state"][500:900] = State.SILENT.value
     master["output"][900:, 2] = 1.0
-    force = score(master, slave)["force"]
-    assert force["error_max"] == pytest.approx(0.0)  # type: ignore[index]
+    assert score(master, slave)["force"]["error_max"] == pytest.approx(0.0)
 
 
-def test_reduction_counts_updates_and_all_datagrams_against_engaged_ticks() -> None:
+# --- packets and errors
+
+
+def test_reduction_counts_updates_and_datagrams_per_engaged_tick() -> None:
     master, slave = records(1000), records(1000)
     slave["updates_sent"] = np.linspace(0, 50, 1000).astype(int)
     slave["datagrams_sent"] = np.linspace(0, 70, 1000).astype(int)
     slave["selected"][::2] = 1
     slave["sent"][:10] = 1
     force = score(master, slave)["force"]
-    assert force["packets"] == 50  # type: ignore[index]
-    assert force["reduction"] == pytest.approx(0.95)  # type: ignore[index]
-    assert force["reduction_all"] == pytest.approx(0.93)  # type: ignore[index]
-    assert force["selected"] == {"zoh": 5, "plane": 5}  # type: ignore[index]
-    assert force["violation_floor"] == pytest.approx(0.05)  # type: ignore[index]
+    assert force["packets"] == 50
+    assert force["reduction"] == pytest.approx(0.95)
+    assert force["reduction_all"] == pytest.approx(0.93)
+    assert force["selected"] == {"zoh": 5, "plane": 5}
+    assert force["violation_floor"] == pytest.approx(0.05)
 
 
-def test_what_the_operator_gets_out_beyond_what_was_put_in_is_generated() -> None:
-    """1 mJ in, 3 mJ out, 5 mJ in: the most that was ever missing is 2 mJ, and in the end 3 mJ are left behind."""
+def test_the_longest_violation_spans_pieces() -> None:
+    master, slave = records(1000), records(1000)
+    slave["raw"][300:420, 2] = 1.0
+    slave["raw"][800:830, 2] = 1.0
+    force = score(master, slave, pieces=10)["force"]
+    assert force["violation_longest_ticks"] == 120
+    assert force["violation_longest_s"] == pytest.approx(0.12)
+    assert force["violation_s"] == pytest.approx(0.15)
+
+
+def test_errors_are_reported_in_units_of_the_bound() -> None:
+    master, slave = records(1000), records(1000)
+    slave["bound"] = 0.2
+    slave["raw"][:, 2] = 0.1
+    slave["raw"][500:520, 2] = 0.5
+    slave["raw"][700, 2] = 0.7
+    slave["bound"][800:] = 0.0
+    force = score(master, slave)["force"]
+    assert force["violation_max_jnd"] == pytest.approx(3.5)
+    assert force["violation_p99_jnd"] == pytest.approx(2.5, rel=0.01)
+
+
+def test_the_master_alone_has_no_felt_error() -> None:
+    summary = score(records(100), NONE)
+    assert summary["ticks"]["master"]["count"] == 100
+    assert summary["ticks"]["slave"]["lateness_us"]["p50"] is None
+    assert summary["force"]["error_rms"] is None
+    assert summary["force"]["violation_max_jnd"] is summary["force"]["violation_longest_s"] is None
+    assert summary["energy"] == {"generated_j": 0.0, "dissipated_j": 0.0, "link_generated_j": None}
+
+
+def test_the_slave_alone_has_a_coding_error_and_no_energy() -> None:
+    slave = records(100)
+    slave["raw"][:, 2], slave["decoded"][:, 2], slave["bound"] = 2.0, 1.9, 0.2
+    slave["ramping"][:10] = 1
+    slave["decoded"][:10] = 0.0
+    slave["rotation_updates_received"] = np.arange(100) // 10
+    summary = score(NONE, slave, torque_bank=("zoh",))
+    assert summary["force"]["coding"]["error_max"] == pytest.approx(0.1)
+    assert summary["force"]["coding"]["violation_fraction"] == 0.0
+    assert summary["orientation"]["packets"] == 9
+    assert summary["energy"] == {"generated_j": None, "dissipated_j": None, "link_generated_j": None}
+
+
+# --- energy
+
+
+def test_generated_energy_is_the_most_that_was_missing() -> None:
+    """1 mJ in, 3 mJ out, 5 mJ in: at most 2 mJ are missing, and 3 mJ remain."""
     master, slave = records(3001), records(3001)
     way = np.concatenate(
         [np.linspace(0.0, 0.01, 1001), np.linspace(0.01, 0.0, 1001)[1:], np.linspace(0.0, 0.01, 1001)[1:]]
@@ -86,13 +164,13 @@ def test_what_the_operator_gets_out_beyond_what_was_put_in_is_generated() -> Non
     master["output"][:1000, 2], master["output"][1000:2000, 2], master["output"][2000:, 2] = -0.1, -0.3, -0.5
     for pieces in (1, 13):
         energy = score(master, slave, pieces)["energy"]
-        assert energy["generated_j"] == pytest.approx(0.002)  # type: ignore[index]
-        assert energy["dissipated_j"] == pytest.approx(0.003)  # type: ignore[index]
-        assert energy["link_generated_j"] == pytest.approx(0.002)  # type: ignore[index]
+        assert energy["generated_j"] == pytest.approx(0.002)
+        assert energy["dissipated_j"] == pytest.approx(0.003)
+        assert energy["link_generated_j"] == pytest.approx(0.002)
 
 
-def test_a_held_force_is_counted_over_the_tick_that_it_is_held() -> None:
-    """The samples of a spring, held: what comes out on the way back exceeds what went in by k dx^2 a tick each way."""
+def test_a_held_force_generates_energy_on_a_sampled_spring() -> None:
+    """What comes out on the way back exceeds what went in by k dx^2 per tick."""
     stiffness, step, count = 500.0, 1e-5, 400
     way = step * np.concatenate([np.arange(count), np.arange(count, -1, -1), [0, 0]])
     master, slave = records(len(way)), records(len(way))
@@ -100,92 +178,107 @@ def test_a_held_force_is_counted_over_the_tick_that_it_is_held() -> None:
     master["output"][:, 2] = slave["raw"][:, 2] = -stiffness * way
     energy = score(master, slave)["energy"]
     made = stiffness * step**2 * count
-    assert energy["generated_j"] == pytest.approx(made, rel=1e-6)  # type: ignore[index]
-    assert energy["dissipated_j"] == 0.0  # type: ignore[index]
-    assert energy["link_generated_j"] == pytest.approx(made, rel=1e-6)  # type: ignore[index]
+    assert energy["generated_j"] == pytest.approx(made, rel=1e-6)
+    assert energy["dissipated_j"] == 0.0
+    assert energy["link_generated_j"] == pytest.approx(made, rel=1e-6)
 
 
-def test_energy_of_the_link_is_what_the_operator_gave_less_what_the_robot_got() -> None:
-    """A spring that pushes the operator out harder than the robot was pushed makes energy."""
+def test_link_energy_is_the_difference_of_both_ports() -> None:
     master, slave = records(1001), records(1001)
     way = np.linspace(0.0, 0.01, 1001)
     master["raw"][:, 2] = slave["output"][:, 2] = way
     master["output"][:, 2], slave["raw"][:, 2] = 3.0, 1.0
     energy = score(master, slave)["energy"]
-    assert energy["link_generated_j"] == pytest.approx(0.02, rel=2e-3)  # type: ignore[index]
-    assert energy["generated_j"] == pytest.approx(0.03)  # type: ignore[index]
+    assert energy["link_generated_j"] == pytest.approx(0.02, rel=2e-3)
+    assert energy["generated_j"] == pytest.approx(0.03)
     master["raw"][:, 2] = slave["output"][:, 2] = way[::-1]
     energy = score(master, slave)["energy"]
-    assert energy["link_generated_j"] == energy["generated_j"] == 0.0  # type: ignore[index]
-    assert energy["dissipated_j"] == pytest.approx(0.03)  # type: ignore[index]
+    assert energy["link_generated_j"] == energy["generated_j"] == 0.0
+    assert energy["dissipated_j"] == pytest.approx(0.03)
 
 
-def test_energy_counts_in_ramps_and_that_of_the_link_only_in_a_session_of_both() -> None:
-    """The newest tick of the slave still waits for a nearer one of the master."""
+def test_link_energy_counts_only_while_both_sides_are_engaged() -> None:
+    """Energy of the port counts always; the newest tick of the slave still waits for a nearer one of the master."""
     master, slave = records(1000), records(1000)
     master["raw"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
     master["output"][:, 2] = 1.0
     master["ramping"][:100] = slave["ramping"][50:300] = 1
     slave["state"][400:600] = State.SILENT.value
     energy = score(master, slave, 7)["energy"]
-    assert energy["generated_j"] == pytest.approx(999e-5)  # type: ignore[index]
-    assert energy["link_generated_j"] == pytest.approx((399 + 398) * 1e-5)  # type: ignore[index]
+    assert energy["generated_j"] == pytest.approx(999e-5)
+    assert energy["link_generated_j"] == pytest.approx((399 + 398) * 1e-5)
 
 
-def test_a_missed_tick_is_counted_and_a_lost_record_is_not() -> None:
-    """Each side's work is summed on its own ticks; the slave's newest waits for a nearer one of the master."""
+def test_a_missed_tick_counts_and_a_lost_record_does_not() -> None:
     master, slave = records(1000), records(1000)
     master["raw"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
     master["output"][:, 2] = 1.0
     kept = np.delete(master, range(500, 520))
-    assert score(kept, slave)["energy"]["generated_j"] == pytest.approx((999 - 21) * 1e-5)  # type: ignore[index]
+    assert score(kept, slave)["energy"]["generated_j"] == pytest.approx((999 - 21) * 1e-5)
     kept["ticks_missed"][500:] = 20
     energy = score(kept, slave)["energy"]
-    assert energy["generated_j"] == pytest.approx(999e-5)  # type: ignore[index]
-    assert energy["link_generated_j"] == pytest.approx(998e-5)  # type: ignore[index]
+    assert energy["generated_j"] == pytest.approx(999e-5)
+    assert energy["link_generated_j"] == pytest.approx(998e-5)
 
 
-def test_the_longest_time_outside_spans_pieces() -> None:
+# --- rotation
+
+
+@examples(50)
+@given(rotations, rotations)
+def test_turns_agree_with_quaternions(a: tuple[float, ...], b: tuple[float, ...]) -> None:
+    (angle,) = angles_between(np.array([a]), np.array([b]))
+    assert angle == pytest.approx(angle_between(quaternion(a), quaternion(b)), abs=1e-7)  # type: ignore[arg-type]
+    (turn,) = turns_between(np.array([a]), np.array([b]))
+    (back,) = turns_between(np.array([b]), np.array([a]))
+    assert np.linalg.norm(turn) <= pi + 1e-9
+    if np.linalg.norm(turn) < pi - 1e-3:  # at half a turn both directions are as short
+        assert turn == pytest.approx(-back, abs=1e-6)
+
+
+def test_a_turn_is_in_the_fixed_frame() -> None:
+    """From level a quarter about z; from there a quarter about the fixed x."""
+    quarter = pi / 2
+    third = 2.0 * pi / 3.0 / 3.0**0.5  # both quarters together: a third of a turn about (1, -1, 1)
+    steps = turns(np.array([(0.0, 0.0, 0.0), (0.0, 0.0, quarter), (third, -third, third)]))
+    assert steps == pytest.approx(np.array([(0.0, 0.0, quarter), (quarter, 0.0, 0.0)]), abs=1e-12)
+
+
+def test_torque_and_orientation_have_their_figures() -> None:
     master, slave = records(1000), records(1000)
-    slave["raw"][300:420, 2] = 1.0
-    slave["raw"][800:830, 2] = 1.0
-    force = score(master, slave, pieces=10)["force"]
-    assert force["violation_longest_ticks"] == 120  # type: ignore[index]
-    assert force["violation_longest_s"] == pytest.approx(0.12)  # type: ignore[index]
-    assert force["violation_s"] == pytest.approx(0.15)  # type: ignore[index]
+    slave["rotation_raw"][:, 0] = 0.2
+    master["rotation_output"][:, 0] = 0.23
+    slave["rotation_decoded"][:, 0] = 0.21
+    slave["rotation_bound"] = 0.025
+    slave["rotation_updates_sent"] = np.arange(1000) // 20
+    slave["rotation_selected"][::2] = 1
+    slave["rotation_sent"][:10] = 1
+    master["rotation_raw"][:, 2] = pi + 0.01
+    slave["rotation_output"][:, 2] = -(pi - 0.02)  # 0.01 rad apart
+    master["rotation_bound"] = 0.02
+    master["rotation_updates_sent"] = np.arange(1000) // 100
+    summary = score(master, slave, 7, ("zoh", "linear"))
+    torque, orientation = summary["torque"], summary["orientation"]
+    assert torque["error_rms"] == pytest.approx(0.03, rel=1e-5)
+    assert torque["violation_fraction"] == 1.0
+    assert torque["violation_max_jnd"] == pytest.approx(1.2, rel=1e-3)
+    assert torque["coding"]["error_rms"] == pytest.approx(0.01, rel=1e-5)
+    assert torque["coding"]["violation_fraction"] == 0.0
+    assert (torque["packets"], orientation["packets"]) == (49, 9)
+    assert torque["reduction"] == pytest.approx(0.951)
+    assert torque["selected"] == {"zoh": 5, "linear": 5}
+    assert orientation["error_max"] == pytest.approx(0.01, rel=1e-4)
+    assert orientation["violation_fraction"] == 0.0
 
 
-def test_how_far_outside_is_told_in_units_of_the_bound() -> None:
-    master, slave = records(1000), records(1000)
-    slave["bound"] = 0.2
-    slave["raw"][:, 2] = 0.1
-    slave["raw"][500:520, 2] = 0.5
-    slave["raw"][700, 2] = 0.7
-    slave["bound"][800:] = 0.0
-    force = score(master, slave)["force"]
-    assert force["violation_max_jnd"] == pytest.approx(3.5)  # type: ignore[index]
-    assert force["violation_p99_jnd"] == pytest.approx(2.5, rel=0.01)  # type: ignore[index]
-
-
-def test_a_side_alone_has_its_own_figures_and_no_felt_error() -> None:
-    summary = score(records(100), np.empty(0, DTYPE))
-    assert summary["ticks"]["master"]["count"] == 100  # type: ignore[index]
-    assert summary["ticks"]["slave"]["lateness_us"]["p50"] is None  # type: ignore[index]
-    assert summary["force"]["error_rms"] is None  # type: ignore[index]
-    assert summary["force"]["violation_max_jnd"] is summary["force"]["violation_longest_s"] is None  # type: ignore[index]
-    assert summary["energy"] == {"generated_j": 0.0, "dissipated_j": 0.0, "link_generated_j": None}
-
-
-def test_the_slave_alone_knows_no_energy_of_the_operator() -> None:
-    energy = score(np.empty(0, DTYPE), records(100))["energy"]
-    assert energy == {"generated_j": None, "dissipated_j": None, "link_generated_j": None}
-
-
-def test_the_slave_alone_knows_its_coding_error() -> None:
-    slave = records(100)
-    slave["raw"][:, 2], slave["decoded"][:, 2], slave["bound"] = 2.0, 1.9, 0.2
-    slave["ramping"][:10] = 1
-    slave["decoded"][:10] = 0.0
-    coding = score(np.empty(0, DTYPE), slave)["force"]["coding"]  # type: ignore[index]
-    assert coding["error_max"] == pytest.approx(0.1)
-    assert coding["violation_fraction"] == 0.0
+@pytest.mark.parametrize(("force", "position", "held"), [("output", "raw", True), ("raw", "output", False)])
+def test_a_torque_does_work_over_a_turn(force: str, position: str, held: bool) -> None:
+    made = records(1001)
+    angle = np.linspace(2.0, 2.0 + pi, 1001)
+    made[f"rotation_{position}"][:, 1] = np.where(angle > pi, angle - 2.0 * pi, angle)
+    made[f"rotation_{force}"][:, 1] = -0.1
+    plain, turning = PortWork(force, position, held=held), PortWork(force, position, held=held, turns=turns)
+    plain.add(made)
+    turning.add(made)
+    assert plain.total == 0.0
+    assert turning.total == pytest.approx(0.1 * pi, rel=1e-5)

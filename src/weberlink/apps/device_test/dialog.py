@@ -1,9 +1,13 @@
-"""A person at a terminal beside a device: what they are told, asked and shown. Knows no device."""
+"""What the tests of devices and robots share: the dialog with a person, sample rates, errors, safe closing."""
 
 import termios
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from select import select
+from signal import SIGINT, signal
+from textwrap import wrap
+from threading import current_thread, main_thread
 from time import monotonic, sleep
 from typing import Protocol, TextIO
 
@@ -11,42 +15,52 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from weberlink.geometry.vector import Vector
+from weberlink.master.devices.contract import DeviceSpec
+from weberlink.slave.robots.contract import RobotSpec
+
 REFRESH_S = 0.1
-"""How often a live display changes on a terminal."""
+"""Period of a live display on a terminal."""
 PLAIN_S = 0.5
-"""How often a line comes where there is no terminal,"""
+"""Period of lines where there is no terminal,"""
 PLAIN_LINES = 4
 """and how many of them."""
 POLL_S = 0.001
-"""Pause between two looks at a device: a loop of 1 kHz looks as often."""
+"""Pause between two readings of a device, as in a loop of 1 kHz."""
+WINDOW_S = 1.0
+WIDTH = 78
+
+
+class DeviceTestError(Exception):
+    """The test failed; one line that says what is wrong and, if known, what to do."""
+
+
+class StoppedByUser(Exception):  # noqa: N818 - not an error
+    """The person ended the input."""
 
 
 class View(Protocol):
-    """What is shown of a device."""
+    """Live display of a device."""
 
     def look(self, now: float) -> None:
-        """See what there is at `now` [s]; called about a thousand times a second."""
+        """Read the device at `now` [s]; called about a thousand times a second."""
         ...
 
     def lines(self) -> Sequence[str]:
-        """What was seen last, the most telling line first."""
+        """The last reading, the most important line first."""
         ...
 
 
-class Left(Exception):  # noqa: N818 - not an error: the person wants to stop
-    """The person has ended the input."""
-
-
 class Dialog:
-    """Asks and tells through two streams, which may be a terminal or anything else.
+    """A dialog over two text streams, which may be a terminal.
 
     Args:
-        source: what they type.
-        screen: what they see.
-        yes: agree to whatever is asked for with the word yes.
+        source: input of the person.
+        screen: output.
+        yes: agree to every question that needs the word yes.
         clock: monotonic [s].
         pause: waits [s].
-        poll: pause between two looks at a device [s].
+        poll: pause between two readings of a device [s].
     """
 
     def __init__(
@@ -72,38 +86,34 @@ class Dialog:
         self._screen.flush()
 
     def ask(self, prompt: str) -> str:
-        """What is typed after the prompt was shown, in lower case.
-
-        Raises:
-            Left: at the end of input.
-        """
+        """The answer typed after the prompt, in lower case. Raises StoppedByUser at the end of input."""
         self._forget_typed()
         self._screen.write(prompt)
         self._screen.flush()
         return self._line().strip().lower()
 
     def choose(self, prompt: str, answers: Sequence[str]) -> str:
-        """One of the answers, asked for until it is given."""
+        """Ask until one of the answers is given."""
         while (answer := self.ask(prompt)) not in answers:
             self.tell(f"Please type one of {', '.join(answers)}, and Enter.")
         return answer
 
     def agrees(self, question: str) -> bool:
-        """Whether they type the word yes, all of it; whoever began with --yes has done so already."""
+        """Whether the person types the whole word yes, or started with --yes."""
         if self._yes:
             self.tell(f"{question}yes (--yes)")
             return True
         return self.ask(question) == "yes"
 
     def wait(self, seconds: float, each: Callable[[float], None]) -> None:
-        """Wait, and call `each` with the time all the while."""
+        """Wait, and call `each` with the time meanwhile."""
         until = self.now() + seconds
         while (now := self.now()) < until:
             each(now)
             self._pause(self._poll)
 
     def watch(self, view: View, prompt: str) -> None:
-        """Show what is seen until Enter is pressed; without a terminal, a few lines and then the question."""
+        """Show a view until Enter is pressed; without a terminal, print a few lines and then ask."""
         if not (self._screen.isatty() and self._source.isatty()):
             for _ in range(PLAIN_LINES):
                 self.wait(PLAIN_S, view.look)
@@ -120,7 +130,7 @@ class Dialog:
         self.tell(*view.lines())
 
     def _entered(self, seconds: float, view: View) -> bool:
-        """Whether Enter is pressed within this time, while the device is looked at."""
+        """Whether Enter is pressed within this time; reads the device meanwhile."""
         until = self.now() + seconds
         while (now := self.now()) < until:
             view.look(now)
@@ -132,11 +142,86 @@ class Dialog:
     def _line(self) -> str:
         line = self._source.readline()
         if not line:
-            raise Left
+            raise StoppedByUser
         return line
 
     def _forget_typed(self) -> None:
-        """Drop what was typed before it was asked for: no answer to a question that nobody had seen."""
+        """Discard input typed before the question was shown."""
         if self._source.isatty():
             with suppress(termios.error, OSError):
                 termios.tcflush(self._source.fileno(), termios.TCIFLUSH)
+
+
+class SampleRate:
+    """Rate of new samples of a device, and the age of its readings, over the last second."""
+
+    def __init__(self) -> None:
+        self._arrivals: deque[tuple[float, float]] = deque()
+        self._ages: deque[tuple[float, float]] = deque()
+        self._began: float | None = None
+        self._last_at: float | None = None
+
+    def note(self, now: float, at: float, sampled_at: float | None = None) -> None:
+        """Note a reading of the time `at` [s], taken at `now` [s].
+
+        `sampled_at` is the time of the newest sample, for a reading interpolated between two samples.
+        """
+        sampled_at = at if sampled_at is None else sampled_at
+        if self._began is None:
+            self._began = now
+        if sampled_at != self._last_at:
+            if self._last_at is not None:  # the arrival time of the first one is unknown
+                self._arrivals.append((now, sampled_at))
+            self._last_at = sampled_at
+        self._ages.append((now, now - at))
+        for kept in (self._arrivals, self._ages):
+            while kept and kept[0][0] <= now - WINDOW_S:
+                kept.popleft()
+
+    @property
+    def rate_hz(self) -> float:
+        """New samples per second."""
+        if self._began is None:
+            return 0.0
+        window = min(WINDOW_S, self._ages[-1][0] - self._began)
+        return len(self._arrivals) / window if window > 0.0 else 0.0
+
+    @property
+    def oldest_s(self) -> float:
+        """The greatest age of a reading [s]."""
+        return max((age for _, age in self._ages), default=0.0)
+
+    def in_words(self, round_trip_s: float | None = None) -> str:
+        """One line: samples per second, greatest age, and round trip of an exchange."""
+        words = f"{self.rate_hz:.0f}/s, age {self.oldest_s * 1e3:.1f} ms"
+        return words if round_trip_s is None else f"{words}, trip {round_trip_s * 1e3:.2f} ms"
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Delay Ctrl-C until the end of the block, which makes a device safe."""
+    if current_thread() is not main_thread():  # signals reach the main thread only
+        yield
+        return
+    pressed = []
+    before = signal(SIGINT, lambda *_: pressed.append(True))
+    try:
+        yield
+    finally:
+        signal(SIGINT, before)
+    if pressed:
+        raise KeyboardInterrupt
+
+
+def described(spec: DeviceSpec | RobotSpec) -> Iterator[str]:
+    """Lines to show before a device or robot is opened."""
+    (x0, y0, z0), (x1, y1, z1) = spec.workspace_m
+    box = " x ".join(f"{(high - low) * 1e3:.0f}" for low, high in ((x0, x1), (y0, y1), (z0, z1)))
+    yield f"{spec.name}: axes {spec.axes}, workspace {box} mm, at most {spec.force_n:g} N"
+    if spec.note:
+        yield from wrap(f"Note: {spec.note}", WIDTH)
+
+
+def millimetres(position: Vector) -> str:
+    """A position as text of constant width."""
+    return "  ".join(f"{axis} {component * 1e3:+7.1f}" for axis, component in zip("xyz", position, strict=True)) + " mm"

@@ -1,50 +1,71 @@
-"""A haptic device and the person before it: readings, the sign check without force, and then a gentle force."""
+"""Test of a haptic device: readings, then a check of signs without force, then a gentle force along each axis."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
+from math import cos, inf, pi
 from typing import Any, Protocol, runtime_checkable
 
 import yaml
 from pydantic import BaseModel
 
-from weberlink.apps.device_test.dialog import Dialog
-from weberlink.apps.device_test.force_check import agrees, check_force
-from weberlink.apps.device_test.gauge import Gauge
-from weberlink.apps.device_test.outcome import described, millimetres, uninterrupted
-from weberlink.apps.device_test.sense import FRAME, Frame
-from weberlink.apps.device_test.sign_check import check_signs
-from weberlink.geometry.vector import ZERO
+from weberlink.apps.device_test.dialog import (
+    DeviceTestError,
+    Dialog,
+    SampleRate,
+    described,
+    millimetres,
+    uninterrupted,
+)
+from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale, subtract
 from weberlink.master.devices.contract import Device, DeviceReading
 
+Frame = Mapping[str, str]
+"""Direction of each positive axis, as the person before the device sees it."""
+FRAME: Frame = {"x": "toward you", "y": "to the right", "z": "up"}
+"""The default; drivers may give another."""
+UNITS: Mapping[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+LEAST_M = 0.015
+"""Shorter motions are ignored: a hand that holds still moves by millimetres."""
+MAINLY = 0.8
+"""Share of the motion that one axis must have: within 37 degrees of it."""
+TRIES = 3
+"""Unclear motions in a row until the test fails."""
+PUSH_N = 0.3
+"""Felt by everybody, and too weak to hurt or to throw a handle that is held."""
+RAMP_S = 0.5
+HOLD_S = 0.5
+GIVES_WAY_M = 0.03
+"""A handle that nobody holds moves farther; the push ends there."""
 READY = "Put the handle where it has to be when a session begins."
 SIGNS = "signs_checked"
-"""The option of drivers that give no force until a person has seen and felt that their directions are right.
+"""Option of drivers that give no force until a person has checked their directions.
 
-Its value is printed only after the last axis was felt: a position that goes the right way says nothing of the motors.
+Its value is printed only after the last axis was felt: a correct position does not show that the motors are correct.
 """
 
 
 @runtime_checkable
 class Timed(Protocol):
-    """A device that says how long its last exchange took [s]."""
+    """A device that reports the duration of its last exchange [s]."""
 
     @property
     def round_trip_s(self) -> float: ...
 
 
 def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Device], dialog: Dialog) -> None:
-    """The whole test of a haptic device.
+    """Test a haptic device.
 
     Args:
-        driver: its class.
+        driver: class of the device.
         options: of the driver.
-        build: makes a device of options.
+        build: makes a device from options.
         dialog: with the person.
 
     Raises:
-        DeviceTestError: something is not as it should be; the force is at zero, as with the others.
-        DeviceFault: the device cannot go on.
-        Left: the person does not go on.
+        DeviceTestError: the test failed. The force is zero, as after the other errors.
+        DeviceFault: the device failed.
+        StoppedByUser: the person stopped.
     """
     frame: Frame = {**FRAME, **getattr(driver, "FRAME", {})}
     is_hardware = hasattr(driver, "plugged")
@@ -57,13 +78,13 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
     with _opened(idle, dialog) as device:
         dialog.watch(DeviceView(device), "Enter to go on: ")
         if is_hardware:
-            check_signs(device, frame, getattr(driver, "SIGN_OPTIONS", {}), DeviceView, dialog)
+            check_signs(device, frame, getattr(driver, "SIGN_OPTIONS", {}), dialog)
         else:
-            dialog.tell("It is computed: there is no handle to move, and no sign to check.")
+            dialog.tell("This device is simulated: there is no handle to move, and no sign to check.")
     if not armed.spec.force_feedback:
-        dialog.tell("There is no force to feel with these options; that was all.")
+        dialog.tell("There is no force to feel with these options; the test is done.")
         return
-    if not agrees(armed, dialog):
+    if not _agrees_to_force(armed, dialog):
         if fingerprint is not None:
             dialog.tell(f"The signs of its motors are not checked, so there is no {SIGNS} to print.")
         return
@@ -81,7 +102,7 @@ def _with_signs(options: BaseModel, fingerprint: str | None) -> BaseModel:
 
 
 def _yaml(text: str) -> str:
-    """A text that a file takes for one, also where it has digits alone."""
+    """YAML for a string, quoted if it would be read as a number."""
     return text if yaml.safe_load(text) == text else f'"{text}"'
 
 
@@ -98,26 +119,188 @@ def _opened(device: Device, dialog: Dialog) -> Iterator[Device]:
 
 
 class DeviceView:
-    """Position, rate and age, and what else the device has."""
+    """Position, rate, age, orientation and buttons."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
         self._timed = device if isinstance(device, Timed) else None
-        self._gauge = Gauge()
+        self._rate = SampleRate()
         self._reading: DeviceReading | None = None
 
     def look(self, now: float) -> None:
         self._reading = self._device.latest(now)
-        self._gauge.note(now, self._reading.at)
+        self._rate.note(now, self._reading.at)
 
     def lines(self) -> list[str]:
         reading, spec = self._reading, self._device.spec
         assert reading is not None
         round_trip = None if self._timed is None else self._timed.round_trip_s
-        lines = [f"{millimetres(reading.position)}   {self._gauge.in_words(round_trip)}"]
+        lines = [f"{millimetres(reading.position)}   {self._rate.in_words(round_trip)}"]
         if reading.orientation is not None:
             lines.append("orientation (w, x, y, z) " + " ".join(f"{part:+.3f}" for part in reading.orientation))
         if spec.buttons:
             pressed = [str(button) for button in range(spec.buttons) if reading.buttons >> button & 1]
             lines.append(f"buttons pressed: {', '.join(pressed) or 'none'} (of 0 to {spec.buttons - 1})")
         return lines
+
+
+@dataclass(frozen=True)
+class ObservedMotion:
+    """The axis along which a handle moved.
+
+    Args:
+        asked: axis along which the hand moved, in the positive direction.
+        axis: axis along which the position changed.
+        way_m: signed distance [m].
+    """
+
+    asked: str
+    axis: str
+    way_m: float
+
+    @property
+    def right(self) -> bool:
+        return self.axis == self.asked and self.way_m > 0.0
+
+    def in_words(self, frame: Frame) -> str:
+        """In one line."""
+        what = "right" if self.right else "WRONG AXIS" if self.axis != self.asked else "WRONG DIRECTION"
+        return f"  +{self.asked} ({frame[self.asked]}): {self.way_m * 1e3:+.0f} mm along {self.axis}: {what}"
+
+
+def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion | str:
+    """Find the axis of a motion, or the reason why that is unclear.
+
+    Args:
+        asked: "x", "y" or "z".
+        moved: change of the position [m].
+        frame: directions of the axes, for the text.
+    """
+    way = norm(moved)
+    if way < LEAST_M:
+        return f"The position changed by {way * 1e3:.0f} mm, which is too little: move it by about 5 cm."
+    axis, along = max(zip("xyz", moved, strict=True), key=lambda pair: abs(pair[1]))
+    if abs(along) < MAINLY * way:
+        x, y, z = (f"{component * 1e3:+.0f}" for component in moved)
+        return f"The position changed by ({x}, {y}, {z}) mm, along no one axis: move it straight {frame[asked]}."
+    return ObservedMotion(asked, axis, along)
+
+
+def check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog) -> None:
+    """Ask for a motion along every axis: with a wrong sign, a wall would push instead of resist.
+
+    Args:
+        device: open, without force.
+        frame: directions of its axes.
+        options: which option reverses an axis, by axis; for the advice.
+        dialog: with the person.
+
+    Raises:
+        DeviceTestError: the position does not follow the hand.
+    """
+    dialog.tell("", "The signs. You move the handle; there is no force.")
+    motions = [_motion(axis, device, frame, dialog) for axis in device.spec.axes]
+    dialog.tell("", *(each.in_words(frame) for each in motions))
+    crossed = [f"{each.asked} comes out as {each.axis}" for each in motions if each.axis != each.asked]
+    if crossed:
+        raise DeviceTestError(
+            f"{device.spec.name}: axes are interchanged ({', '.join(crossed)}), so there must be no force: "
+            "is it another model than the options say, or are cables crossed?"
+        )
+    flips = [f"{each.asked} ({options.get(each.asked, 'its direction')})" for each in motions if not each.right]
+    if flips:
+        raise DeviceTestError(
+            f"{device.spec.name}: moves the wrong way, so there must be no force; in the options, turn round "
+            f"{', '.join(flips)}, and test it again"
+        )
+
+
+def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> ObservedMotion:
+    for _ in range(TRIES):
+        dialog.ask("\nHold the handle in the middle of its workspace, then Enter: ")
+        start = device.latest(dialog.now()).position
+        dialog.watch(DeviceView(device), f"Move it {frame[axis]} by about 5 cm, hold it there, then Enter: ")
+        found = classify_motion(axis, subtract(device.latest(dialog.now()).position, start), frame)
+        if isinstance(found, ObservedMotion):
+            return found
+        dialog.tell(found)
+    raise DeviceTestError(
+        f"{device.spec.name}: no clear motion along {axis}; is it at its home pose when it is homed, "
+        "and is it the model that the options say?"
+    )
+
+
+def _agrees_to_force(device: Device, dialog: Dialog) -> bool:
+    """Ask before the device is opened with force."""
+    seconds = 2.0 * RAMP_S + HOLD_S
+    dialog.tell("", f"The force: a push of {_size(device):g} N along each axis in turn, for {seconds:g} s each.")
+    if dialog.agrees("Type yes to feel it: "):
+        return True
+    dialog.tell("No force, then.")
+    return False
+
+
+def _size(device: Device) -> float:
+    return min(PUSH_N, device.spec.force_n)
+
+
+def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog: Dialog, *, may_move: bool) -> None:
+    """Push a little along every axis, and ask whether it was felt there.
+
+    Args:
+        device: open, with force.
+        frame: directions of its axes.
+        options: which option reverses the force along an axis, by axis; for the advice.
+        dialog: with the person.
+        may_move: whether the handle moves by itself.
+
+    Raises:
+        DeviceTestError: the force was felt in another direction, or not at all.
+    """
+    spec, push = device.spec, _size(device)
+    gives_way = inf if may_move else GIVES_WAY_M
+    wrong = [axis for axis in spec.axes if not _felt(axis, push, device, frame, gives_way, dialog)]
+    if wrong:
+        advice = ", ".join(f"{axis} ({options.get(axis, 'the direction of its motor')})" for axis in wrong)
+        raise DeviceTestError(
+            f"{spec.name}: its force is not felt along {', '.join(wrong)} as it should be: leave signs_checked out "
+            f"of the file; is it the model that the options say? Where it pushes the other way, turn round {advice}, "
+            "and test it again"
+        )
+    dialog.tell("The force is right.")
+
+
+def _felt(axis: str, push: float, device: Device, frame: Frame, gives_way: float, dialog: Dialog) -> bool:
+    """Whether the push was felt along the axis."""
+    while True:
+        dialog.ask(f"\nA push {frame[axis]} comes with Enter: ")
+        _push(scale(UNITS[axis], push), device, gives_way, dialog)
+        answer = dialog.choose(f"Did it push {frame[axis]}? y, n, or r to feel it again: ", ("y", "n", "r"))
+        if answer != "r":
+            return answer == "y"
+
+
+def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> None:
+    """Ramp up, hold, ramp down; stop at once if the handle gives way."""
+    began = dialog.now()
+    start = device.latest(began).position
+    is_held = True
+
+    def tick(now: float) -> None:
+        nonlocal is_held
+        is_held = is_held and distance(device.latest(now).position, start) <= gives_way
+        device.command(scale(force, _push_share(now - began)) if is_held else ZERO, now)
+
+    try:
+        dialog.wait(2.0 * RAMP_S + HOLD_S, tick)
+    finally:
+        with uninterrupted():
+            device.command(ZERO, dialog.now())
+    if not is_held:
+        dialog.tell(f"The handle gave way by {gives_way * 1e3:.0f} mm and the force ended: hold it, and feel it again.")
+
+
+def _push_share(elapsed: float) -> float:
+    """Share of the push after this time [s]: half a cosine up and down."""
+    into = min(elapsed, 2.0 * RAMP_S + HOLD_S - elapsed) / RAMP_S
+    return 0.5 - 0.5 * cos(pi * min(1.0, max(0.0, into)))

@@ -1,38 +1,43 @@
-"""A robot and a person beside it: readings, and then a small slow motion along each axis and back."""
+"""Test of a robot: readings, then a small slow motion along each axis and back."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import Any
 
-from weberlink.apps.device_test.dialog import Dialog
-from weberlink.apps.device_test.gauge import Gauge
-from weberlink.apps.device_test.outcome import DeviceTestError, described, millimetres, uninterrupted
+from weberlink.apps.device_test.dialog import (
+    DeviceTestError,
+    Dialog,
+    SampleRate,
+    described,
+    millimetres,
+    uninterrupted,
+)
 from weberlink.geometry.vector import Vector, add, distance, norm, scale, subtract
 from weberlink.slave.robots.contract import Robot, RobotReading, RobotSpec
 
 WAY_M = 0.01
 LEG_S = 1.0
 REST_S = 0.5
-"""At either end, for a robot to arrive."""
+"""Pause at either end, for the robot to arrive."""
 FOLLOWS = 0.5
-"""Share of the way that it must go at least: what is less is not it that moved."""
+"""Least share of the way that counts as following."""
 FORCE_CHANGE_N = 5.0
-"""A stronger one is a contact; the motion ends there."""
+"""A larger change is a contact; the motion ends there."""
 
 
 def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
-    """The whole test of a robot.
+    """Test a robot.
 
     Args:
-        driver: its class.
+        driver: class of the robot.
         build: makes the robot.
         dialog: with the person.
 
     Raises:
-        DeviceTestError: something is not as it should be; the robot is left where it is.
-        RobotFault: the robot cannot go on.
-        Left: the person does not go on.
+        DeviceTestError: the test failed; the robot stays where it is.
+        RobotFault: the robot failed.
+        StoppedByUser: the person stopped.
     """
     robot = build()
     dialog.tell(*described(robot.spec))
@@ -48,21 +53,21 @@ def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
 
 
 class RobotView:
-    """Position, rate and age, and the force where it is sensed."""
+    """Position, rate, age, and the force if it is sensed."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
-        self._gauge = Gauge()
+        self._rate = SampleRate()
         self._reading: RobotReading | None = None
 
     def look(self, now: float) -> None:
         self._reading = self._robot.latest(now)
-        self._gauge.note(now, self._reading.at, self._reading.sampled_at)
+        self._rate.note(now, self._reading.at, self._reading.sampled_at)
 
     def lines(self) -> list[str]:
         reading, spec = self._reading, self._robot.spec
         assert reading is not None
-        lines = [f"{millimetres(reading.position)}   {self._gauge.in_words()}"]
+        lines = [f"{millimetres(reading.position)}   {self._rate.in_words()}"]
         if spec.force_sensing:
             newtons, share = spec.force_error
             force = "  ".join(f"{axis} {component:+7.2f}" for axis, component in zip("xyz", reading.force, strict=True))
@@ -71,14 +76,14 @@ class RobotView:
 
 
 @dataclass
-class Motion:
-    """What came of the way out and back along an axis.
+class AxisMotion:
+    """Result of the motion out and back along an axis.
 
     Args:
-        way: where it was sent, from where it was [m].
-        went_m: how far it went along the way at most [m]; negative for the other direction.
-        back_m: how far from the start it ended [m].
-        force_change_n: the greatest [N].
+        way: commanded displacement [m].
+        went_m: greatest distance along the way [m]; negative for the other direction.
+        back_m: final distance from the start [m].
+        force_change_n: greatest change of the force [N].
     """
 
     way: Vector
@@ -92,11 +97,7 @@ class Motion:
 
 
 def _check_motion(robot: Robot, dialog: Dialog) -> None:
-    """Move by a little along every axis, and back.
-
-    Raises:
-        DeviceTestError: it did not follow, or met something.
-    """
+    """Move a little along every axis and back. Raises DeviceTestError if it does not follow, or meets something."""
     spec = robot.spec
     dialog.tell("", f"The motion: {WAY_M * 1e3:g} mm along each axis and back, {LEG_S:g} s each way, from where it is.")
     if not dialog.agrees("Is the way free? Type yes to see it move: "):
@@ -111,12 +112,12 @@ def _check_motion(robot: Robot, dialog: Dialog) -> None:
     dialog.tell("The motion is right.")
 
 
-def _out_and_back(index: int, robot: Robot, dialog: Dialog) -> Motion:
-    """Along one axis, to the side where there is room."""
+def _out_and_back(index: int, robot: Robot, dialog: Dialog) -> AxisMotion:
+    """Move along one axis, in the direction where the workspace has room."""
     start = robot.latest(dialog.now())
-    sign = _side(index, start.position, robot.spec)
+    sign = _direction(index, start.position, robot.spec)
     x, y, z = (sign * WAY_M if axis == index else 0.0 for axis in range(3))
-    motion = Motion((x, y, z))
+    motion = AxisMotion((x, y, z))
     began = dialog.now()
 
     def tick(now: float) -> None:
@@ -140,12 +141,8 @@ def _out_and_back(index: int, robot: Robot, dialog: Dialog) -> Motion:
     return motion
 
 
-def _side(index: int, position: Vector, spec: RobotSpec) -> float:
-    """+1 or -1, where the workspace goes on for long enough.
-
-    Raises:
-        DeviceTestError: on neither side.
-    """
+def _direction(index: int, position: Vector, spec: RobotSpec) -> float:
+    """Direction with room in the workspace, +1 or -1. Raises DeviceTestError if there is none."""
     there, lower, upper = (vector[index] for vector in (position, *spec.workspace_m))
     for sign in (1.0, -1.0):
         if lower <= there + sign * WAY_M <= upper:
@@ -157,7 +154,7 @@ def _side(index: int, position: Vector, spec: RobotSpec) -> float:
 
 
 def _share(elapsed: float) -> float:
-    """Of the way, after this time [s]: out by minimum jerk, rest, back, rest."""
+    """Share of the way after this time [s]: minimum jerk out, rest, back, rest."""
     along = elapsed / LEG_S if elapsed < LEG_S + REST_S else (2.0 * LEG_S + REST_S - elapsed) / LEG_S
     share = min(1.0, max(0.0, along))
     return share * share * share * (10.0 + share * (6.0 * share - 15.0))

@@ -1,12 +1,11 @@
-"""The `doctor` command: what this machine grants a real-time session, what stands in its way, and the line that helps.
+"""The `doctor` command: check this machine for real-time problems and suggest fixes.
 
-One kind of check a module; each reads the machine through a `Host` and asks what is needed of a `Needs`. No check
-changes anything, and none raises: what cannot be read is a finding too.
+Each check reads the machine through a `Machine` and compares it with a `Needs`. No check changes anything.
 """
 
-from weberlink.apps.doctor.examination import Examination, examine
-from weberlink.apps.doctor.finding import Finding, Grade
-from weberlink.apps.doctor.host import Host
+from weberlink.apps.doctor.findings import Finding, Grade
+from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
+from weberlink.apps.doctor.report import Report, examine
 
-__all__ = ["Examination", "Finding", "Grade", "Host", "Needs", "examine"]
+__all__ = ["Finding", "Grade", "Machine", "Needs", "Report", "examine"]

@@ -1,4 +1,4 @@
-"""What a session asks of the machine: that of a file, or the defaults of every file where there is none."""
+"""What a session needs of the machine: as configured in a file, or the defaults."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,22 +14,22 @@ DEFAULT_RATE_HZ = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """What is asked for.
+    """Requirements that the checks compare the machine with.
 
     Args:
-        file: where it is written; None for the defaults.
-        sides: that are to run here.
-        rate_hz: of the ticks.
+        file: the configuration; None for the defaults.
+        sides: that run on this machine.
+        rate_hz: tick rate [Hz].
         priority: of SCHED_FIFO; 0 for the normal scheduler.
-        lock_memory: whether daemons lock theirs.
+        lock_memory: whether daemons lock their memory.
         wakeful: whether daemons keep processors out of deep idle states.
         cpus: that the master and the slave are pinned to.
-        listen: host and port that the slave binds; None where it does not run here, or on any free port.
-        slave: host and port where the master looks for it; None where the master does not run here.
+        listen: host and port that the slave binds; None where it does not run here, or binds any free port.
+        slave: host and port that the master calls; None where the master does not run here.
         key_file: the pre-shared key; None where none is used.
-        encrypted: whether datagrams are.
-        silence_s: that counts as a fault.
-        drivers: by side.
+        encrypted: whether datagrams are encrypted.
+        silence_s: silence of the peer that counts as a fault [s].
+        drivers: pairs of side and driver name.
     """
 
     file: Path | None = None
@@ -48,7 +48,7 @@ class Needs:
 
     @classmethod
     def of(cls, configuration: Configuration, sides: Sequence[str] = SIDES) -> "Needs":
-        """Those of a file."""
+        """The needs of a configuration."""
         system = configuration.system
         link, realtime = system.link, system.realtime
         listen, slave = split_address(link.listen), split_address(link.slave)
@@ -75,14 +75,14 @@ class Needs:
 
     @property
     def pinned(self) -> dict[str, int]:
-        """The processor of each side that runs here; empty where the file pins none."""
+        """The processor that each local side is pinned to; empty where the file pins none."""
         if self.cpus is None:
             return {}
         return {side: self.cpus[SIDES.index(side)] for side in self.sides}
 
     @property
     def document(self) -> dict[str, Any]:
-        """For JSON; says of the key no more than whether there is to be one."""
+        """For JSON; of the key it says only whether one is used."""
         return {
             "file": None if self.file is None else str(self.file),
             "sides": list(self.sides),

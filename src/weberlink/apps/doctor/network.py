@@ -1,11 +1,14 @@
-"""The way of the datagrams: buffers, the port of the slave, the address that the master calls."""
+"""Checks of the network and the key file: receive buffer, port, slave address, firewall, pre-shared key."""
 
-from collections.abc import Iterator
+import shlex
+import stat
 from ipaddress import ip_address, ip_network
 
-from weberlink.apps.doctor.finding import Check, Finding, advice, ok, problem, unknown
-from weberlink.apps.doctor.host import Host, Unreadable
+from weberlink.apps.doctor.findings import Finding, advice, ok, problem, unknown
+from weberlink.apps.doctor.machine import Machine, Unreadable
 from weberlink.apps.doctor.needs import Needs
+from weberlink.protocol import keys
+from weberlink.telemetry.runtime_directory import user_name
 
 CHARGED_BYTES = 832
 """What the kernel charges a receive buffer for a datagram of ours that came over loopback (Linux 6.18, x86-64: 256 of
@@ -14,53 +17,46 @@ EXAMPLES = [ip_network(text) for text in ("192.0.2.0/24", "198.51.100.0/24", "20
 """Addresses for documentation (RFC 5737, RFC 3849), which nobody has."""
 
 
-def receive_buffer(host: Host, needs: Needs) -> Iterator[Finding]:
-    """Whether a stall as long as the silence limit overflows a socket that gets an update at every tick."""
-    size = host.number("/proc/sys/net/core/rmem_default")
-    largest = host.number("/proc/sys/net/core/rmem_max")
+def receive_buffer(machine: Machine, needs: Needs) -> Finding:
+    """Whether the socket holds all updates of a stall as long as the silence limit, at one update per tick."""
+    size = machine.number("/proc/sys/net/core/rmem_default")
+    largest = machine.number("/proc/sys/net/core/rmem_max")
     holds_ms = 1e3 * size / CHARGED_BYTES / needs.rate_hz
-    found = f"UDP receive buffer {size} B holds {holds_ms:.0f} ms of an update a tick"
+    found = f"UDP receive buffer {size} B holds {holds_ms:.0f} ms at one update per tick"
     if holds_ms >= 1e3 * needs.silence_s:
-        yield ok("receive buffer", f"{found} (limit {largest} B)")
-    else:
-        wanted = int(2 * needs.silence_s * needs.rate_hz * CHARGED_BYTES)
-        yield advice("receive buffer", found, f"sudo sysctl -w net.core.rmem_default={wanted}")
+        return ok(f"{found} (limit {largest} B)")
+    wanted = int(2 * needs.silence_s * needs.rate_hz * CHARGED_BYTES)
+    return advice(found, f"sudo sysctl -w net.core.rmem_default={wanted}")
 
 
-def port(host: Host, needs: Needs) -> Iterator[Finding]:
-    """Whether the slave's port is free, or who has it."""
+def port(machine: Machine, needs: Needs) -> Finding:
+    """Whether the slave's port is free, or which process has it."""
     if needs.listen is None:
-        yield ok("port", "no fixed UDP port to listen on here")
-        return
+        return ok("no fixed UDP port to listen on here")
     address, number = needs.listen
     try:
-        host.bind(address, number)
+        machine.bind(address, number)
     except OSError as error:
-        yield _taken(host, address, number, error)
-    else:
-        yield ok("port", f"UDP port {number} is free")
+        inodes = _inodes(machine, number)
+        holder = _holder(machine, inodes)
+        if "weberlink.system.daemon" in holder:
+            return ok(f"UDP port {number} is held by a running weberlink daemon")
+        if inodes:
+            by = f" by {holder.split()[0]}" if holder else ""
+            return problem(f"UDP port {number} is in use{by}", f"see by whom: sudo ss -lunp 'sport = :{number}'")
+        return problem(
+            f"UDP {address}:{number} cannot be listened on: {error.strerror}",
+            "in the file: link.listen, with 0.0.0.0 or an address of `ip -brief address`",
+        )
+    return ok(f"UDP port {number} is free")
 
 
-def _taken(host: Host, address: str, number: int, error: OSError) -> Finding:
-    holder = _holder(host, number)
-    if holder and "weberlink.system.daemon" in holder:
-        return ok("port", f"UDP port {number} is held by a weberlink daemon that runs")
-    if holder or _is_listed(host, number):
-        by = f" by {holder.split()[0]}" if holder else ""
-        return problem("port", f"UDP port {number} is in use{by}", f"see who has it: sudo ss -lunp 'sport = :{number}'")
-    return problem(
-        "port",
-        f"UDP {address}:{number} cannot be listened on: {error.strerror}",
-        "in the file: link.listen, with 0.0.0.0 or an address of `ip -brief address`",
-    )
-
-
-def _inodes(host: Host, number: int) -> set[str]:
-    """Of sockets with this local port: in /proc/net/udp the second column ends in the port, the tenth is the inode."""
+def _inodes(machine: Machine, number: int) -> set[str]:
+    """Inodes of sockets with this local port: the second column of /proc/net/udp ends in it, the tenth is the inode."""
     inodes: set[str] = set()
     for path in ("/proc/net/udp", "/proc/net/udp6"):
         try:
-            lines = host.read(path).splitlines()[1:]
+            lines = machine.read(path).splitlines()[1:]
         except Unreadable:
             continue
         rows = (line.split() for line in lines)
@@ -68,14 +64,10 @@ def _inodes(host: Host, number: int) -> set[str]:
     return inodes
 
 
-def _is_listed(host: Host, number: int) -> bool:
-    return bool(_inodes(host, number))
-
-
-def _holder(host: Host, number: int) -> str:
-    """The command line of the process that has the port; empty if this user may not see it."""
-    sockets = {f"socket:[{inode}]" for inode in _inodes(host, number)}
-    for link in (host.root / "proc").glob("[0-9]*/fd/*"):
+def _holder(machine: Machine, inodes: set[str]) -> str:
+    """The command line of the process that has one of these sockets; empty if this user may not see it."""
+    sockets = {f"socket:[{inode}]" for inode in inodes}
+    for link in (machine.root / "proc").glob("[0-9]*/fd/*"):
         try:
             if str(link.readlink()) in sockets:
                 command = (link.parents[1] / "cmdline").read_bytes()
@@ -85,49 +77,87 @@ def _holder(host: Host, number: int) -> str:
     return ""
 
 
-def slave_address(host: Host, needs: Needs) -> Iterator[Finding]:
-    """Whether the master can find the slave's host."""
+def slave_address(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one for each finding
+    """Whether the master can reach the slave's host."""
     if needs.slave is None:
-        yield ok("slave address", "no slave to be called from here")
-        return
+        return ok("no slave is called from here")
     name = needs.slave[0]
+    set_it = f"in the file: link.slave: ROBOT:PORT (not {name}), or --set link.slave=ROBOT:PORT"
     try:
-        addresses = host.resolve(name)
+        address = machine.resolve(name)[0]
     except OSError as error:
-        yield problem("slave address", f"{name} cannot be resolved: {error.strerror}", _place(name))
-        return
-    address = addresses[0]
-    if any(ip_address(address.partition("%")[0]) in network for network in EXAMPLES):
-        yield problem("slave address", f"link.slave is {name}, an address for examples", _place(name))
-        return
+        return problem(f"{name} cannot be resolved: {error.strerror}", set_it)
+    ip = ip_address(address.partition("%")[0])
+    if any(ip in network for network in EXAMPLES):
+        return problem(f"link.slave is {name}, an address reserved for documentation", set_it)
     try:
-        own = host.route(address)
+        own = machine.route(address)
     except OSError as error:
-        yield problem("slave address", f"no way to {name}: {error.strerror}", f"ip route get {address}")
-        return
-    yield from _answer(host, name, address, own)
-
-
-def _answer(host: Host, name: str, address: str, own: str) -> Iterator[Finding]:
-    """A slave itself answers nobody without the key, so its host is asked."""
-    if ip_address(address.partition("%")[0]).is_loopback or address == own:
-        yield ok("slave address", f"{name} is this host")
-        return
-    way = f"{name}: route from {own}"
-    if host.which("ping") is None:
-        yield ok("slave address", f"{way}; whether it answers was not tried (no ping)")
-        return
-    status, _ = host.run("ping", "-n", "-c", "1", "-W", "1", address)
+        return problem(f"no route to {name}: {error.strerror}", f"ip route get {address}")
+    if ip.is_loopback or address == own:
+        return ok(f"{name} is this host")
+    route = f"{name}: route from {own}"
+    if machine.which("ping") is None:
+        return ok(f"{route}; not pinged (no ping here)")
+    # A slave answers only with the key, so its host is pinged instead.
+    status, _ = machine.run("ping", "-n", "-c", "1", "-W", "1", address)
     if status == 0:
-        yield ok("slave address", f"{way}, answers a ping")
-    else:
-        yield unknown(
-            "slave address", f"{way}; no answer to a ping, which a firewall may cause", f"ping -c 3 {address}"
+        return ok(f"{route}, answers a ping")
+    return unknown(f"{route}; no answer to a ping, perhaps because of a firewall", f"ping -c 3 {address}")
+
+
+FIREWALL_TOOLS = {
+    "ufw": "sudo ufw status | grep -w {port}    (to open it: sudo ufw allow {port}/udp)",
+    "firewall-cmd": "sudo firewall-cmd --query-port={port}/udp    (to open it: --add-port={port}/udp)",
+    "nft": "sudo nft list ruleset | grep -w -e drop -e reject -e {port}",
+    "iptables": "sudo iptables -S INPUT | grep -w -e DROP -e REJECT -e {port}",
+}
+"""How to see whether a UDP port is open, by tool; the first one installed is named."""
+
+
+def firewall(machine: Machine, needs: Needs) -> Finding:
+    """Which command shows whether the slave's port is open; rules are not read here."""
+    if needs.listen is None:
+        return ok("nothing listens here, so no port must be open")
+    address, number = needs.listen
+    if address.startswith("127.") or address in ("localhost", "::1"):
+        return ok("the slave listens on loopback, which firewalls rarely filter")
+    for tool, command in FIREWALL_TOOLS.items():
+        if machine.which(tool) is not None:
+            return unknown(f"UDP port {number} must be open; not checked here", command.format(port=number))
+    return ok(f"no firewall tool found ({', '.join(FIREWALL_TOOLS)})")
+
+
+def key_file(machine: Machine, needs: Needs) -> Finding:  # noqa: PLR0911 - one for each finding
+    """Whether a daemon of this user can read the pre-shared key; its content is never shown."""
+    path = needs.key_file
+    if path is None:
+        if needs.file is None:
+            return ok("no file, so no key to check")
+        if needs.encrypted:
+            return ok("weberlink loopback makes a key for each session")
+        return ok("the file uses no key: datagrams are not encrypted")
+    quoted = shlex.quote(str(path))
+    try:
+        status = path.lstat()
+    except FileNotFoundError:
+        return problem(f"there is no key file {path}", f"weberlink keygen {quoted}    (or copy the other host's)")
+    except OSError as error:
+        return problem(f"key file {path} cannot be read: {error.strerror}", f"ls -ld {quoted}")
+    if stat.S_ISLNK(status.st_mode):
+        return problem(
+            f"key file {path} is a symbolic link, which daemons do not follow",
+            f"in the file, the key file itself: link.key_file: {shlex.quote(str(path.resolve()))}",
         )
-
-
-def _place(name: str) -> str:
-    return f"in the file: link.slave: ROBOT:PORT (not {name}), or --set link.slave=ROBOT:PORT"
-
-
-CHECKS: tuple[Check, ...] = (receive_buffer, port, slave_address)
+    if status.st_uid != machine.user:
+        owner, user = user_name(status.st_uid), user_name(machine.user)
+        return problem(
+            f"key file {path} belongs to {owner}, this is {user}", f"run as {owner}, or: sudo chown {user} {quoted}"
+        )
+    try:
+        keys.load(path)
+    except keys.KeyFileError as error:
+        found, _, fix = str(error).partition("; ")
+        open_to_others = status.st_mode & 0o077
+        return problem(found, f"chmod 600 {quoted}" if open_to_others else fix or f"weberlink keygen {quoted}.new")
+    return ok(f"key file {path}: mode 0600, a key of {8 * keys.KEY_BYTES} bits")

@@ -1,24 +1,24 @@
-"""What runs the daemons: the interpreter, the event loop, the optional packages and the tools of `weberlink bench`."""
+"""Checks of software and devices: Python, uvloop, extras, benchmark tools, drivers and what is plugged in."""
 
 import platform
 import re
 import sys
 import sysconfig
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, requires, version
 
-from weberlink.apps.doctor.finding import Check, Finding, advice, ok, problem
-from weberlink.apps.doctor.host import Host
+from weberlink.apps.devices import BROKEN, NO_EXTRA, NOTHING, READY, DriverStatus, survey
+from weberlink.apps.doctor.findings import Finding, advice, ok, problem
+from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
 
 TOOLS = {"cyclictest": "rt-tests", "sockperf": "sockperf"}
-"""That `weberlink bench` compares with, and the Debian package of each."""
+"""Tools that `weberlink bench` compares with, and their Debian packages."""
 NOT_FOR_USERS = {"dev"}
 
 
-def interpreter(_host: Host, _needs: Needs) -> Iterator[Finding]:
-    """Builds of Python that are slow, or that nothing here was tried with."""
-    yield judged_build(
+def python(_machine: Machine, _needs: Needs) -> Finding:
+    return judge_build(
         platform.python_version(),
         is_debug=bool(sysconfig.get_config_var("Py_DEBUG")),
         is_free_threaded=bool(sysconfig.get_config_var("Py_GIL_DISABLED")),
@@ -26,46 +26,39 @@ def interpreter(_host: Host, _needs: Needs) -> Iterator[Finding]:
     )
 
 
-def judged_build(number: str, *, is_debug: bool, is_free_threaded: bool, is_dev_mode: bool) -> Finding:
-    """What to think of an interpreter."""
+def judge_build(number: str, *, is_debug: bool, is_free_threaded: bool, is_dev_mode: bool) -> Finding:
+    """Warn of builds of Python that are slow or untested."""
+    check = "Python"
     if is_debug:
-        return problem(
-            "Python", f"Python {number} is a debug build, several times slower", "use a release build of Python"
-        )
+        found = f"Python {number} is a debug build, several times slower"
+        return problem(found, "use a release build of Python", check)
     if is_dev_mode:
-        return advice(
-            "Python", f"Python {number} in development mode, which is slow", "unset PYTHONDEVMODE; run without -X dev"
-        )
+        found = f"Python {number} in development mode, which is slow"
+        return advice(found, "unset PYTHONDEVMODE; run without -X dev", check)
     if is_free_threaded:
-        return advice(
-            "Python",
-            f"Python {number} is a free-threaded build, which was not tried yet",
-            "use the ordinary build of Python",
-        )
-    return ok("Python", f"Python {number}")
+        found = f"Python {number} is a free-threaded build, which is untested"
+        return advice(found, "use the ordinary build of Python", check)
+    return ok(f"Python {number}", check)
 
 
-def event_loop(_host: Host, _needs: Needs) -> Iterator[Finding]:
-    """The package that wakes up a tick."""
+def uvloop(_machine: Machine, _needs: Needs) -> Finding:
     number = _version("uvloop")
     if number is None:
-        yield problem("uvloop", "uvloop is not installed", "pip install uvloop")
-    else:
-        yield ok("uvloop", f"uvloop {number}")
+        return problem("uvloop is not installed", "pip install uvloop")
+    return ok(f"uvloop {number}")
 
 
-def extras(_host: Host, _needs: Needs) -> Iterator[Finding]:
-    """Which optional parts are installed; a file that needs one says so itself."""
+def extras(_machine: Machine, _needs: Needs) -> Finding:
+    """Which optional extras are installed; loading a file that needs one reports it."""
     names = optional()
     missing = [name for name in sorted(names) if not all(_version(package) for package in names[name])]
     if missing:
-        yield ok("extras", f"optional extras not installed: {', '.join(missing)}")
-    else:
-        yield ok("extras", f"all {len(names)} optional extras are installed")
+        return ok(f"optional extras not installed: {', '.join(missing)}")
+    return ok(f"all {len(names)} optional extras are installed")
 
 
 def optional(project: str = "weberlink") -> dict[str, list[str]]:
-    """The extras of a project, and the packages that each of them brings."""
+    """The extras of a project and their packages."""
     found: dict[str, list[str]] = {}
     for line in requires(project) or []:
         name = re.match(r"[\w.-]+", line)
@@ -75,17 +68,14 @@ def optional(project: str = "weberlink") -> dict[str, list[str]]:
     return found
 
 
-def tools(host: Host, _needs: Needs) -> Iterator[Finding]:
-    """What `weberlink bench` needs to show the limits of this machine."""
-    missing = [name for name in TOOLS if host.which(name) is None]
+def tools(machine: Machine, _needs: Needs) -> Finding:
+    missing = [name for name in TOOLS if machine.which(name) is None]
     if missing:
-        yield advice(
-            "tools",
-            f"not installed: {', '.join(missing)}; weberlink bench has less to compare with",
+        return advice(
+            f"not installed: {', '.join(missing)}; weberlink bench compares with them",
             f"sudo apt install {' '.join(TOOLS[name] for name in missing)}",
         )
-    else:
-        yield ok("tools", f"{' and '.join(TOOLS)} are there, for weberlink bench")
+    return ok(f"{' and '.join(TOOLS)} are installed, for weberlink bench")
 
 
 def _version(package: str) -> str | None:
@@ -95,4 +85,39 @@ def _version(package: str) -> str | None:
         return None
 
 
-CHECKS: tuple[Check, ...] = (interpreter, event_loop, extras, tools)
+def devices(_machine: Machine, needs: Needs) -> Iterator[Finding]:
+    """State of the drivers that the file names, and of other devices plugged in."""
+    yield from judge_drivers(survey().drivers, needs)
+
+
+def judge_drivers(drivers: Sequence[DriverStatus], needs: Needs) -> Iterator[Finding]:
+    """Findings on the result of `weberlink devices`."""
+    named = dict(needs.drivers)
+    others = 0
+    for each in drivers:
+        if named.get(each.side) == each.driver:
+            yield _named(each)
+        elif each.plugged:
+            others += 1
+            found = f"{each.driver} at {', '.join(device.path for device in each.plugged)}: {each.state}"
+            if each.advice and each.state not in (NO_EXTRA, BROKEN):
+                yield advice(found, each.advice[0], "device")
+            else:
+                yield ok(found, "device")
+    if not others:
+        yield ok(f"nothing {'else ' if named else ''}plugged in that a driver knows")
+
+
+def _named(status: DriverStatus) -> Finding:
+    """The finding on a driver that the file names."""
+    name, check = f"{status.side} {status.driver}", "driver"
+    if status.state == READY:
+        where = f" at {status.plugged[0].path}" if status.plugged else f", {status.kind}"
+        return (
+            advice(f"{name}{where}", status.advice[0], check) if status.advice else ok(f"{name}{where}: ready", check)
+        )
+    if status.state == NOTHING:
+        return problem(
+            f"{name}: no such device plugged in", "plug it in and switch it on, then: weberlink devices", check
+        )
+    return problem(f"{name}: {status.state}", status.advice[0] if status.advice else "weberlink devices", check)

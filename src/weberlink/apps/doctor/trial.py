@@ -1,7 +1,7 @@
-"""What the kernel grants a daemon of this user, tried in a child process, and how late its timer wakes it there.
+"""Tries in a child process what the kernel grants a daemon of this user, and measures its timer latency.
 
-The child imports what a daemon imports and asks for the same with the same calls, then waits for a timer half a second
-long. Run as a program it is that child: an answer as JSON on standard output.
+The child imports the same modules and makes the same calls as a daemon, then waits for a timer for half a second.
+Run as a program, this file is that child and writes a JSON result to standard output.
 """
 
 import json
@@ -10,16 +10,16 @@ import select
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, field
+from math import ceil
 from pathlib import Path
 from time import monotonic_ns
 
 from weberlink.realtime import timerfd
-from weberlink.realtime.histogram import Histogram
 from weberlink.realtime.process import prepare
 
 MEASURE_S = 0.5
 LIMIT_S = 30.0
-"""For a child that hangs."""
+"""Time limit for a child that hangs."""
 IMPORTS = (
     "asyncio",
     "uvloop",
@@ -27,20 +27,20 @@ IMPORTS = (
     "weberlink.system.composition.master",
     "weberlink.system.composition.slave",
 )
-"""What any daemon has in memory."""
+"""Modules that every daemon imports."""
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
-    """What to try.
+class RightsRequest:
+    """Rights to try, as a configuration asks for them.
 
     Args:
         priority: of SCHED_FIFO; 0 for none.
-        lock_memory: whether to lock it.
+        lock_memory: whether to lock memory.
         wakeful: whether to keep processors out of deep idle states.
-        cpu: to be pinned to; None for none.
-        rate_hz: of the ticks.
-        encrypted: whether a daemon needs the library for it.
+        cpu: processor to pin to; None for none.
+        rate_hz: tick rate [Hz].
+        encrypted: whether a daemon loads the encryption library.
     """
 
     priority: int
@@ -52,16 +52,16 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
-    """What came of it.
+class RightsTrial:
+    """Result of the trial.
 
     Args:
         grants: as a run reports them: name to `granted` and `detail`.
-        memory_bytes: address space of such a process, which is what a limit on locked memory must hold.
-        lateness_us: from the deadline to the wake-up: `p50`, `p99`, `max`.
-        wake_ups: of the measurement.
-        missed: deadlines without one.
-        failure: why there is nothing of all this; None if there is.
+        memory_bytes: address space of such a process, which a limit on locked memory must allow.
+        lateness_us: from deadline to wake-up: `p50`, `p99`, `max`.
+        wake_ups: number of wake-ups measured.
+        missed: deadlines without a wake-up.
+        failure: why the trial failed; None if it did not.
     """
 
     grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)
@@ -72,8 +72,8 @@ class Trial:
     failure: str | None = None
 
 
-def run_trial(request: Request) -> Trial:
-    """Try it in a child process; never raises."""
+def run_trial(request: RightsRequest) -> RightsTrial:
+    """Run the trial in a child process; a failure is in the result."""
     try:
         done = subprocess.run(  # noqa: S603
             [sys.executable, "-m", "weberlink.apps.doctor.trial", json.dumps(asdict(request))],
@@ -84,34 +84,35 @@ def run_trial(request: Request) -> Trial:
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        return Trial(failure=f"a child process cannot be tried: {error}")
+        return RightsTrial(failure=f"a child process cannot be tried: {error}")
     try:
-        return Trial(**json.loads(done.stdout))
+        return RightsTrial(**json.loads(done.stdout))
     except (ValueError, TypeError):
         last = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
-        return Trial(failure=f"the child process of the trial failed: {last}")
+        return RightsTrial(failure=f"the child process of the trial failed: {last}")
 
 
 def main(text: str) -> None:
-    """The child: ask, measure, answer."""
-    request = Request(**json.loads(text))
+    """The child process."""
+    request = RightsRequest(**json.loads(text))
     for name in (*IMPORTS, *(["weberlink.protocol.psk"] if request.encrypted else [])):
         __import__(name)
     grants = prepare(request.priority, request.lock_memory, request.cpu, wakeful=request.wakeful)
     lateness, missed = measure(request.rate_hz)
-    answer = Trial(
+    answer = RightsTrial(
         grants=grants.as_dict(),
         memory_bytes=address_space_bytes(),
-        lateness_us={"p50": lateness.percentile(50), "p99": lateness.percentile(99), "max": lateness.max},
-        wake_ups=lateness.count,
+        lateness_us={"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)},
+        wake_ups=len(lateness),
         missed=missed,
     )
     sys.stdout.write(json.dumps(asdict(answer)))
 
 
-def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[Histogram, int]:
+def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[list[float], int]:
     """Lateness of wake-ups from a timer at this rate [us], and how many deadlines passed without one."""
-    lateness, missed = Histogram(), 0
+    lateness: list[float] = []
+    missed = 0
     period_ns = round(1e9 / rate_hz)
     start_ns = monotonic_ns() + period_ns
     count = max(2, int(seconds * rate_hz))
@@ -125,14 +126,19 @@ def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[Histogram, int]
             passed = timerfd.expirations(fd)
             index += passed
             missed += max(0, passed - 1)
-            lateness.add((now - start_ns - index * period_ns) * 1e-3)
+            lateness.append((now - start_ns - index * period_ns) * 1e-3)
     finally:
         os.close(fd)
     return lateness, missed
 
 
+def nearest_rank(values: list[float], share: float) -> float:
+    """The smallest value that this share of the values does not exceed."""
+    return sorted(values)[max(0, ceil(share * len(values)) - 1)]
+
+
 def address_space_bytes() -> int:
-    """Of this process: with all memory locked, present and future, this is what counts against the limit."""
+    """Address space of this process: with all present and future memory locked, this counts against the limit."""
     lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmSize:")), 0)
 

@@ -1,8 +1,5 @@
-"""The `emulate` command: a device that is not there, on a port or node of its own, with faults on request.
+"""The `emulate` command: emulates a device on a port or HID node, with faults on request."""
 
-What a device does is the business of the emulators; how it hangs on this host, of `hardware`.
-"""
-
-from weberlink.apps.emulate.session import names, run
+from weberlink.apps.emulate.run import names, run
 
 __all__ = ["names", "run"]

@@ -1,22 +1,32 @@
-"""What a page is told of a session before its first row: configuration, scene, names of numbers, what may change."""
+"""The first message to a page: configuration, scene, names of states, and the settings that may be changed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import ceil
+from pathlib import Path
 from typing import Any
 
-from weberlink.apps.monitor.scene import drawn
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
+from weberlink.slave.scenes.height_field import bumps, read_heights
 from weberlink.telemetry.fault import Fault
 
 HYBRID = "hybrid"
+MOST_HEIGHTS = 161
+"""Most rows or columns of a height field to send."""
+_KEYS = {
+    "plane": ("point_m", "normal"),
+    "sphere": ("center_m", "radius_m"),
+    "box": ("center_m", "size_m", "rotation_deg"),
+    "height_field": ("bounded",),
+}
 
 
 def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, remote: bool) -> dict[str, Any]:
-    """The greeting of a session, but for what depends on the page and on the moment.
+    """The greeting of a session, without what depends on the page and the time.
 
     Args:
-        session: its name.
-        descriptions: of the sides that are there, as of `weberlink.system.description`; None for one that is not known.
+        session: name of the session.
+        descriptions: of the present sides, see `weberlink.system.description`; None if unknown.
         remote: whether the daemons are on another host.
     """
     known = [description for description in descriptions.values() if description is not None]
@@ -57,10 +67,55 @@ def _predictors(description: Mapping[str, Any]) -> list[str]:
 
 
 def _settings(system: Mapping[str, Any]) -> dict[str, Any]:
-    """As configured; what was changed since is asked of the daemon."""
+    """Settings as configured; the daemon knows later changes."""
     force = system.get("codec", {}).get("force", {})
     return {
         "weber": force.get("weber"),
         "predictor": force.get("predictor"),
         "scheme": system.get("control", {}).get("scheme"),
     }
+
+
+def drawn(objects: Sequence[Mapping[str, Any]], *, files: bool) -> list[dict[str, Any]]:
+    """Shapes to draw, from the `scene` of a configuration that has been checked.
+
+    Args:
+        objects: scene of a daemon's description.
+        files: whether the files that it names are on this host.
+    """
+    return [_object(settings, files) for settings in objects if settings.get("shape") in _KEYS]
+
+
+def _object(settings: Mapping[str, Any], files: bool) -> dict[str, Any]:
+    shape: dict[str, Any] = {"shape": settings["shape"]}
+    shape |= {key: settings.get(key) for key in _KEYS[settings["shape"]]}
+    if "side" in settings:
+        shape["inside"] = settings["side"] == "inside"
+    if settings["shape"] == "height_field":
+        shape |= _heights(settings, files)
+    shape["stiffness_n_m"] = settings.get("stiffness_n_m")
+    shape["carve"] = drawn(settings.get("carve") or (), files=files)
+    return shape
+
+
+def _heights(settings: Mapping[str, Any], files: bool) -> dict[str, Any]:
+    """Heights above the centre [m], rows along y, columns along x; None if the file is not on this host."""
+    heights: Any = settings.get("heights_m")
+    spacing = settings.get("spacing_m")
+    if settings.get("bumps") is not None:
+        of = settings["bumps"]
+        heights, spacing = bumps(of["amplitude_m"], of["wavelength_m"], of["size_m"])
+    elif settings.get("csv") is not None and files:
+        try:
+            heights = read_heights(Path(settings["csv"]))
+        except ValueError:
+            heights = None
+    x, y, z = settings.get("center_m") or (0.0, 0.0, 0.0)
+    if heights is not None and spacing is not None:
+        rows, columns = len(heights), len(heights[0])
+        step = max(1, ceil((max(rows, columns) - 1) / (MOST_HEIGHTS - 1)))
+        # A remainder is cut off at the far border, which moves the centre.
+        x -= (columns - 1) % step * spacing / 2.0
+        y -= (rows - 1) % step * spacing / 2.0
+        heights, spacing = [list(row[::step]) for row in heights[::step]], spacing * step
+    return {"center_m": [x, y, z], "heights_m": heights, "spacing_m": spacing}

@@ -1,47 +1,49 @@
-"""The monitor as a process: what it is told, what it prints, and how it ends."""
+"""Runs the monitor: web server, watcher of sessions, and the link to another host."""
 
 import asyncio
 import os
 import sys
-from collections.abc import AsyncIterator, Iterable
-from contextlib import asynccontextmanager
+import webbrowser
+from collections.abc import Coroutine, Iterable
+from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from errno import EADDRINUSE, EADDRNOTAVAIL
 from signal import SIGHUP, SIGINT, SIGTERM
 from time import monotonic
+from typing import Any
 
 import uvloop
 from aiohttp import web
 
-from weberlink.apps.monitor import guard
+from weberlink.apps.monitor import access
 from weberlink.apps.monitor.metrics import exposition
 from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
-from weberlink.apps.monitor.watch import Watch
+from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
 from weberlink.protocol.psk import PresharedKey
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
-"""For pages to be told that it is over."""
+"""Time limit for closing the pages."""
 
 
 class MonitorError(RuntimeError):
-    """It cannot serve; the message is one line that says what to do."""
+    """The monitor cannot serve; the message says what to do."""
 
 
 @dataclass(frozen=True)
-class Order:
-    """What to serve.
+class MonitorSettings:
+    """What to serve, and where.
 
     Args:
         listen: address of the page.
         port: of the page; 0 for any free one.
-        session: name of the one session to follow; None for all.
-        browse: whether to open the page in the user's browser.
-        share: where to share the telemetry of this host; None not to.
-        source: the host whose telemetry to show; None for this one alone.
-        security: of `share` and `source`, as of `handshake.suite`; None where there is neither.
+        session: name of the session to follow; None for all.
+        browse: whether to open the page in a browser.
+        share: host and port to share this host's telemetry on; None not to.
+        source: host and port that shares its telemetry; None to show this host alone.
+        security: key of `share` and `source`, see `remote.stream.telemetry_key`.
     """
 
     listen: str = "127.0.0.1"
@@ -53,7 +55,7 @@ class Order:
     security: PresharedKey | None = None
 
 
-def run(order: Order) -> None:
+def run(settings: MonitorSettings) -> None:
     """Serve until interrupted or terminated.
 
     Raises:
@@ -61,98 +63,86 @@ def run(order: Order) -> None:
     """
     os.nice(NICENESS)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(_serve(order))
+        runner.run(_serve(settings))
 
 
-async def _serve(order: Order) -> None:
+async def _serve(settings: MonitorSettings) -> None:
     over = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (SIGINT, SIGTERM, SIGHUP):
         loop.add_signal_handler(number, over.set)
-    watch = Watch(None, order.session, tell)
-    site = Site(watch, guard.names(order.listen), exposition(watch.sessions.values))
+    watch = SessionWatcher(None, settings.session, tell)
+    site = Site(watch, access.names(settings.listen), exposition(watch.sessions.values))
     runner = web.AppRunner(site.application(), access_log=None, handle_signals=False, shutdown_timeout=STOP_LIMIT_S)
     await runner.setup()
-    try:
-        url = await _bind(runner, order)
+    async with AsyncExitStack() as stack:
+        stack.push_async_callback(runner.cleanup)
+        url = await _bind(runner, settings)
         tell(f"{url} (Ctrl-C ends it)")
-        if order.browse:
-            _browse(url)
-        async with _shared(order):
-            watch.look(monotonic())
-            if not watch.sessions and order.source is None:
-                tell("waiting for a daemon; start weberlink loopback")
-            tasks = [loop.create_task(watch.run())]
-            if order.source is not None:
-                assert order.security is not None
-                following = Following(order.security, order.source, watch, None, tell)
-                tasks.append(loop.create_task(following.run()))
-            await _until(tasks, over)
-    finally:
-        await runner.cleanup()
+        if settings.browse and not webbrowser.open(url):
+            tell(f"no browser found; open {url} yourself")
+        if settings.share is not None:
+            stack.push_async_callback((await _share(settings)).close)
+        watch.look(monotonic())
+        if not watch.sessions and settings.source is None:
+            tell("waiting for a daemon; start weberlink loopback")
+        running = [watch.run(), over.wait()]
+        if settings.source is not None:
+            assert settings.security is not None
+            running.append(Following(settings.security, settings.source, watch, None, tell).run())
+        await _first(running)
 
 
-@asynccontextmanager
-async def _shared(order: Order) -> AsyncIterator[None]:
-    """Share the telemetry meanwhile, where that was asked for."""
-    if order.share is None:
-        yield
-        return
-    assert order.security is not None
-    sharing = Sharing(order.security, None, order.session, tell)
+async def _share(settings: MonitorSettings) -> Sharing:
+    """Start sharing the telemetry of this host."""
+    assert settings.share is not None
+    assert settings.security is not None
+    sharing = Sharing(settings.security, None, settings.session, tell)
     try:
-        host, port = await sharing.open(*order.share)
+        host, port = await sharing.open(*settings.share)
     except OSError as error:
-        where = ":".join(map(str, order.share))
-        raise MonitorError(f"--share {where}: cannot be served ({error.strerror or error}); give another") from None
-    tell(f"shares the telemetry of this host on {host}:{port} with those who hold the key")
-    try:
-        yield
-    finally:
-        await sharing.close()
+        where = ":".join(map(str, settings.share))
+        raise MonitorError(
+            f"--share {where}: cannot be served ({error.strerror or error}); choose another address or port"
+        ) from None
+    tell(f"sharing the telemetry of this host on {host}:{port} with holders of the key")
+    return sharing
 
 
-async def _until(tasks: Iterable[asyncio.Task[None]], over: asyncio.Event) -> None:
-    """Wait for the wish to end, or for a task that fails, whose error is raised; the others are cancelled."""
-    waiting = asyncio.get_running_loop().create_task(over.wait())
-    everything = {waiting, *tasks}
+async def _first(running: Iterable[Coroutine[Any, Any, Any]]) -> None:
+    """Run until the first one ends; raises its error and cancels the others."""
+    tasks = [asyncio.ensure_future(each) for each in running]
     try:
-        done, _ = await asyncio.wait(everything, return_when=asyncio.FIRST_COMPLETED)
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in done:
             task.result()
     finally:
-        for task in everything:
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*everything, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _bind(runner: web.AppRunner, order: Order) -> str:
-    site = web.TCPSite(runner, order.listen, order.port)
+async def _bind(runner: web.AppRunner, settings: MonitorSettings) -> str:
+    site = web.TCPSite(runner, settings.listen, settings.port)
     try:
         await site.start()
     except OSError as error:
-        raise MonitorError(_complaint(error, order)) from None
+        raise MonitorError(_complaint(error, settings)) from None
     host, port = runner.addresses[0][:2]
-    shown = "127.0.0.1" if host == "0.0.0.0" else "::1" if host == "::" else host  # noqa: S104 - what a browser can open
+    shown = "127.0.0.1" if host == "0.0.0.0" else "::1" if host == "::" else host  # noqa: S104 - a browser cannot open it
     return f"http://[{shown}]:{port}/" if ":" in shown else f"http://{shown}:{port}/"
 
 
-def _complaint(error: OSError, order: Order) -> str:
+def _complaint(error: OSError, settings: MonitorSettings) -> str:
     if error.errno == EADDRINUSE:
-        return f"port {order.port} is in use, perhaps by another monitor; give another, such as --port {order.port + 1}"
+        port = settings.port
+        return f"port {port} is in use, perhaps by another monitor; give another, such as --port {port + 1}"
     if error.errno == EADDRNOTAVAIL:
-        return f"--listen {order.listen}: no address of this host; leave it out for this host only"
-    return f"--listen {order.listen}, --port {order.port}: cannot be served ({error.strerror or error})"
-
-
-def _browse(url: str) -> None:
-    import webbrowser  # noqa: PLC0415 - for those who ask
-
-    if not webbrowser.open(url):
-        tell(f"no browser was found; open {url} in one")
+        return f"--listen {settings.listen}: not an address of this host; omit it to serve this host only"
+    return f"--listen {settings.listen}, --port {settings.port}: cannot be served ({error.strerror or error})"
 
 
 def tell(text: str) -> None:
-    """A line for the person at the terminal."""
+    """Print a line for the user."""
     sys.stderr.write(f"weberlink monitor: {text}\n")
     sys.stderr.flush()

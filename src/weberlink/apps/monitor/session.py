@@ -1,50 +1,45 @@
-"""One session as it is watched: its figures, exactly those of the launcher's report, and the rows of its last seconds.
-
-Owns what is known of a session and how it is put for a page. Knows neither where records come from nor who looks.
-"""
+"""A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.apps.monitor import felt, samples
-from weberlink.apps.monitor.feed import Feed
 from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.pace import Pace
-from weberlink.apps.monitor.pieces import joined
+from weberlink.apps.monitor.rings import Feed, joined
+from weberlink.apps.monitor.rows import FeltError, Pace, Thinning, felt_message, samples_message
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 
 BACKLOG_S = 5.0
-"""How much a page that opens sees of what was before."""
+"""How far back a page that opens is shown rows."""
 UNSCORED_S = 1.0
-"""How much waits to be scored while nobody asks for figures."""
+"""How many records wait to be scored while no figures are needed."""
 UNNAMED = tuple(f"predictor {number}" for number in range(16))
 
 
 class _Shown(NamedTuple):
-    """Rows that a message shows: of a side, twice the same; of the felt error, the master's and the slave's."""
+    """Rows of a message: of a side (the same rows twice), or of the felt error (the master's and the slave's)."""
 
     kind: str
     first: Records
     second: Records
 
 
-class _Side:
-    """What belongs to one side: where its records come from, and what has become of them."""
+class _WatchedSide:
+    """A feed, and what is counted of its records."""
 
     def __init__(self, feed: Feed) -> None:
         self.feed = feed
-        self.thinning = samples.Thinning(feed.rate_hz)
+        self.thinning = Thinning(feed.rate_hz)
         self.pace = Pace()
         self.faults: Counter[int] = Counter()
         self.last: Any = None
 
     def take(self) -> tuple[Records, Records]:
-        """The next records, all of them and those to show."""
+        """The new records, and those of them to show."""
         records = self.feed.read()
         if len(records):
             fault = records["fault"].astype(np.int64)
@@ -55,13 +50,13 @@ class _Side:
         return records, self.thinning.choose(records)
 
 
-class Session:
-    """A session of one or two sides; sides may join one after the other.
+class WatchedSession:
+    """A session of one or two sides; the second may join later.
 
     Args:
         name: of the session.
-        first: the feed of the side that was found first.
-        remote: whether it runs on another host.
+        first: feed of the side that was found first.
+        remote: whether the session runs on another host.
     """
 
     def __init__(self, name: str, first: Feed, *, remote: bool = False) -> None:
@@ -72,28 +67,28 @@ class Session:
         """Time 0 of the rows [s], on the clock of the records."""
         description = first.description or {}
         torque = description.get("torque_bank")
-        bank, torque_bank = tuple(description.get("bank", ())), None if torque is None else tuple(torque)
-        self._score = SessionScore(first.rate_hz, bank or UNNAMED, torque_bank)
-        self._rotates = torque_bank is not None
+        self._rotates = torque is not None
+        bank = tuple(description.get("bank", ())) or UNNAMED
+        self._score = SessionScore(first.rate_hz, bank, None if torque is None else tuple(torque))
         self._unscored: dict[str, list[Records]] = {MASTER: [], SLAVE: []}
-        """What waits to be scored: a score costs by the call, not by the record."""
+        """Records that wait to be scored: the cost of scoring is per call, not per record."""
         self.settings: dict[str, Any] | None = None
-        """As the daemons say them; None if they were not asked, or do not answer."""
+        """Settings in force as the daemons report them; None before that."""
         self.generation: int | None = None
         self.settings_asked_at: int | None = None
         """The count of changes in the records when the daemons were last asked."""
-        self._sides: dict[str, _Side] = {}
-        self._felt = felt.FeltError(first.rate_hz)
+        self._sides: dict[str, _WatchedSide] = {}
+        self._felt = FeltError(first.rate_hz)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
 
     def admit(self, feed: Feed) -> None:
         """Add a side."""
-        self._sides[feed.side] = _Side(feed)
+        self._sides[feed.side] = _WatchedSide(feed)
 
     @property
     def score(self) -> SessionScore:
-        """Of everything that was read."""
+        """Score of all records read."""
         if any(self._unscored.values()):
             self._score.add(*(joined(self._unscored[side]) for side in (MASTER, SLAVE)))
             self._unscored = {MASTER: [], SLAVE: []}
@@ -104,18 +99,27 @@ class Session:
         return {name: side.feed for name, side in sorted(self._sides.items())}
 
     @property
+    def description(self) -> dict[str, Any]:
+        """Description of a side that has one; empty if none has."""
+        return next((feed.description for feed in self.feeds.values() if feed.description), {})
+
+    @property
+    def ring(self) -> Any:
+        """The ring of a daemon on this host; None if there is none."""
+        return next((feed.ring for feed in self.feeds.values() if feed.ring is not None), None)
+
+    @property
     def ended(self) -> bool:
-        """Whether nothing more can come."""
         return all(side.feed.drained for side in self._sides.values())
 
     @property
     def seen_from_start(self) -> bool:
-        """Whether every record of both sides was seen, so that the figures are those of the whole session."""
+        """Whether every record of both sides was read, so that the figures are those of the whole session."""
         return all(side.feed.lost == 0 for side in self._sides.values())
 
     @property
     def settings_count(self) -> int | None:
-        """How many changes are in force, as the newest record says; None before the first."""
+        """Number of live changes in force, as of the newest record; None before the first record."""
         last = [side.last for side in self._sides.values() if side.last is not None]
         return int(last[0]["settings"]) if last else None
 
@@ -134,7 +138,7 @@ class Session:
 
     @property
     def pace(self) -> dict[str, Pace]:
-        """By channel, as the side that sends it has it."""
+        """Pace by channel, as of the side that sends it."""
         senders = {"force": SLAVE, "position": MASTER}
         return {channel: self._sides[side].pace if side in self._sides else Pace() for channel, side in senders.items()}
 
@@ -143,7 +147,7 @@ class Session:
             side.feed.close()
 
     def look(self, *, show: bool = True) -> list[dict[str, Any]]:
-        """Take what has come, and return the messages that show it, if they are wanted."""
+        """Read new records; returns messages with their rows if `show`."""
         empty = np.empty(0, DTYPE)
         taken = {name: side.take() for name, side in sorted(self._sides.items())}
         for name, (records, _) in taken.items():
@@ -160,7 +164,7 @@ class Session:
         return [self._message(*of) for of in shown] if show else []
 
     def backlog(self) -> list[dict[str, Any]]:
-        """The messages of the last seconds, for a page that opens."""
+        """Messages with the rows of the last seconds, for a page that opens."""
         kinds = sorted({shown.kind for shown in self._backlog}, key=lambda kind: (kind == "felt", kind))
         of_kind = {kind: [shown for shown in self._backlog if shown.kind == kind] for kind in kinds}
         return [
@@ -169,11 +173,9 @@ class Session:
         ]
 
     def hello(self) -> dict[str, Any]:
-        """The greeting; `readonly` is whether nobody may change anything."""
+        """The greeting; `readonly` says whether nobody may change anything."""
         told = hello(self.name, {name: side.feed.description for name, side in self._sides.items()}, remote=self.remote)
-        if self.settings is not None:
-            told |= {"settings": self.settings, "generation": self.generation}
-        return told | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start}
+        return told | self._settings | {"rate_hz": self.rate_hz, "seen_from_start": self.seen_from_start}
 
     def figures(self) -> dict[str, Any]:
         """All figures so far, and those of the last second."""
@@ -189,14 +191,16 @@ class Session:
             "packets_per_s_now": {channel: of.packets_per_s for channel, of in pace.items()},
             "reduction_now": {channel: of.reduction for channel, of in pace.items()},
         }
-        if self.settings is not None:
-            told |= {"settings": self.settings, "generation": self.generation}
-        return told
+        return told | self._settings
+
+    @property
+    def _settings(self) -> dict[str, Any]:
+        return {} if self.settings is None else {"settings": self.settings, "generation": self.generation}
 
     def _message(self, kind: str, first: Records, second: Records) -> dict[str, Any]:
         if kind == "felt":
-            return felt.message(first, second, self.origin)
-        return samples.message(kind, first, self.origin, rotation=self._rotates)
+            return felt_message(first, second, self.origin)
+        return samples_message(kind, first, self.origin, rotation=self._rotates)
 
     def _remember(self, shown: list[_Shown]) -> None:
         self._backlog.extend(shown)

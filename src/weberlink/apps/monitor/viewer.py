@@ -1,7 +1,6 @@
-"""One page: what waits to be sent to it. Knows no socket.
+"""Bounded queue of the messages to one page.
 
-The queue is bounded. A page that is slow to read loses rows, the oldest first; of figures it gets the newest, and
-greetings and answers are never lost.
+A slow page loses the oldest rows and outdated figures; it loses no greeting and no answer.
 """
 
 import asyncio
@@ -10,18 +9,18 @@ from collections.abc import AsyncIterator
 from enum import Enum, auto
 
 ROWS_WAITING = 60
-"""Messages of rows that wait for a slow page: about a second of a session."""
+"""Most messages of rows in the queue: about a second of a session."""
 ANSWERS_WAITING = 16
 GREETINGS_WAITING = 4
 
 
-class Kind(Enum):
-    """What a message is to the queue."""
+class MessageKind(Enum):
+    """Kinds of messages, by how the queue treats them."""
 
     HELLO = auto()
     """The greeting of another session."""
     AGAIN = auto()
-    """A greeting that replaces that of the same session, which goes on."""
+    """A new greeting of the present session."""
     ROWS = auto()
     FIGURES = auto()
     FINAL = auto()
@@ -29,11 +28,27 @@ class Kind(Enum):
     ANSWER = auto()
 
 
+MOST_BEFORE = {
+    MessageKind.HELLO: {
+        MessageKind.ROWS: 0,
+        MessageKind.FIGURES: 0,
+        MessageKind.HELLO: GREETINGS_WAITING - 1,
+        MessageKind.FINAL: GREETINGS_WAITING - 1,
+    },
+    MessageKind.AGAIN: {MessageKind.AGAIN: 0},
+    MessageKind.ROWS: {MessageKind.ROWS: ROWS_WAITING - 1},
+    MessageKind.FIGURES: {MessageKind.FIGURES: 0},
+    MessageKind.FINAL: {MessageKind.FIGURES: 0},
+    MessageKind.ANSWER: {MessageKind.ANSWER: ANSWERS_WAITING - 1},
+}
+"""For a new message of a kind: how many waiting messages of which kinds may stay; the oldest are dropped."""
+
+
 class Viewer:
     """The messages of one page.
 
     Args:
-        session: the one that it asked for; until that is there, and for None, it is shown the newest.
+        session: the one it asked for; until that exists, and for None, it is shown the newest.
         may_change: whether it may ask for live changes.
     """
 
@@ -41,27 +56,19 @@ class Viewer:
         self.pinned = session
         self.may_change = may_change
         self.watching: str | None = None
-        """The session that it was greeted with."""
+        """The session of its last greeting."""
         self.lost_rows = 0
-        self._waiting: deque[tuple[Kind, str]] = deque()
-        self._counts = dict.fromkeys(Kind, 0)
+        self._waiting: deque[tuple[MessageKind, str]] = deque()
+        self._counts = dict.fromkeys(MessageKind, 0)
         self._came = asyncio.Event()
 
-    def put(self, kind: Kind, text: str) -> None:
-        """Queue a message; drops what the rules of the queue say."""
-        if kind is Kind.HELLO:
-            self._drop(Kind.ROWS, 0)
-            self._drop(Kind.FIGURES, 0)
-            self._drop(Kind.HELLO, GREETINGS_WAITING - 1)
-            self._drop(Kind.FINAL, GREETINGS_WAITING - 1)
-        elif kind is Kind.AGAIN:
-            self._drop(Kind.AGAIN, 0)
-        elif kind in (Kind.FIGURES, Kind.FINAL):
-            self._drop(Kind.FIGURES, 0)
-        elif kind is Kind.ROWS:
-            self.lost_rows += self._drop(Kind.ROWS, ROWS_WAITING - 1)
-        else:
-            self._drop(Kind.ANSWER, ANSWERS_WAITING - 1)
+    def put(self, kind: MessageKind, text: str) -> None:
+        """Queue a message and drop outdated ones."""
+        for outdated, most in MOST_BEFORE[kind].items():
+            while self._counts[outdated] > most:
+                self._waiting.remove(next(message for message in self._waiting if message[0] is outdated))
+                self._counts[outdated] -= 1
+                self.lost_rows += outdated is kind is MessageKind.ROWS
         self._waiting.append((kind, text))
         self._counts[kind] += 1
         self._came.set()
@@ -76,7 +83,7 @@ class Viewer:
         return text
 
     async def messages(self) -> AsyncIterator[str]:
-        """Every message as its turn comes, without end."""
+        """All messages, without end."""
         while True:
             while (text := self.take()) is not None:
                 yield text
@@ -84,12 +91,3 @@ class Viewer:
 
     def __len__(self) -> int:
         return len(self._waiting)
-
-    def _drop(self, kind: Kind, most: int) -> int:
-        """Let go of the oldest of a kind until there are at most so many."""
-        dropped = 0
-        while self._counts[kind] > most:
-            self._waiting.remove(next(message for message in self._waiting if message[0] is kind))
-            self._counts[kind] -= 1
-            dropped += 1
-        return dropped

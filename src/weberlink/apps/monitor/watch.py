@@ -1,68 +1,67 @@
-"""The one reader: finds sessions, follows them, and fills the queues of the pages that look at them.
-
-Owns which sessions there are and which of them a page sees. Knows nothing of HTTP.
-"""
+"""Finds sessions, reads their records, queues messages for all pages, and passes live changes on to the daemons."""
 
 import asyncio
 import json
 from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.apps.monitor import changes
-from weberlink.apps.monitor.feed import Feed, RingFeed
-from weberlink.apps.monitor.finding import Found, find
-from weberlink.apps.monitor.session import Session
-from weberlink.apps.monitor.viewer import Kind, Viewer
+from weberlink.apps.monitor.rings import Feed, RingFeed, RingFile, find_rings
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.viewer import MessageKind, Viewer
 from weberlink.telemetry.ring import RingFormatError
 
 LOOK_S = 0.05
-"""From one look at the rings to the next while somebody watches."""
+"""Period of reading the rings while a page is open."""
 LOOK_ALONE_S = 0.25
-"""The same while nobody does; the rings hold ten seconds."""
+"""Period without a page; the rings hold ten seconds."""
 FIND_S = 0.25
 FIGURES_S = 0.5
 ASK_TIMES = 5
 ASK_AGAIN_S = 1.0
+ANSWER_S = 2.0
+"""How long a daemon may take to answer."""
 ENDED_KEPT = 4
-"""Sessions that are over and can still be looked at."""
+"""Ended sessions that can still be viewed."""
+CHANGEABLE = ("weber", "predictor", "scheme")
 
 
 def to_json(document: dict[str, Any]) -> str:
     return json.dumps(document, allow_nan=False, separators=(",", ":"))
 
 
-class Watch:
-    """All sessions, and all pages.
+class SessionWatcher:
+    """All sessions and all pages.
 
     Args:
         where: folder of the rings; None for those of this user.
-        only: name of the one session to follow; None for all.
-        tell: told once, in a line, of what a person should know.
+        only: name of the session to follow; None for all.
+        tell: called with lines for the user.
     """
 
     def __init__(self, where: Path | None, only: str | None, tell: Callable[[str], None]) -> None:
-        self.sessions: dict[str, Session] = {}
+        self.sessions: dict[str, WatchedSession] = {}
         """The newest last."""
         self.viewers: list[Viewer] = []
         self._where = where
         self._only = only
         self._tell = tell
         self._known: set[tuple[str, int]] = set()
-        """Ring files that were looked into, by path and inode."""
+        """Path and inode of the ring files that were opened."""
         self._find_at = 0.0
         self._figures_at = 0.0
         self._asking: set[asyncio.Task[None]] = set()
 
     @property
-    def newest(self) -> Session | None:
-        """The one that began last; what runs before what is over, and another host, if asked for, before this one."""
+    def newest(self) -> WatchedSession | None:
+        """The session to show by default: running before ended, remote before local, then the one that began last."""
         ranked = sorted(self.sessions.values(), key=lambda session: (not session.ended, session.remote))
         return ranked[-1] if ranked else None
 
     async def run(self) -> None:
-        """Watch until cancelled."""
+        """Run until cancelled."""
         try:
             while True:
                 self.look(monotonic())
@@ -96,7 +95,7 @@ class Watch:
         self.viewers.remove(viewer)
 
     def overview(self) -> list[dict[str, Any]]:
-        """The sessions, the newest first."""
+        """All sessions, the newest first."""
         newest = self.newest
         return [
             {
@@ -106,29 +105,32 @@ class Watch:
                 "newest": session is newest,
                 "remote": session.remote,
                 "rate_hz": session.rate_hz,
-                "file": next((of.description.get("file") for of in session.feeds.values() if of.description), None),
+                "file": session.description.get("file"),
             }
             for session in reversed(self.sessions.values())
         ]
 
     async def change(self, viewer: Viewer, document: object) -> dict[str, Any]:
-        """Answer what a page sent."""
-        request = changes.read_request(document)
+        """Handle a message of a page; returns the answer."""
+        request = read_request(document)
         session = self.sessions.get(viewer.watching or "")
-        ring = None if session is None else next((of.ring for of in session.feeds.values() if of.ring), None)
+        ring = None if session is None else session.ring
         if isinstance(request, str):
             answer: dict[str, Any] = {"accepted": False, "why": request}
         elif not viewer.may_change:
-            answer = {"accepted": False, "why": "this page may look only; changes are for this user on this host"}
+            answer = {
+                "accepted": False,
+                "why": "this page may look only; only this user on this host may change settings",
+            }
         elif session is None or session.ended or session.remote or ring is None:
             answer = {"accepted": False, "why": "there is no session on this host that could be changed"}
         else:
-            answer = await changes.ask(ring, request)
+            answer = await ask_daemon(ring, request)
             self._take_settings(session, answer)
         return {"type": "answer"} | answer
 
-    def put(self, session: Session) -> None:
-        """Add a session, in place of an earlier one of that name."""
+    def put(self, session: WatchedSession) -> None:
+        """Add a session, or replace an earlier one of that name."""
         earlier = self.sessions.pop(session.name, None)
         if earlier is not None:
             earlier.close()
@@ -137,23 +139,23 @@ class Watch:
             self._introduce(viewer, session)
 
     def admit(self, name: str, feed: Feed) -> None:
-        """Take a feed of this host into its session, which begins with it if there is none that goes on."""
+        """Add a feed to its session, or begin a session with it."""
         session = self.sessions.get(name)
         if session is None or feed.side in session.feeds:
-            self.put(Session(name, feed))
+            self.put(WatchedSession(name, feed))
         else:
             session.admit(feed)
             for viewer in self._viewers_of(name):
-                self._greet(viewer, session, Kind.AGAIN)
+                self._greet(viewer, session, MessageKind.AGAIN)
 
     def _find(self) -> None:
-        for name, rings in find(self._where).items():
+        for name, rings in find_rings(self._where).items():
             if self._only in (None, name):
                 for found in rings.values():
                     self._open(found)
 
-    def _open(self, found: Found) -> None:
-        key = (str(found.path), found.number)
+    def _open(self, found: RingFile) -> None:
+        key = (str(found.path), found.inode)
         if key in self._known:
             return
         self._known.add(key)
@@ -162,7 +164,7 @@ class Watch:
         except FileNotFoundError:
             return
         except (RingFormatError, OSError) as error:
-            self._tell(f"passed over: {error}")
+            self._tell(f"ignored: {error}")
             return
         if not feed.alive:
             feed.close()
@@ -170,40 +172,40 @@ class Watch:
         self.admit(found.session, feed)
         self._tell(f"session {found.session}: {feed.side} at {feed.rate_hz:g} Hz")
 
-    def _follow(self, session: Session, is_figures_time: bool) -> None:
+    def _follow(self, session: WatchedSession, is_figures_time: bool) -> None:
         viewers = self._viewers_of(session.name)
         for message in session.look(show=bool(viewers)):
             text = to_json(message)
             for viewer in viewers:
-                viewer.put(Kind.ROWS, text)
+                viewer.put(MessageKind.ROWS, text)
         self._keep_settings(session)
         if session.ended:
             self._tell(f"session {session.name}: over")
         if viewers and (is_figures_time or session.ended):
             text = to_json(session.figures())
             for viewer in viewers:
-                viewer.put(Kind.FINAL if session.ended else Kind.FIGURES, text)
+                viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, text)
 
     def _assign(self) -> None:
-        """See that every page looks at the session that it should."""
+        """Assign each page its session: the one it asked for, or the newest."""
         newest = self.newest
         for viewer in self.viewers:
             session = self.sessions.get(viewer.pinned or "", newest)
             if session is not None and viewer.watching != session.name:
                 self._introduce(viewer, session)
 
-    def _greet(self, viewer: Viewer, session: Session, kind: Kind) -> None:
+    def _greet(self, viewer: Viewer, session: WatchedSession, kind: MessageKind) -> None:
         hello = session.hello()
         hello["readonly"] = hello["readonly"] or not viewer.may_change
         viewer.put(kind, to_json(hello))
 
-    def _introduce(self, viewer: Viewer, session: Session) -> None:
-        """Show a page another session, with its last seconds."""
+    def _introduce(self, viewer: Viewer, session: WatchedSession) -> None:
+        """Switch a page to a session and send its last seconds."""
         viewer.watching = session.name
-        self._greet(viewer, session, Kind.HELLO)
+        self._greet(viewer, session, MessageKind.HELLO)
         for message in session.backlog():
-            viewer.put(Kind.ROWS, to_json(message))
-        viewer.put(Kind.FINAL if session.ended else Kind.FIGURES, to_json(session.figures()))
+            viewer.put(MessageKind.ROWS, to_json(message))
+        viewer.put(MessageKind.FINAL if session.ended else MessageKind.FIGURES, to_json(session.figures()))
 
     def _viewers_of(self, name: str) -> list[Viewer]:
         return [viewer for viewer in self.viewers if viewer.watching == name]
@@ -215,28 +217,56 @@ class Watch:
             session.close()
             del self.sessions[session.name]
 
-    def _keep_settings(self, session: Session) -> None:
-        """Ask a daemon for the settings in force when its records say that they changed, and once at the beginning."""
+    def _keep_settings(self, session: WatchedSession) -> None:
+        """Ask a daemon for its settings at the beginning, and when its records report a change."""
         count = session.settings_count
         if session.remote or count is None or count == session.settings_asked_at:
             return
         session.settings_asked_at = count
-        feeds = [of for of in session.feeds.values() if of.ring is not None]
-        if feeds and feeds[0].ring is not None and feeds[0].description and feeds[0].description.get("changes"):
-            task = asyncio.get_running_loop().create_task(self._ask_settings(session, feeds[0].ring))
+        if session.ring is not None and session.description.get("changes"):
+            task = asyncio.get_running_loop().create_task(self._ask_settings(session, session.ring))
             self._asking.add(task)
             task.add_done_callback(self._asking.discard)
 
-    async def _ask_settings(self, session: Session, ring: Path) -> None:
+    async def _ask_settings(self, session: WatchedSession, ring: Path) -> None:
         for _ in range(ASK_TIMES):
-            answer = await changes.ask(ring, {})
+            answer = await ask_daemon(ring, {})
             self._take_settings(session, answer)
             if "settings" in answer or session.ended:
                 return
             await asyncio.sleep(ASK_AGAIN_S)
 
     @staticmethod
-    def _take_settings(session: Session, answer: dict[str, Any]) -> None:
+    def _take_settings(session: WatchedSession, answer: dict[str, Any]) -> None:
         if isinstance(answer.get("settings"), dict):
             session.settings = answer["settings"]
             session.generation = answer.get("generation", session.generation)
+
+
+def read_request(document: object) -> dict[str, Any] | str:
+    """The settings that a page wants to change, or why the request is wrong."""
+    if not isinstance(document, dict) or document.get("type") != "change":
+        return 'expected {"type": "change", ...}'
+    asked = {key: value for key, value in document.items() if key != "type"}
+    unknown = sorted(set(asked) - set(CHANGEABLE))
+    if unknown:
+        return f"{unknown[0]!r} cannot be changed live; expected {', '.join(CHANGEABLE)}"
+    if not asked:
+        return f"nothing to change; expected {', '.join(CHANGEABLE)}"
+    weber = asked.get("weber", 0.0)
+    if isinstance(weber, bool) or not isinstance(weber, int | float) or not (isfinite(weber) and 0.0 <= weber <= 1.0):
+        return f"weber must be a number from 0 to 1, not {weber!r}"[:200]
+    for key in ("predictor", "scheme"):
+        if not isinstance(asked.get(key, ""), str):
+            return f"{key} must be a name"
+    return asked
+
+
+async def ask_daemon(ring: Path, request: dict[str, Any]) -> dict[str, Any]:
+    """The daemon's answer; a refusal with the reason if it cannot be reached."""
+    from weberlink.system.control_socket import LiveChangeError, ask  # noqa: PLC0415 - needs a daemon
+
+    try:
+        return await asyncio.to_thread(ask, ring, request, ANSWER_S)
+    except LiveChangeError as error:
+        return {"accepted": False, "why": str(error)}

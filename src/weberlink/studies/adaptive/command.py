@@ -1,8 +1,4 @@
-"""The `adaptive` command: what choosing by record and estimating from all samples is worth, on recordings and scenes.
-
-Owns how the work is spread and the files that come out. What is done with a signal, and how it is judged, is in
-`weberlink.studies.adaptive`.
-"""
+"""The `adaptive` command: runs the study in parallel and writes its page, figures and rows."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -15,42 +11,42 @@ from typing import Any
 from rich.table import Table
 
 from weberlink.codec.predictors import ADAPTIVE, HYBRID
-from weberlink.studies.adaptive.cost import cost
+from weberlink.studies.adaptive.coding import cost
+from weberlink.studies.adaptive.comparison import AdaptiveResults, CostRow, MatchRow, RateRow
 from weberlink.studies.adaptive.document import document
-from weberlink.studies.adaptive.rows import Cost, Match, Rate, Results
-from weberlink.studies.adaptive.signals import FULL, NOISE_N, QUICK, Scope, recordings, scenes
+from weberlink.studies.adaptive.signals import FULL, NOISE_N, QUICK, AdaptiveScope, recordings, scenes
 from weberlink.studies.adaptive.tables import MET
-from weberlink.studies.adaptive.verdict import targets
-from weberlink.studies.adaptive.work import Task, done, length, tasks
-from weberlink.studies.evaluate.command import read_recordings
-from weberlink.studies.evaluate.sweep import Recording
-from weberlink.studies.parallel import spread
+from weberlink.studies.adaptive.targets import targets
+from weberlink.studies.adaptive.work import SignalTask, done, length, tasks
+from weberlink.studies.evaluate.command import read_traces
+from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.parallel import parallel_map
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
 PAGE = "README.md"
 NUMBERS = "adaptive.json"
 SHIPPED = "traces/operator.csv"
-"""What is coded beside the scenes where no recording is given."""
+"""Recording that is coded beside the scenes if none is given."""
 
 
 @dataclass(frozen=True)
 class AdaptiveStudy:
-    """All rows, and how they are shown."""
+    """All rows, with their document, table, page and figures."""
 
-    results: Results
-    scope: Scope
+    results: AdaptiveResults
+    scope: AdaptiveScope
     document: dict[str, Any]
     table: Table
     caption: str
 
     def draw(self, folder: Path) -> None:
-        """Write the page, and beside it the figures and all rows.
+        """Write the page, the figures and all rows.
 
         Raises:
             OSError: if the folder or a file in it cannot be made.
         """
-        from weberlink.studies.adaptive.figures import draw  # noqa: PLC0415 - heavy, only wanted here
+        from weberlink.studies.adaptive.figures import draw  # noqa: PLC0415 - slow import
 
         folder.mkdir(parents=True, exist_ok=True)
         (folder / NUMBERS).write_text(json.dumps(self.document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
@@ -67,30 +63,36 @@ def run(
     workers: int | None,
     progress: Callable[[int, int, str], None],
 ) -> AdaptiveStudy:
-    """Measure everything; the numbers do not depend on the number of workers, but for the run times.
+    """Measure everything; only run times depend on the number of workers.
 
     Args:
-        traces: recordings of people; without, the one that is shipped.
-        quick: a glance at a part of it.
-        docs: whether page and figures will be wanted.
-        workers: processes; None for as many as there are processors.
-        progress: told how many of how many pieces are done, and what they are.
+        traces: recordings of people; the shipped one if there are none.
+        quick: a small part of the study.
+        docs: whether page and figures will be drawn.
+        workers: processes; None for one per processor.
+        progress: receives the number of finished pieces, of all pieces, and their name.
 
     Raises:
         ConfigurationError: for a trace that cannot be used, or a missing extra; nothing was computed then.
     """
     if docs:
         need("matplotlib", "plots", "--docs")
-    given = read_recordings(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
-    scope = QUICK if quick else FULL
+    given = read_traces(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
+    return study(given, QUICK if quick else FULL, workers, progress)
+
+
+def study(
+    given: Sequence[NamedTrace], scope: AdaptiveScope, workers: int | None, progress: Callable[[int, int, str], None]
+) -> AdaptiveStudy:
+    """Measure recordings and scenes; arguments as of `run`."""
     began = perf_counter()
-    results = _measured(tasks(given, scope), workers, progress)
+    results = _measured(tasks(list(given), scope), workers, progress)
     progress(0, 1, "run time of a tick")
     results.costs.extend(_costs(given, scope))
     facts = environment()
     caption = footer(facts)
     content = {
-        "quick": quick,
+        "quick": scope is QUICK,
         "scope": scope._asdict(),
         "recordings": [recording.name for recording in given],
         "targets": [vars(target) for target in targets(results)],
@@ -101,29 +103,25 @@ def run(
     return AdaptiveStudy(results, scope, content, _table(results, caption), caption)
 
 
-def _measured(work: Sequence[Task], workers: int | None, progress: Callable[[int, int, str], None]) -> Results:
-    """Rows in the order of the work."""
-    found: dict[int, list[Rate | Match]] = {}
-    for index, rows in spread(done, work, workers, length):
-        found[index] = rows
-        progress(len(found), len(work), "signals")
-    rows = [row for index in range(len(work)) for row in found[index]]
-    rates = [row for row in rows if isinstance(row, Rate)]
-    return Results(rates, [row for row in rows if isinstance(row, Match)])
+def _measured(
+    work: Sequence[SignalTask], workers: int | None, progress: Callable[[int, int, str], None]
+) -> AdaptiveResults:
+    """Rows in the order of the tasks."""
+    found = parallel_map(done, work, workers, length, lambda count, total: progress(count, total, "signals"))
+    rows = [row for part in found for row in part]
+    return AdaptiveResults(
+        [row for row in rows if isinstance(row, RateRow)], [row for row in rows if isinstance(row, MatchRow)]
+    )
 
 
-def _costs(given: Sequence[Recording], scope: Scope) -> list[Cost]:
-    """Alone, now that all else is done."""
-    judged = [
-        source
-        for source in recordings(given, scope) + scenes(scope, NOISE_N, [seed for seed in scope.seeds if seed == 2])
-        if source.key.half == "reported"
-    ]
-    signals = [source.signal().middle(scope.cost_ticks) for source in judged]
+def _costs(given: Sequence[NamedTrace], scope: AdaptiveScope) -> list[CostRow]:
+    """Run times, measured after all other work."""
+    sources = recordings(given, scope) + scenes(scope, NOISE_N, [seed for seed in scope.seeds if seed == 2])
+    signals = [source.signal().middle(scope.cost_ticks) for source in sources if source.key.half == "reported"]
     return [cost(variant, signals) for variant in (HYBRID, ADAPTIVE)]
 
 
-def _table(results: Results, caption: str) -> Table:
+def _table(results: AdaptiveResults, caption: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=caption, caption_justify="left")
     for name in ("asked for", "limit", "found", ""):
         table.add_column(name)

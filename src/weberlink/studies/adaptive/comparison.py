@@ -1,46 +1,136 @@
-"""How often one codec sends against another, over signals: ratios, their geometric mean and how sure it is, exceptions.
+"""Rows of the study, and how often one encoder sends against another: ratios, geometric means, worst cases."""
 
-Knows rows, and not how they came about.
-"""
-
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
 from math import exp, log
+from typing import Any
 
-from weberlink.studies.adaptive.rows import Rate, chosen
+from weberlink.codec.predictors import HYBRID
+from weberlink.studies.adaptive.signals import Half, Kind
 from weberlink.studies.curves import Band, Observation, curves
 
 MOST_RATIO = 1.05
-"""Of the best single predictor's packets."""
+"""Limit of the packets, relative to the best single predictor."""
 FEW_PER_S = 10.0
-"""Signals that the best single sends less often than this are judged by the difference."""
+"""Below this packet rate of the best single predictor, the difference [1/s] counts instead of the ratio."""
 MOST_MORE_PER_S = 1.0
 
 
 @dataclass(frozen=True)
-class Ratio:
-    """One signal with both."""
+class RateRow:
+    """How often one signal was sent in one part of the study."""
+
+    part: str
+    signal: str
+    group: str
+    half: Half
+    kind: Kind
+    noise_n: float
+    variant: str
+    floor_n: float
+    packets: int
+    packets_per_s: float
+    outside: int = 0
+    """Ticks outside their deadband; must be 0."""
+
+
+@dataclass(frozen=True)
+class MatchRow:
+    """The felt force of one signal at the packet rate of the hybrid."""
+
+    signal: str
+    group: str
+    half: Half
+    kind: Kind
+    variant: str
+    weber: float
+    packets: int
+    packets_per_s: float
+    error_rms_n: float
+    error_rms_jnd: float
+    largest_step_n: float
+    step_jnd: float
+    """99.9th percentile."""
+    outside: int = 0
+
+
+@dataclass(frozen=True)
+class CostRow:
+    """Run time of encode plus decode per tick."""
+
+    variant: str
+    ticks: int
+    median_us: float
+    mean_us: float
+    p99_us: float
+    worst_us: float
+    differing: int = 0
+    """Ticks after which the states of encoder and decoder were not bit-identical; must be 0."""
+
+
+@dataclass(frozen=True)
+class AdaptiveResults:
+    """All rows of the study."""
+
+    rates: list[RateRow] = field(default_factory=list)
+    matches: list[MatchRow] = field(default_factory=list)
+    costs: list[CostRow] = field(default_factory=list)
+
+    def of(self, part: str, **fields: object) -> list[RateRow]:
+        """Rows of a part of the study whose fields have these values."""
+        return chosen(self.rates, part=part, **fields)
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def chosen(rows: Iterable[RateRow], **fields: object) -> list[RateRow]:
+    """Rows whose fields have these values."""
+    return [row for row in rows if all(getattr(row, name) == value for name, value in fields.items())]
+
+
+@dataclass(frozen=True)
+class SignalRatio:
+    """A figure of one encoder over that of another, on one signal."""
 
     signal: str
     group: str
     value: float
 
 
-def ratios(rows: Iterable[Rate], variant: str, reference: str) -> list[Ratio]:
-    """Packets of one over those of the other, for every signal that both send."""
-    listed = list(rows)
-    under = {row.signal: row for row in chosen(listed, variant=reference)}
+def ratios(rows: Iterable[RateRow], variant: str, reference: str) -> list[SignalRatio]:
+    """Packets of `variant` over those of `reference`, for every signal that both send."""
+    return _ratios(list(rows), variant, reference, "packets")
+
+
+def felt_ratios(
+    matches: Iterable[MatchRow],
+    variant: str,
+    figure: str,
+    reference: str = HYBRID,
+    signals: Iterable[str] | None = None,
+) -> list[SignalRatio]:
+    """A figure of `variant` over that of `reference` at equal packets, for every signal (of `signals`) with both."""
+    wanted = None if signals is None else set(signals)
+    listed = [row for row in matches if wanted is None or row.signal in wanted]
+    return _ratios(listed, variant, reference, figure)
+
+
+def _ratios(
+    rows: Sequence[RateRow] | Sequence[MatchRow], variant: str, reference: str, figure: str
+) -> list[SignalRatio]:
+    under = {row.signal: getattr(row, figure) for row in rows if row.variant == reference}
     return [
-        Ratio(row.signal, row.group, row.packets / under[row.signal].packets)
-        for row in chosen(listed, variant=variant)
-        if row.signal in under and row.packets and under[row.signal].packets
+        SignalRatio(row.signal, row.group, getattr(row, figure) / under[row.signal])
+        for row in rows
+        if row.variant == variant and under.get(row.signal, 0) > 0 and getattr(row, figure) > 0
     ]
 
 
-def geometric_mean(found: Sequence[Ratio]) -> Band | None:
-    """Over groups, with the 95 % confidence of a bootstrap over them; signals of a group are averaged first.
+def geometric_mean(found: Sequence[SignalRatio]) -> Band | None:
+    """Geometric mean over groups with its 95 % bootstrap interval; None without ratios.
 
-    None without any.
+    The ratios of a group are averaged first.
     """
     if not found:
         return None
@@ -51,15 +141,8 @@ def geometric_mean(found: Sequence[Ratio]) -> Band | None:
 
 
 @dataclass(frozen=True)
-class Best:
-    """A signal against the best of single predictors.
-
-    Args:
-        signal: which.
-        per_s: of the codec that is judged.
-        single: name of the best.
-        single_per_s: what that sends.
-    """
+class BestSingle:
+    """The packet rate of one signal beside that of its best single predictor."""
 
     signal: str
     group: str
@@ -73,24 +156,29 @@ class Best:
 
     @property
     def within(self) -> bool:
-        """Whether it keeps the law: at most 1.05 of the best; where that is under 10/s, at most 1/s more."""
+        """Whether it is at most 1.05 times the best or, where that is below 10/s, at most 1/s more."""
         if self.single_per_s < FEW_PER_S:
             return self.per_s <= self.single_per_s + MOST_MORE_PER_S
         return self.per_s <= MOST_RATIO * self.single_per_s
 
 
-def against_best(rows: Iterable[Rate], variant: str, singles: Sequence[str]) -> list[Best]:
-    """Every signal that was coded with all of them; ties go to the first."""
+def against_best(rows: Iterable[RateRow], variant: str, singles: Sequence[str]) -> list[BestSingle]:
+    """Every signal that has rows of all `singles`; the first of equal ones is the best."""
     listed = list(rows)
-    rates: Mapping[tuple[str, str], float] = {(row.signal, row.variant): row.packets_per_s for row in listed}
+    rates = packet_rates(listed)
     found = []
     for row in chosen(listed, variant=variant):
         if all((row.signal, name) in rates for name in singles):
             best = min(singles, key=lambda name: rates[row.signal, name])
-            found.append(Best(row.signal, row.group, row.packets_per_s, best, rates[row.signal, best]))
+            found.append(BestSingle(row.signal, row.group, row.packets_per_s, best, rates[row.signal, best]))
     return found
 
 
-def against_best_ratios(found: Iterable[Best]) -> list[Ratio]:
-    """Of those where both send."""
-    return [Ratio(one.signal, one.group, one.ratio) for one in found if one.ratio]
+def against_best_ratios(found: Iterable[BestSingle]) -> list[SignalRatio]:
+    """The ratios of the signals that both send."""
+    return [SignalRatio(one.signal, one.group, one.ratio) for one in found if one.ratio]
+
+
+def packet_rates(rows: Iterable[RateRow]) -> dict[tuple[str, str], float]:
+    """Packets per second by signal and variant."""
+    return {(row.signal, row.variant): row.packets_per_s for row in rows}

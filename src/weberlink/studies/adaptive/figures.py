@@ -1,4 +1,4 @@
-"""The figures beside the page. Needs matplotlib (extra: plots)."""
+"""Figures beside the page. Needs matplotlib (extra: plots)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,13 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, ScalarFormatter
 
 from weberlink.codec.predictors import ADAPTIVE, HYBRID
-from weberlink.studies.adaptive.comparison import geometric_mean, ratios
-from weberlink.studies.adaptive.rows import Match, Results
-from weberlink.studies.adaptive.signals import Scope
+from weberlink.studies.adaptive.comparison import AdaptiveResults, MatchRow, felt_ratios, geometric_mean, ratios
+from weberlink.studies.adaptive.document import FIGURES
+from weberlink.studies.adaptive.signals import AdaptiveScope
 from weberlink.studies.adaptive.tables import ablations
+from weberlink.studies.adaptive.targets import MOST
 from weberlink.studies.adaptive.variants import FLOOR_N
-from weberlink.studies.adaptive.verdict import MOST, compared
-from weberlink.studies.adaptive.words import FIGURES
 from weberlink.studies.adaptive.work import RATES, smoothed_name
 from weberlink.studies.curves import Band
 from weberlink.studies.sheet import dot, key, save, sheet
@@ -23,7 +22,7 @@ OURS, OTHER, FAINT = "#0072B2", "#D55E00", "0.6"
 ROW_CM = 0.48
 
 
-def draw(results: Results, scope: Scope, folder: Path, caption: str) -> None:
+def draw(results: AdaptiveResults, scope: AdaptiveScope, folder: Path, caption: str) -> None:
     """Write all of `FIGURES`.
 
     Raises:
@@ -38,7 +37,7 @@ def draw(results: Results, scope: Scope, folder: Path, caption: str) -> None:
         save(figure, folder / name)
 
 
-def packets(results: Results, caption: str) -> Figure:
+def packets(results: AdaptiveResults, caption: str) -> Figure:
     """A row for each recording and scene, a dot for each seed."""
     halves = {
         half: ratios(results.of(RATES, half=half, floor_n=FLOOR_N), ADAPTIVE, HYBRID) for half in ("reported", "chosen")
@@ -64,19 +63,17 @@ def packets(results: Results, caption: str) -> Figure:
     return figure
 
 
-def ablation(results: Results, caption: str) -> Figure:
+def ablation(results: AdaptiveResults, caption: str) -> Figure:
     """A row for each part that is off."""
     found = [(name, geometric_mean(each)) for name, each in ablations(results) if each]
     figure, axes = _rows(FIGURES["ablation"], [name for name, _ in found], caption)
     for row, (_, mean) in enumerate(found):
-        assert mean is not None
-        axes.plot([mean.low, mean.high], [row, row], color=OURS, linewidth=1.6)
-        axes.plot(mean.mean, row, "o", color=OURS, markersize=5)
+        _mean(axes, mean, row, OURS, "o")
     axes.set_xlabel(fontsize=9, xlabel="packets / those of adaptive; geometric mean and 95 %")
     return figure
 
 
-def felt(matches: Sequence[Match], scope: Scope, caption: str) -> Figure:
+def felt(matches: Sequence[MatchRow], scope: AdaptiveScope, caption: str) -> Figure:
     """Error and steps over those of the hybrid, without and with ramps, for the signals that have all."""
     variants = [ADAPTIVE, *(smoothed_name(ticks, share) for ticks, share in scope.smoothings)]
     names = ["adaptive", *(f"ramp {ticks} ticks, {share:g}" for ticks, share in scope.smoothings)]
@@ -89,19 +86,10 @@ def felt(matches: Sequence[Match], scope: Scope, caption: str) -> Figure:
     )
     for figure_of, _, colour, marker, offset in shown:
         for row, variant in enumerate(variants):
-            found = compared(matches, variant, figure_of, signals=smoothed)
-            axes.plot(
-                [one.value for one in found],
-                [row + offset] * len(found),
-                marker,
-                color=FAINT,
-                markersize=2.5,
-                alpha=0.7,
-            )
-            mean = geometric_mean(found)
-            if mean is not None:
-                axes.plot([mean.low, mean.high], [row + offset] * 2, color=colour, linewidth=1.6)
-                axes.plot(mean.mean, row + offset, marker, color=colour, markersize=5)
+            found = felt_ratios(matches, variant, figure_of, signals=smoothed)
+            values = [one.value for one in found]
+            axes.plot(values, [row + offset] * len(found), marker, color=FAINT, markersize=2.5, alpha=0.7)
+            _mean(axes, geometric_mean(found), row + offset, colour, marker)
     key(axes, [dot(label, marker, colour) for _, label, colour, marker, _ in shown])
     axes.set_xlabel(fontsize=9, xlabel="over that of the hybrid at the same packets; grey: single signals")
     return figure
@@ -128,3 +116,9 @@ def _band(axes: Any, mean: Band | None) -> None:
     if mean is not None:
         axes.axvspan(mean.low, mean.high, color=OURS, alpha=0.15, linewidth=0.0)
         axes.axvline(mean.mean, color=OURS, linewidth=1.0)
+
+
+def _mean(axes: Any, mean: Band | None, place: float, colour: str, marker: str) -> None:
+    if mean is not None:
+        axes.plot([mean.low, mean.high], [place] * 2, color=colour, linewidth=1.6)
+        axes.plot(mean.mean, place, marker, color=colour, markersize=5)

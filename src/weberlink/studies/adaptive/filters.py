@@ -1,9 +1,9 @@
-"""The filters of `weberlink.codec.predictors.trend`, made again of recorded signals by weighted least squares.
+"""Recomputes the filters of `weberlink.codec.predictors.trend` from recorded signals by weighted least squares.
 
-What is to come at a tick (its mean over a horizon, or the line through it) less the newest sample is regressed on the
-newest sample less earlier ones. All axes share one filter, so that it turns with the signal. Errors count in deadbands,
-and each signal counts alike however long it is. Ticks after which the signal leaves three deadbands are left out: a
-contact that begins or ends there is nothing that a linear filter could know of.
+The regression predicts the future of a tick (its mean over a horizon, or the line through it), relative to the newest
+sample, from the differences of the newest sample to earlier ones. All axes share one filter, so that it turns with the
+signal. Errors count in deadbands, and each signal counts alike, however long it is. Ticks after which the signal leaves
+three deadbands are left out: no linear filter can predict the begin or end of a contact.
 """
 
 from collections.abc import Iterable
@@ -17,11 +17,11 @@ from weberlink.codec.predictors.trend import LAGS
 Array = NDArray[np.float64]
 
 WEBER, FLOOR_N = 0.10, 0.05
-"""Of the deadband that errors are counted in."""
+"""Deadband in which errors count."""
 FARTHEST = 3.0
 """[deadbands]."""
 BEGIN = 100
-"""Ticks of each signal that are left out at first: all lags reach back to samples then."""
+"""First ticks of each signal, left out so that all lags reach back to samples."""
 HOLD_TICKS, LINE_TICKS = 20, 40
 """Horizons of the filters that the codec uses."""
 
@@ -40,10 +40,10 @@ class Filters(NamedTuple):
 
 
 def filters(forces: Iterable[Array]) -> Filters:
-    """Those of recorded forces, each of shape (n, 3) [N] with at least 142 samples.
+    """Learn the filters from recorded forces, each of shape (n, 3) [N] with at least 142 samples.
 
     Raises:
-        ValueError: there is no sample to learn from.
+        ValueError: if no signal is long enough.
     """
     signals = list(forces)
     (hold,) = _regressed(signals, np.full((1, HOLD_TICKS), 1.0 / HOLD_TICKS))

@@ -1,7 +1,7 @@
-"""What the study codes, and which half of it chose the parameters of `adaptive`.
+"""Signals of the study, and which half of them chose the parameters of `adaptive`.
 
-A signal is a recording or a scene explored with one seed. All seeds of a scene are one group: what they have in common
-is more than what tells them apart, so that confidence must come from other groups.
+A signal is a recording, or a scene explored with one seed. Seeds of one scene are similar, so all of them form one
+group of the bootstrap.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,50 +11,46 @@ from typing import Literal, NamedTuple
 
 from weberlink.studies.evaluate.replay import Signal, signal_of
 from weberlink.studies.evaluate.scenes import scene_names, scene_signal
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 
 Half = Literal["chosen", "reported"]
 Kind = Literal["recording", "scene"]
 
 CHOSEN_RECORDINGS = frozenset({"omega3_1", "omega3_19", "tue_foam_1", "tue_free_1", "tue_rigid_1", "tue_spring_1"})
-"""Parameters were chosen on these; any other recording is reported on."""
+"""Recordings that chose the parameters; any other recording is reported on."""
 CHOSEN_SEED = 1
-"""And on the scenes explored with this seed; any other is reported on."""
+"""Seed of the scenes that chose the parameters; any other seed is reported on."""
 NOISE_N = 2e-3
-"""Of a force sensor, RMS per axis."""
-RUBBED_AND_MOVED = ("plane_friction", "sphere_friction", "plane_moving")
-"""Scenes of which a target of its own is set."""
+"""Noise of a force sensor, RMS per axis [N]."""
+FRICTION_AND_MOTION = {
+    "plane_friction": "plane with friction 0.3",
+    "sphere_friction": "sphere with friction 0.3",
+    "plane_moving": "plane moving at up to 0.1 m/s, 1 Hz",
+}
+"""Scenes that have a target of their own."""
 
 
-class Key(NamedTuple):
-    """What is said of a signal beside its numbers."""
+class SignalKey(NamedTuple):
+    """Name and class of a signal; `noise_n` [N] is added to the force of a scene (0 for recordings)."""
 
     name: str
     group: str
     half: Half
     kind: Kind
     noise_n: float
-    """Added to the force; 0 for recordings, whose noise is their own."""
 
 
 @dataclass(frozen=True)
-class Source:
-    """Where a signal comes from.
+class SignalSource:
+    """Where a signal comes from: a recording, or a scene with its seed and duration [s]."""
 
-    Args:
-        key: what it is called.
-        recorded: of a recording; None for a scene.
-        seed: of a scene.
-        duration_s: likewise.
-    """
-
-    key: Key
+    key: SignalKey
     recorded: Signal | None = None
     seed: int = 0
     duration_s: float = 0.0
 
     def signal(self) -> Signal:
-        """Simulated on the first call in a process."""
+        """The signal; a scene is simulated on the first call in a process."""
         if self.recorded is not None:
             return self.recorded
         return _explored(self.key.group, self.seed, self.duration_s, self.key.noise_n)
@@ -64,18 +60,18 @@ class Source:
         return len(self.recorded) if self.recorded is not None else round(self.duration_s * 1000.0)
 
 
-class Scope(NamedTuple):
-    """How much is looked at.
+class AdaptiveScope(NamedTuple):
+    """How much the study covers.
 
     Args:
         scenes: names.
         seeds: of all scenes.
-        more_seeds: of all scenes, looked at for packets alone.
+        more_seeds: of all scenes, coded for packets alone.
         duration_s: of a scene.
         ticks: of a recording, from its middle, at most.
-        floors_n: of the deadband; the first is that of everything but the first comparison.
+        floors_n: absolute thresholds; all but the first comparison use the first of them.
         smoothings: length of the ramp [ticks] and share of the deadband.
-        limits: whether the clairvoyant bound is worked out.
+        limits: whether to compute the clairvoyant bound.
         cost_ticks: of each signal whose run time is measured.
     """
 
@@ -90,8 +86,8 @@ class Scope(NamedTuple):
     cost_ticks: int = 4000
 
 
-FULL = Scope(scene_names())
-QUICK = Scope(
+FULL = AdaptiveScope(scene_names())
+QUICK = AdaptiveScope(
     ("plane_friction", "plane_moving"),
     seeds=(1, 2),
     more_seeds=(),
@@ -104,29 +100,30 @@ QUICK = Scope(
 )
 
 
-def recordings(given: Iterable[Recording], scope: Scope) -> list[Source]:
-    """Those of people."""
+def recordings(given: Iterable[NamedTrace], scope: AdaptiveScope) -> list[SignalSource]:
+    """Sources of the recordings that are not empty."""
     return [
-        Source(Key(name, name, "chosen" if name in CHOSEN_RECORDINGS else "reported", "recording", 0.0), recorded)
+        SignalSource(SignalKey(name, name, _half(name in CHOSEN_RECORDINGS), "recording", 0.0), recorded)
         for name, trace in given
         if len(recorded := signal_of(trace).middle(scope.ticks))
     ]
 
 
-def scenes(scope: Scope, noise_n: float, seeds: Sequence[int] | None = None) -> list[Source]:
-    """Those of `scope`, with its seeds unless others are named."""
+def scenes(scope: AdaptiveScope, noise_n: float, seeds: Sequence[int] | None = None) -> list[SignalSource]:
+    """Sources of the scenes, with the seeds of `scope` unless others are given."""
     return [
-        Source(
-            Key(
-                f"{name}, seed {seed}", name, "chosen" if seed == CHOSEN_SEED else "reported", "scene",
-                noise_n,
-            ),
+        SignalSource(
+            SignalKey(f"{name}, seed {seed}", name, _half(seed == CHOSEN_SEED), "scene", noise_n),
             seed=seed,
             duration_s=scope.duration_s,
         )
         for name in scope.scenes
         for seed in (scope.seeds if seeds is None else seeds)
-    ]  # fmt: skip
+    ]
+
+
+def _half(chosen: bool) -> Half:
+    return "chosen" if chosen else "reported"
 
 
 @lru_cache(maxsize=4)

@@ -1,11 +1,11 @@
-"""What codes a signal: a predictor, the paper's bank, `adaptive`, or that with a part of it off or tuned otherwise.
+"""Encoders of the study: single predictors, the hybrid, `adaptive`, and `adaptive` with a part removed or retuned.
 
-An ablation takes parts out of the live sender from outside, which is why it knows that sender well: the codec itself
-has no switch for what nobody would switch off.
+An ablation changes the live encoder from outside, because the codec has no switches for its parts.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import exp
 
 from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.adaptive import MEMORY, PRESENT, AdaptiveChoice, Shadow
@@ -19,7 +19,7 @@ from weberlink.codec.predictors.surface import (
 )
 from weberlink.codec.sample import Sample
 from weberlink.codec.smoothing import Smoothing
-from weberlink.studies.adaptive.shadows import Tuned
+from weberlink.geometry.vector import Vector
 
 WEBER = 0.10
 FLOOR_N = 0.02
@@ -31,16 +31,16 @@ COMPARED = (HYBRID, ADAPTIVE, *ALL_SINGLES)
 
 
 @dataclass(frozen=True)
-class Part:
-    """What is different from `adaptive` as it is.
+class Alteration:
+    """How an encoder differs from `adaptive`.
 
     Args:
         bank: of predictors.
-        without: kinds of surfaces that are not supposed.
-        flat: whether no surface is curved.
-        memory: time constant of the record [ticks]; None for no record.
+        without: surface hypotheses that are left out.
+        flat: whether surfaces have no curvature.
+        memory: time constant of the record of sends [ticks]; None for no record.
         present: weight of the present error [sends].
-        doubts: whether the record of what estimates from noise must be better than that of what does not.
+        doubts: whether noise-sensitive candidates need a better record than the others.
     """
 
     bank: tuple[str, ...] = ADAPTIVE_BANK
@@ -51,45 +51,41 @@ class Part:
     doubts: bool = True
 
 
-def _bank_without(name: str) -> Part:
-    return Part(bank=tuple(each for each in ADAPTIVE_BANK if each != name))
-
-
-ABLATIONS: dict[str, Part] = {
-    **{f"no {name}": _bank_without(name) for name in ADAPTIVE_BANK},
-    "no friction": Part(without=(FrictionalHypothesis,)),
-    "no motion": Part(without=(MovingHypothesis,)),
-    "no still, frictionless surface": Part(without=(FrictionlessHypothesis,)),
-    "no curvature": Part(flat=True),
-    "no record": Part(memory=None),
-    "no present error": Part(present=0.0),
-    "no doubt": Part(doubts=False),
-    "the paper's bank, by record": Part(bank=HYBRID_BANK),
+ABLATIONS: dict[str, Alteration] = {
+    **{f"no {name}": Alteration(bank=tuple(each for each in ADAPTIVE_BANK if each != name)) for name in ADAPTIVE_BANK},
+    "no friction": Alteration(without=(FrictionalHypothesis,)),
+    "no motion": Alteration(without=(MovingHypothesis,)),
+    "no still, frictionless surface": Alteration(without=(FrictionlessHypothesis,)),
+    "no curvature": Alteration(flat=True),
+    "no record": Alteration(memory=None),
+    "no present error": Alteration(present=0.0),
+    "no doubt": Alteration(doubts=False),
+    "the paper's bank, by record": Alteration(bank=HYBRID_BANK),
 }
-"""Each part off."""
+"""`adaptive` with one part removed."""
 
-TUNINGS: dict[str, Part] = {
-    **{f"memory {memory:g}": Part(memory=memory) for memory in (0.1 * MEMORY, MEMORY / 3.0, 3.0 * MEMORY)},
-    **{f"present {present:g}": Part(present=present) for present in (0.5 * PRESENT, 2.0 * PRESENT)},
+TUNINGS: dict[str, Alteration] = {
+    **{f"memory {memory:g}": Alteration(memory=memory) for memory in (0.1 * MEMORY, MEMORY / 3.0, 3.0 * MEMORY)},
+    **{f"present {present:g}": Alteration(present=present) for present in (0.5 * PRESENT, 2.0 * PRESENT)},
 }
-"""Neighbours of the constants that were chosen."""
+"""Neighbours of the chosen constants."""
 
 
 def channel_of(
     predictor: str, weber: float = WEBER, floor: float = FLOOR_N, smoothing: Smoothing | None = None
 ) -> Channel:
-    """As the daemons have it, but for the Weber factor and the floor [N]."""
+    """The force channel of the daemons with another Weber factor, floor [N] and smoothing."""
     return force_channel(predictor=predictor, weber=weber, floor=floor, smoothing=smoothing)
 
 
-def altered(part: Part, weber: float = WEBER, floor: float = FLOOR_N) -> Encoder:
-    """The sender of `adaptive` with a part of it off or tuned otherwise."""
-    channel = force_channel(predictor=ADAPTIVE, bank=part.bank, weber=weber, floor=floor)
-    return AlteredEncoder(channel, AlteredChoice(channel, part))
+def altered(alteration: Alteration, weber: float = WEBER, floor: float = FLOOR_N) -> Encoder:
+    """An `adaptive` encoder with a part removed or retuned."""
+    channel = force_channel(predictor=ADAPTIVE, bank=alteration.bank, weber=weber, floor=floor)
+    return AlteredEncoder(channel, AlteredChoice(channel, alteration))
 
 
 class AlteredEncoder(Encoder):
-    """One that chooses as it is told."""
+    """An encoder with a given choice of predictors."""
 
     __slots__ = ()
 
@@ -99,19 +95,19 @@ class AlteredEncoder(Encoder):
 
 
 class AlteredChoice(AdaptiveChoice):
-    """The live one but for a `Part`."""
+    """The choice of the live encoder, altered."""
 
-    __slots__ = ("_part",)
+    __slots__ = ("_alteration",)
 
-    def __init__(self, channel: Channel, part: Part) -> None:
-        self._part = part
+    def __init__(self, channel: Channel, alteration: Alteration) -> None:
+        self._alteration = alteration
         super().__init__(channel)
 
     def reset(self) -> None:
         super().reset()
-        part, rest = self._part, self._channel.rest
+        part, rest = self._alteration, self._channel.rest
         self._shadows = [
-            Tuned(
+            TunedShadow(
                 shadow.selector,
                 Flat(shadow.candidate) if part.flat else shadow.candidate,
                 rest,
@@ -125,7 +121,7 @@ class AlteredChoice(AdaptiveChoice):
     def choose(
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
     ) -> tuple[int, Model | None]:
-        present = self._part.present
+        present = self._alteration.present
 
         def cost(shadow: Shadow) -> float:
             whole = self._cost(shadow, newest.tick, bound)
@@ -149,3 +145,32 @@ class Flat:
     def model(self, context: EncodeContext) -> Model | None:
         model = self._candidate.model(context)
         return replace(model, curvature=0.0) if isinstance(model, SurfacePatch) else model
+
+
+class TunedShadow(Shadow):
+    """A shadow encoder with another memory.
+
+    Args:
+        selector: of the candidate; this, candidate, rest and doubt are those of `Shadow`.
+        candidate: that the shadow runs.
+        rest: value without contact [N].
+        doubt: factor of its record.
+        memory: time constant of the record [ticks]; its counts are scaled to those of `MEMORY`. None for no record.
+    """
+
+    __slots__ = ("_memory",)
+
+    def __init__(
+        self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float, memory: float | None
+    ) -> None:
+        super().__init__(selector, candidate, rest, doubt)
+        self._memory = memory
+
+    def record(self, tick: int) -> float:
+        sends = super().record(tick)
+        return 0.0 if self._memory is None else sends * (MEMORY / self._memory)
+
+    def _forget(self, tick: int) -> None:
+        passed = max(0, tick - self._at)
+        self._at = tick
+        self._sends *= exp(-passed / (self._memory or MEMORY))

@@ -1,4 +1,4 @@
-"""All that is done with one signal, in whatever process: each part of the study makes rows of it."""
+"""Parts of the study: the rows that each of them makes of one signal, in any process."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -6,10 +6,9 @@ from typing import NamedTuple
 from weberlink.codec import Encoder
 from weberlink.codec.predictors import ADAPTIVE, HYBRID
 from weberlink.codec.smoothing import Smoothing
-from weberlink.studies.adaptive.coding import Coded, coded
-from weberlink.studies.adaptive.packets import equal_packets
-from weberlink.studies.adaptive.rows import Match, Rate, rate
-from weberlink.studies.adaptive.signals import NOISE_N, Scope, Source, recordings, scenes
+from weberlink.studies.adaptive.coding import CodedSignal, coded, equal_packets
+from weberlink.studies.adaptive.comparison import MatchRow, RateRow
+from weberlink.studies.adaptive.signals import NOISE_N, AdaptiveScope, SignalKey, SignalSource, recordings, scenes
 from weberlink.studies.adaptive.variants import (
     ABLATIONS,
     COMPARED,
@@ -17,55 +16,56 @@ from weberlink.studies.adaptive.variants import (
     SINGLES,
     TUNINGS,
     WEBER,
-    Part,
+    Alteration,
     altered,
     channel_of,
 )
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal
-from weberlink.studies.evaluate.sweep import Recording
+from weberlink.studies.evaluate.study import NamedTrace
 from weberlink.system.scoring.perception import Threshold
 
 RATES, QUIET, ABLATION, TUNING, UNSEEN, LIMITS, EQUAL, SMOOTH = (
     "rates", "noise-free", "ablation", "tuning", "further seeds", "limits", "equal packets", "smooth updates",
 )  # fmt: skip
-"""Parts of the study."""
+"""Names of the parts."""
 SMOOTH_RUNS = 5
 _COST = {RATES: 11.0, QUIET: 3.5, ABLATION: 14.0, TUNING: 7.0, UNSEEN: 3.5, LIMITS: 8.0, EQUAL: 5.0, SMOOTH: 12.0}
-"""About how long a part takes, in runs of `adaptive`."""
+"""Approximate run time of a part, in runs of `adaptive`."""
 
 
-class Task(NamedTuple):
-    """Some parts of the study of one signal, which is made once for all of them."""
+class SignalTask(NamedTuple):
+    """Parts of the study that share one signal."""
 
-    source: Source
+    source: SignalSource
     parts: tuple[str, ...]
-    scope: Scope
+    scope: AdaptiveScope
 
 
 class Piece(NamedTuple):
-    """One of them."""
+    """One part of the study on one signal."""
 
     part: str
-    source: Source
-    scope: Scope
+    key: SignalKey
+    signal: Signal
+    scope: AdaptiveScope
 
 
-Found = list[Rate] | list[Match]
+Rows = list[RateRow] | list[MatchRow]
 
 
-def tasks(given: list[Recording], scope: Scope) -> list[Task]:
+def tasks(given: list[NamedTrace], scope: AdaptiveScope) -> list[SignalTask]:
     """All of the work."""
     main = recordings(given, scope) + scenes(scope, NOISE_N)
     first = min((source.seed for source in main if source.key.half == "reported" and source.seed), default=0)
     work = [(source, _parts(source, first, scope)) for source in main]
     work += [(source, (QUIET,)) for source in scenes(scope, 0.0)]
     work += [(source, (UNSEEN,)) for source in scenes(scope, NOISE_N, scope.more_seeds)]
-    return [Task(source, parts, scope) for source, parts in work]
+    return [SignalTask(source, parts, scope) for source, parts in work]
 
 
-def _parts(source: Source, first: int, scope: Scope) -> tuple[str, ...]:
-    """What is asked of a signal; most of recordings and of the first seed that is reported on."""
+def _parts(source: SignalSource, first: int, scope: AdaptiveScope) -> tuple[str, ...]:
+    """The parts for a signal; recordings and the first reported seed have the most."""
     if source.key.half == "chosen":
         return (RATES, TUNING)
     if source.seed not in (0, first):
@@ -73,17 +73,23 @@ def _parts(source: Source, first: int, scope: Scope) -> tuple[str, ...]:
     return (RATES, ABLATION, EQUAL, SMOOTH, *((LIMITS,) if scope.limits else ()))
 
 
-def length(task: Task) -> float:
-    """A measure of what it costs."""
+def length(task: SignalTask) -> float:
+    """Approximate run time, in ticks of `adaptive`."""
     return task.source.ticks * sum(_COST[part] for part in task.parts)
 
 
-def done(task: Task) -> list[Rate | Match]:
+def done(task: SignalTask) -> list[RateRow | MatchRow]:
     """The rows of one signal."""
-    return [row for part in task.parts for row in _PARTS[part](Piece(part, task.source, task.scope))]
+    signal = task.source.signal()
+    return [row for part in task.parts for row in _PARTS[part](Piece(part, task.source.key, signal, task.scope))]
 
 
-def _rates(piece: Piece) -> list[Rate]:
+def smoothed_name(ticks: int, share: float) -> str:
+    """Name of `adaptive` with a ramp of `ticks` that may use `share` of the deadband."""
+    return f"{ADAPTIVE}, ramp {ticks} ticks, {share:g}"
+
+
+def _rates(piece: Piece) -> list[RateRow]:
     return [
         _run(piece, variant, Encoder(channel_of(variant, floor=floor)), floor)
         for floor in piece.scope.floors_n
@@ -91,76 +97,69 @@ def _rates(piece: Piece) -> list[Rate]:
     ]
 
 
-def _few(piece: Piece) -> list[Rate]:
+def _few(piece: Piece) -> list[RateRow]:
     return [_run(piece, variant, Encoder(channel_of(variant))) for variant in (HYBRID, ADAPTIVE, *SINGLES)]
 
 
-def _altered(parts: dict[str, Part]) -> Callable[[Piece], list[Rate]]:
-    """With each of these; `adaptive` as it is comes from the rates."""
-    return lambda piece: [_run(piece, name, altered(part)) for name, part in parts.items()]
+def _altered(alterations: dict[str, Alteration]) -> Callable[[Piece], list[RateRow]]:
+    return lambda piece: [_run(piece, name, altered(each)) for name, each in alterations.items()]
 
 
-def _limits(piece: Piece) -> list[Rate]:
-    signal = piece.source.signal()
+def _limits(piece: Piece) -> list[RateRow]:
+    signal = piece.signal
     families = ("zoh", "linear", HYBRID)
     fewest = clairvoyant_sends(signal.force_n, signal.position_m, channel=channel_of(HYBRID), families=families)
-    return [
-        rate(piece.part, piece.source.key, family, FLOOR_N, packets, signal.duration_s)
-        for family, packets in fewest.items()
-        if packets is not None
-    ]
+    return [_rate(piece, family, FLOOR_N, packets, 0) for family, packets in fewest.items() if packets is not None]
 
 
-def _run(piece: Piece, variant: str, encoder: Encoder, floor: float = FLOOR_N) -> Rate:
-    signal = piece.source.signal()
-    found = coded(signal, encoder)
-    return rate(piece.part, piece.source.key, variant, floor, found.packets, signal.duration_s, found.outside)
+def _run(piece: Piece, variant: str, encoder: Encoder, floor: float = FLOOR_N) -> RateRow:
+    found = coded(piece.signal, encoder)
+    return _rate(piece, variant, floor, found.packets, found.outside)
 
 
-def _equal(piece: Piece) -> list[Match]:
-    signal = piece.source.signal()
-    reference = _at(signal, HYBRID, WEBER)
-    weber, found = equal_packets(reference.packets, lambda weber: _at(signal, ADAPTIVE, weber), WEBER / 2.0)
-    return [_match(piece, HYBRID, WEBER, reference), _match(piece, ADAPTIVE, weber, found)]
-
-
-def _smooth(piece: Piece) -> list[Match]:
-    return list(_smoothed(piece))
-
-
-def _smoothed(piece: Piece) -> Iterator[Match]:
-    signal = piece.source.signal()
-    target, first = _at(signal, HYBRID, WEBER).packets, WEBER / 2.0
-    for ticks, share in piece.scope.smoothings:
-        smoothing = Smoothing(ticks, share)
-
-        def run(weber: float, smoothing: Smoothing = smoothing) -> Coded:
-            return _at(signal, ADAPTIVE, weber, smoothing)
-
-        # The one before is near.
-        first, found = equal_packets(target, run, first, SMOOTH_RUNS)
-        yield _match(piece, smoothed_name(ticks, share), first, found)
-
-
-def smoothed_name(ticks: int, share: float) -> str:
-    """Of `adaptive` with a ramp of so many ticks that may use this share of the deadband."""
-    return f"{ADAPTIVE}, ramp {ticks} ticks, {share:g}"
-
-
-def _at(signal: Signal, variant: str, weber: float, smoothing: Smoothing | None = None) -> Coded:
-    """With a deadband that shrinks as a whole."""
-    return coded(signal, Encoder(channel_of(variant, weber, FLOOR_N * weber / WEBER, smoothing)))
-
-
-def _match(piece: Piece, variant: str, weber: float, found: Coded) -> Match:
-    key, signal = piece.source.key, piece.source.signal()
-    return Match(
-        key.name, key.group, key.half, key.kind, variant, weber, found.packets, found.packets / signal.duration_s,
-        *found.feel(signal, Threshold(WEBER, FLOOR_N)), outside=found.outside,
+def _rate(piece: Piece, variant: str, floor: float, packets: int, outside: int) -> RateRow:
+    return RateRow(
+        piece.part, *piece.key, variant, floor, packets, packets / piece.signal.duration_s, outside
     )  # fmt: skip
 
 
-_PARTS: dict[str, Callable[[Piece], Found]] = {
+def _equal(piece: Piece) -> list[MatchRow]:
+    reference = _at(piece.signal, HYBRID, WEBER)
+    weber, found = equal_packets(reference.packets, lambda weber: _at(piece.signal, ADAPTIVE, weber), WEBER / 2.0)
+    return [_match(piece, HYBRID, WEBER, reference), _match(piece, ADAPTIVE, weber, found)]
+
+
+def _smooth(piece: Piece) -> list[MatchRow]:
+    return list(_smoothed(piece))
+
+
+def _smoothed(piece: Piece) -> Iterator[MatchRow]:
+    target, weber = _at(piece.signal, HYBRID, WEBER).packets, WEBER / 2.0
+    for ticks, share in piece.scope.smoothings:
+        smoothing = Smoothing(ticks, share)
+
+        def run(weber: float, smoothing: Smoothing = smoothing) -> CodedSignal:
+            return _at(piece.signal, ADAPTIVE, weber, smoothing)
+
+        # The factor of the ramp before is a good start.
+        weber, found = equal_packets(target, run, weber, SMOOTH_RUNS)
+        yield _match(piece, smoothed_name(ticks, share), weber, found)
+
+
+def _at(signal: Signal, variant: str, weber: float, smoothing: Smoothing | None = None) -> CodedSignal:
+    """Code with a Weber factor; the floor shrinks in proportion."""
+    return coded(signal, Encoder(channel_of(variant, weber, FLOOR_N * weber / WEBER, smoothing)))
+
+
+def _match(piece: Piece, variant: str, weber: float, found: CodedSignal) -> MatchRow:
+    key, signal = piece.key, piece.signal
+    return MatchRow(
+        key.name, key.group, key.half, key.kind, variant, weber, found.packets, found.packets / signal.duration_s,
+        *found.felt(signal, Threshold(WEBER, FLOOR_N)), outside=found.outside,
+    )  # fmt: skip
+
+
+_PARTS: dict[str, Callable[[Piece], Rows]] = {
     RATES: _rates,
     QUIET: _few,
     ABLATION: _altered(ABLATIONS),

@@ -1,57 +1,47 @@
-"""The `evaluate` command: traces, predictors and Weber factors into rows, a table and figures.
+"""The `evaluate` command: read traces, code them here or on a Dask cluster, and assemble rows, table and figures."""
 
-Owns what its arguments mean, and where the work is done: here, in processes, or on a Dask cluster. What is computed is
-in `weberlink.studies.evaluate`, and does not depend on where.
-"""
-
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, get_args
+from typing import Any
 
 from rich.table import Table
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.master.trace import TraceError, read_trace
-from weberlink.studies.evaluate.engine import Engine, fitting, prepare
-from weberlink.studies.evaluate.naming import names
-from weberlink.studies.evaluate.row import Row
-from weberlink.studies.evaluate.sweep import Recording, Study, Task, length, rows_of
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace, coded_samples, rows_of
 from weberlink.studies.evaluate.table import table_of
 from weberlink.studies.paper.claims import WEBERS
-from weberlink.studies.parallel import spread
+from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
 UNQUANTIZED = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
-"""Steps far below any sensor's noise, without a range."""
+"""Steps far below the noise of any sensor, and no range."""
 PAPER = "paper"
-AUTO = "auto"
 WORTH_PROCESSES = 100_000.0
-"""Coded samples from which other processes are done sooner than this one alone, which need not start."""
-
-Progress = Callable[[int, int], None]
-"""Told how many of how many pieces of work are done."""
+"""Number of coded samples above which starting other processes saves time."""
 
 
 class EvaluationError(RuntimeError):
-    """What computed the rows went away before the end. One line says what and why."""
+    """A worker or the cluster was lost before the end. The message is one line."""
 
 
 @dataclass(frozen=True)
-class Place:
+class EvaluationWorkers:
     """Where the work is done.
 
     Args:
-        workers: processes; 1 for none but this one, None for as many as there are processors if that pays.
-        dask: address of the scheduler of a cluster, instead; None for this machine.
+        count: processes; 1 for this process alone, None for one per processor if that saves time.
+        dask: address of the scheduler of a cluster; None for this machine.
     """
 
-    workers: int | None = None
+    count: int | None = None
     dask: str | None = None
 
 
@@ -59,9 +49,9 @@ class Place:
 class Evaluation:
     """The rows of all combinations, and how they are shown."""
 
-    study: Study
-    recordings: list[Recording]
-    rows: list[Row]
+    study: EvaluationStudy
+    traces: list[NamedTrace]
+    rows: list[EvaluationRow]
     document: dict[str, Any]
     table: Table
     caption: str
@@ -70,12 +60,12 @@ class Evaluation:
         """Write the figures, and the rows as CSV.
 
         Raises:
-            OSError: if the folder or a file in it cannot be made.
+            OSError: the folder or a file in it cannot be written.
         """
-        from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - heavy, and only wanted with --plots
+        from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
 
         folder.mkdir(parents=True, exist_ok=True)
-        draw_study(self.study, self.recordings, self.rows, folder, self.caption)
+        draw_study(self.study, self.traces, self.rows, folder, self.caption)
 
 
 def run(
@@ -87,157 +77,138 @@ def run(
     jnd: float = 0.10,
     wire: bool = True,
     plots: bool = False,
-    engine: str = AUTO,
     deadbands: str = ISOTROPIC,
-    place: Place = Place(),
+    workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
-    """Evaluate every combination. What does the work and where changes no row, but for the measured run time.
+    """Evaluate every combination. The rows do not depend on the workers, except for the measured run time.
 
     Args:
         traces: recorded signals, each once.
-        predictors: names with commas between them.
-        webers: Weber factors with commas between them, or "paper" for those of the paper.
+        predictors: names, separated by commas.
+        webers: Weber factors, separated by commas, or "paper" for those of the paper.
         floor: absolute threshold [N].
-        jnd: a person's just noticeable difference, as a share of the force.
+        jnd: just noticeable difference of a person, as a share of the force.
         wire: quantize and saturate as on the wire.
-        plots: whether figures will be wanted.
-        engine: what codes, "python" or "compiled"; "auto" for what is done soonest on this machine.
-        deadbands: names of shapes of the deadband with commas between them.
-        place: where the work is done.
-        progress: told of it.
+        plots: whether figures will be drawn.
+        deadbands: names of shapes, separated by commas.
+        workers: where the work is done.
+        progress: called after every task.
 
     Raises:
         ConfigurationError: for an argument, a trace or a cluster that cannot be used; nothing was computed then.
-        EvaluationError: if a worker died.
+        EvaluationError: a worker died.
     """
     began = perf_counter()
     if plots:
         need("matplotlib", "plots", "--plots")
-    _check_place(place)
+    if workers.dask is not None:
+        need("distributed", "dask", "--dask")
+        if workers.count is not None:
+            raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
     if not 0.0 < jnd <= 1.0:
         raise ConfigurationError(f"--jnd: must be above 0 and at most 1, not {jnd:g}")
-    exactness: dict[str, Any] = {} if wire else UNQUANTIZED
-    named = _engine(engine)
-    shapes = _deadbands(deadbands, floor, plots=plots)
-    study = Study(_predictors(predictors), _webers(webers), floor, jnd=jnd, deadbands=shapes, **exactness)
-    recordings = read_recordings(traces)
-    samples = sum(map(length, study.tasks(recordings)))
-    study = replace(study, engine=named or ("python" if place.dask is not None else fitting(samples)))
-    rows = compute(study, recordings, place, progress)
-    return assemble(study, recordings, rows, wire=wire, run_time=perf_counter() - began)
-
-
-def compute(study: Study, recordings: Sequence[Recording], place: Place, progress: Progress) -> list[Row]:
-    """Do all of the work, wherever it is done, and put it in order.
-
-    Raises:
-        ConfigurationError: for a cluster that cannot be used; nothing was computed then.
-        EvaluationError: if a worker died.
-    """
-    tasks = study.tasks(recordings)
-    if place.dask is None:
-        prepare(study.engine)
-    results: dict[int, list[Row]] = {}
-    for index, rows in _on_cluster(tasks, place.dask) if place.dask is not None else _here(tasks, place.workers):
-        results[index] = rows
-        progress(len(results), len(tasks))
-    return study.ordered(results)
-
-
-def assemble(study: Study, recordings: list[Recording], rows: list[Row], *, wire: bool, run_time: float) -> Evaluation:
-    """What is published of rows that took a run time [s]."""
-    facts = environment()
+    study = EvaluationStudy(
+        _names("--predictor", predictors, (*PREDICTORS, *BANKS)),
+        _webers(webers),
+        floor,
+        jnd=jnd,
+        deadbands=_deadbands(deadbands, floor, plots=plots),
+        **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
+    )
+    named = read_traces(traces)
+    rows = _compute(study, named, workers, progress)
+    run_time, facts = perf_counter() - began, environment()
     caption = footer(facts)
     document = {
-        "floor_n": study.floor,
-        "jnd": study.jnd,
+        "floor_n": floor,
+        "jnd": jnd,
         "wire": wire,
-        "engine": study.engine,
         "rows": [row.as_json() for row in rows],
         "run_time_s": run_time,
         "environment": facts,
     }
-    return Evaluation(study, recordings, rows, document, table_of(rows, study.jnd, run_time, caption), caption)
+    return Evaluation(study, named, rows, document, table_of(rows, jnd, run_time, caption), caption)
 
 
-def _here(tasks: Sequence[Task], workers: int | None) -> Iterator[tuple[int, list[Row]]]:
-    if workers is None and sum(map(length, tasks)) < WORTH_PROCESSES:
-        workers = 1
+def _compute(
+    study: EvaluationStudy, traces: Sequence[NamedTrace], workers: EvaluationWorkers, progress: Progress
+) -> list[EvaluationRow]:
+    tasks = study.tasks(traces)
+    if workers.dask is not None:
+        from weberlink.studies.cluster import LostClusterError, UnavailableClusterError, cluster_map  # noqa: PLC0415 - heavy, an extra
+
+        try:
+            return study.ordered(cluster_map(rows_of, tasks, workers.dask, coded_samples, progress))
+        except UnavailableClusterError as error:
+            raise ConfigurationError(f"--dask: {error}") from None
+        except LostClusterError as error:
+            raise EvaluationError(f"--dask: {error}") from None
+    count = workers.count
+    if count is None and sum(map(coded_samples, tasks)) < WORTH_PROCESSES:
+        count = 1
     try:
-        yield from spread(rows_of, tasks, workers, length)
+        return study.ordered(parallel_map(rows_of, tasks, count, coded_samples, progress))
     except BrokenProcessPool:
         raise EvaluationError(
             "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
         ) from None
 
 
-def _on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[int, list[Row]]]:
-    from weberlink.studies.evaluate.cluster import LostClusterError, UnavailableClusterError, spread_on_cluster  # noqa: PLC0415 - heavy, an extra
-
-    try:
-        yield from spread_on_cluster(address, rows_of, tasks, length)
-    except UnavailableClusterError as error:
-        raise ConfigurationError(f"--dask: {error}") from None
-    except LostClusterError as error:
-        raise EvaluationError(f"--dask: {error}") from None
-    except ModuleNotFoundError as error:
-        raise EvaluationError(f"--engine compiled: a worker of the cluster has no {error.name}") from None
-
-
-def _check_place(place: Place) -> None:
-    if place.dask is None:
-        return
-    need("distributed", "dask", "--dask")
-    if place.workers is not None:
-        raise ConfigurationError("--workers: is for this machine; with --dask it is the cluster that has workers")
-
-
-def read_recordings(paths: Sequence[Path]) -> list[Recording]:
-    """Traces under names that are all different, however alike those of their files are.
+def read_traces(paths: Sequence[Path]) -> list[NamedTrace]:
+    """Read traces and give each a different name.
 
     Raises:
-        ConfigurationError: for one that cannot be used, or is listed twice.
+        ConfigurationError: a trace cannot be used, or is listed twice.
     """
-    seen: dict[Path, Path] = {}
+    seen: set[Path] = set()
     for path in paths:
         if path.resolve() in seen:
             raise ConfigurationError(f"{path}: listed twice, and would count twice in every mean")
-        seen[path.resolve()] = path
+        seen.add(path.resolve())
     try:
-        return [Recording(name, read_trace(path)) for name, path in zip(names(paths), paths, strict=True)]
+        return [NamedTrace(name, read_trace(path)) for name, path in zip(names(paths), paths, strict=True)]
     except TraceError as error:
         raise ConfigurationError(str(error)) from None
 
 
-def _engine(text: str) -> Engine | None:
-    """None where it is to be chosen."""
-    if text == AUTO:
-        return None
-    for known in get_args(Engine):
-        if text == known:
-            if known == "compiled":
-                need("numba", "compiled", "--engine compiled")
-            return known  # type: ignore[no-any-return]
-    raise ConfigurationError(f"--engine: {text!r} is none of {', '.join((AUTO, *get_args(Engine)))}")
+def names(paths: Sequence[Path]) -> list[str]:
+    """A different name for each of several different files: the stem, or more where that is not enough.
+
+    Files of one stem get as many parent folders as needed to tell them apart, and the suffix where only that differs.
+    """
+    absolute = [path.resolve() for path in paths]
+    stems = Counter(path.stem for path in absolute)
+    found = [path.stem if stems[path.stem] == 1 else _name_among(path, absolute) for path in absolute]
+    # A stem may equal the name of another file with its suffix.
+    return found if len(set(found)) == len(found) else [str(path) for path in absolute]
 
 
-def _predictors(text: str) -> list[str]:
+def _name_among(path: Path, others: Sequence[Path]) -> str:
+    alike = [other for other in others if other.stem == path.stem]
+    for depth in range(1, max(len(other.parts) for other in alike) + 1):
+        for with_suffix in (False, True):
+            candidates = {other: _tail(other, depth, with_suffix=with_suffix) for other in alike}
+            if len(set(candidates.values())) == len(alike):
+                return candidates[path]
+    return str(path)
+
+
+def _tail(path: Path, depth: int, *, with_suffix: bool) -> str:
+    return "/".join((path if with_suffix else path.with_suffix("")).parts[-depth:])
+
+
+def _names(option: str, text: str, known: Sequence[str]) -> list[str]:
     listed = [name.strip() for name in text.split(",")]
-    known = [*PREDICTORS, *BANKS]
     for name in listed:
         if name not in known:
-            raise ConfigurationError(f"--predictor: {name!r} is none of {', '.join(known)}")
-    _check_once("--predictor", listed)
+            raise ConfigurationError(f"{option}: {name!r} is none of {', '.join(known)}")
+    _check_once(option, listed)
     return listed
 
 
 def _deadbands(text: str, floor: float, *, plots: bool) -> list[str]:
-    listed = [name.strip() for name in text.split(",")]
-    for name in listed:
-        if name not in DEADBANDS:
-            raise ConfigurationError(f"--deadband: {name!r} is none of {', '.join(DEADBANDS)}")
-    _check_once("--deadband", listed)
+    listed = _names("--deadband", text, tuple(DEADBANDS))
     if "level_crossing" in listed and floor == 0.0:
         raise ConfigurationError("--deadband level_crossing: needs --floor above 0, which is the lowest level")
     if plots and len(listed) > 1:

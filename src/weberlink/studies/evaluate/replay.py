@@ -1,8 +1,4 @@
-"""One recorded signal through a fresh encoder and decoder, sample by sample as a daemon would.
-
-Owns the loop and what it leaves behind. The run time of a tick is that of encode and decode and of nothing else;
-what can be worked out afterwards is. The same without the live objects, and faster, is `studies.evaluate.compiled`.
-"""
+"""One recorded signal through a fresh encoder and decoder, sample by sample as in a daemon."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,8 +8,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec import Channel, Decoder, Encoder, Update
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.codec import Channel, Update
+from weberlink.codec.replay import code
+from weberlink.geometry.vector import Vector, distance
 from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
@@ -24,7 +21,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Signal:
-    """A trace as the codec takes it.
+    """Force and position over time.
 
     Args:
         force_n: shape (n, 3) [N].
@@ -41,33 +38,33 @@ class Signal:
 
     @cached_property
     def samples(self) -> list[tuple[Vector, Vector]]:
-        """Force and position of each tick as plain tuples, whose floats are faster than those of arrays."""
+        """Force and position of each tick as tuples, which are faster than arrays."""
         return list(zip(_vectors(self.force_n), _vectors(self.position_m), strict=True))
 
     @property
     def duration_s(self) -> float:
-        """Every sample stands for one period."""
+        """One period for each sample."""
         return len(self) * self.period_s
 
     def middle(self, count: int) -> "Signal":
-        """So many samples at most, from the middle: a hand comes to the matter after a while."""
+        """At most `count` samples from the middle, where the hand is in contact."""
         first = max(0, (len(self) - count) // 2)
         part = slice(first, first + count)
         return Signal(self.force_n[part], self.position_m[part], self.period_s)
 
 
 @dataclass(frozen=True)
-class Replay:
-    """What came of a signal.
+class ReplayResult:
+    """The result of a coded signal.
 
     Args:
         error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
         bound_n: the deadband at each tick, shape (n,) [N].
-        deviation_n: the error in the deadband's own measure, which is what the bound is of, shape (n,) [N].
-        updates: those that were sent.
-        selected: the predictor that each of them chose, by its index in the bank, shape (packets,).
-        paired: how many of them carry the sample before.
-        tick_us: median run time of encode plus decode by the live codec.
+        deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
+        updates: those sent.
+        selected: index in the bank of the predictor of each update, shape (packets,).
+        paired: number of updates with a payload beside the newest sample.
+        tick_us: median run time of encode plus decode.
     """
 
     error_n: Array
@@ -79,9 +76,7 @@ class Replay:
     tick_us: float
 
     def payload_bytes(self, channel: Channel) -> int:
-        """UDP payload of all updates on a secured link without delay control: each with its history or without, and
-        its tag.
-        """
+        """UDP payload of all updates on a secured link without delay control."""
         layout, packets = UpdateLayout(channel.grid.size), len(self.updates)
         return (
             self.paired * layout.size(with_previous=True)
@@ -94,34 +89,24 @@ def signal_of(trace: Trace) -> Signal:
     return Signal(trace.force_n, trace.position_m, trace.period_s)
 
 
-def replay(signal: Signal, channel: Channel) -> Replay:
-    """Run a signal through the codec of a force channel, on a link that loses nothing and takes no time."""
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    encode, apply, value = encoder.encode, decoder.apply, decoder.value
+def replay(signal: Signal, channel: Channel) -> ReplayResult:
+    """Run a signal through the codec of a force channel, on a link without loss and delay."""
+    measure = channel.deadband.error
     errors: list[float] = []
     bounds: list[float] = []
-    measure = channel.deadband.error
     deviations: list[float] = errors if measure is distance else []
     updates: list[Update] = []
     times: list[float] = []
-    for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(signal.samples):
-        # Made here, as a daemon has just made them: a vector from afar would cost the tick its way to the processor.
-        force, position = (fx, fy, fz), (px, py, pz)
-        began = perf_counter()
-        update = encode(tick, force, position)
-        if update is not None:
-            apply(update)
-        held = value(tick, position)
-        times.append(perf_counter() - began)
-        # As the encoder computes it, to the last bit: an error on the bound must not count as one beyond it. At once,
-        # since vectors that are kept would make every tick take fresh memory, which no daemon does.
-        errors.append(distance(held or ZERO, force))
-        bounds.append(encoder.bound)
+    # Vectors of past ticks are not kept: fresh memory in every tick would slow down what is measured.
+    for (force, _), tick in zip(signal.samples, code(channel, signal.samples, stopwatch=perf_counter), strict=True):
+        times.append(tick.seconds)
+        errors.append(tick.error)
+        bounds.append(tick.bound)
         if deviations is not errors:
-            deviations.append(measure(held or ZERO, force))
-        if update is not None:
-            updates.append(update)
-    return Replay(
+            deviations.append(measure(tick.displayed, force))
+        if tick.update is not None:
+            updates.append(tick.update)
+    return ReplayResult(
         np.array(errors),
         np.array(bounds),
         np.array(deviations),

@@ -1,1 +1,1 @@
-"""The subjective study of the paper: plan, ledger, conduct, and the analysis of ratings. Knows no configuration."""
+"""Experiment of the paper: a person feels and rates blind trials; analysis of the ratings."""

@@ -1,41 +1,35 @@
-"""What the ratings of an experiment say: means with confidence, tests, packets at equal quality.
-
-Owns what is computed and how it is called in a document. Needs scipy (extra: statistics) for its tests alone.
-"""
+"""Analysis of the ratings: means with confidence, tests, packets at equal quality. Needs scipy (extra: statistics)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from weberlink.studies.curves import Curves, Point, curves
+from weberlink.studies.curves import CurvePoint, Curves, curves
 from weberlink.studies.experiment.answers import Answers
-from weberlink.studies.experiment.savings import Crossing, Saving, savings
-
-if TYPE_CHECKING:
-    from weberlink.studies.experiment.statistics import Friedman, SignedRank
+from weberlink.studies.experiment.statistics import Crossing, Friedman, Saving, SignedRank, against, friedman, savings
 
 SEED = 0
-"""Of the bootstrap."""
+"""Seed of the bootstrap."""
 MARK = "SIMULATED RATINGS"
-EXPLANATION = "a program rated, by a rule from the felt error; no person felt anything"
+EXPLANATION = "a program rated by a rule from the felt error; no person took part"
 BASES = ("zoh", "linear")
-"""What the paper compares packets with."""
+"""Predictors with which the paper compares packets."""
 TESTED_AGAINST = "zoh"
 
 
 @dataclass(frozen=True)
-class Tests:
-    """What the ratings say beyond chance.
+class RankTests:
+    """Rank tests of the ratings.
 
     Args:
-        predictors: whether they differ, over each subject's means over Weber factors.
-        webers: whether Weber factors differ, over each subject's means over predictors.
+        predictors: over each subject's means over Weber factors.
+        webers: over each subject's means over predictors.
         against: each other predictor against `TESTED_AGAINST`.
     """
 
-    predictors: "Friedman"
-    webers: "Friedman"
-    against: Sequence["SignedRank"]
+    predictors: Friedman
+    webers: Friedman
+    against: Sequence[SignedRank]
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -47,12 +41,12 @@ class Tests:
 
 @dataclass(frozen=True)
 class Savings:
-    """Packets at a level.
+    """Packets at a level of the scale.
 
     Args:
         level: of the scale.
         crossings: by predictor.
-        against: by what is compared with, then by predictor.
+        against: by the base of the comparison, then by predictor.
     """
 
     level: float
@@ -76,17 +70,17 @@ class Analysis:
 
     answers: Answers
     curves: Curves
-    tests: Tests
+    tests: RankTests
     savings: Savings
 
     @property
     def mark(self) -> str | None:
-        """What nobody may overlook; None where people rated."""
+        """The mark of simulated ratings; None if people rated."""
         return MARK if self.answers.simulated else None
 
     @property
     def who(self) -> str:
-        """How many of whom."""
+        """Number and kind of the subjects."""
         count = len(self.answers.subjects)
         return f"{count} {'simulated ' if self.answers.simulated else ''}{'subject' if count == 1 else 'subjects'}"
 
@@ -109,7 +103,7 @@ class Analysis:
 
 
 def analyse(answers: Answers, level: float) -> Analysis:
-    """Everything that is asked of the ratings.
+    """Analyse the ratings.
 
     Args:
         answers: of all complete subjects.
@@ -119,14 +113,12 @@ def analyse(answers: Answers, level: float) -> Analysis:
     return Analysis(answers, found, _tests(answers), _all_savings(answers, level))
 
 
-def _tests(answers: Answers) -> Tests:
-    from weberlink.studies.experiment.statistics import against, friedman  # noqa: PLC0415 - needs scipy
-
+def _tests(answers: Answers) -> RankTests:
     ratings = answers.ratings()
     over_webers = ratings.mean(axis=2)
     by_predictor = dict(zip(answers.predictors, over_webers.T, strict=True))
     base = by_predictor.pop(TESTED_AGAINST)
-    return Tests(friedman(over_webers), friedman(ratings.mean(axis=1)), against(base, by_predictor))
+    return RankTests(friedman(over_webers), friedman(ratings.mean(axis=1)), against(base, by_predictor))
 
 
 def _all_savings(answers: Answers, level: float) -> Savings:
@@ -141,7 +133,7 @@ def _all_savings(answers: Answers, level: float) -> Savings:
     return Savings(level, crossings, by_base)
 
 
-def _row(point: Point) -> dict[str, Any]:
+def _row(point: CurvePoint) -> dict[str, Any]:
     return {
         "predictor": point.predictor,
         "weber": point.weber,

@@ -1,4 +1,4 @@
-"""The answers of all subjects of a study, from the ledgers of a folder. Refuses to mix what cannot be compared."""
+"""Answers of all subjects of a study, read from a folder of ledgers; refuses ledgers that are not comparable."""
 
 import csv
 from collections.abc import Callable, Mapping, Sequence
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.studies.curves import Observation
-from weberlink.studies.experiment.ledger import LedgerError, Progress, path_of, read, subjects
-from weberlink.studies.experiment.plan import PREDICTORS, Condition, Plan
+from weberlink.studies.experiment.ledger import LedgerError, SubjectProgress, path_of, read, subjects
+from weberlink.studies.experiment.plan import PREDICTORS, CodingCondition, TrialPlan
 
 Whose = Literal["people", "simulated"]
 COLUMNS = ("subject", "simulated", "trial", "attempt", "predictor", "weber", "rating")
@@ -26,23 +26,23 @@ class Answer:
     subject: int
     trial: int
     attempt: int
-    condition: Condition
+    condition: CodingCondition
     rating: int
     figures: Mapping[str, Any]
 
 
 @dataclass(frozen=True)
 class Answers:
-    """Those of all subjects who have rated every trial.
+    """Answers of all subjects who have rated every trial.
 
     Args:
-        plan: of one of them; what the others have in common with it is checked.
+        plan: of one of them; the others are compatible with it.
         answers: in the order of subjects and trials.
-        incomplete: subjects that are left out, with the number of trials that they have rated: what is missing is
-            missing at the end of an order, so means over subjects would not compare the same people.
+        incomplete: subjects that are left out, with their number of rated trials. Their last conditions are missing,
+            so means would compare different people.
     """
 
-    plan: Plan
+    plan: TrialPlan
     answers: Sequence[Answer]
     incomplete: Mapping[int, int]
 
@@ -56,7 +56,7 @@ class Answers:
 
     @property
     def observations(self) -> list[Observation]:
-        """One for each rating, predictors in the order of names given."""
+        """One for each rating, ordered by predictor."""
         ranked = sorted(self.answers, key=lambda answer: self.predictors.index(answer.condition.predictor))
         return [
             Observation(
@@ -71,7 +71,7 @@ class Answers:
 
     @property
     def predictors(self) -> list[str]:
-        """In the order of the paper, not in that of trials."""
+        """In the order of the paper."""
         names = {condition.predictor for condition in self.plan.trials}
         return [name for name in PREDICTORS if name in names] + sorted(names - {*PREDICTORS})
 
@@ -88,7 +88,7 @@ class Answers:
         return self._table(lambda answer: float(answer.figures["packets_per_s"]))
 
     def write_csv(self, path: Path) -> None:
-        """One row for each rating, for programs of statistics; in the order in which they were given.
+        """Write one row for each rating, in the order of the ratings.
 
         Raises:
             OSError: if the file cannot be written.
@@ -126,8 +126,8 @@ def gather(folder: Path, whose: Whose | None) -> Answers:
     """The answers in a folder.
 
     Args:
-        folder: with ledgers; one that an experiment is just writing may be among them.
-        whose: of people or of simulated subjects; None where the folder has one kind only.
+        folder: with ledgers; an experiment may be writing to one of them.
+        whose: of people or of simulated subjects; None if the folder has one kind only.
 
     Raises:
         LedgerError: if there is nothing to analyse, a ledger is damaged, or they cannot be compared.
@@ -136,8 +136,8 @@ def gather(folder: Path, whose: Whose | None) -> Answers:
     if whose is None:
         if all(found.values()):
             raise LedgerError(
-                f"{folder}: has ledgers of people and of a program, which are never analysed together; "
-                "say which: --only people or --only simulated"
+                f"{folder}: has ledgers of people and of a program, which cannot be analysed together; "
+                "choose with --only people or --only simulated"
             )
         whose = "simulated" if found["simulated"] else "people"
     ledgers = {subject: _read(folder, subject, whose) for subject in found[whose]}
@@ -159,7 +159,7 @@ def gather(folder: Path, whose: Whose | None) -> Answers:
     )
 
 
-def _read(folder: Path, subject: int, whose: Whose) -> Progress | None:
+def _read(folder: Path, subject: int, whose: Whose) -> SubjectProgress | None:
     path = path_of(folder, subject, simulated=whose == "simulated")
     progress = read(path)
     if progress is None:
@@ -167,7 +167,7 @@ def _read(folder: Path, subject: int, whose: Whose) -> Progress | None:
     plan = progress.plan
     if plan.simulated != (whose == "simulated") or plan.subject != subject:
         is_of = f"{'simulated ' if plan.simulated else ''}subject {plan.subject}"
-        raise LedgerError(f"{path}:1: is the ledger of {is_of}; expected what its name says")
+        raise LedgerError(f"{path}:1: is the ledger of {is_of}, which does not match its file name")
     for number, event in progress.rated.items():
         rate = (event.get("figures") or {}).get("packets_per_s")
         if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0.0 <= rate < inf:
@@ -175,11 +175,11 @@ def _read(folder: Path, subject: int, whose: Whose) -> Progress | None:
     return progress
 
 
-def _check_alike(folder: Path, whose: Whose, one: Plan, other: Plan) -> None:
-    """Whether two subjects took part in the same study.
+def _check_alike(folder: Path, whose: Whose, one: TrialPlan, other: TrialPlan) -> None:
+    """Check that two subjects took part in the same study.
 
     Raises:
-        LedgerError: they did not.
+        LedgerError: if they did not.
     """
     paths = [path_of(folder, plan.subject, simulated=whose == "simulated") for plan in (one, other)]
     for differs, what in (
@@ -189,10 +189,10 @@ def _check_alike(folder: Path, whose: Whose, one: Plan, other: Plan) -> None:
         (set(one.trials) != set(other.trials), "other trials"),
     ):
         if differs:
-            raise LedgerError(f"{paths[1]}: had {what} than {paths[0]}; put each study into a folder of its own")
+            raise LedgerError(f"{paths[1]}: has {what} than {paths[0]}; put each study into a folder of its own")
 
 
-def _answers(subject: int, progress: Progress) -> list[Answer]:
+def _answers(subject: int, progress: SubjectProgress) -> list[Answer]:
     return [
         Answer(
             subject,

@@ -1,4 +1,4 @@
-"""The `experiment` command: composes plan, ledger, subject and the sessions that are felt, live or in virtual time."""
+"""The `experiment` command: conducts the trials of one subject, live or in virtual time."""
 
 import shlex
 from collections.abc import Callable, Sequence
@@ -6,32 +6,30 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from weberlink.studies.experiment.conduct import Apparatus, Conduct, Left, Subject
-from weberlink.studies.experiment.ledger import RESUMED, Ledger, LedgerError, Progress, path_of, subjects
-from weberlink.studies.experiment.person import Person
-from weberlink.studies.experiment.plan import TRIAL_S, Plan, order
-from weberlink.studies.experiment.scale import WORDING
-from weberlink.studies.experiment.simulated import SimulatedSubject
-from weberlink.studies.experiment.trial_runner import Live, Ports, Signals, Virtual, differences
+from weberlink.studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
+from weberlink.studies.experiment.ledger import RESUMED, Ledger, LedgerError, SubjectProgress, path_of, subjects
+from weberlink.studies.experiment.plan import TRIAL_S, WORDING, TrialPlan, order
+from weberlink.studies.experiment.subjects import Person, SimulatedSubject
+from weberlink.studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner, differences
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.environment import environment
 from weberlink.system.extras import need
 from weberlink.system.recorder import check_target
 
 SEED = 0
-"""Of the orders of trials, if none is asked for."""
+"""Default seed of the orders of trials."""
 
 
 @dataclass(frozen=True)
-class Request:
-    """What was asked for on the command line.
+class ExperimentRequest:
+    """The command line.
 
     Args:
-        file: configuration of the system that is felt.
+        file: configuration of the system.
         overrides: of its keys.
         folder: of the ledgers.
         subject: number; None for the next that is free.
-        seed: of order and chance; None for that of the plan, or `SEED`.
+        seed: None for that of the plan, or `SEED`.
         duration_s: length of a trial [s]; None for that of the plan, or of the paper.
         simulate: whether a program rates.
         record: whether a person's trials are recorded.
@@ -47,33 +45,35 @@ class Request:
     record: bool
 
     def again(self, subject: int) -> str:
-        """The command that goes on with a subject."""
+        """The command that continues with a subject."""
         words = ["weberlink", "experiment", str(self.file), "--subject", str(subject), "--out", str(self.folder)]
         words += ["--simulate"] if self.simulate else [] if self.record else ["--no-record"]
         return shlex.join([*words, *(word for override in self.overrides for word in ("--set", override))])
 
 
-def run(request: Request, *, ports: Ports, source: TextIO, screen: TextIO, report: Callable[[int, int], None]) -> str:
-    """Do an experiment, from its beginning or from where it was left.
+def run(
+    request: ExperimentRequest, *, ports: Ports, source: TextIO, screen: TextIO, report: Callable[[int, int], None]
+) -> str:
+    """Start or continue an experiment.
 
     Args:
-        request: what to do.
-        ports: asked before each live session.
-        source: what a person types.
-        screen: what they see.
-        report: told how many of how many trials a simulated subject has rated.
+        request: the command line.
+        ports: called before each live session.
+        source: input of a person.
+        screen: output for a person.
+        report: receives the number of trials that a simulated subject has rated, and of all.
 
     Returns:
-        What to say at the end: what is done, or how to go on.
+        The last message: what was done, or how to continue.
 
     Raises:
-        ConfigurationError: for a file, an argument or a ledger that cannot be used; nothing rated is lost.
-        ConductError: if a simulated subject cannot go on.
+        ConfigurationError: for a file, an argument or a ledger that cannot be used; no rating is lost.
+        ConductError: if a simulated subject cannot continue.
         OSError: if a ledger cannot be written; it ends with the trial before.
     """
-    signals = Signals(request.file, tuple(request.overrides))
+    signals = TrialSignals(request.file, tuple(request.overrides))
     signals.try_out()
-    if request.record and not request.simulate:  # before a number is given away
+    if request.record and not request.simulate:  # before a number is taken
         need("mcap", "recording", "a recording of each trial (leave it out with --no-record)")
     try:
         with _open(request) as ledger:
@@ -90,10 +90,10 @@ def run(request: Request, *, ports: Ports, source: TextIO, screen: TextIO, repor
 
 
 def _conduct(
-    request: Request,
+    request: ExperimentRequest,
     ledger: Ledger,
-    progress: Progress,
-    signals: Signals,
+    progress: SubjectProgress,
+    signals: TrialSignals,
     ports: Ports,
     source: TextIO,
     screen: TextIO,
@@ -101,28 +101,28 @@ def _conduct(
 ) -> str:
     plan = progress.plan
     subject: Subject
-    apparatus: Apparatus
+    runner: TrialRunner
     recordings: Path | None = None
     if request.simulate:
-        subject, apparatus = SimulatedSubject(plan, report), Virtual(signals, plan)
+        subject, runner = SimulatedSubject(plan, report), VirtualRunner(signals, plan)
     else:
-        subject, apparatus = Person(source, screen, plan), Live(signals, plan, ports)
+        subject, runner = Person(source, screen, plan), LiveRunner(signals, plan, ports)
         recordings = _recordings(ledger.path) if request.record else None
     if ledger.set_aside is not None:
-        screen.write(f"the last line was torn when the program ended; it is set aside in {ledger.set_aside}\n")
+        screen.write(f"the last line was incomplete; it was moved to {ledger.set_aside}\n")
     try:
-        Conduct(ledger, apparatus, subject, recordings).run()
-    except Left:
+        Conduct(ledger, runner, subject, recordings).run()
+    except SubjectLeft:
         return f"continue with: {request.again(plan.subject)}"
     whose = " by a program, no person" if plan.simulated else ""
     return f"{ledger.path}: {len(progress.plan.trials)} trials rated{whose}\n{_next(request.folder)}"
 
 
 def _next(folder: Path) -> str:
-    return f"look at them with: weberlink ratings {shlex.quote(str(folder))}"
+    return f"analyse them with: weberlink ratings {shlex.quote(str(folder))}"
 
 
-def _open(request: Request) -> Ledger:
+def _open(request: ExperimentRequest) -> Ledger:
     """The ledger of the subject asked for, or of the next free number.
 
     Raises:
@@ -136,14 +136,14 @@ def _open(request: Request) -> Ledger:
         path = path_of(request.folder, max(known, default=0) + 1, simulated=request.simulate)
         try:
             return Ledger(path, new=True)
-        except FileExistsError:  # another experiment was begun at the same moment
+        except FileExistsError:  # another experiment took the number
             continue
 
 
-def _plan(request: Request, signals: Signals, path: Path) -> Plan:
+def _plan(request: ExperimentRequest, signals: TrialSignals, path: Path) -> TrialPlan:
     subject = int(path.stem.rpartition("-")[2])
     seed = SEED if request.seed is None else request.seed
-    return Plan(
+    return TrialPlan(
         subject=subject,
         simulated=request.simulate,
         seed=seed,
@@ -156,13 +156,13 @@ def _plan(request: Request, signals: Signals, path: Path) -> Plan:
     )
 
 
-def _check(request: Request, plan: Plan, signals: Signals, path: Path) -> None:
-    """Whether this is the experiment that the ledger was begun with.
+def _check(request: ExperimentRequest, plan: TrialPlan, signals: TrialSignals, path: Path) -> None:
+    """Check that this is the experiment of the ledger.
 
     Raises:
-        ConfigurationError: it is not.
+        ConfigurationError: if it is not.
     """
-    advice = "go on as it was begun, or begin another subject (without --subject)"
+    advice = "continue with the same settings, or begin another subject (without --subject)"
     if plan.digest != signals.digest:
         fields = ", ".join(differences(plan.configuration, signals.document)) or "its files"
         raise ConfigurationError(f"{path}: was begun with another configuration ({fields}); {advice}")

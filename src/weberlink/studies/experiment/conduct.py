@@ -1,52 +1,47 @@
-"""How an experiment goes: the training, the trials with their breaks, a rating after each, all of it in the ledger.
-
-Owns the order of things and what is written when. It does not know how a trial is run, or whether a person or a
-program sits in front of it.
-"""
+"""The order of an experiment: training, trials with breaks, a rating after each, all written to the ledger."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from weberlink.studies.experiment.ledger import BEGUN, BREAK, FAILED, RATED, REFERENCE, TRAINED, Ledger, Progress
-from weberlink.studies.experiment.plan import BREAK_EVERY, Condition
-from weberlink.studies.experiment.scale import REFERENCES, Reference
+from weberlink.studies.experiment.ledger import BEGUN, BREAK, FAILED, RATED, REFERENCE, TRAINED, Ledger, SubjectProgress
+from weberlink.studies.experiment.plan import BREAK_EVERY, REFERENCES, CodingCondition, TrainingReference
 
 Elapsed = Callable[[float], None]
-"""Told how long a trial has lasted [s], some times a second."""
+"""Receives the elapsed time of a trial [s] several times a second."""
 
 
-class Left(Exception):  # noqa: N818 - it is no error
-    """The subject has left; all that is rated is in the ledger."""
+class SubjectLeft(Exception):  # noqa: N818 - not an error
+    """The subject has left; all ratings are in the ledger."""
 
 
 class ConductError(Exception):
-    """The experiment cannot go on; the text is one line."""
+    """The experiment cannot continue; the text is one line."""
 
 
 @dataclass(frozen=True)
-class Trial:
-    """A signal to be felt.
+class FeltTrial:
+    """A signal that the subject feels.
 
     Args:
-        condition: how it is coded.
-        name: tells nothing of the condition: `trial-07`, `training-1`.
-        number: among all that this subject feels, for what there is of chance in a simulated one.
+        condition: of the coding.
+        name: does not reveal the condition: `trial-07`, `training-1`.
+        number: unique for this subject; seeds a simulated trial.
     """
 
-    condition: Condition
+    condition: CodingCondition
     name: str
     number: int
 
 
 @dataclass(frozen=True)
-class Felt:
-    """What came of a trial.
+class TrialResult:
+    """The result of a trial.
 
     Args:
-        figures: objective ones, as they are stored.
-        problem: why it cannot be rated; None if it can.
+        figures: objective figures, as stored.
+        problem: reason why it cannot be rated; None if it can.
         interrupted: whether the subject asked to stop.
     """
 
@@ -55,82 +50,82 @@ class Felt:
     interrupted: bool = False
 
 
-class Apparatus(Protocol):
-    """Lets a signal be felt."""
+class TrialRunner(Protocol):
+    """Runs trials."""
 
-    def feel(self, trial: Trial, recording: Path | None, elapsed: Elapsed) -> Felt:
-        """Run a trial to its end; nothing is left of it but its recording."""
+    def feel(self, trial: FeltTrial, recording: Path | None, elapsed: Elapsed) -> TrialResult:
+        """Run a trial to its end."""
         ...
 
 
 class Subject(Protocol):
-    """Whoever feels and rates. Every call may raise `Left`."""
+    """A person or program that feels and rates. Every call may raise `SubjectLeft`."""
 
-    def welcome(self, progress: Progress) -> None:
-        """Before anything else, also after the subject had left."""
+    def welcome(self, progress: SubjectProgress) -> None:
+        """Called first, also when an experiment continues."""
         ...
 
-    def prepare_reference(self, place: int, reference: Reference) -> None:
-        """Before a reference of the training, whose level the subject is told."""
+    def prepare_reference(self, place: int, reference: TrainingReference) -> None:
+        """Called before a reference of the training; tells its level."""
         ...
 
-    def learn(self, reference: Reference, felt: Felt) -> bool:
-        """After a reference; returns whether to feel it once more."""
+    def learn(self, reference: TrainingReference, felt: TrialResult) -> bool:
+        """Called after a reference; returns whether to repeat it."""
         ...
 
     def prepare(self, number: int, of: int) -> None:
-        """Before a trial; `number` counts from 1."""
+        """Called before a trial; `number` counts from 1."""
         ...
 
     def elapsed(self, seconds: float) -> None:
-        """While something is felt."""
+        """Called during a trial."""
         ...
 
-    def rate(self, number: int, felt: Felt) -> int:
-        """After a trial: a level of the scale."""
+    def rate(self, number: int, felt: TrialResult) -> int:
+        """Rate a trial: a level of the scale."""
         ...
 
     def repeat(self, what: str, problem: str) -> None:
-        """Something was felt to no purpose, and comes again."""
+        """Called when a trial or reference must be repeated."""
         ...
 
     def rest(self, after: int, of: int) -> None:
-        """A break."""
+        """Take a break."""
         ...
 
     def farewell(self) -> None:
-        """All is rated."""
+        """Called after the last rating."""
         ...
 
     def leave(self) -> None:
-        """The subject left, at whatever moment."""
+        """Called when the subject leaves."""
         ...
 
 
 class Conduct:
-    """One subject's experiment, from wherever the ledger says it is.
+    """One subject's experiment; it continues where the ledger ends.
 
     Args:
         ledger: with a plan in it.
-        apparatus: runs trials.
+        runner: runs trials.
         subject: feels and rates.
-        recordings: folder for a recording of each trial, which must be there; None to record nothing.
+        recordings: existing folder for a recording of each trial; None to record nothing.
     """
 
-    def __init__(self, ledger: Ledger, apparatus: Apparatus, subject: Subject, recordings: Path | None) -> None:
+    def __init__(self, ledger: Ledger, runner: TrialRunner, subject: Subject, recordings: Path | None) -> None:
         assert ledger.progress is not None
         self._ledger = ledger
         self._progress = ledger.progress
-        self._apparatus = apparatus
+        self._runner = runner
         self._subject = subject
         self._recordings = recordings
 
     def run(self) -> None:
-        """Go on to the end.
+        """Run to the end.
 
         Raises:
-            Left: if the subject leaves, or asked for the end of a trial.
-            ConductError: if a simulated subject cannot do it.
+            SubjectLeft: if the subject leaves or interrupts a trial.
+            ConductError: if a simulated subject cannot rate.
             OSError: if the ledger cannot be written; it ends with the trial before.
         """
         try:
@@ -142,9 +137,9 @@ class Conduct:
                 self._rest(number - 1, of)
                 self._rate(number, of)
             self._subject.farewell()
-        except (Left, KeyboardInterrupt):
+        except (SubjectLeft, KeyboardInterrupt):
             self._subject.leave()
-            raise Left from None
+            raise SubjectLeft from None
 
     def _train(self) -> None:
         for place, reference in enumerate(REFERENCES):
@@ -153,7 +148,7 @@ class Conduct:
                 self._subject.prepare_reference(place, reference)
                 name = f"training-{place + 1}"
                 recording = self._recording(name)
-                felt = self._feel(Trial(reference.condition, name, -1 - place), recording)
+                felt = self._feel(FeltTrial(reference.condition, name, -1 - place), recording)
                 if felt.problem is not None:
                     self._subject.repeat("reference", felt.problem)
                     continue
@@ -169,7 +164,7 @@ class Conduct:
             self._ledger.append(BREAK, after=after)
 
     def _rate(self, number: int, of: int) -> None:
-        """One trial, until it could be rated."""
+        """One trial, repeated until it can be rated."""
         condition = self._progress.plan.trials[number - 1]
         name = f"trial-{number:02d}"
         while number not in self._progress.rated:
@@ -177,7 +172,7 @@ class Conduct:
             self._ledger.append(BEGUN, trial=number)
             attempt = self._progress.begun[number]
             recording = self._recording(name)
-            felt = self._feel(Trial(condition, name, number), recording)
+            felt = self._feel(FeltTrial(condition, name, number), recording)
             facts = {"trial": number, "attempt": attempt, "figures": felt.figures} | self._where(recording)
             if felt.problem is not None:
                 self._ledger.append(FAILED, problem=felt.problem, **facts)
@@ -186,14 +181,14 @@ class Conduct:
             rating = self._subject.rate(number, felt)
             self._ledger.append(RATED, rating=rating, predictor=condition.predictor, weber=condition.weber, **facts)
 
-    def _feel(self, trial: Trial, recording: Path | None) -> Felt:
-        felt = self._apparatus.feel(trial, recording, self._subject.elapsed)
+    def _feel(self, trial: FeltTrial, recording: Path | None) -> TrialResult:
+        felt = self._runner.feel(trial, recording, self._subject.elapsed)
         if felt.interrupted:
-            raise Left
+            raise SubjectLeft
         return felt
 
     def _recording(self, name: str) -> Path | None:
-        """A name that no recording has yet: what was felt once stays, whatever came of it."""
+        """A file name that is not taken, so that no recording is overwritten."""
         if self._recordings is None:
             return None
         path = self._recordings / f"{name}.mcap"

@@ -1,8 +1,7 @@
-"""One subject's ledger: an append-only file of JSON lines that survives the end of the program at any moment.
+"""The ledger of one subject: an append-only file of JSON lines that survives a crash at any moment.
 
-Owns how lines are written, locked, recovered and checked. The first line is the plan; each further one is an event.
-A line is one write and is on the disk before the next thing happens, so no more than the line being written is ever
-lost. A torn last line is set aside in a file beside the ledger, never destroyed.
+The first line is the plan, each further one an event. A line is one write and is on the disk before the next event, so
+that only the line being written can be lost. A torn last line is moved to a file beside the ledger.
 """
 
 import fcntl
@@ -16,8 +15,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from weberlink.studies.experiment.plan import Plan
-from weberlink.studies.experiment.scale import HIGHEST, LOWEST
+from weberlink.studies.experiment.plan import HIGHEST, LOWEST, TrialPlan
 
 PLAN = "plan"
 REFERENCE = "reference"
@@ -25,7 +23,7 @@ REFERENCE = "reference"
 TRAINED = "training_done"
 BEGUN = "trial_begun"
 FAILED = "trial_failed"
-"""Felt to no purpose: it is felt again."""
+"""The trial must be repeated."""
 RATED = "trial_rated"
 BREAK = "break"
 RESUMED = "resumed"
@@ -35,23 +33,23 @@ Event = Mapping[str, Any]
 
 
 class LedgerError(Exception):
-    """A ledger cannot be used; the text is one line that names it."""
+    """A ledger cannot be used; the text is one line with its path."""
 
 
 @dataclass
-class Progress:
-    """How far a subject has come.
+class SubjectProgress:
+    """The state of a subject's experiment.
 
     Args:
-        plan: what there is to do.
-        references: figures of the references felt in the training, by their place in it.
+        plan: of the experiment.
+        references: figures of the references of the training, by their index.
         trained: whether the training is done.
         begun: how often each trial was begun, by its number from 1.
         rated: the event of each rated trial, by its number.
         breaks: numbers of the trials after which there was a break.
     """
 
-    plan: Plan
+    plan: TrialPlan
     references: dict[int, Mapping[str, Any]] = field(default_factory=dict)
     trained: bool = False
     begun: dict[int, int] = field(default_factory=dict)
@@ -68,10 +66,10 @@ class Progress:
         return not self.remaining
 
     def take(self, event: Event) -> None:
-        """Account for an event.
+        """Apply an event.
 
         Raises:
-            ValueError: if it cannot be one of this plan at this place.
+            ValueError: if it does not fit the plan.
         """
         kind = event.get("event")
         if kind not in EVENTS:
@@ -95,7 +93,7 @@ class Progress:
             raise ValueError(f"trial {number} is rated twice")
         planned = self.plan.trials[number - 1]
         if (event.get("predictor"), event.get("weber")) != (planned.predictor, planned.weber):
-            raise ValueError(f"trial {number} is not the one that the plan has there")
+            raise ValueError(f"trial {number} has another condition than in the plan")
         self.rated[number] = event
 
     def _trial(self, event: Event) -> int:
@@ -109,11 +107,11 @@ def _whole(event: Event, name: str, low: int, high: int) -> int:
     return value
 
 
-def read(path: Path) -> Progress | None:
-    """A ledger as it stands; a torn last line is left out and left alone.
+def read(path: Path) -> SubjectProgress | None:
+    """Read a ledger without changing it; a torn last line is ignored.
 
     Returns:
-        None if there is not even a plan in it.
+        None if it has no plan.
 
     Raises:
         LedgerError: if it is damaged or cannot be read.
@@ -126,18 +124,18 @@ def read(path: Path) -> Progress | None:
 
 
 class Ledger:
-    """A ledger that this process alone writes. A context manager: leaving it lets others in.
+    """A ledger locked by this process. A context manager, which releases the lock.
 
     Raises:
-        LedgerError: if another process has it open, it is damaged, or there is none and none is to be made.
-        FileExistsError: if a new one was asked for and the file is there.
+        LedgerError: if another process has locked it, or it is damaged.
+        FileExistsError: if `new` and the file exists.
         OSError: if it cannot be written.
     """
 
     def __init__(self, path: Path, *, new: bool = False) -> None:
         self.path = path
         self.set_aside: Path | None = None
-        """Where a torn last line was put."""
+        """File with a torn last line, if there was one."""
         self._descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | (os.O_EXCL if new else 0), 0o644)
         try:
             self._lock()
@@ -152,23 +150,23 @@ class Ledger:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         os.close(self._descriptor)
 
-    def begin(self, plan: Plan) -> Progress:
+    def begin(self, plan: TrialPlan) -> SubjectProgress:
         """Write the plan into an empty ledger.
 
         Raises:
-            OSError: if it cannot be written; the ledger is empty then.
+            OSError: if it cannot be written; the ledger stays empty.
         """
         assert self.progress is None
         self._write({"event": PLAN} | plan.as_json())
         _sync_folder(self.path.parent)
-        self.progress = Progress(plan)
+        self.progress = SubjectProgress(plan)
         return self.progress
 
     def append(self, event: str, **facts: Any) -> None:
-        """Write an event; it is on the disk when this returns.
+        """Write an event to the disk.
 
         Raises:
-            OSError: if it cannot be written; the ledger is as before then.
+            OSError: if it cannot be written; the ledger stays unchanged.
         """
         assert self.progress is not None
         line = {"event": event, "at": datetime.now(UTC).isoformat(timespec="seconds")} | facts
@@ -181,9 +179,9 @@ class Ledger:
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise LedgerError(f"{self.path}: another process is at an experiment with this subject") from None
+            raise LedgerError(f"{self.path}: another process runs an experiment with this subject") from None
 
-    def _recover(self) -> Progress | None:
+    def _recover(self) -> SubjectProgress | None:
         data = self.path.read_bytes()
         whole, torn = _split(data)
         progress = _parse(whole, self.path)
@@ -208,13 +206,13 @@ class Ledger:
 
 
 def _split(data: bytes) -> tuple[bytes, bytes]:
-    """Whole lines, and what was being written when the program ended."""
+    """Complete lines, and the torn rest."""
     end = data.rfind(b"\n") + 1
     return data[:end], data[end:]
 
 
 def _put_aside(torn: bytes, path: Path) -> Path:
-    """Write it to a new file beside the ledger, on the disk before it leaves the ledger."""
+    """Write a torn line to a new file beside the ledger, synced before the ledger is truncated."""
     number = 1
     while (aside := path.with_name(f"{path.name}.torn-{number}")).exists():
         number += 1
@@ -234,13 +232,13 @@ def _sync_folder(folder: Path) -> None:
         os.close(descriptor)
 
 
-def _parse(whole: bytes, path: Path) -> Progress | None:
-    progress: Progress | None = None
+def _parse(whole: bytes, path: Path) -> SubjectProgress | None:
+    progress: SubjectProgress | None = None
     for number, line in enumerate(whole.split(b"\n")[:-1], 1):
         try:
             event = _object(line)
             if progress is None:
-                progress = Progress(Plan.from_json(event))
+                progress = SubjectProgress(TrialPlan.from_json(event))
             else:
                 progress.take(event)
         except ValueError as error:
@@ -256,12 +254,12 @@ def _object(line: bytes) -> dict[str, Any]:
     except ValueError:
         raise ValueError("not JSON") from None
     if not isinstance(value, dict):
-        raise ValueError("expected a JSON object")  # noqa: TRY004 - of the file, not of a type
+        raise ValueError("expected a JSON object")  # noqa: TRY004 - an error of the file
     return value
 
 
 def path_of(folder: Path, subject: int, *, simulated: bool) -> Path:
-    """Where a subject's ledger is."""
+    """Path of a subject's ledger."""
     return folder / f"{'simulated' if simulated else 'subject'}-{subject:03d}.jsonl"
 
 

@@ -1,4 +1,8 @@
-"""What a subject is going to feel: every combination of predictor and Weber factor once, in an order of its own."""
+"""Plan of an experiment: the rating scale, its references, and every condition once in a random order.
+
+The levels 0 to 5 and the three references are those of Xu, Kammerl, Chaudhari, Steinbach (HAVE 2011). The wording of
+its Table I is not available: `WORDING` is ours. The ledger of a subject stores the wording that was shown.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,34 +23,34 @@ VERSION = 1
 
 
 @dataclass(frozen=True)
-class Condition:
-    """How the force is coded while a subject feels it; a Weber factor of 0 sends every sample."""
+class CodingCondition:
+    """Predictor and Weber factor of a trial; a Weber factor of 0 sends every sample."""
 
     predictor: str
     weber: float
 
 
-def order(seed: int, subject: int) -> tuple[Condition, ...]:
-    """All combinations, shuffled: another order for each subject, the same for the same seed."""
-    conditions = [Condition(*pair) for pair in product(PREDICTORS, WEBERS)]
+def order(seed: int, subject: int) -> tuple[CodingCondition, ...]:
+    """All conditions in an order of the subject's own, the same for the same seed."""
+    conditions = [CodingCondition(*pair) for pair in product(PREDICTORS, WEBERS)]
     Random(f"{seed}/{subject}/order").shuffle(conditions)  # noqa: S311 - must be repeatable, not secret
     return tuple(conditions)
 
 
 @dataclass(frozen=True)
-class Plan:
-    """The first line of a subject's ledger: all that is fixed before the first trial.
+class TrialPlan:
+    """The first line of a ledger: everything that is fixed before the first trial.
 
     Args:
-        subject: number; names are neither asked nor stored.
-        simulated: whether a program rates, and no person.
-        seed: of the order, and of whatever chance a simulated subject has.
+        subject: number; names are not stored.
+        simulated: whether a program rates.
+        seed: of the order and of a simulated subject.
         duration_s: length of a trial [s].
         digest: of the configuration as resolved.
         configuration: that configuration.
-        wording: level as text to what the subject reads.
-        trials: in the order in which they are felt.
-        environment: where it was begun.
+        wording: text of each level, by the level as text.
+        trials: in order.
+        environment: at the start.
     """
 
     subject: int
@@ -56,7 +60,7 @@ class Plan:
     digest: str
     configuration: Mapping[str, Any]
     wording: Mapping[str, str]
-    trials: tuple[Condition, ...]
+    trials: tuple[CodingCondition, ...]
     environment: Mapping[str, Any]
 
     def as_json(self) -> dict[str, Any]:
@@ -69,16 +73,50 @@ class Plan:
         """Read a plan back.
 
         Raises:
-            ValueError: if it is none, or of another version.
+            ValueError: if it is not a plan, or of another version.
         """
         version = facts.get("version")
         if version != VERSION:
             raise ValueError(f"expected a plan of version {VERSION}, not {version!r}")
         try:
-            trials = tuple(Condition(str(trial["predictor"]), float(trial["weber"])) for trial in facts["trials"])
+            trials = tuple(CodingCondition(str(trial["predictor"]), float(trial["weber"])) for trial in facts["trials"])
             plan = cls(**{name: facts[name] for name in cls.__dataclass_fields__} | {"trials": trials})
         except (KeyError, TypeError) as error:
-            raise ValueError(f"expected a plan, which has {error}") from None
+            raise ValueError(f"not a plan: {error} is missing or wrong") from None
         if len(set(trials)) != len(trials) or not trials:
-            raise ValueError("expected trials that differ")
+            raise ValueError("expected trials without repetition")
         return plan
+
+
+WORDING: dict[int, str] = {
+    5: "no difference to the undisturbed signal",
+    4: "a difference that can just be noticed",
+    3: "a clear difference that hardly disturbs",
+    2: "disturbing",
+    1: "strongly disturbing",
+    0: "unusable",
+}
+LOWEST, HIGHEST = min(WORDING), max(WORDING)
+
+
+@dataclass(frozen=True)
+class TrainingReference:
+    """A signal of the training, and the level that the subject is told."""
+
+    level: int
+    condition: CodingCondition
+
+
+REFERENCES = (
+    TrainingReference(5, CodingCondition("zoh", 0.0)),
+    TrainingReference(3, CodingCondition("zoh", 0.125)),
+    TrainingReference(1, CodingCondition("linear", 0.25)),
+)
+
+
+def rating_of(text: str) -> int | None:
+    """The level that was typed; None if it is not one."""
+    stripped = text.strip()
+    if not (stripped.isascii() and stripped.isdigit()) or len(stripped) > 1:
+        return None
+    return level if (level := int(stripped)) in WORDING else None

@@ -1,8 +1,4 @@
-"""What a subject feels: a configuration under the conditions of a study, live or in virtual time.
-
-Owns how a condition becomes overrides, how a session becomes the figures that are stored, and what makes two
-configurations the same study. Knows no subject and no ledger.
-"""
+"""Runs a trial: a configuration under one condition, live with two processes or in virtual time."""
 
 import json
 from collections.abc import Callable, Iterable, Sequence
@@ -11,36 +7,35 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from weberlink.studies.experiment.conduct import Elapsed, Felt, Trial
-from weberlink.studies.experiment.plan import PREDICTORS, Condition, Plan
-from weberlink.studies.experiment.scale import REFERENCES
-from weberlink.studies.experiment.simulated import FELT, THRESHOLD
+from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
+from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES, CodingCondition, TrialPlan
+from weberlink.studies.experiment.subjects import FELT, THRESHOLD
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session
-from weberlink.system.scoring.felt import FeltError
+from weberlink.system.scoring.perception import FeltError
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 
 STOPPED = ("interrupted", "terminated", "hung up")
-"""Outcomes of a session that somebody asked to stop."""
+"""Outcomes of an interrupted session."""
 INTERRUPTING = ("silence", "device", "refused")
-"""Faults in which the force fades: what was felt then is not the coding."""
+"""Faults that fade the force, so that the trial does not show the coding alone."""
 FIGURES = ("samples", "packets_per_s", "reduction", "error_rms", "error_max", "violation_fraction")
-"""Of the force channel, stored with each rating."""
+"""Figures of the force channel that are stored with each rating."""
 WHERE = ("listen", "slave", "key_file")
-"""Keys of the link that say where the sides meet, which is not felt."""
+"""Keys of the link that do not change the felt signal."""
 PER_TRIAL = ("predictor", "weber")
 """Keys of `codec.force` that each trial sets."""
 
 Ports = Callable[[], Sequence[str]]
-"""Overrides that give the sides a free port, where the file leaves it open."""
+"""Returns overrides with a free port, if the file leaves it open."""
 
 
 @dataclass(frozen=True)
-class Signals:
-    """The file that is felt, and how a condition changes it.
+class TrialSignals:
+    """The configuration of the trials.
 
     Args:
         file: the configuration.
@@ -52,7 +47,7 @@ class Signals:
 
     @property
     def document(self) -> dict[str, Any]:
-        """What is felt, as resolved: without where the sides meet, and without what each trial sets."""
+        """The resolved configuration without addresses and without the keys that each trial sets."""
         return _document(load(self.file, self.overrides))
 
     @property
@@ -60,43 +55,45 @@ class Signals:
         return _digest(self.document)
 
     def try_out(self) -> None:
-        """Complain of the file before anybody waits.
+        """Check the file before the first trial.
 
         Raises:
-            ConfigurationError: if it cannot be run with every predictor and reference.
+            ConfigurationError: if it cannot run with every predictor and reference.
         """
-        conditions = [Condition(predictor, 0.1) for predictor in PREDICTORS]
+        conditions = [CodingCondition(predictor, 0.1) for predictor in PREDICTORS]
         for condition in [*conditions, *(reference.condition for reference in REFERENCES)]:
             try_out(load(self.file, self.with_condition(condition)))
 
-    def with_condition(self, condition: Condition, *further: str) -> list[str]:
-        """Overrides that make a condition of the file."""
+    def with_condition(self, condition: CodingCondition, *further: str) -> list[str]:
+        """Overrides for a condition."""
         coding = [f"codec.force.predictor={condition.predictor}", f"codec.force.weber={condition.weber:g}"]
         if condition.weber == 0.0:
             coding.append("codec.force.floor_n=0")  # every sample is sent
         return [*self.overrides, *coding, *further]
 
-    def check(self, plan: Plan) -> None:
-        """The file may have been edited while the experiment goes on.
+    def check(self, plan: TrialPlan) -> None:
+        """Check that the file was not edited during the experiment.
 
         Raises:
-            ConfigurationError: it was.
+            ConfigurationError: if it was.
         """
         document = self.document
         if _digest(document) != plan.digest:
             fields = ", ".join(differences(plan.configuration, document)) or "its files"
-            raise ConfigurationError(f"{self.file}: was changed during the experiment ({fields}); restore it and go on")
+            raise ConfigurationError(
+                f"{self.file}: was changed during the experiment ({fields}); restore it and continue"
+            )
 
 
 @dataclass(frozen=True)
-class Live:
-    """Lets a person feel a signal: both sides as processes on this host, in real time."""
+class LiveRunner:
+    """Runs trials in real time, with both sides as processes on this host."""
 
-    signals: Signals
-    plan: Plan
+    signals: TrialSignals
+    plan: TrialPlan
     ports: Ports
 
-    def feel(self, trial: Trial, recording: Path | None, elapsed: Elapsed) -> Felt:
+    def feel(self, trial: FeltTrial, recording: Path | None, elapsed: Elapsed) -> TrialResult:
         """Run the session.
 
         Raises:
@@ -115,16 +112,13 @@ class Live:
 
 
 @dataclass(frozen=True)
-class Virtual:
-    """Lets a program feel a signal, in virtual time.
+class VirtualRunner:
+    """Runs trials in virtual time; hand and link have another seed in each trial."""
 
-    Where hand and link have a seed, it is another one in each trial.
-    """
+    signals: TrialSignals
+    plan: TrialPlan
 
-    signals: Signals
-    plan: Plan
-
-    def feel(self, trial: Trial, recording: Path | None, elapsed: Elapsed) -> Felt:  # noqa: ARG002
+    def feel(self, trial: FeltTrial, recording: Path | None, elapsed: Elapsed) -> TrialResult:  # noqa: ARG002
         """Run the simulation.
 
         Raises:
@@ -145,7 +139,7 @@ class Virtual:
         }
         return _felt(summary, {FELT: felt.rms_jnd})
 
-    def _seeds(self, trial: Trial) -> list[str]:
+    def _seeds(self, trial: FeltTrial) -> list[str]:
         text = f"{self.plan.seed}/{self.plan.subject}/{trial.number}"
         seed = int.from_bytes(sha256(text.encode()).digest()[:4], "big")
         configuration = load(self.signals.file, self.signals.overrides)
@@ -154,21 +148,21 @@ class Virtual:
         return seeds + ([f"link.emulate.seed={seed}"] if configuration.system.link.emulate is not None else [])
 
 
-def _felt(summary: dict[str, Any], further: dict[str, Any] | None = None) -> Felt:
-    """What is stored of a session, and whether it can be rated."""
+def _felt(summary: dict[str, Any], further: dict[str, Any] | None = None) -> TrialResult:
+    """The stored figures of a session, and whether it can be rated."""
     force, outcome = summary["force"], summary["outcome"]
     figures = {"outcome": outcome, "duration_s": summary["duration_s"], "faults": summary["faults"]}
     figures |= {name: force[name] for name in FIGURES} | (further or {})
     if "recording" in summary:
         figures["recording_outcome"] = summary["recording"].get("outcome")
-    return Felt(figures, _problem(figures), outcome in STOPPED)
+    return TrialResult(figures, _problem(figures), outcome in STOPPED)
 
 
 def _problem(figures: dict[str, Any]) -> str | None:
     if figures["outcome"] != "completed":
         return str(figures["outcome"])
     if not figures["samples"] or figures["error_rms"] is None:
-        return "the two sides never came together"
+        return "the two sides did not connect"
     met = [f"{side} {fault}" for side, faults in figures["faults"].items() for fault in faults if fault in INTERRUPTING]
     return f"the force was interrupted ({', '.join(met)})" if met else None
 
@@ -187,7 +181,7 @@ def _document(configuration: Configuration) -> dict[str, Any]:
 
 
 def _content(value: object) -> str:
-    """A file by what is in it, wherever it lies."""
+    """A file by its name and the digest of its content."""
     if not isinstance(value, Path):
         return str(value)
     return f"{value.name} {sha256(value.read_bytes()).hexdigest()}" if value.is_file() else value.name

@@ -1,1 +1,1 @@
-"""One coded signal, tick by tick: what was displayed, which model was in use, and drawings of it."""
+"""One coded signal tick by tick: displayed forces, models in use, and figures of single moments."""

@@ -1,25 +1,24 @@
-"""One signal through the codec, tick by tick: what was displayed, when it was sent, and which model said so.
+"""One signal through the codec tick by tick: displayed forces, sends, models in use, and a window worth drawing."""
 
-Owns the run behind a drawing of forces over time or of a fitted model, and the choice of a moment worth drawing. The
-encoder and decoder are the daemons' own. It knows neither scenes nor figures.
-"""
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec import Channel
 from weberlink.codec.predictors import ADAPTIVE, HYBRID, Model
+from weberlink.codec.predictors.model import ModelKind
+from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.trace import Trace
-from weberlink.update import PreviousSample, Update
+from weberlink.studies.evaluate.replay import signal_of
+from weberlink.studies.moments.surfaces import FittedSurface
+from weberlink.update import PreviousSample
 
 CONTACT_SHARE = 0.05
-"""Of the largest force of the signal; less is not called contact here."""
+"""Of the largest force of the signal; smaller forces do not count as contact."""
 CONTACT_TIME = 0.75
 FEWEST_SENDS = 3
 
@@ -27,18 +26,18 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Coded:
-    """A signal and what the other end made of it on a lossless link; n ticks.
+class CodedTrace:
+    """A signal and what the decoder displayed of it on a lossless link; n ticks.
 
     Args:
-        bank: names of the predictors, in the order that `selected` counts.
+        bank: names of the predictors, in the order of selectors.
         time_s: shape (n,).
         force_n: measured, shape (n, 3).
         displayed_n: decoded, after the update of the tick if there was one, shape (n, 3).
         predicted_n: decoded, before any update of the tick, shape (n, 3).
         position_m: shape (n, 3).
         bound_n: radius of the deadband about the measured force, shape (n,).
-        sent: whether an update went out, shape (n,).
+        sent: whether an update was sent, shape (n,).
         selected: index in `bank` of the predictor in use, after the update of the tick, shape (n,).
     """
 
@@ -62,41 +61,38 @@ class Coded:
         return int(self.sent.sum())
 
 
-class Fit(NamedTuple):
-    """A model, and the ticks during which it was in force: from the send of `newest` up to, not including, `until`."""
+class ModelFit(NamedTuple):
+    """A model, in use from the tick of `newest` up to, not including, `until`."""
 
     predictor: str
     model: Model
     newest: Sample
     previous: Sample | None
-    """What else the model was fitted to; None where the update carried no second sample."""
+    """The other sample of the fit; None where the update carried none."""
     until: int
 
     @property
     def ticks(self) -> int:
         return self.until - self.newest.tick
 
+    @property
+    def surface(self) -> FittedSurface | None:
+        """None for a model without a contact surface."""
+        surface = self.model.surface()
+        return None if surface is None else FittedSurface(surface.record())
 
-class Window(NamedTuple):
+
+class TickWindow(NamedTuple):
     """Ticks first <= tick < until."""
 
     first: int
     until: int
 
 
-class _Tick(NamedTuple):
-    update: Update | None
-    predicted: Vector
-    displayed: Vector
-    bound: float
-    selected: int
-    model: Model | None
-
-
-def follow(trace: Trace, channel: Channel) -> Coded:
-    """Run a trace through a fresh encoder and decoder of `channel`, sample by sample as a daemon would."""
-    ticks = list(_run(trace, channel))
-    return Coded(
+def follow(trace: Trace, channel: Channel) -> CodedTrace:
+    """Run a trace through a fresh encoder and decoder of `channel`, sample by sample as in a daemon."""
+    ticks = list(code(channel, signal_of(trace).samples))
+    return CodedTrace(
         bank=channel.bank,
         time_s=trace.time_s,
         force_n=trace.force_n,
@@ -110,18 +106,30 @@ def follow(trace: Trace, channel: Channel) -> Coded:
     )
 
 
-def fits(trace: Trace, channel: Channel) -> list[Fit]:
-    """Every model of a run, in order of time."""
-    sent = [(tick.update, tick.model) for tick in _run(trace, channel) if tick.update is not None]
-    begins = [update.tick for update, _ in sent] + [len(trace.time_s)]
-    return [_fit(channel, update, model, until) for (update, model), until in zip(sent, begins[1:], strict=True)]
+def fits(trace: Trace, channel: Channel) -> list[ModelFit]:
+    """All models of a run, in order of time."""
+    found: list[ModelFit] = []
+    for tick in code(channel, signal_of(trace).samples):
+        update = tick.update
+        if update is None:
+            continue
+        if found:
+            found[-1] = found[-1]._replace(until=update.tick)
+        assert tick.model is not None
+        payload, grid = update.payload, channel.grid
+        previous = None
+        if isinstance(payload, PreviousSample):
+            previous = grid.sample(update.tick - payload.gap, payload.levels)
+        newest = grid.sample(update.tick, update.newest)
+        found.append(ModelFit(channel.bank[update.selector], tick.model, newest, previous, len(trace.time_s)))
+    return found
 
 
-def model_at(trace: Trace, channel: Channel, tick: int) -> Fit:
-    """The model in force at a tick, after the update of that tick if there was one.
+def model_at(trace: Trace, channel: Channel, tick: int) -> ModelFit:
+    """The model in use at a tick, after the update of that tick if there was one.
 
     Raises:
-        ValueError: if nothing had been sent by then, or the trace has no such tick.
+        ValueError: nothing was sent before, or the trace has no such tick.
     """
     count = len(trace.time_s)
     if not 0 <= tick < count:
@@ -132,27 +140,32 @@ def model_at(trace: Trace, channel: Channel, tick: int) -> Fit:
     raise ValueError(f"tick {tick}: no model yet; nothing had been sent by then")
 
 
-def longest(candidates: Sequence[Fit], kind: type[Model]) -> Fit | None:
-    """The model of a kind, such as `Plane`, that was in force longest; the first of equals, None without any.
+def with_surface(candidates: Iterable[ModelFit], kind: ModelKind | None = None) -> list[ModelFit]:
+    """The fits that describe a plane or sphere, or only those of one of the two kinds."""
+    found = ((fit, fit.surface) for fit in candidates)
+    return [fit for fit, surface in found if surface is not None and kind in (None, surface.kind)]
 
-    What holds for long without a send describes the surface well: a rule that needs no knowledge of the scene.
+
+def longest(candidates: Iterable[ModelFit], kind: ModelKind | None = None) -> ModelFit | None:
+    """The plane or sphere that was in use longest, the first of equals; None without any.
+
+    A model that predicts for long without a send describes the surface well.
     """
-    return max((fit for fit in candidates if isinstance(fit.model, kind)), key=lambda fit: fit.ticks, default=None)
+    return max(with_surface(candidates, kind), key=lambda fit: fit.ticks, default=None)
 
 
-def interesting_window(coded: Coded, seconds: float) -> Window:
-    """Where contact and sends can be seen: of all windows of that length, the one in which |force| varies most.
+def interesting_window(coded: CodedTrace, seconds: float) -> TickWindow:
+    """The window in which |force| varies most; the earliest of equals.
 
     Only windows count that are in contact (|force| above `CONTACT_SHARE` of the largest of the signal) for at least
-    `CONTACT_TIME` of their ticks and have at least `FEWEST_SENDS` sends. Where there is none, the windows with the
-    most sends. The earliest of equals.
+    `CONTACT_TIME` of their ticks and have at least `FEWEST_SENDS` sends. If there is none, those with most sends count.
 
     Args:
         coded: a run.
-        seconds: length, more than 0; the whole run where it is shorter.
+        seconds: length, more than 0; the whole run if that is shorter.
 
     Raises:
-        ValueError: for a length that is none.
+        ValueError: the length is not positive.
     """
     if not seconds > 0.0:
         raise ValueError(f"seconds: expected more than 0, got {seconds!r}")
@@ -167,31 +180,10 @@ def interesting_window(coded: Coded, seconds: float) -> Window:
         allowed = sends == sends.max()
     spread = np.where(allowed, windows.max(axis=1) - windows.min(axis=1), -1.0)
     first = int(np.argmax(spread))
-    return Window(first, first + length)
-
-
-def _run(trace: Trace, channel: Channel) -> Iterator[_Tick]:
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    forces: list[list[float]] = trace.force_n.tolist()
-    positions: list[list[float]] = trace.position_m.tolist()
-    for tick, (f, p) in enumerate(zip(forces, positions, strict=True)):
-        position: Vector = (p[0], p[1], p[2])
-        predicted = decoder.value(tick, position) or ZERO
-        update = encoder.encode(tick, (f[0], f[1], f[2]), position)
-        if update is not None:
-            decoder.apply(update)
-        selected, model, *_ = decoder.state
-        yield _Tick(update, predicted, decoder.value(tick, position) or ZERO, encoder.bound, selected, model)
-
-
-def _fit(channel: Channel, update: Update, model: Model | None, until: int) -> Fit:
-    assert model is not None
-    payload, grid = update.payload, channel.grid
-    previous = grid.sample(update.tick - payload.gap, payload.levels) if isinstance(payload, PreviousSample) else None
-    return Fit(channel.bank[update.selector], model, grid.sample(update.tick, update.newest), previous, until)
+    return TickWindow(first, first + length)
 
 
 def _sums(flags: NDArray[np.bool_], length: int) -> NDArray[np.int64]:
-    """How many are set in each window of a length."""
+    """The number of set flags in each window of a length."""
     before = np.concatenate(([0], np.cumsum(flags, dtype=np.int64)))
     return before[length:] - before[:-length]

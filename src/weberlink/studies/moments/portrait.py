@@ -1,7 +1,4 @@
-"""All numbers of a drawing of one fitted model: trajectory, samples, patches of both surfaces, parameters.
-
-Owns what is shown and the tables of it, not how it looks.
-"""
+"""Everything that a figure of one fitted model shows: trajectory, samples, patches of both surfaces, parameters."""
 
 import csv
 from collections.abc import Callable, Iterator
@@ -13,28 +10,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec.predictors.plane import Plane
-from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.model import ModelKind
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, dot, scale, subtract
 from weberlink.master.trace import Trace
 from weberlink.slave.scenes.scene import Scene
-from weberlink.studies.moments.fitted_surface import (
-    Frame,
-    Surface,
+from weberlink.studies.moments.moments import ModelFit
+from weberlink.studies.moments.surfaces import (
+    DrawnSurface,
+    FittedSurface,
+    SceneSurface,
+    SurfaceFrame,
+    SurfacePoint,
     angle_deg,
-    fitted_height,
-    fitted_surface,
     frame_at,
-    scene_height,
-    scene_surface,
-)  # fmt: skip
-from weberlink.studies.moments.moments import Fit
+)
 
 LEAST_HALF_M = 2e-3
 MARGIN = 1.25
 SCENE_MARGIN = 1.4
-"""Of the scene over the fitted patch, so that the scene is seen to go on."""
+"""Size of the patch of the scene over the fitted patch."""
 GRID = 25
 RINGS = 13
 SPOKES = 37
@@ -42,8 +37,8 @@ SPOKES = 37
 Array = NDArray[np.float64]
 
 
-class Parameter(NamedTuple):
-    """One number of a model beside that of the scene."""
+class ModelParameter(NamedTuple):
+    """One number of a model, and that of the scene."""
 
     name: str
     unit: str
@@ -53,37 +48,38 @@ class Parameter(NamedTuple):
 
 @dataclass(frozen=True)
 class Portrait:
-    """One model as it was in force.
+    """One model in use.
 
     Args:
         fit: the model.
-        model: the same, known to have a surface.
+        surface: of the model.
         tick: the moment, within the fit.
-        frame: at the newest sample, `along` the way that the probe took.
-        ticks: of the trajectory, shape (n,): from the older sample to where the probe leaves
-            the surface or the model changes.
-        positions_m: shape (n, 3). forces_n: shape (n, 3).
+        frame: at the newest sample, with `along` the main direction of the trajectory.
+        ticks: of the trajectory, shape (n,): from the older sample until the probe leaves the surface or the model
+            changes.
+        positions_m: shape (n, 3).
+        forces_n: shape (n, 3).
         patch_m: the fitted surface, a grid of points, shape (i, j, 3); NaN where there is none.
-        scene_patch_m: that of the scene, a wider grid; None where it is not known.
+        scene_patch_m: that of the scene, a wider grid; None if unknown.
         parameters: to compare.
-        scene: None where it is not known.
+        scene: None if unknown.
     """
 
-    fit: Fit
-    model: Plane | Sphere
+    fit: ModelFit
+    surface: FittedSurface
     tick: int
-    frame: Frame
+    frame: SurfaceFrame
     ticks: NDArray[np.int64]
     positions_m: Array
     forces_n: Array
     patch_m: Array
     scene_patch_m: Array | None
-    parameters: tuple[Parameter, ...]
-    scene: Scene | None
+    parameters: tuple[ModelParameter, ...]
+    scene: SceneSurface | None
 
     @property
     def samples(self) -> list[Sample]:
-        """What the model was fitted to, the older first."""
+        """The samples of the fit, the older first."""
         return [sample for sample in (self.fit.previous, self.fit.newest) if sample is not None]
 
     @property
@@ -92,18 +88,19 @@ class Portrait:
         return int(np.searchsorted(self.ticks, self.tick))
 
     def fitted_section(self, along: Array) -> Array:
-        """Heights of the fitted surface in the frame, straight over its `along` axis [m]."""
-        return np.array([fitted_height(self.model, self.frame, u, 0.0) for u in along.tolist()])
+        """Heights of the fitted surface over the `along` axis of the frame [m]."""
+        return self._section(self.surface, along)
 
     def scene_section(self, along: Array) -> Array | None:
         """The same of the scene."""
-        if self.scene is None:
-            return None
+        return None if self.scene is None else self._section(self.scene, along)
+
+    def _section(self, surface: DrawnSurface, along: Array) -> Array:
         farthest = 4.0 * float(np.ptp(along))
-        return np.array([scene_height(self.scene, self.frame, u, 0.0, farthest) for u in along.tolist()])
+        return np.array([surface.height(self.frame, u, 0.0, farthest) for u in along.tolist()])
 
     def write_csv(self, geometry: Path, parameters: Path) -> None:
-        """What is drawn, a row for each point [m] and its force [N] where it has one, and the parameters."""
+        """Write the points [m] with their forces [N], and the parameters."""
         with geometry.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(["kind", "tick", "x_m", "y_m", "z_m", "fx_n", "fy_n", "fz_n"])
@@ -126,73 +123,60 @@ class Portrait:
                         yield [kind, "", *map(_cell, point), "", "", ""]
 
 
-def portrait(trace: Trace, fit: Fit, tick: int, scene: Scene | None) -> Portrait:
-    """Gather what is to be shown of a fit.
+def portrait(trace: Trace, fit: ModelFit, tick: int, scene: Scene | None) -> Portrait:
+    """Gather what is shown of a fit.
 
     Args:
-        trace: of which the fit is.
-        fit: in force at `tick`.
+        trace: that was coded.
+        fit: in use at `tick`.
         tick: the moment.
-        scene: in which the trace was made, in its frame; None where it is not known.
+        scene: in which the trace was made, in its frame; None if unknown.
 
     Raises:
-        ValueError: if the model has no surface.
+        ValueError: the model has no surface.
     """
+    surface = fit.surface
+    if surface is None:
+        raise ValueError(f"tick {tick}: the model in use is a {type(fit.model).__name__}, which has no surface")
     began = fit.previous.tick if fit.previous is not None else fit.newest.tick
-    model = fit.model
-    if not isinstance(model, Plane | Sphere):
-        raise ValueError(f"tick {tick}: a {type(model).__name__} is in force; expected a Plane or a Sphere")  # noqa: TRY004
     until = _leaves(trace, fit, tick)
     ticks = np.arange(began, until)
     positions, forces = trace.position_m[began:until], trace.force_n[began:until]
     frame = frame_at(fit.newest, _main_direction(positions))
-    grid_of = _grid_of(model, frame.coordinates(positions)[:, :2])
-    patch = _patch(grid_of(1.0), frame, lambda u, v: fitted_height(model, frame, u, v))
-    scene_patch = None
-    if scene is not None and scene_surface(scene, fit.newest.position) is not None:
-        grid = grid_of(SCENE_MARGIN)
-        farthest = float(np.abs(grid).max())
-        scene_patch = _patch(grid, frame, lambda u, v: scene_height(scene, frame, u, v, farthest))
-    parameters = _parameters(fit, model, scene)
-    return Portrait(fit, model, tick, frame, ticks, positions, forces, patch, scene_patch, parameters, scene)
+    grid_of = _grid_of(surface, frame.coordinates(positions)[:, :2])
+    patch = _patch(grid_of(1.0), frame, surface)
+    known = None if scene is None else SceneSurface(scene)
+    true = None if known is None else known.nearest(fit.newest.position)
+    scene_patch = _patch(grid_of(SCENE_MARGIN), frame, known) if known is not None and true is not None else None
+    parameters = _parameters(surface, surface.nearest(fit.newest.position), true)
+    return Portrait(fit, surface, tick, frame, ticks, positions, forces, patch, scene_patch, parameters, known)
 
 
-def _parameters(fit: Fit, model: Plane | Sphere, scene: Scene | None) -> tuple[Parameter, ...]:
+def _parameters(surface: FittedSurface, fitted: SurfacePoint, true: SurfacePoint | None) -> tuple[ModelParameter, ...]:
     """Of both surfaces where they are nearest to the newest sample."""
-    near = fit.newest.position
-    fitted = fitted_surface(model, near)
-    true = scene_surface(scene, near) if scene is not None else None
-    rows = [Parameter("stiffness", "N/m", model.stiffness, true.stiffness_n_m if true else None)]
-    if isinstance(model, Sphere):
-        rows.append(Parameter("radius", "mm", 1e3 * model.radius, 1e3 * _round(true) if true else None))
+    rows = [ModelParameter("stiffness", "N/m", surface.stiffness, true.stiffness_n_m if true else None)]
+    if surface.kind is ModelKind.SPHERE:
+        rows.append(ModelParameter("radius", "mm", 1e3 * surface.radius, 1e3 * true.radius_m if true else None))
         centre = _centre(true) if true else None
         for axis, name in enumerate("xyz"):
-            rows.append(
-                Parameter(f"centre {name}", "mm", 1e3 * model.centre[axis], 1e3 * centre[axis] if centre else None)
-            )
+            of_scene = 1e3 * centre[axis] if centre else None
+            rows.append(ModelParameter(f"centre {name}", "mm", 1e3 * surface.centre[axis], of_scene))
     for axis, name in enumerate("xyz"):
-        rows.append(Parameter(f"normal {name}", "", fitted.normal[axis], true.normal[axis] if true else None))
+        rows.append(ModelParameter(f"normal {name}", "", fitted.normal[axis], true.normal[axis] if true else None))
     if true is not None:
-        rows.append(Parameter("normal off by", "deg", angle_deg(fitted.normal, true.normal), None))
+        rows.append(ModelParameter("normal off by", "deg", angle_deg(fitted.normal, true.normal), None))
         height = dot(true.normal, subtract(fitted.point, true.point))
-        rows.append(Parameter("surface off by", "mm", 1e3 * height, None))
+        rows.append(ModelParameter("surface off by", "mm", 1e3 * height, None))
     return tuple(rows)
 
 
-def _round(surface: Surface) -> float:
-    """Radius of the sphere that fits best [m], from the mean curvature."""
-    first, second = surface.curvatures_per_m
-    mean = Surface(surface.point, surface.normal, surface.stiffness_n_m, (0.5 * (first + second),) * 2)
-    return mean.radii_m[0]
-
-
-def _centre(surface: Surface) -> Vector | None:
-    radius = _round(surface)
+def _centre(surface: SurfacePoint) -> Vector | None:
+    radius = surface.radius_m
     return None if isinf(radius) else subtract(surface.point, scale(surface.normal, radius))
 
 
-def _leaves(trace: Trace, fit: Fit, tick: int) -> int:
-    """The first tick after `tick` at which the probe has left the fitted surface, or the model is another."""
+def _leaves(trace: Trace, fit: ModelFit, tick: int) -> int:
+    """The first tick after `tick` at which the probe has left the fitted surface or the model has changed."""
     for later in range(tick + 1, fit.until):
         x, y, z = trace.position_m[later].tolist()
         if fit.model.at(later, (x, y, z)) == ZERO:
@@ -201,22 +185,22 @@ def _leaves(trace: Trace, fit: Fit, tick: int) -> int:
 
 
 def _main_direction(positions: Array) -> Vector:
-    """In which the positions reach farthest."""
+    """The direction of the largest extent."""
     _, _, directions = np.linalg.svd(positions - positions.mean(axis=0), full_matrices=False)
     x, y, z = directions[0].tolist()
     return (x, y, z)
 
 
-def _grid_of(model: Plane | Sphere, shown: Array) -> Callable[[float], Array]:
-    """Grids for a patch that shows the points `shown`, shape (n, 2), and for a patch so many times as wide.
+def _grid_of(surface: FittedSurface, shown: Array) -> Callable[[float], Array]:
+    """Grids of patches that contain the points `shown`, shape (n, 2), as a function of a factor on their size.
 
-    On a plane a square about the path; on a sphere a cap about the newest sample, at most nearly half a ball.
+    On a plane a square around the path; on a sphere a cap around the newest sample, at most nearly half a ball.
     """
-    if isinstance(model, Plane):
+    if surface.kind is ModelKind.PLANE:
         middle = 0.5 * (shown.min(axis=0) + shown.max(axis=0))
         half = max(LEAST_HALF_M, 0.5 * MARGIN * float(np.ptp(shown, axis=0).max()))
         return lambda margin: _square(margin * half) + middle
-    radius = min(0.9 * abs(model.radius), max(LEAST_HALF_M, MARGIN * float(np.hypot(*shown.T).max())))
+    radius = min(0.9 * abs(surface.radius), max(LEAST_HALF_M, MARGIN * float(np.hypot(*shown.T).max())))
     return lambda margin: _disc(margin * radius)
 
 
@@ -232,8 +216,9 @@ def _disc(radius: float) -> Array:
     return np.stack([np.outer(rings, np.cos(angles)), np.outer(rings, np.sin(angles))], axis=-1)
 
 
-def _patch(grid: Array, frame: Frame, height: Callable[[float, float], float]) -> Array:
-    points = [frame.point(u, v, height(u, v)) for u, v in grid.reshape(-1, 2).tolist()]
+def _patch(grid: Array, frame: SurfaceFrame, surface: DrawnSurface) -> Array:
+    farthest = float(np.abs(grid).max())
+    points = [frame.point(u, v, surface.height(frame, u, v, farthest)) for u, v in grid.reshape(-1, 2).tolist()]
     return np.array(points).reshape(*grid.shape[:2], 3)
 
 

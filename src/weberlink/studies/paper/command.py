@@ -1,8 +1,4 @@
-"""The `paper` command: every claim of the paper beside what is measured on recordings and on simulated scenes.
-
-Owns the scenes, how they become runs, and the files that come out. What a claim is, and how it is measured, is in
-`weberlink.studies.paper`.
-"""
+"""The `paper` command: measure every claim of the paper on recordings and on simulated scenes."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -10,25 +6,23 @@ from importlib.resources import files
 from itertools import product
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from rich.table import Table
 
 from weberlink.master.trace import Trace
 from weberlink.studies.curves import Observation
-from weberlink.studies.evaluate.command import read_recordings
-from weberlink.studies.evaluate.row import Row
-from weberlink.studies.evaluate.sweep import Recording, Study, rows_of
+from weberlink.studies.evaluate.command import read_traces
+from weberlink.studies.evaluate.study import EvaluationStudy, NamedTrace, rows_of
 from weberlink.studies.paper.claims import CLAIMS, WEBER, WEBERS
-from weberlink.studies.paper.document import PREDICTORS, Condition, document
-from weberlink.studies.parallel import spread
+from weberlink.studies.paper.document import PREDICTORS, PaperCondition, document
+from weberlink.studies.parallel import parallel_map
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
-from weberlink.system.scoring.felt import FeltError
-from weberlink.system.scoring.perception import Threshold
+from weberlink.system.scoring.perception import FeltError, Threshold
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
@@ -41,8 +35,8 @@ SEED = 1
 PAGE = "the-paper-and-us.md"
 
 
-class Scene(NamedTuple):
-    """What is touched: a shipped file, and what is changed in it."""
+class PaperScene(NamedTuple):
+    """A scene: a shipped configuration, and changes to it."""
 
     name: str
     file: str
@@ -50,20 +44,20 @@ class Scene(NamedTuple):
 
 
 SCENES = (
-    Scene("plane", "scene-plane.yaml", ("slave.scene=[{shape: plane, stiffness_n_m: 500}]",)),
-    Scene("plane, friction 0.3", "scene-plane.yaml"),
-    Scene("dome on a plane", "loopback.yaml"),
-    Scene("ball", "scene-sphere.yaml"),
-    Scene("hollow ball", "scene-cavity.yaml"),
-    Scene("box with edges", "scene-box.yaml"),
-    Scene("bumps", "scene-height-field.yaml"),
-    Scene("plane, dome, bowl, box", "fig6.yaml"),
+    PaperScene("plane", "scene-plane.yaml", ("slave.scene=[{shape: plane, stiffness_n_m: 500}]",)),
+    PaperScene("plane, friction 0.3", "scene-plane.yaml"),
+    PaperScene("dome on a plane", "loopback.yaml"),
+    PaperScene("ball", "scene-sphere.yaml"),
+    PaperScene("hollow ball", "scene-cavity.yaml"),
+    PaperScene("box with edges", "scene-box.yaml"),
+    PaperScene("bumps", "scene-height-field.yaml"),
+    PaperScene("plane, dome, bowl, box", "fig6.yaml"),
 )
 
 
-STUDY = Study(PREDICTORS, WEBERS, FLOOR_N, jnd=JND)
+STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N, jnd=JND)
 SCENE_STUDY = replace(STUDY, position_step=2e-6)
-"""With the wire step of the scenes' files."""
+"""With the position step of the scene configurations."""
 
 RECORDED, CODED, WHOLE = "recordings", "scenes", "systems"
 TEXTS = {
@@ -87,25 +81,19 @@ TEXTS = {
 }
 
 
-One = TypeVar("One")
-Result = TypeVar("Result")
+class PaperScope(NamedTuple):
+    """What is simulated; single moments are drawn of the last scene."""
 
-
-class Scope(NamedTuple):
-    """How much is looked at; the last of the scenes is the one of which single moments are drawn."""
-
-    scenes: tuple[Scene, ...] = SCENES
+    scenes: tuple[PaperScene, ...] = SCENES
     webers: tuple[float, ...] = WEBERS
     duration_s: float = DURATION_S
 
 
-ALL = Scope()
+ALL = PaperScope()
 
 
-class Run(NamedTuple):
-    """One simulated session."""
-
-    scene: Scene
+class SimulatedSession(NamedTuple):
+    scene: PaperScene
     predictor: str
     weber: float
     duration_s: float
@@ -115,9 +103,9 @@ class Run(NamedTuple):
 class Paper:
     """All conditions, and how they are shown."""
 
-    conditions: list[Condition]
-    shown: tuple[Scene, Trace]
-    """Of which single moments are drawn: a scene, and what was felt there with every sample sent."""
+    conditions: list[PaperCondition]
+    shown: tuple[PaperScene, Trace]
+    """A scene of which single moments are drawn, and its signal."""
     document: dict[str, Any]
     table: Table
     caption: str
@@ -126,9 +114,9 @@ class Paper:
         """Write the page, and beside it the figures and their numbers.
 
         Raises:
-            OSError: if the folder or a file in it cannot be made.
+            OSError: the folder or a file in it cannot be written.
         """
-        from weberlink.studies.paper.figures import draw_conditions, draw_moments  # noqa: PLC0415 - heavy, only wanted here
+        from weberlink.studies.paper.figures import draw_conditions, draw_moments  # noqa: PLC0415 - imports matplotlib
 
         folder.mkdir(parents=True, exist_ok=True)
         draw_conditions(self.conditions, folder, self.caption)
@@ -145,39 +133,46 @@ def run(
     plots: bool,
     workers: int | None,
     progress: Callable[[int, int, str], None],
-    scope: Scope = ALL,
+    scope: PaperScope = ALL,
 ) -> Paper:
-    """Measure everything. The same traces and seed give the same numbers, whatever the number of workers.
+    """Measure all claims. The numbers do not depend on the number of workers.
 
     Args:
-        traces: recordings of people; none leaves that condition out.
-        plots: whether page and figures will be wanted.
-        workers: processes; None for as many as there are processors.
-        progress: told how many of how many pieces are done, and what they are.
-        scope: of the simulated scenes and the Weber factors.
+        traces: recordings of people; without any, that condition is left out.
+        plots: whether page and figures will be written.
+        workers: processes; None for one per processor.
+        progress: called with the number of tasks done, of all tasks, and what they are.
+        scope: simulated scenes and Weber factors.
 
     Raises:
         ConfigurationError: for a trace that cannot be used, or a missing extra; nothing was computed then.
     """
     if plots:
         need("matplotlib", "plots", "--plots")
-    signals = read_recordings(traces)
+    signals = read_traces(traces)
     began = perf_counter()
-    length = scope.duration_s
-    sessions = [Run(*parts, length) for parts in product(scope.scenes, PREDICTORS, scope.webers)]
-    explorations = [(scene, length) for scene in scope.scenes]
-    felt = _done(_feel, sessions, workers, lambda done, total: progress(done, total, "simulated sessions"))
-    explored = _done(_explore, explorations, workers, lambda done, total: progress(done, total, "explored scenes"))
-    scenes = [Recording(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=True)]
-    recordings, alone = (
-        _coded(study, each, workers, lambda done, total: progress(done, total, "signals through the codec"))
-        for study, each in (
-            (replace(STUDY, webers=scope.webers), signals),
-            (replace(SCENE_STUDY, webers=scope.webers), scenes),
-        )
+
+    def telling(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: progress(done, total, what)
+
+    def coded(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[Observation]:
+        study = replace(study, webers=scope.webers)
+        results = parallel_map(rows_of, study.tasks(named), workers, progress=telling("signals through the codec"))
+        return [
+            Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd)
+            for row in study.ordered(results)
+        ]
+
+    sessions = [SimulatedSession(*parts, scope.duration_s) for parts in product(scope.scenes, PREDICTORS, scope.webers)]
+    felt = parallel_map(_feel, sessions, workers, progress=telling("simulated sessions"))
+    explorations = [(scene, scope.duration_s) for scene in scope.scenes]
+    explored = parallel_map(_explore, explorations, workers, progress=telling("explored scenes"))
+    recordings = coded(STUDY, signals)
+    alone = coded(
+        SCENE_STUDY, [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=True)]
     )
     observed = {RECORDED: recordings, CODED: alone, WHOLE: felt}
-    conditions = [Condition(key, *TEXTS[key], observations=observed[key]) for key in TEXTS]
+    conditions = [PaperCondition(key, *TEXTS[key], observations=observed[key]) for key in TEXTS]
     facts = environment()
     caption = footer(facts, SEED)
     content = {
@@ -189,38 +184,15 @@ def run(
     return Paper(conditions, (scope.scenes[-1], explored[-1]), content, _table(conditions, caption), caption)
 
 
-def _done(
-    work: Callable[[One], Result], tasks: Sequence[One], workers: int | None, progress: Callable[[int, int], None]
-) -> list[Result]:
-    """The results in the order of the tasks."""
-    results: dict[int, Result] = {}
-    for index, result in spread(work, tasks, workers):
-        results[index] = result
-        progress(len(results), len(tasks))
-    return [results[index] for index in range(len(tasks))]
-
-
-def _coded(
-    study: Study, signals: Sequence[Recording], workers: int | None, progress: Callable[[int, int], None]
-) -> list[Observation]:
-    """What the codec does with signals that it has no influence on."""
-    results = dict(enumerate(_done(rows_of, study.tasks(signals), workers, progress)))
-    return [_observation(row) for row in study.ordered(results)]
-
-
-def _observation(row: Row) -> Observation:
-    return Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd)
-
-
-def _explore(exploration: tuple[Scene, float]) -> Trace:
-    """What the robot of an uncoded session was commanded and felt."""
+def _explore(exploration: tuple[PaperScene, float]) -> Trace:
+    """Position and force at the robot in a session with every sample sent."""
     scene, duration = exploration
     recorder = TraceRecorder()
     build_simulation(_configuration(scene, "zoh", 0.0, 0.0)).run(duration, [recorder])
     return recorder.trace
 
 
-def _feel(session: Run) -> Observation:
+def _feel(session: SimulatedSession) -> Observation:
     """Packets and felt error of a coded session."""
     configuration = _configuration(session.scene, session.predictor, session.weber, FLOOR_N)
     score = SessionScore(configuration.system.rate_hz, channels(configuration.system)[1].bank)
@@ -231,7 +203,7 @@ def _feel(session: Run) -> Observation:
     return Observation(session.scene.name, session.predictor, session.weber, rate, error)
 
 
-def _configuration(scene: Scene, predictor: str, weber: float, floor: float) -> Configuration:
+def _configuration(scene: PaperScene, predictor: str, weber: float, floor: float) -> Configuration:
     overrides = [
         *scene.overrides,
         f"codec.force.predictor={predictor}",
@@ -242,20 +214,20 @@ def _configuration(scene: Scene, predictor: str, weber: float, floor: float) -> 
     return load(Path(str(files("weberlink.configs") / scene.file)), overrides)
 
 
-def _as_json(condition: Condition) -> dict[str, Any]:
+def _as_json(condition: PaperCondition) -> dict[str, Any]:
     return {
         "key": condition.key,
         "title": condition.title,
         "signals": condition.units,
-        "claims": [found.as_json() for found in condition.savings],
+        "claims": [found.as_json() for found in condition.results],
     }
 
 
-def _table(conditions: Sequence[Condition], caption: str) -> Table:
+def _table(conditions: Sequence[PaperCondition], caption: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=caption, caption_justify="left")
     for name in ("claim", "at", "paper", *(condition.key for condition in conditions)):
         table.add_column(name, justify="left" if name in ("claim", "at") else "right", no_wrap=True)
-    columns = [condition.savings for condition in conditions]
+    columns = [condition.results for condition in conditions]
     for claim, *found in zip(CLAIMS, *columns, strict=True):
         cells = ["-" if one.fewer is None else f"{100 * -one.fewer.mean:+.0f} %" for one in found]
         table.add_row(

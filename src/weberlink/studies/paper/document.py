@@ -1,23 +1,22 @@
-"""The table "the paper and us" as Markdown. Owns the wording; every number comes from a measurement."""
+"""The page "The paper and us" as Markdown, from the measurements of `weberlink paper`."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from weberlink.studies.curves import Observation
-from weberlink.studies.paper.claims import CLAIMS, WEBER
-from weberlink.studies.paper.savings import Saving, saving
+from weberlink.studies.paper.claims import CLAIMS, WEBER, ClaimResult, measure
 
 PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
 
 
 @dataclass(frozen=True)
-class Condition:
-    """One set of signals that every predictor was run on.
+class PaperCondition:
+    """One set of signals, coded with every predictor.
 
     Args:
-        key: short name, for files.
+        key: short name, for folders.
         title: a heading.
-        text: how the numbers were made.
+        text: how the numbers were measured.
         observations: packet rate and RMS error [JND] of each unit, predictor and Weber factor; may be empty.
     """
 
@@ -27,8 +26,8 @@ class Condition:
     observations: Sequence[Observation]
 
     @property
-    def savings(self) -> list[Saving]:
-        return [saving(claim, self.observations) for claim in CLAIMS]
+    def results(self) -> list[ClaimResult]:
+        return [measure(claim, self.observations) for claim in CLAIMS]
 
     @property
     def units(self) -> list[str]:
@@ -56,21 +55,21 @@ MOMENTS = {
     "plane": "The fitted plane in the scene (Fig. 6)",
     "sphere": "The fitted sphere in the scene (Fig. 6)",
 }
-"""Figures of single moments, by name, and what they show."""
+"""Titles of the figures of single moments, by file name."""
 
 
-def document(conditions: Sequence[Condition], caption: str, moments: Sequence[str] | None) -> str:
+def document(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> str:
     """The whole page.
 
     Args:
-        conditions: those without observations are named as not measured.
-        caption: the environment in which the numbers were made.
-        moments: which of `MOMENTS` are drawn; None if no figures lie beside the page.
+        conditions: those without observations are reported as not measured.
+        caption: the environment of the measurement.
+        moments: which of `MOMENTS` were drawn; None without any figures.
     """
     return "\n".join(_lines(conditions, caption, moments)) + "\n"
 
 
-def _lines(conditions: Sequence[Condition], caption: str, moments: Sequence[str] | None) -> Iterator[str]:
+def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> Iterator[str]:
     yield HEAD
     yield from _summary(conditions)
     for condition in conditions:
@@ -89,10 +88,10 @@ def _lines(conditions: Sequence[Condition], caption: str, moments: Sequence[str]
     yield f"\n---\n{caption}"
 
 
-def _summary(conditions: Sequence[Condition]) -> Iterator[str]:
+def _summary(conditions: Sequence[PaperCondition]) -> Iterator[str]:
     yield "| claim | paper | " + " | ".join(condition.title for condition in conditions) + " |"
     yield "|---|---|" + "---|" * len(conditions)
-    columns = [condition.savings for condition in conditions]
+    columns = [condition.results for condition in conditions]
     for claim, *found in zip(CLAIMS, *columns, strict=True):
         cells = [_measured(one) for one in found]
         yield f"| {claim.predictor} against {claim.reference}, {claim.conditions} | {_fewer(claim.fewer)} | " + (
@@ -100,16 +99,16 @@ def _summary(conditions: Sequence[Condition]) -> Iterator[str]:
         )
 
 
-def _measured(found: Saving) -> str:
+def _measured(found: ClaimResult) -> str:
     if found.fewer is None:
         return "-"
     return f"{_fewer(found.fewer.mean)} ({found.verdict})"
 
 
-def _claims(condition: Condition) -> Iterator[str]:
+def _claims(condition: PaperCondition) -> Iterator[str]:
     yield "\n| claim | paper | here (95 %) | signals | verdict | does not hold on |"
     yield "|---|---|---|---|---|---|"
-    for found in condition.savings:
+    for found in condition.results:
         claim, fewer = found.claim, found.fewer
         here = "-" if fewer is None else f"{_fewer(fewer.mean)} ({_bare(fewer.low)} to {_bare(fewer.high)})"
         yield (
@@ -118,14 +117,14 @@ def _claims(condition: Condition) -> Iterator[str]:
         )
 
 
-def _exceptions(found: Saving) -> str:
-    """Where the claim's direction is wrong, and where nothing could be compared."""
+def _exceptions(found: ClaimResult) -> str:
+    """Units where the predictor saves nothing or never reaches the quality."""
     parts = [f"{unit} ({_signed(found.ratios[unit] - 1.0)})" for unit in found.failing]
     parts += [f"{unit} (quality not reached)" for unit in found.unreached]
     return ", ".join(parts) or "-"
 
 
-def _rates(condition: Condition) -> Iterator[str]:
+def _rates(condition: PaperCondition) -> Iterator[str]:
     yield f"\nPackets per second at k = {WEBER:.2f}, and the RMS error in JND:\n"
     yield "| signal | " + " | ".join(PREDICTORS) + " |"
     yield "|---|" + "---|" * len(PREDICTORS)
@@ -138,7 +137,7 @@ def _rates(condition: Condition) -> Iterator[str]:
         yield f"| {unit} | " + " | ".join(cells) + " |"
 
 
-def _figures(condition: Condition) -> Iterator[str]:
+def _figures(condition: PaperCondition) -> Iterator[str]:
     yield ""
     for name, words in (
         ("packet_rate", "Packet rate over Weber factor (the paper's Fig. 7)"),

@@ -1,4 +1,4 @@
-"""The figures beside the page: curves of every condition, moments of one scene. Needs matplotlib (extra: plots)."""
+"""The figures of `weberlink paper`: curves of every condition, and single moments of one scene."""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -7,24 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.codec import Channel
-from weberlink.codec.predictors.plane import Plane
-from weberlink.codec.predictors.sphere import Sphere
+from weberlink.codec.predictors.model import ModelKind
 from weberlink.master.trace import Trace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.studies.curve_figures import QualityAxis, draw_curves
 from weberlink.studies.curves import curves
-from weberlink.studies.moments.moment_figures import draw_force, draw_model
-from weberlink.studies.moments.moments import Fit, fits, follow
-from weberlink.studies.paper.document import Condition
+from weberlink.studies.moments.figures import draw_force, draw_model
+from weberlink.studies.moments.moments import ModelFit, fits, follow, with_surface
+from weberlink.studies.paper.document import PaperCondition
 
 QUALITY = QualityAxis("force error, RMS [JND]", better="lower", column="error_rms_jnd")
 
 
-def draw_conditions(conditions: Sequence[Condition], folder: Path, caption: str) -> None:
-    """Figs. 7 to 9 of every condition that has observations, each in a folder of its own.
+def draw_conditions(conditions: Sequence[PaperCondition], folder: Path, caption: str) -> None:
+    """Write Figs. 7 to 9 of every condition with observations, each into its own folder.
 
     Raises:
-        OSError: if a file cannot be written.
+        OSError: a file cannot be written.
     """
     for condition in conditions:
         if condition.observations:
@@ -37,27 +36,27 @@ def draw_conditions(conditions: Sequence[Condition], folder: Path, caption: str)
 def draw_moments(
     trace: Trace, scene: Scene | None, channel: Callable[[str], Channel], folder: Path, caption: str
 ) -> list[str]:
-    """Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`): what hold, line and geometry make of one signal.
+    """Write Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`) of one signal.
 
     Args:
-        trace: of the scene.
+        trace: the signal.
         scene: in which it was made.
-        channel: that of a predictor.
-        folder: where to; it is there.
+        channel: returns the channel of a predictor.
+        folder: must exist.
         caption: the environment.
 
     Returns:
-        Names of what was drawn: a signal may have had no plane, or no sphere.
+        Names of the figures: a signal may have no plane, or no sphere.
 
     Raises:
-        OSError: if a file cannot be written.
+        OSError: a file cannot be written.
     """
     runs = [follow(trace, channel(name)) for name in ("zoh", "linear")]
     draw_force(runs, folder / "force", title="Force over time, hold and linear prediction", caption=caption)
     drawn = ["force"]
     candidates = fits(trace, channel("hybrid"))
-    for name, kind in (("plane", Plane), ("sphere", Sphere)):
-        touched = _longest_touch(trace, (fit for fit in candidates if isinstance(fit.model, kind)))
+    for name, kind in (("plane", ModelKind.PLANE), ("sphere", ModelKind.SPHERE)):
+        touched = _longest_touch(trace, with_surface(candidates, kind))
         if len(touched):
             title = f"The {name} that was felt longest, {len(touched)} ticks"
             middle = int(touched[len(touched) // 2])
@@ -66,8 +65,8 @@ def draw_moments(
     return drawn
 
 
-def _longest_touch(trace: Trace, candidates: Iterable[Fit]) -> NDArray[np.int64]:
-    """The ticks with contact of the model that has most of them: it stays in force in free space, where it says 0."""
+def _longest_touch(trace: Trace, candidates: Iterable[ModelFit]) -> NDArray[np.int64]:
+    """The ticks in contact of the model with most of them; in free space a model stays in use and predicts 0."""
     contact = np.flatnonzero(trace.force_n.any(axis=1))
     touches = [contact[(contact >= fit.newest.tick) & (contact < fit.until)] for fit in candidates]
     return max(touches, key=len, default=contact[:0])

@@ -1,4 +1,4 @@
-"""The `precision` command: error against run time, as a document, tables and figures. One section per study."""
+"""The `precision` command: work-precision studies of the integrators and of the codec."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,19 @@ from typing import Any
 from rich.table import Table
 
 from weberlink.master.trace import Trace, read_trace
-from weberlink.studies.precision.coding_precision import RECOMMENDED, CodingStudy, study
+from weberlink.studies.precision import coding, study
+from weberlink.studies.precision.coding import RECOMMENDED, CodingStudy
+from weberlink.studies.precision.measurement import IntegratorRow
+from weberlink.studies.precision.study import (
+    DEFAULT,
+    FULL,
+    ORDER_TOLERANCE,
+    ConvergenceOrder,
+    ProblemResult,
+    Progress,
+    Recommendation,
+    automatic,
+)
 from weberlink.system.configuration import load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
@@ -18,17 +30,16 @@ from weberlink.system.simulate import simulate
 
 SCENES = ("loopback", "scene-plane", "scene-sphere", "scene-cavity", "scene-height-field")
 """Shipped configurations whose simulated signals are coded."""
-SIGNAL_S = 6.0
-FULL_SIGNAL_S = 60.0
-"""How much of each [s]."""
-
-Progress = Callable[[str, int, int], None]
-"""Told what comes next, how much is done, and of how much."""
+SIGNAL_S, FULL_SIGNAL_S = 6.0, 60.0
+"""Length of each signal [s]."""
+GOAL = 1e-3
+"""Relative position error whose run time is shown."""
+MISSING = "-"
 
 
 @dataclass(frozen=True)
-class Section:
-    """One study: its part of the document, its table, and how its figures are drawn into a folder."""
+class PrecisionSection:
+    """One study: its part of the document, its table, and a function that draws its figures into a folder."""
 
     name: str
     document: Any
@@ -38,9 +49,9 @@ class Section:
 
 @dataclass(frozen=True)
 class Precision:
-    """The sections, and how they are shown."""
+    """The studies, with their document, table and figures."""
 
-    sections: list[Section]
+    sections: list[PrecisionSection]
     facts: dict[str, Any]
 
     @property
@@ -72,11 +83,11 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Pre
 
     Args:
         full: finer steps and more repeats: minutes instead of half a minute.
-        plots: whether figures will be wanted.
+        plots: whether figures will be drawn.
         progress: called before each problem.
 
     Raises:
-        ConfigurationError: where a package is missing; nothing was computed then.
+        ConfigurationError: if a package is missing; nothing was computed then.
     """
     need("scipy", "precision", "the reference solutions")
     if plots:
@@ -87,18 +98,13 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Pre
     return Precision([integrators(full, caption, progress), codec(SCENES, signal, caption, progress)], facts)
 
 
-def integrators(full: bool, caption: str, progress: Progress) -> Section:
+def integrators(full: bool, caption: str, progress: Progress) -> PrecisionSection:
     """The integrators of the simulated robot on problems with known solutions."""
-    from weberlink.studies.precision.choice import automatic  # noqa: PLC0415 - scipy
-    from weberlink.studies.precision.study import DEFAULT, FULL  # noqa: PLC0415
-    from weberlink.studies.precision.study import study as work_precision_study  # noqa: PLC0415
-    from weberlink.studies.precision.tables import summary  # noqa: PLC0415
-
     effort = FULL if full else DEFAULT
-    results = work_precision_study(effort, chooser=automatic, progress=progress)
+    results = study.study(effort, chooser=automatic, progress=progress)
 
     def draw(folder: Path) -> None:
-        from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415 - heavy, and only wanted with --plots
+        from weberlink.studies.precision.figures import work_precision  # noqa: PLC0415 - slow import
 
         work_precision(results, folder / "work_precision.png", caption)
 
@@ -107,10 +113,12 @@ def integrators(full: bool, caption: str, progress: Progress) -> Section:
         "repeats_most": effort.repeats,
         "problems": [result.as_json() for result in results],
     }
-    return Section("integrators", document, summary(results), draw)
+    return PrecisionSection("integrators", document, summary(results), draw)
 
 
-def codec(scenes: Sequence[str], duration: float, caption: str, progress: Progress) -> Section:
+def codec(
+    scenes: Sequence[str], duration: float, caption: str, progress: Progress, recorded_ticks: int | None = None
+) -> PrecisionSection:
     """The predictors of the force channel on the shipped recording and on simulated signals, over Weber factors.
 
     Args:
@@ -118,18 +126,23 @@ def codec(scenes: Sequence[str], duration: float, caption: str, progress: Progre
         duration: of each of their signals [s].
         caption: of the figure.
         progress: called before each signal.
+        recorded_ticks: of the shipped recording; None for all.
     """
-    traces = {"operator": read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))}
+    whole = read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))
+    part = slice(recorded_ticks)
+    traces = {"operator": Trace(whole.time_s[part], whole.position_m[part], whole.force_n[part], whole.gaps_s)}
     for done, name in enumerate(scenes):
         progress(f"signal of {name}", done, len(scenes))
         traces[name] = _signal(name, duration)
     progress("coding", len(scenes), len(scenes))
-    coded = study(traces)
+    coded = coding.study(traces)
 
     def draw(folder: Path) -> None:
-        coded.draw(folder / "coding.png", caption)
+        from weberlink.studies.precision.figures import coding_figure  # noqa: PLC0415 - slow import
 
-    return Section(
+        coding_figure(coded, folder / "coding.png", caption)
+
+    return PrecisionSection(
         "codec",
         coded.as_json() | {"signal_s": {name: _length(t) for name, t in traces.items()}},
         _coding_table(coded),
@@ -138,7 +151,7 @@ def codec(scenes: Sequence[str], duration: float, caption: str, progress: Progre
 
 
 def _signal(name: str, duration: float) -> Trace:
-    """What a robot is commanded and feels in a shipped configuration, in virtual time."""
+    """Commands and forces of the robot in a shipped configuration, in virtual time."""
     _, recorder = simulate(load(Path(str(files("weberlink.configs") / f"{name}.yaml"))), duration)
     with TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.csv"
@@ -151,7 +164,7 @@ def _length(trace: Trace) -> float:
 
 
 def _coding_table(coded: CodingStudy) -> Table:
-    """All signals together, at the recommended Weber factor, and where the recommended predictor stands."""
+    """All signals together at the recommended Weber factor."""
     verdicts = coded.verdicts()
     beaten = [verdict.trace for verdict in verdicts if not verdict.on_front]
     place = "on the Pareto front of every signal" if not beaten else f"off the Pareto front of {', '.join(beaten)}"
@@ -169,3 +182,75 @@ def _coding_table(coded: CodingStudy) -> Table:
                 f"{100 * row.violation_fraction:.1f} %", f"{row.tick_us:.1f}", "yes" if row.pareto_at_weber else "no",
             )  # fmt: skip
     return table
+
+
+def summary(results: Sequence[ProblemResult]) -> Table:
+    """Both tables, one above the other."""
+    whole = Table.grid()
+    whole.add_row(prices(results))
+    whole.add_row("")
+    whole.add_row(recommendations(results))
+    return whole
+
+
+def prices(results: Sequence[ProblemResult]) -> Table:
+    """CPU time for an error of 0.1 %, a dash where no step reaches it, and the orders that were seen."""
+    names = list(dict.fromkeys(row.integrator for result in results for row in result.rows))
+    table = _bare(f"CPU ms per simulated s for {100 * GOAL:g} % position error; orders of position, force", gap=2)
+    table.add_column("problem", no_wrap=True)
+    for name in names:
+        table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("order", justify="right", no_wrap=True)
+    for result in results:
+        cells = []
+        for name in names:
+            mine = [row for row in result.rows if row.integrator == name]
+            cells += [price(mine), slopes([order for order in result.orders if order.integrator == name])]
+        table.add_row(result.problem.name, *cells)
+    return table
+
+
+def recommendations(results: Sequence[ProblemResult]) -> Table:
+    """The choice of `integrator: auto` for a tick of 1 ms."""
+    table = _bare("integrator: auto at 1 kHz, against the cheapest that is as good", gap=1)
+    for name in ("problem", "auto", "x/tick", "position", "force", "ms/s", "cheapest", "x time"):
+        table.add_column(name, justify="left" if name in ("problem", "auto", "cheapest") else "right", no_wrap=True)
+    for result in results:
+        if result.recommendation is not None:
+            table.add_row(result.problem.name, *choice(result.recommendation))
+    return table
+
+
+def price(rows: Sequence[IntegratorRow]) -> str:
+    good = [row.run_time for row in rows if row.position_error <= GOAL]
+    return f"{1e3 * min(good):.3g}" if good else MISSING
+
+
+def slopes(orders: Sequence[ConvergenceOrder]) -> str:
+    """Fitted orders, position first; a mark where theory is missed."""
+    if not orders:
+        return ""
+    if orders[0].exact:
+        return "exact" if all(order.holds for order in orders) else "not exact!"
+    by_quantity = sorted(orders, key=lambda order: order.quantity, reverse=True)
+    texts = [MISSING if order.fitted is None else f"{order.fitted:.2f}" for order in by_quantity]
+    missed = any(order.fitted is not None and abs(order.fitted - order.theory) > ORDER_TOLERANCE for order in orders)
+    return " ".join(texts) + ("!" if missed else "")
+
+
+def choice(recommendation: Recommendation) -> list[str]:
+    row, rival = recommendation.row, recommendation.rival
+    itself = rival is row or recommendation.on_front
+    return [
+        row.integrator,
+        str(row.step.substeps),
+        "diverged" if row.diverged else f"{row.position_error:.0e}",
+        f"{row.force_error:.0e}",
+        f"{1e3 * row.run_time:.3g}",
+        "itself" if itself else f"{rival.integrator} {rival.step.substeps}",
+        "1" if itself else f"{recommendation.excess:.2f}",
+    ]
+
+
+def _bare(title: str, gap: int) -> Table:
+    return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, gap, 0, 0))

@@ -1,7 +1,7 @@
-"""The motion as equations, written from the physics alone: what the reference solvers integrate.
+"""Equations of motion of the problems, which the reference solvers integrate.
 
-Independent of `slave.scenes`: no proxy is followed here, no step is taken. Between events the motion is smooth, a
-`Phase`: surfaces that hold the body, and what each of them does. A phase ends where one of its guards falls below zero.
+They are written from the physics and share no code with `slave.scenes`. Between events the motion is smooth: a `Phase`
+names the surfaces that hold the body and their state. A phase ends where one of its guards falls below zero.
 
 A body held by surfaces with depths d_i and unit normals n_i feels the depths lambda that solve G lambda = d, with the
 Gram matrix G of the normals: the multipliers of its projection onto what is free. At right angles lambda = d.
@@ -13,10 +13,10 @@ from math import sqrt
 from typing import NamedTuple, Protocol
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.integrators.contract import Body
-from weberlink.studies.precision.problem import Friction, HalfSpace, Problem, Surface
+from weberlink.slave.integrators.contract import ControlledMass
+from weberlink.studies.precision.problems import CoulombFriction, HalfSpace, Problem, ProblemSurface
 
-State = Sequence[float]
+MotionState = Sequence[float]
 """Position [m] and velocity [m/s], six numbers."""
 
 BEYOND = 1e-15
@@ -26,8 +26,8 @@ BEYOND = 1e-15
 class Guard(NamedTuple):
     """`value` is at least zero during the phase; where it falls below, `successor` tells what follows."""
 
-    value: Callable[[State], float]
-    successor: Callable[[State], "Phase"]
+    value: Callable[[MotionState], float]
+    successor: Callable[[MotionState], "Phase"]
 
 
 class Phase(Protocol):
@@ -36,7 +36,7 @@ class Phase(Protocol):
     @property
     def guards(self) -> Sequence[Guard]: ...
 
-    def force(self, state: State) -> Vector:
+    def force(self, state: MotionState) -> Vector:
         """Contact force [N]."""
         ...
 
@@ -51,7 +51,7 @@ def beginning(problem: Problem) -> Phase:
     return Apart(rubbing[0])
 
 
-def rate(body: Body, goal: Vector, phase: Phase, state: State) -> list[float]:
+def rate(body: ControlledMass, goal: Vector, phase: Phase, state: MotionState) -> list[float]:
     """d(state)/dt of m a = k (goal - x) - c v + f."""
     x, y, z, u, v, w = state
     force = phase.force(state)
@@ -65,7 +65,7 @@ def rate(body: Body, goal: Vector, phase: Phase, state: State) -> list[float]:
     ]
 
 
-def inside(surface: Surface, state: State) -> tuple[float, Vector]:
+def inside(surface: ProblemSurface, state: MotionState) -> tuple[float, Vector]:
     """How deep [m] the body is in one surface, and the unit normal out of it there."""
     solid = surface.solid
     if isinstance(solid, HalfSpace):
@@ -96,7 +96,7 @@ def solved(normals: Sequence[Vector], right: Sequence[float]) -> list[float]:
 class Held:
     """Surfaces without friction: `held` push, except those `slack` of them whose damper would have to pull."""
 
-    surfaces: tuple[Surface, ...]
+    surfaces: tuple[ProblemSurface, ...]
     held: tuple[int, ...]
     slack: tuple[int, ...]
 
@@ -109,21 +109,21 @@ class Held:
                 guards.append(self._tighten(i) if i in self.slack else self._slacken(i))
         return guards
 
-    def force(self, state: State) -> Vector:
+    def force(self, state: MotionState) -> Vector:
         x = y = z = 0.0
         for i, (push, n) in self._pushes(state).items():
             if i not in self.slack:
                 x, y, z = x + push * n[0], y + push * n[1], z + push * n[2]
         return (x, y, z)
 
-    def _depths(self, state: State) -> tuple[list[float], list[Vector]]:
+    def _depths(self, state: MotionState) -> tuple[list[float], list[Vector]]:
         """lambda of each held surface, and its normal."""
         if not self.held:
             return [], []
         depths, normals = zip(*(inside(self.surfaces[i], state) for i in self.held), strict=True)
         return solved(normals, depths), list(normals)
 
-    def _pushes(self, state: State) -> dict[int, tuple[float, Vector]]:
+    def _pushes(self, state: MotionState) -> dict[int, tuple[float, Vector]]:
         """k lambda + b d(lambda)/dt of each held surface, whatever its sign, and its normal."""
         depths, normals = self._depths(state)
         if not depths:
@@ -136,7 +136,7 @@ class Held:
         }
 
     def _touch(self, i: int) -> Guard:
-        def clearance(state: State) -> float:
+        def clearance(state: MotionState) -> float:
             depth, n = inside(self.surfaces[i], state)
             depths, normals = self._depths(state)
             return BEYOND - depth + sum(inner(n, m) * other for other, m in zip(depths, normals, strict=True))
@@ -164,7 +164,7 @@ class Held:
 class Apart:
     """Before or after a touch with friction."""
 
-    surface: Surface
+    surface: ProblemSurface
 
     @property
     def guards(self) -> Sequence[Guard]:
@@ -175,7 +175,7 @@ class Apart:
             )
         ]
 
-    def force(self, state: State) -> Vector:  # noqa: ARG002
+    def force(self, state: MotionState) -> Vector:  # noqa: ARG002
         return (0.0, 0.0, 0.0)
 
 
@@ -183,7 +183,7 @@ class Apart:
 class Anchored:
     """The surface holds the body at a fixed `anchor`; with `sliding`, only within the dynamic cone and for a moment."""
 
-    surface: Surface
+    surface: ProblemSurface
     anchor: Vector
     sliding: bool
 
@@ -192,10 +192,10 @@ class Anchored:
         cone = friction(self.surface)
         limit = cone.dynamic if self.sliding else cone.static
 
-        def hold(state: State) -> float:
+        def hold(state: MotionState) -> float:
             return limit * inside(self.surface, state)[0] + BEYOND - sqrt(inner(t := self._offset(state), t))
 
-        def spared(state: State) -> float:
+        def spared(state: MotionState) -> float:
             threshold = cone.restick * cone.dynamic * inside(self.surface, state)[0]
             return sqrt(inner(t := self._offset(state), t)) - threshold
 
@@ -204,19 +204,19 @@ class Anchored:
             guards.append(Guard(spared, lambda _: Anchored(self.surface, self.anchor, sliding=False)))
         return guards
 
-    def force(self, state: State) -> Vector:
+    def force(self, state: MotionState) -> Vector:
         depth, n = inside(self.surface, state)
         k, t = self.surface.stiffness, self._offset(state)
         return (k * (depth * n[0] + t[0]), k * (depth * n[1] + t[1]), k * (depth * n[2] + t[2]))
 
-    def _offset(self, state: State) -> Vector:
+    def _offset(self, state: MotionState) -> Vector:
         """From the body to the anchor, along the surface."""
         n = inside(self.surface, state)[1]
         t = (self.anchor[0] - state[0], self.anchor[1] - state[1], self.anchor[2] - state[2])
         lift = inner(t, n)
         return (t[0] - lift * n[0], t[1] - lift * n[1], t[2] - lift * n[2])
 
-    def _slide(self, state: State) -> Phase:
+    def _slide(self, state: MotionState) -> Phase:
         x, y, z = self._offset(state)
         length = sqrt(x * x + y * y + z * z)
         return Dragged(self.surface, (x / length, y / length, z / length))
@@ -229,37 +229,37 @@ class Dragged:
     The direction is constant where the body slides along a line, which is all that is solved here.
     """
 
-    surface: Surface
+    surface: ProblemSurface
     toward: Vector
 
     @property
     def guards(self) -> Sequence[Guard]:
         cone = friction(self.surface)
 
-        def dragging(state: State) -> float:
+        def dragging(state: MotionState) -> float:
             """How fast a fixed anchor would leave the dynamic cone [m/s]."""
             velocity = (state[3], state[4], state[5])
             deeper = -inner(inside(self.surface, state)[1], velocity)
             return -inner(self.toward, velocity) - cone.dynamic * deeper
 
-        def stop(state: State) -> Phase:
+        def stop(state: MotionState) -> Phase:
             offset = cone.dynamic * inside(self.surface, state)[0]
             anchor = tuple(state[axis] + offset * self.toward[axis] for axis in range(3))
             return Anchored(self.surface, (anchor[0], anchor[1], anchor[2]), sliding=True)
 
         return [leaving(self.surface), Guard(dragging, stop)]
 
-    def force(self, state: State) -> Vector:
+    def force(self, state: MotionState) -> Vector:
         depth, n = inside(self.surface, state)
         f, share = self.surface.stiffness * depth, friction(self.surface).dynamic
         t = self.toward
         return (f * (n[0] + share * t[0]), f * (n[1] + share * t[1]), f * (n[2] + share * t[2]))
 
 
-def leaving(surface: Surface) -> Guard:
+def leaving(surface: ProblemSurface) -> Guard:
     return Guard(lambda state: inside(surface, state)[0], lambda _: Apart(surface))
 
 
-def friction(surface: Surface) -> Friction:
+def friction(surface: ProblemSurface) -> CoulombFriction:
     assert surface.friction is not None
     return surface.friction

@@ -1,6 +1,6 @@
-"""Solutions that are known: each problem by two independent solvers, and how far these agree. Needs scipy.
+"""Reference solutions: each problem solved by two independent solvers from event to event, and their agreement.
 
-Owns the walk from event to event. Which solver took the steps, it does not know.
+Needs scipy (extra: precision).
 """
 
 from collections.abc import Callable
@@ -9,20 +9,19 @@ from math import inf
 from typing import Any
 
 from weberlink.geometry.vector import Vector, distance, norm
-from weberlink.studies.precision import collocation, dormand_prince
-from weberlink.studies.precision.equations import Phase, State, beginning, rate
-from weberlink.studies.precision.problem import TICK, Problem
-from weberlink.studies.precision.smooth import Solver, Stretch
+from weberlink.studies.precision.equations import MotionState, Phase, beginning, rate
+from weberlink.studies.precision.problems import TICK, Problem
+from weberlink.studies.precision.solvers import Solver, Stretch, collocation, dop853
 
-SOLVERS: dict[str, Solver] = {"dop853": dormand_prince.solve, "radau_iia_17": collocation.solve}
+SOLVERS: dict[str, Solver] = {"dop853": dop853, "radau_iia_17": collocation}
 AGREEMENT = 1e-9
-"""What the two solvers must agree to, relative to the scales of the problem."""
+"""Largest difference between the solvers, relative to the scales of the problem."""
 EVENTS_MOST = 10_000
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Position [m] and contact force [N] at every tick after the start, and what happened on the way."""
+    """Position [m] and contact force [N] at every tick after the start."""
 
     positions: list[Vector]
     forces: list[Vector]
@@ -31,16 +30,16 @@ class Trajectory:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceSolution:
     """The solution of a problem, at every tick."""
 
     trajectory: Trajectory
     start_force: Vector
     """Contact force just after the start [N]."""
     position_scale: float
-    """How far the body gets from its start [m]: what relative errors of position refer to."""
+    """Largest distance from the start [m], the unit of relative position errors."""
     force_scale: float
-    """Largest contact force [N], or what the position control could do at that distance where there is none."""
+    """Largest contact force [N]; without contact, stiffness of the position control times `position_scale`."""
     agreement: float
     """Largest difference between the two solvers, in position or force, relative to the scales."""
 
@@ -59,11 +58,11 @@ class Reference:
         }
 
 
-def reference(problem: Problem) -> Reference:
-    """Solves `problem` with both solvers.
+def reference(problem: Problem) -> ReferenceSolution:
+    """Solve `problem` with both solvers.
 
     Raises:
-        ArithmeticError: where a solver finds no solution.
+        ArithmeticError: if a solver finds no solution.
     """
     first, second = (trajectory(problem, solver) for solver in SOLVERS.values())
     extent = max(distance(position, problem.position) for position in first.positions)
@@ -72,7 +71,7 @@ def reference(problem: Problem) -> Reference:
     differences = [distance(a, b) / position_scale for a, b in zip(first.positions, second.positions, strict=True)]
     differences += [distance(a, b) / force_scale for a, b in zip(first.forces, second.forces, strict=True)]
     agreement = max(differences) if first.events == second.events else inf
-    return Reference(first, start_force(problem), position_scale, force_scale, agreement)
+    return ReferenceSolution(first, start_force(problem), position_scale, force_scale, agreement)
 
 
 def start_force(problem: Problem) -> Vector:
@@ -82,8 +81,8 @@ def start_force(problem: Problem) -> Vector:
     return phase.force([*problem.position, *problem.velocity])
 
 
-def settled(phase: Phase, state: State) -> tuple[Phase, int]:
-    """The phase after whatever ends at this very state, and how many events that is."""
+def settled(phase: Phase, state: MotionState) -> tuple[Phase, int]:
+    """The phase that lasts from this state on, and the number of events that lead to it."""
     for events in range(EVENTS_MOST):
         fallen = [guard for guard in phase.guards if guard.value(state) < 0.0]
         if not fallen:
@@ -97,7 +96,7 @@ def trajectory(problem: Problem, solver: Solver) -> Trajectory:
     positions: list[Vector] = []
     forces: list[Vector] = []
     now, events = 0.0, 0
-    state: State = [*problem.position, *problem.velocity]
+    state: MotionState = [*problem.position, *problem.velocity]
     phase = beginning(problem)
     ticks = [(n + 1) * TICK for n in range(round(problem.duration / TICK))]
     ends = [since for since, _ in problem.goals[1:]] + [ticks[-1]]
@@ -119,8 +118,8 @@ def trajectory(problem: Problem, solver: Solver) -> Trajectory:
 
 
 def stretch(
-    problem: Problem, phase: Phase, goal: Vector, state: State, begin: float, end: float, ticks: list[float]
+    problem: Problem, phase: Phase, goal: Vector, state: MotionState, begin: float, end: float, ticks: list[float]
 ) -> Stretch:
-    field: Callable[[State], list[float]] = lambda now: rate(problem.body, goal, phase, now)  # noqa: E731
+    field: Callable[[MotionState], list[float]] = lambda now: rate(problem.body, goal, phase, now)  # noqa: E731
     guards = [guard.value for guard in phase.guards]
     return Stretch(field, guards, state, begin, end, [min(tick, end) for tick in ticks])

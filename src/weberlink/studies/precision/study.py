@@ -1,7 +1,4 @@
-"""Every problem with every integrator and step: the rows, the orders they show, and how the recommended choice fares.
-
-Needs scipy (extra: precision) for the references.
-"""
+"""Work-precision study: every problem with every integrator and step. Needs scipy (extra: precision)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,26 +6,32 @@ from math import inf
 from typing import Any
 
 from weberlink.slave.integrators import INTEGRATORS
-from weberlink.slave.integrators.contract import Scheme
-from weberlink.studies.precision.convergence import fitted_order
-from weberlink.studies.precision.pareto import Point, cheapest_as_good, front
-from weberlink.studies.precision.problem import Problem, Quantity
-from weberlink.studies.precision.problems import PROBLEMS
-from weberlink.studies.precision.reference import Reference, reference
-from weberlink.studies.precision.run import Row, Step, measured
+from weberlink.slave.integrators.contract import IntegrationScheme
+from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
+from weberlink.studies.precision.measurement import (
+    IntegratorRow,
+    Point,
+    StepSize,
+    cheapest_as_good,
+    fitted_order,
+    front,
+    measured,
+)
+from weberlink.studies.precision.problems import PROBLEMS, TICK, Problem, Quantity
+from weberlink.studies.precision.reference import ReferenceSolution, reference
 
 Chooser = Callable[[Problem], tuple[str, int]]
-"""The integrator and the substeps per tick that are recommended for a problem."""
+"""The recommended integrator and its substeps per tick for a problem."""
 
 Progress = Callable[[str, int, int], None]
-"""Told what comes next, how much is done, and of how much."""
+"""Receives the name of the next piece, the number of finished pieces, and the number of all."""
 
 RESOLVED = 1e-12
-"""Relative errors below it are rounding and count as equal."""
+"""Relative errors below it are rounding errors and count as equal."""
 EXACT = 1e-9
-"""What an integrator that is exact on linear contact must reach, relative."""
+"""Largest relative error of an integrator that is exact on linear contact."""
 NOISE_LEAST = 0.05
-"""Two run times closer than this share are never told apart."""
+"""Run times that differ by less than this share count as equal."""
 ORDER_TOLERANCE = 0.2
 
 
@@ -39,18 +42,18 @@ class Effort:
     finest: int
     repeats: int
 
-    def steps(self, problem: Problem, also: int | None = None) -> list[Step]:
+    def steps(self, problem: Problem, also: int | None = None) -> list[StepSize]:
         """The coarsest first; `also` is a number of substeps that must be among them."""
         steps, ticks = [], problem.coarsest_ticks
         while ticks > 1:
-            steps.append(Step(ticks=ticks))
+            steps.append(StepSize(ticks=ticks))
             ticks //= 2
         substeps = 1
         while substeps <= self.finest:
-            steps.append(Step(substeps=substeps))
+            steps.append(StepSize(substeps=substeps))
             substeps *= 2
-        if also is not None and Step(substeps=also) not in steps:
-            steps.append(Step(substeps=also))
+        if also is not None and StepSize(substeps=also) not in steps:
+            steps.append(StepSize(substeps=also))
         return sorted(steps, key=lambda step: -step.length)
 
 
@@ -59,17 +62,17 @@ FULL = Effort(finest=512, repeats=15)
 
 
 @dataclass(frozen=True)
-class Order:
-    """How fast an error falls with the step, beside what theory says."""
+class ConvergenceOrder:
+    """The order of convergence of an error, beside the order in theory."""
 
     problem: str
     integrator: str
     quantity: Quantity
     fitted: float | None
-    """None where fewer than three steps are in the asymptotic range, as where there is no error to fit."""
+    """None where fewer than three steps are in the asymptotic range."""
     theory: int
     exact: bool
-    """Whether theory says that there is no error at any step."""
+    """Whether the integrator is exact in theory."""
     largest_error: float
     """Over all steps."""
 
@@ -95,20 +98,20 @@ class Order:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """What is chosen for a problem at the tick rate, against everything else that fits a tick."""
+    """The recommended integrator at the tick rate, against all others whose step fits a tick."""
 
-    row: Row
-    rival: Row
-    """The cheapest that is as good; the row itself if nothing is cheaper."""
+    row: IntegratorRow
+    rival: IntegratorRow
+    """The cheapest row with the same or a smaller error; the recommended row itself if none is cheaper."""
 
     @property
     def excess(self) -> float:
-        """Run time against the rival's; 1 on the Pareto front."""
+        """Run time over that of the rival; 1 on the Pareto front."""
         return self.row.run_time / self.rival.run_time
 
     @property
     def noise(self) -> float:
-        """Share of run time that the repeats leave open."""
+        """Uncertainty of the run time as a share of it, from the spread of the repeats."""
         return max(NOISE_LEAST, 0.5 * (self.row.run_time_spread + self.rival.run_time_spread))
 
     @property
@@ -126,20 +129,20 @@ class Recommendation:
 
 
 @dataclass(frozen=True)
-class Result:
-    """What was measured on one problem."""
+class ProblemResult:
+    """All rows of one problem."""
 
     problem: Problem
-    reference: Reference
-    rows: list[Row]
-    orders: list[Order]
+    reference: ReferenceSolution
+    rows: list[IntegratorRow]
+    orders: list[ConvergenceOrder]
     recommendation: Recommendation | None
     front: set[int] = field(default_factory=set)
-    """Indices of the rows that nothing else beats, whatever their step."""
+    """Indices of the rows on the Pareto front."""
 
     @property
     def floor(self) -> float:
-        """Relative errors below it are not told apart."""
+        """Relative errors below it count as equal."""
         return resolved(self.reference)
 
     def as_json(self) -> dict[str, Any]:
@@ -166,18 +169,18 @@ class Result:
 def study(
     effort: Effort = DEFAULT,
     problems: Sequence[Problem] = PROBLEMS,
-    schemes: Mapping[str, Scheme] = INTEGRATORS,
+    schemes: Mapping[str, IntegrationScheme] = INTEGRATORS,
     chooser: Chooser | None = None,
     progress: Progress = lambda *_: None,
-) -> list[Result]:
-    """Runs everything.
+) -> list[ProblemResult]:
+    """Run everything.
 
     Args:
         effort: how fine and how often.
         problems: which of them.
         schemes: integrators by name.
-        chooser: what is recommended; None leaves recommendations out.
-        progress: called before each problem, and once at the end.
+        chooser: recommends an integrator; None leaves recommendations out.
+        progress: called before each problem, and at the end.
     """
     results = []
     for done, problem in enumerate(problems):
@@ -187,7 +190,9 @@ def study(
     return results
 
 
-def studied(problem: Problem, effort: Effort, schemes: Mapping[str, Scheme], chooser: Chooser | None) -> Result:
+def studied(
+    problem: Problem, effort: Effort, schemes: Mapping[str, IntegrationScheme], chooser: Chooser | None
+) -> ProblemResult:
     known = reference(problem)
     name, substeps = chooser(problem) if chooser is not None else (None, None)
     rows = [
@@ -201,34 +206,47 @@ def studied(problem: Problem, effort: Effort, schemes: Mapping[str, Scheme], cho
         for scheme_name, scheme in schemes.items()
         for quantity in sorted(problem.smooth)
     ]
-    best = set(front([point(row, floor) for row in rows]))
-    chosen = [row for row in rows if row.integrator == name and row.step == Step(substeps=substeps or 0)]
-    return Result(problem, known, rows, orders, recommendation(chosen[0], rows, floor) if chosen else None, best)
+    best = {index for index, on in enumerate(front([point(row, floor) for row in rows])) if on}
+    chosen = [row for row in rows if row.integrator == name and row.step == StepSize(substeps=substeps or 0)]
+    return ProblemResult(problem, known, rows, orders, recommendation(chosen[0], rows, floor) if chosen else None, best)
 
 
-def resolved(known: Reference) -> float:
+def resolved(known: ReferenceSolution) -> float:
     """The relative error below which two results count as equal."""
     return max(RESOLVED, 10.0 * known.agreement)
 
 
 def convergence(
-    problem: Problem, name: str, scheme: Scheme, quantity: Quantity, rows: Sequence[Row], floor: float
-) -> Order:
+    problem: Problem,
+    name: str,
+    scheme: IntegrationScheme,
+    quantity: Quantity,
+    rows: Sequence[IntegratorRow],
+    floor: float,
+) -> ConvergenceOrder:
     mine = [row for row in rows if row.integrator == name]
     errors = [row.position_error if quantity == "position" else row.force_error for row in mine]
     usable = [error if error < inf else None for error in errors]
     fitted = fitted_order([row.step.length for row in mine], usable, floor)
     exact = problem.linear and scheme.exact_if_linear
-    return Order(problem.name, name, quantity, fitted, scheme.order, exact, max(errors))
+    return ConvergenceOrder(problem.name, name, quantity, fitted, scheme.order, exact, max(errors))
 
 
-def point(row: Row, floor: float) -> Point:
+def point(row: IntegratorRow, floor: float) -> Point:
     """Run time and position error as compared: at least `floor`, and infinite for what diverged."""
     return (row.run_time, inf if row.diverged else max(row.position_error, floor))
 
 
-def recommendation(chosen: Row, rows: Sequence[Row], floor: float) -> Recommendation:
+def recommendation(chosen: IntegratorRow, rows: Sequence[IntegratorRow], floor: float) -> Recommendation:
     candidates = [row for row in rows if row.step.fits_tick]
     points = [point(row, floor) for row in candidates]
     rival = cheapest_as_good(points, point(chosen, floor)[1])
     return Recommendation(chosen, candidates[rival] if rival is not None else chosen)
+
+
+def automatic(problem: Problem) -> tuple[str, int]:
+    """The choice of `integrator: auto` for a problem at the tick rate."""
+    mass, stiffness, damping = problem.body
+    options = SimulatedOptions(mass_kg=mass, stiffness_n_m=stiffness, damping_n_s_m=damping)
+    robot = SimulatedRobot(options, problem.scene(), TICK)
+    return robot.integrator, robot.substeps

@@ -1,7 +1,4 @@
-"""The cells of a map: which whole systems are looked at, and the motion that all of them are put through.
-
-Owns parameters, slices and the script. Knows neither configuration files nor loops: a cell is data.
-"""
+"""Cells of the stability map: the parameters of whole systems, and the motion that all of them perform."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -9,35 +6,35 @@ from itertools import product
 from math import ceil, pi, sqrt
 from typing import Any
 
-from weberlink.studies.stability.wall import Wall, bisect, bracket, gain_limit, passivity_limit
+from weberlink.studies.stability.wall import SampledWall, bisect, bracket, gain_limit, passivity_limit
 
 HEIGHT = 0.01
-"""Where the hand begins, above the wall [m]."""
+"""Start of the hand above the wall [m]."""
 
 LONG_TRIPS = (0.0, 0.02, 0.1, 0.7)
 COARSE_TRIPS = {"none": (0.0, 0.02, 0.1), "mmt": (*LONG_TRIPS, 1.0)}
-"""Round trips [s] of the coarse map: as far as a scheme is meant to go."""
+"""Round trips [s] of the coarse map, over the range of each scheme."""
 
 STROKE = 0.04
-"""How far it moves in free space before it presses [m]."""
+"""Motion in free space before the press [m]."""
 
 DEPTH = 0.015
-"""How far below the surface the hand means to be while it presses [m]."""
+"""Intended depth of the press [m]."""
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One whole system: an operator's hand, a link, a plane to press on. The defaults are those of the shipped files.
+class SystemCell:
+    """A whole system: an operator's hand, a link and a plane. The defaults are those of the shipped files.
 
     Args:
-        slice: what part of the map it belongs to.
-        scheme: of control, by its name in the configuration.
+        slice: part of the map.
+        scheme: of control, as in the configuration.
         predictor: of the force channel.
         position_predictor: of the position channel.
         stiffness_n_m: of the plane.
         mass_kg: of device and hand, as the next two.
         damping_n_s_m: of device and hand.
-        hand_stiffness_n_m: how hard the hand holds on.
+        hand_stiffness_n_m: of the hand.
         rate_hz: of both sides.
         round_trip_s: constant delay, half of it each way.
         jitter_s: largest additional delay each way, uniform.
@@ -66,23 +63,23 @@ class Cell:
     seed: int = 0
 
     @property
-    def wall(self) -> Wall:
-        """The undelayed or delayed sampled wall that this is, were nothing coded and nothing lost."""
+    def wall(self) -> SampledWall:
+        """The sampled wall that corresponds to this cell without coding and loss."""
         one_way = ceil(0.5 * self.round_trip_s * self.rate_hz - 1e-9)
-        return Wall(
+        return SampledWall(
             self.mass_kg,
             self.damping_n_s_m,
             self.hand_stiffness_n_m,
             1.0 / self.rate_hz,
-            one_way + max(1, one_way),  # what is heard within a tick is felt in the next one
+            one_way + max(1, one_way),  # a force received within a tick is applied in the next one
         )
 
     def limits(self) -> dict[str, float]:
-        """Stiffness [N/m] up to which the loop is stable with this hand, and passive for any, if nothing were coded."""
+        """Without coding: stiffness [N/m] up to which the loop is stable with this hand, and passive with any."""
         return {"stable_to_n_m": gain_limit(self.wall), "passive_to_n_m": passivity_limit(self.wall)}
 
     def least_damping(self) -> float:
-        """Damping of device and hand [N s/m] from which on the loop is stable, if nothing were coded."""
+        """Without coding: damping of device and hand [N s/m] from which the loop is stable."""
 
         def is_stable(damping: float) -> bool:
             return gain_limit(replace(self.wall, damping_n_s_m=damping)) > self.stiffness_n_m
@@ -94,13 +91,13 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Timing:
-    """When things happen in a cell [s]: the motion is the same for all, the waiting grows with delay and inertia."""
+class CellTiming:
+    """Times of the script [s]: the motion is the same for all cells, pauses grow with delay and inertia."""
 
     press: float
     """The hand begins to go down."""
     hold: float
-    """It means to be at `DEPTH` from here on."""
+    """Its intended position is `DEPTH` from here on."""
     release: float
     """It begins to come up."""
     end: float
@@ -108,11 +105,11 @@ class Timing:
     """The motion as a script of the `operator` device."""
 
 
-def timing(cell: Cell) -> Timing:
-    """The script of a cell: wait for the session, press, hold, release, tap, wait for what is on the way.
+def timing(cell: SystemCell) -> CellTiming:
+    """The script of a cell: wait for the session, move, press, hold, release, tap, wait for the link.
 
-    The hold lasts a second, five round trips and three periods of the hand alone, so that two windows of it show
-    whether what oscillates in it dies out.
+    The hold lasts a second, five round trips and three periods of the hand, so that two windows of it show whether an
+    oscillation dies out.
     """
     trip = cell.round_trip_s + 2.0 * cell.jitter_s
     period = 2.0 * pi * sqrt(cell.mass_kg / cell.hand_stiffness_n_m)
@@ -135,10 +132,10 @@ def timing(cell: Cell) -> Timing:
     )  # fmt: skip
     press = lead + 1.2 + 0.01
     end = press + down + hold + down + 0.01 + 0.5 + 0.2 + trip
-    return Timing(press, press + down, press + down + hold, end, steps)
+    return CellTiming(press, press + down, press + down + hold, end, steps)
 
 
-def cells(arrangements: Sequence[tuple[str, str]], seed: int, *, full: bool) -> list[Cell]:
+def cells(arrangements: Sequence[tuple[str, str]], seed: int, *, full: bool) -> list[SystemCell]:
     """All cells of the map.
 
     Args:
@@ -149,69 +146,69 @@ def cells(arrangements: Sequence[tuple[str, str]], seed: int, *, full: bool) -> 
     return [replace(cell, seed=seed) for cell in _all(arrangements, full=full)]
 
 
-def _all(arrangements: Sequence[tuple[str, str]], *, full: bool) -> Iterator[Cell]:
+def _all(arrangements: Sequence[tuple[str, str]], *, full: bool) -> Iterator[SystemCell]:
     for scheme, predictor in arrangements:
         yield from _stiffness_and_delay(scheme, predictor, full=full)
     yield from _hand(full=full)
     yield from _rate(full=full)
     for scheme, predictor in arrangements:
-        if scheme != "none" and (full or scheme != "auto"):  # which is one of the others
+        if scheme != "none" and (full or scheme != "auto"):  # auto is one of the others
             yield from _bad_link(scheme, predictor, full=full)
             yield from _other_hands(scheme, predictor, full=full)
     yield from _weber(*arrangements[-1], full=full)
 
 
-def _stiffness_and_delay(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
+def _stiffness_and_delay(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
     stiffnesses = _decades(10.0, 1e7, 2) if full else [10.0, 500.0, 1e4, 1e7]
     trips = (0.0, 0.002, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0) if full else COARSE_TRIPS.get(scheme, LONG_TRIPS)
     for stiffness, trip in product(stiffnesses, trips):
-        yield Cell("stiffness x delay", scheme, predictor, stiffness_n_m=stiffness, round_trip_s=trip)
+        yield SystemCell("stiffness x delay", scheme, predictor, stiffness_n_m=stiffness, round_trip_s=trip)
 
 
-def _uncoded(name: str) -> Cell:
-    """Nothing predicted, nothing left out: here the limits of the sampled wall hold."""
-    return Cell(name, "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
+def _uncoded(name: str) -> SystemCell:
+    """A cell without coding, where the limits of the sampled wall hold."""
+    return SystemCell(name, "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
 
 
-def _hand(*, full: bool) -> Iterator[Cell]:
+def _hand(*, full: bool) -> Iterator[SystemCell]:
     masses = _decades(0.001, 10.0, 2 if full else 1)
     dampings = _decades(0.05, 50.0, 2 if full else 1)
     for mass, damping in product(masses, dampings):
         yield replace(_uncoded("mass x damping"), mass_kg=mass, damping_n_s_m=damping)
 
 
-def _rate(*, full: bool) -> Iterator[Cell]:
+def _rate(*, full: bool) -> Iterator[SystemCell]:
     rates = (100.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0) if full else (100.0, 1000.0, 4000.0)
     for rate, stiffness in product(rates, _decades(100.0, 1e5, 2) if full else (1e3, 1e4, 1e5)):
         yield replace(_uncoded("rate x stiffness"), rate_hz=rate, stiffness_n_m=stiffness)
 
 
-def _bad_link(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
+def _bad_link(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
     jitters = (0.0, 0.002, 0.01, 0.05) if full else (0.01,)
     losses = (0.0, 0.02, 0.1, 0.3) if full else (0.1, 0.3)
     trips = (0.0, 0.02, 0.1, 0.3, 0.7, 1.0) if full else (0.0, 0.1, 0.7)
     for jitter, trip, loss in product(jitters, trips, losses):
-        yield Cell("loss x delay", scheme, predictor, round_trip_s=trip, jitter_s=jitter, loss=loss)
+        yield SystemCell("loss x delay", scheme, predictor, round_trip_s=trip, jitter_s=jitter, loss=loss)
 
 
-def _other_hands(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
-    """A delayed and lossy link under control, with hands and rates other than the default ones."""
+def _other_hands(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
+    """Other hands and rates with a delayed, lossy link under control."""
     hands = tuple(product((0.001, 0.03, 1.0, 10.0), (0.5, 8.0, 50.0))) if full else ((0.01, 20.0), (10.0, 20.0))
     rates = (100.0, 1000.0, 4000.0) if full else (1000.0,)
     for (mass, damping), rate, stiffness in product(hands, rates, (500.0, 1e7)):
-        cell = Cell("hand, delayed", scheme, predictor, round_trip_s=0.1, jitter_s=0.01, loss=0.1)
+        cell = SystemCell("hand, delayed", scheme, predictor, round_trip_s=0.1, jitter_s=0.01, loss=0.1)
         yield replace(cell, mass_kg=mass, damping_n_s_m=damping, rate_hz=rate, stiffness_n_m=stiffness)
 
 
-def _weber(scheme: str, predictor: str, *, full: bool) -> Iterator[Cell]:
+def _weber(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
     webers = (0.0, 0.025, 0.05, 0.1, 0.2, 0.3, 0.5) if full else (0.0, 0.1, 0.5)
     trips = (0.0, 0.02, 0.1, 0.3, 1.0) if full else (0.0, 0.1, 0.7)
     for weber, trip in product(webers, trips):
-        yield Cell("k x delay", scheme, predictor, weber=weber, round_trip_s=trip)
+        yield SystemCell("k x delay", scheme, predictor, weber=weber, round_trip_s=trip)
 
 
 def _decades(first: float, last: float, each: int) -> list[float]:
-    """From the first to the last, so many steps to a decade, rounded to two digits."""
+    """Values from first to last, `each` per decade, rounded to two digits."""
     values, value = [], first
     while value < last * 1.001:
         values.append(float(f"{value:.2g}"))

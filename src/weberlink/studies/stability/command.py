@@ -1,8 +1,4 @@
-"""The `stability` command: stiff and extreme cases, as sampled walls and as whole systems, into a map.
-
-Owns how a cell of the map becomes a configuration and a run. What a cell is, and what is said of it, is in
-`weberlink.studies.stability`.
-"""
+"""The `stability` command: maps stiff and extreme cases, as sampled walls and as whole systems in virtual time."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -16,11 +12,11 @@ from typing import Any, get_args
 from rich.table import Table
 
 from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
-from weberlink.studies.parallel import spread
-from weberlink.studies.stability.cells import HEIGHT, Cell, Timing, cells, timing
-from weberlink.studies.stability.survey import WallRow, survey, walls
-from weberlink.studies.stability.verdict import CellObserver, Verdict
-from weberlink.studies.stability.wall import Wall
+from weberlink.studies.parallel import parallel_map
+from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, timing
+from weberlink.studies.stability.measured_wall import WallRow, survey, walls
+from weberlink.studies.stability.verdict import CellObserver, CellVerdict
+from weberlink.studies.stability.wall import SampledWall
 from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.configuration.model import ControlSettings
@@ -31,17 +27,17 @@ from weberlink.system.simulate import build_simulation
 
 SEED = 0
 
-Task = Wall | Cell
-Result = WallRow | Verdict
+Task = SampledWall | SystemCell
+Result = WallRow | CellVerdict
 Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
 class Stability:
-    """A finished map, and how it is shown."""
+    """A finished map with its document, table and figures."""
 
     rows: list[WallRow]
-    verdicts: list[tuple[Cell, Verdict]]
+    verdicts: list[tuple[SystemCell, CellVerdict]]
     document: dict[str, Any]
     table: Table
     caption: str
@@ -52,7 +48,7 @@ class Stability:
         Raises:
             OSError: if the folder or a file in it cannot be made.
         """
-        from weberlink.studies.stability.figures import stability_map, stability_wall  # noqa: PLC0415 - heavy, seldom wanted
+        from weberlink.studies.stability.figures import stability_map, stability_wall  # noqa: PLC0415 - slow import
 
         folder.mkdir(parents=True, exist_ok=True)
         stability_wall(self.rows, folder / "stability_wall.png", self.caption)
@@ -60,16 +56,16 @@ class Stability:
 
 
 def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> Stability:
-    """Draw the map. The same seed gives the same map, whatever the number of workers.
+    """Compute the map. It does not depend on the number of workers.
 
     Args:
-        full: all of it, in some minutes, instead of a coarse map in less than one.
-        plots: whether figures will be wanted.
-        workers: processes; None for as many as there are processors, 1 for none but this one.
-        progress: told how many of how many pieces of work are done.
+        full: a fine map in minutes instead of a coarse one in less than one.
+        plots: whether figures will be drawn.
+        workers: processes; None for one per processor, 1 for this process alone.
+        progress: receives the number of finished pieces and of all pieces.
 
     Raises:
-        ConfigurationError: if figures are wanted and cannot be drawn; nothing was computed then.
+        ConfigurationError: if matplotlib is missing; nothing was computed then.
     """
     if plots:
         need("matplotlib", "plots", "--plots")
@@ -78,7 +74,9 @@ def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> 
     return assemble(rows, verdicts, full=full, run_time=perf_counter() - began)
 
 
-def assemble(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], *, full: bool, run_time: float) -> Stability:
+def assemble(
+    rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], *, full: bool, run_time: float
+) -> Stability:
     """The map of what was computed, in a run time [s]."""
     facts = environment()
     caption = footer(facts, SEED)
@@ -94,39 +92,32 @@ def assemble(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], *, full:
 
 
 def arrangements() -> list[tuple[str, str]]:
-    """Pairs of control scheme and force predictor: every scheme that there is, with the default predictor.
-
-    Without control zero-order hold is looked at too, since it is what everything is compared with.
-    """
+    """Pairs of control scheme and force predictor: every scheme with the default predictor, and plain hold."""
     schemes = get_args(ControlSettings.model_fields["scheme"].annotation)
     return [("none", "zoh"), *((scheme, "hybrid") for scheme in schemes)]
 
 
 def compute(
-    surveyed: Sequence[Wall], mapped: Sequence[Cell], workers: int | None, progress: Progress
-) -> tuple[list[WallRow], list[tuple[Cell, Verdict]]]:
-    """Do all of it, in any number of processes, and put it in order."""
+    surveyed: Sequence[SampledWall], mapped: Sequence[SystemCell], workers: int | None, progress: Progress
+) -> tuple[list[WallRow], list[tuple[SystemCell, CellVerdict]]]:
+    """Compute everything in `workers` processes; results in the given order."""
     tasks: list[Task] = [*surveyed, *mapped]
-    results: dict[int, Result] = {}
-    for index, result in spread(_work, tasks, workers, _length):
-        results[index] = result
-        progress(len(results), len(tasks))
-    ordered = [results[index] for index in range(len(tasks))]
+    ordered = parallel_map(_work, tasks, workers, _length, progress)
     rows = [result for result in ordered if isinstance(result, WallRow)]
-    verdicts = [result for result in ordered if isinstance(result, Verdict)]
+    verdicts = [result for result in ordered if isinstance(result, CellVerdict)]
     return rows, list(zip(mapped, verdicts, strict=True))
 
 
-def judge(cell: Cell) -> Verdict:
-    """Run a cell in virtual time; whatever goes wrong in it is its verdict."""
+def judge(cell: SystemCell) -> CellVerdict:
+    """Run a cell in virtual time; an error becomes the verdict "failed"."""
     try:
         return _simulate(cell, timing(cell))
-    except Exception as error:  # a cell that cannot be run must not take the map with it
-        return Verdict("failed", failure=f"{type(error).__name__}: {error}")
+    except Exception as error:  # one broken cell must not end the map
+        return CellVerdict("failed", failure=f"{type(error).__name__}: {error}")
 
 
-def configuration(cell: Cell, when: Timing) -> Configuration:
-    """The shipped default with what the cell says; only the plane is left of its scene.
+def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
+    """The shipped default with the parameters of the cell and a scene of one plane.
 
     Raises:
         ConfigurationError: if there can be no such system.
@@ -150,7 +141,7 @@ def configuration(cell: Cell, when: Timing) -> Configuration:
         "codec.position.weber": cell.weber,
         "codec.position.bound_m": cell.bound_m,
         "control.scheme": cell.scheme,
-        # No tremor: what oscillates while the hand means to keep still is then the loop, and nothing else.
+        # No tremor: every oscillation during the hold then comes from the loop.
         "master.device": {"driver": "operator", "hand": hand, "tremor_m": 0.0, "home_m": home, "repeat": False}
         | {"script": list(when.steps)},
         "master.limits.device_ms": max(20.0, 3e3 / cell.rate_hz),
@@ -162,7 +153,7 @@ def configuration(cell: Cell, when: Timing) -> Configuration:
     return load(Path(str(files("weberlink.configs") / "loopback.yaml")), overrides)
 
 
-def _simulate(cell: Cell, when: Timing) -> Verdict:
+def _simulate(cell: SystemCell, when: CellTiming) -> CellVerdict:
     composed = configuration(cell, when)
     simulation = build_simulation(composed)
     observer = CellObserver()
@@ -173,20 +164,20 @@ def _simulate(cell: Cell, when: Timing) -> Verdict:
 
 
 def _work(task: Task) -> Result:
-    return survey(task) if isinstance(task, Wall) else judge(task)
+    return survey(task) if isinstance(task, SampledWall) else judge(task)
 
 
 def _length(task: Task) -> float:
-    """Of a run, in ticks, as a measure of its cost."""
-    return timing(task).end * task.rate_hz if isinstance(task, Cell) else 5e3
+    """Approximate run time, in ticks."""
+    return timing(task).end * task.rate_hz if isinstance(task, SystemCell) else 5e3
 
 
-def _table(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], run_time: float, caption: str) -> Table:
+def _table(rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], run_time: float, caption: str) -> Table:
     text = f"{_about(rows)}\n{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s\n{caption}"
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=text, caption_justify="left")
     for name in ("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer"):
         table.add_column(name, justify="left" if name in ("slice", "control") else "right", no_wrap=True)
-    groups: dict[tuple[str, str], list[Verdict]] = {}
+    groups: dict[tuple[str, str], list[CellVerdict]] = {}
     for cell, verdict in verdicts:
         groups.setdefault((cell.slice, f"{cell.scheme} {cell.predictor}"), []).append(verdict)
     for (name, control), group in groups.items():
@@ -205,7 +196,7 @@ def _table(rows: list[WallRow], verdicts: list[tuple[Cell, Verdict]], run_time: 
 
 
 def _about(rows: list[WallRow]) -> str:
-    """The survey of walls in two sentences."""
+    """Summary of the walls."""
     if not rows:
         return "no walls surveyed"
     worst = max(abs(row.deviation) for row in rows)

@@ -1,4 +1,4 @@
-"""Figures of a stability map. Needs matplotlib (extra: plots), which nothing else imports."""
+"""Figures of the stability map. Needs matplotlib (extra: plots)."""
 
 from collections.abc import Callable, Sequence
 from math import ceil, log
@@ -13,65 +13,38 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from weberlink.studies.stability.cells import Cell
-from weberlink.studies.stability.survey import WallRow
-from weberlink.studies.stability.verdict import Verdict
+from weberlink.studies.stability.cells import SystemCell
+from weberlink.studies.stability.measured_wall import WallRow
+from weberlink.studies.stability.verdict import CellVerdict
 
-Judged = tuple[Cell, Verdict]
-Quantity = Callable[[Cell], float]
+Judged = tuple[SystemCell, CellVerdict]
+Quantity = Callable[[SystemCell], float]
 
 COLUMNS = 4
 LEAST_J, MOST_J = 1e-4, 10.0
-"""Ends of the colour scale; less is white."""
+"""Ends of the colour scale; smaller values are white."""
 
+TRIP: tuple[str, Quantity] = ("round trip [ms]", lambda cell: 1e3 * cell.round_trip_s)
+MASS: tuple[str, Quantity] = ("mass [kg]", lambda cell: cell.mass_kg)
+STIFFNESS: tuple[str, Quantity] = ("stiffness [N/m]", lambda cell: cell.stiffness_n_m)
 AXES: dict[str, tuple[str, Quantity, str, Quantity]] = {
-    "stiffness x delay": (
-        "round trip [ms]",
-        lambda cell: 1e3 * cell.round_trip_s,
-        "stiffness [N/m]",
-        lambda cell: cell.stiffness_n_m,
-    ),
-    "mass x damping": (
-        "mass [kg]",
-        lambda cell: cell.mass_kg,
-        "damping [N s/m]",
-        lambda cell: cell.damping_n_s_m,
-    ),
-    "rate x stiffness": (
-        "tick rate [Hz]",
-        lambda cell: cell.rate_hz,
-        "stiffness [N/m]",
-        lambda cell: cell.stiffness_n_m,
-    ),
-    "loss x delay": (
-        "round trip [ms]",
-        lambda cell: 1e3 * cell.round_trip_s,
-        "loss [%]",
-        lambda cell: 100.0 * cell.loss,
-    ),
-    "hand, delayed": (
-        "mass [kg]",
-        lambda cell: cell.mass_kg,
-        "stiffness [N/m]",
-        lambda cell: cell.stiffness_n_m,
-    ),
-    "k x delay": (
-        "round trip [ms]",
-        lambda cell: 1e3 * cell.round_trip_s,
-        "Weber factor k",
-        lambda cell: cell.weber,
-    ),
+    "stiffness x delay": (*TRIP, *STIFFNESS),
+    "mass x damping": (*MASS, "damping [N s/m]", lambda cell: cell.damping_n_s_m),
+    "rate x stiffness": ("tick rate [Hz]", lambda cell: cell.rate_hz, *STIFFNESS),
+    "loss x delay": (*TRIP, "loss [%]", lambda cell: 100.0 * cell.loss),
+    "hand, delayed": (*MASS, *STIFFNESS),
+    "k x delay": (*TRIP, "Weber factor k", lambda cell: cell.weber),
 }
-"""Of each slice: what is across, what is up."""
+"""Abscissa and ordinate of each slice."""
 
 
 def stability_wall(rows: Sequence[WallRow], path: Path, caption: str) -> None:
-    """Left: measured limits over those of the eigenvalues, Colgate's bound beside. Right: who gives energy away.
+    """Left: measured stability limits over those of the eigenvalues. Right: active and passive walls.
 
     Args:
         rows: of a survey.
         path: of the picture; its suffix names the format.
-        caption: the environment in which the rows were made, printed below.
+        caption: the environment of the run, printed below.
     """
     figure = Figure(figsize=(11.0, 5.0), layout="constrained")
     limits, energies = figure.subplots(1, 2)
@@ -82,12 +55,12 @@ def stability_wall(rows: Sequence[WallRow], path: Path, caption: str) -> None:
 
 
 def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
-    """A heat map for each slice and control: energy that the operator got out, unbounded cells hatched.
+    """A heat map for each slice and control: energy that the operator got out; unbounded cells are hatched.
 
     Args:
         verdicts: of all cells.
         path: of the picture; its suffix names the format.
-        caption: the environment in which the cells were run, printed below.
+        caption: the environment of the run, printed below.
     """
     panels: dict[tuple[str, ...], list[Judged]] = {}
     for cell, verdict in verdicts:
@@ -112,8 +85,8 @@ def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
     figure.savefig(path, dpi=130)
 
 
-def _circumstance(cell: Cell) -> str:
-    """What the cells of a panel have in common, where a slice has more than two parameters."""
+def _circumstance(cell: SystemCell) -> str:
+    """Parameters that the cells of a panel share, where a slice has more than two."""
     if cell.slice == "loss x delay":
         return f"jitter {1e3 * cell.jitter_s:g} ms"
     if cell.slice == "hand, delayed":
@@ -167,7 +140,7 @@ def _draw_activity(axes: Axes, rows: Sequence[WallRow]) -> None:
             for stiffness, energy in row.activities
             if (energy > 0.0) == active
         ]
-        label = f"{'gives energy away' if active else 'passive'}: {len(points)} cells"
+        label = f"{'active' if active else 'passive'}: {len(points)} cells"
         axes.plot([x for x, _ in points], [y for _, y in points], ".", color=colour, alpha=0.6, label=label)
     axes.plot(
         [row.passive_to_n_m for row in rows],
@@ -200,7 +173,7 @@ def _draw_panel(axes: Axes, name: str, judged: Sequence[Judged], mappable: Scala
     axes.set_ylabel(y_label, fontsize=8)
 
 
-def _draw_cell(axes: Axes, x: int, y: int, verdict: Verdict, mappable: ScalarMappable) -> None:
+def _draw_cell(axes: Axes, x: int, y: int, verdict: CellVerdict, mappable: ScalarMappable) -> None:
     corner = (x - 0.5, y - 0.5)
     energy = verdict.energy_generated_j
     colour = "0.85" if energy is None else mappable.to_rgba(np.asarray(energy or 0.1 * LEAST_J))
@@ -216,11 +189,11 @@ def _draw_cell(axes: Axes, x: int, y: int, verdict: Verdict, mappable: ScalarMap
 def _draw_limit(
     axes: Axes, judged: Sequence[Judged], across: Sequence[float], up: Sequence[float], x_of: Quantity
 ) -> None:
-    """Where the loop would become unstable if nothing were coded, between the rows of a logarithmic axis."""
+    """Draw the stability limit without coding."""
     for place, value in enumerate(across):
         cell = next(cell for cell, _ in judged if x_of(cell) == value)
         limit = cell.least_damping() if cell.slice == "mass x damping" else cell.limits()["stable_to_n_m"]
-        rows = np.log([up[0] / 10.0, *up, up[-1] * 10.0])  # one more at either end
+        rows = np.log([up[0] / 10.0, *up, up[-1] * 10.0])  # one more row at either end
         height = float(np.interp(log(limit), rows, range(-1, len(up) + 1)))
         if -0.5 <= height <= len(up) - 0.5:
             axes.plot([place - 0.5, place + 0.5], [height, height], color="C0", linewidth=2.0)
@@ -230,10 +203,8 @@ def _explain(figure: Figure) -> None:
     figure.legend(
         handles=[
             Patch(facecolor="w", edgecolor="0.25", hatch="////", label="not bounded: oscillating or growing"),
-            Line2D(
-                [], [], color="0.2", linestyle="none", marker="$99$", markersize=11, label="% of the force that is felt"
-            ),
-            Line2D([], [], color="C0", linewidth=2.0, label="limit of stability, were nothing coded or controlled"),
+            Line2D([], [], color="0.2", linestyle="none", marker="$99$", markersize=11, label="% of the force felt"),
+            Line2D([], [], color="C0", linewidth=2.0, label="stability limit without coding and control"),
             Line2D([], [], color="C0", linestyle="none", marker="x", label="failed"),
         ],
         loc="outside upper center",

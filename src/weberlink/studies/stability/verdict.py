@@ -1,7 +1,4 @@
-"""What the records of a cell say: whether it stayed calm, and what it cost in energy, force and time.
-
-Owns the definitions of all figures of a cell. Fed with telemetry; knows neither the loops nor the configuration.
-"""
+"""Verdict on a cell from the telemetry of both sides: bounded or not, energy, force and settling time."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -10,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.protocol.states import State
-from weberlink.studies.stability.cells import Cell, Timing
+from weberlink.studies.stability.cells import CellTiming, SystemCell
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
 
@@ -18,47 +15,47 @@ Floats = NDArray[np.float64]
 Phase = Literal["settled", "decaying", "oscillating", "growing", "failed"]
 
 SHARE = 0.05
-"""Of a steady force, that counts as steady whatever the deadband is."""
+"""Swing of a steady force, as a share of it, beside that of the deadband."""
 
 DECAYING, GROWING = 0.9, 1.5
-"""Ratio of the later variance to the earlier one, below and above which an oscillation decays or grows."""
+"""Ratios of the later to the earlier variance below which an oscillation decays and above which it grows."""
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CellVerdict:
     """The figures of a cell.
 
-    `state` is judged on the force on the operator in the hold, while the hand means to stay where it is. Its first
-    0.3 s and one round trip belong to the arrival; the rest is halved. A steady force swings, from its least to its
-    largest, by no more than two deadbands and 5 %. By the second half:
+    `state` judges the force on the operator during the hold, without its first 0.3 s and one round trip; the rest is
+    halved. The swing (largest minus smallest) of a steady force is at most two deadbands and 5 %. In the second half:
 
-        settled      no more than that
-        decaying     more, but less than in the first half, its variance by 10 % at least, and never at the limiter
-        growing      more, and its variance is above 1.5 times that of the first half
-        oscillating  none of these: a limit cycle, as every growing oscillation becomes one at the force limiter
-        failed       a fault, no session at the time of the hold, or the cell could not be run at all
+        settled      the swing is not larger
+        decaying     it is larger, but smaller than in the first half, with 10 % less variance and no limited force
+        growing      it is larger, and its variance is above 1.5 times that of the first half
+        oscillating  none of these: a limit cycle, to which the force limiter turns every growing oscillation
+        failed       a fault, no session during the hold, or the cell could not run
 
-    A cell is bounded if it has settled or is decaying. A cell just at its limit may be judged either way; a heavy hand
-    that still bounces off the force limiter in the second half counts as oscillating, whatever becomes of it later.
+    A cell is bounded if it is settled or decaying. A cell at its limit may be judged either way. A heavy hand that
+    still bounces off the force limiter in the second half counts as oscillating.
     """
 
     state: Phase
     energy_generated_j: float | None = None
-    """Most that the operator has got out of the port beyond what he had put in: the loop's activity as he meets it."""
+    """Largest energy that the operator got out of the port beyond what he put in."""
     link_generated_j: float | None = None
-    """The same of what lies between the two ports: device, link and control, without the wall."""
+    """The same between the two ports: device, link and control, without the wall."""
     peak_force_n: float | None = None
-    """On the operator."""
+    """Largest force on the operator."""
     swing_n: float | None = None
-    """Of the force on the operator, from least to largest, in the second half of the hold."""
+    """Largest minus smallest force on the operator in the second half of the hold."""
     steady_force_n: float | None = None
-    """Mean force on the operator, and on the robot, in the second half of the hold."""
+    """Mean force on the operator in the second half of the hold."""
     wall_force_n: float | None = None
+    """Mean force on the robot in the second half of the hold."""
     settle_s: float | None = None
-    """From the beginning of the press until the force stays within the larger of the deadband and 5 % of its mean in
-    the second half of the hold; None if it does so for less than the last tenth of the hold."""
+    """Time from the press until the force stays within a band around its mean in the second half of the hold: the
+    larger of the deadband and 5 %. None if it does so for less than the last tenth of the hold."""
     force_reduction: float | None = None
-    """Of force updates against one per tick."""
+    """Reduction of force updates relative to one per tick."""
     failure: str | None = None
 
     @property
@@ -67,7 +64,7 @@ class Verdict:
 
     @property
     def felt_share(self) -> float | None:
-        """Of the force on the robot, that the operator is given in the second half of the hold; 1 were all of it."""
+        """Mean force on the operator over that on the robot in the second half of the hold."""
         if self.steady_force_n is None or not self.wall_force_n:
             return None
         return self.steady_force_n / self.wall_force_n
@@ -77,7 +74,7 @@ class Verdict:
 
 
 class CellObserver:
-    """Keeps what a verdict needs of the records of both sides."""
+    """Collects the records of both sides for a verdict."""
 
     def __init__(self) -> None:
         self._masters: list[Records] = []
@@ -88,14 +85,16 @@ class CellObserver:
         self._masters.append(master)
         self._slaves.append(slave)
 
-    def verdict(self, cell: Cell, when: Timing, energy: dict[str, float | None], failure: str | None) -> Verdict:
+    def verdict(
+        self, cell: SystemCell, when: CellTiming, energy: dict[str, float | None], failure: str | None
+    ) -> CellVerdict:
         """Judge a finished run.
 
         Args:
             cell: its parameters.
             when: the times of its script.
-            energy: as the score of the session says it.
-            failure: what ended the run, if not its script.
+            energy: of the session score.
+            failure: reason of an early end.
         """
         master, slave = np.concatenate(self._masters), np.concatenate(self._slaves)
         at, felt, wall = master["at"], master["output"][:, 2], slave["raw"][:, 2]
@@ -109,7 +108,7 @@ class CellObserver:
         if failure is None:
             clipped = bool(master["clipped"][late].any())
             state = _state(felt[early], felt[late], 2.0 * deadband + SHARE * abs(steady), clipped=clipped)
-        return Verdict(
+        return CellVerdict(
             state=state,
             energy_generated_j=energy["generated_j"],
             link_generated_j=energy["link_generated_j"],
@@ -123,7 +122,7 @@ class CellObserver:
         )
 
 
-def settling_time(at: Floats, force: Floats, when: Timing, steady: float, band: float) -> float | None:
+def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, band: float) -> float | None:
     """From the press [s] until the force stays within the band for the rest of the hold; None if it hardly does."""
     span = (at >= when.press) & (at < when.release)
     outside = np.flatnonzero(np.abs(force[span] - steady) > band)
@@ -142,7 +141,7 @@ def _state(early: Floats, late: Floats, steady_swing: float, *, clipped: bool) -
 
 
 def _interruption(pressing: Records) -> str | None:
-    """Why the press and the hold were no test of the loop."""
+    """Reason why press and hold did not test the loop; None if they did."""
     if not len(pressing):
         return "ended before the hold"
     away = int((pressing["state"] != State.ENGAGED.value).sum())

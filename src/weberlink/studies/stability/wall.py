@@ -1,12 +1,9 @@
-"""The sampled virtual wall on paper: when it is stable against a hand, and when it is passive against any.
+"""The linear model of the sampled virtual wall: when it is stable against a hand, and when it is passive against any.
 
-Owns the linear model of the pressed contact and its limits. Knows no part that runs; `boundary` and `activity` measure
-the same loop with the real ones.
-
-In tick n a force f_n = -(K x + B (x - x_before) / T) is computed of the sampled position, `delay_ticks` ticks later it
-is applied, and it is held for a tick T. On the other side are device and hand, m a = -k x - b v + f, which `Hand`
-solves exactly. Without delay this is the wall of the textbooks; with one tick it is what both daemons make of it over a
-link without delay, because the force that answers a position is felt one tick later.
+In tick n the force f_n = -(K x + B (x - x_before) / T) is computed from the sampled position, applied `delay_ticks`
+ticks later, and held for a tick T. Device and hand follow m a = -k x - b v + f, which `Hand` solves exactly. Without
+delay this is the wall of the textbooks. One tick of delay corresponds to both daemons over a link without delay,
+because the force that answers a position is applied one tick later. `measured_wall` measures the same loop.
 """
 
 from collections.abc import Callable
@@ -19,20 +16,20 @@ from numpy.typing import NDArray
 from weberlink.master.devices.hand import transition
 
 PRECISION = 1e-9
-"""Relative, of a limit that is searched for."""
+"""Relative precision of a limit."""
 
 STEPS_PER_DECADE = 1000
-"""Of the frequencies at which the loop gain is looked at."""
+"""Density of the frequencies of the loop gain."""
 
 
 @dataclass(frozen=True)
-class Wall:
-    """Everything about the loop but the stiffness of the wall.
+class SampledWall:
+    """The loop without the stiffness of the wall.
 
     Args:
         mass_kg: m, of device and hand, > 0.
         damping_n_s_m: b, of device and hand, > 0.
-        hand_stiffness_n_m: k, > 0; a hand that hardly holds on comes close to a free device.
+        hand_stiffness_n_m: k, > 0; small values approach a free device.
         tick_period: T [s].
         delay_ticks: from the sampling of a position to the force that answers it, whole ticks.
         wall_damping_n_s_m: B.
@@ -47,15 +44,15 @@ class Wall:
 
     @property
     def step(self) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
-        """One tick of the hand: its transition, row by row, and what one newton held adds to position and velocity."""
+        """One tick of the hand: transition matrix by rows, and response of position and velocity to 1 N held."""
         a, b, c, d = transition(self.mass_kg, self.damping_n_s_m, self.hand_stiffness_n_m, self.tick_period)
         return (a, b, c, d), ((1.0 - a) / self.hand_stiffness_n_m, -c / self.hand_stiffness_n_m)
 
 
-def loop_matrix(wall: Wall, stiffness: float) -> NDArray[np.float64]:
+def loop_matrix(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
     """One tick of the closed loop, while the contact lasts.
 
-    The state is position, velocity, position at the tick before, and the forces that are on their way, newest first.
+    The state is position, velocity, previous position, and the delayed forces, newest first.
     """
     (a, b, c, d), (to_position, to_velocity) = wall.step
     size = 3 + wall.delay_ticks
@@ -79,12 +76,12 @@ def loop_matrix(wall: Wall, stiffness: float) -> NDArray[np.float64]:
     return loop
 
 
-def spectral_radius(wall: Wall, stiffness: float) -> float:
-    """Of the closed loop: below 1 a disturbance of the pressed contact dies out."""
+def spectral_radius(wall: SampledWall, stiffness: float) -> float:
+    """Spectral radius of the closed loop; below 1 a disturbance of the pressed contact dies out."""
     return float(np.abs(np.linalg.eigvals(loop_matrix(wall, stiffness))).max())
 
 
-def stability_limit(wall: Wall) -> float:
+def stability_limit(wall: SampledWall) -> float:
     """The stiffness [N/m] at which the spectral radius passes 1, from below.
 
     Raises:
@@ -99,8 +96,8 @@ def stability_limit(wall: Wall) -> float:
     return bisect(grows, low, high, PRECISION)
 
 
-def gain_limit(wall: Wall) -> float:
-    """The same limit from the frequency response, which also does for delays of thousands of ticks [N/m].
+def gain_limit(wall: SampledWall) -> float:
+    """The same limit [N/m] from the frequency response, which also handles delays of thousands of ticks.
 
     Without a wall the hand is stable, so the first stiffness that puts a pole on the unit circle, at exp(j w), is the
     smallest that solves 1 + K L(exp(j w)) = 0 where L is real and negative: K = -1 / L. Only for walls without damping.
@@ -114,8 +111,8 @@ def gain_limit(wall: Wall) -> float:
     return min(candidates)
 
 
-def passivity_limit(wall: Wall) -> float:
-    """The stiffness [N/m] up to which wall and device together give nobody more energy than they got; may be 0.
+def passivity_limit(wall: SampledWall) -> float:
+    """The stiffness [N/m] up to which wall and device together are passive; may be 0.
 
     b > K (T/2 + t) + |B| with the delay t. For t = 0 it is the bound of Colgate and Schenkel, "Passivity of a class of
     sampled-data systems: application to haptic interfaces", ACC 1994. Their criterion for any law H,
@@ -131,7 +128,7 @@ def passivity_limit(wall: Wall) -> float:
 
 
 def bracket(exceeds: Callable[[float], bool], start: float) -> tuple[float, float]:
-    """Two values a factor of two apart, the lower of which does not exceed what is looked for, and the upper does.
+    """Two values a factor of two apart: `exceeds` is false at the lower one and true at the upper one.
 
     Raises:
         ValueError: if there are none within a factor of 1e9 from `start`.
@@ -157,7 +154,7 @@ def bisect(exceeds: Callable[[float], bool], low: float, high: float, precision:
     return sqrt(low * high)
 
 
-def _negative_gains(wall: Wall) -> list[float]:
+def _negative_gains(wall: SampledWall) -> list[float]:
     """L(exp(j w)) wherever it is real and negative, for w in (0, pi]."""
     lowest = min(1e-6, 1e-3 * sqrt(wall.hand_stiffness_n_m / wall.mass_kg) * wall.tick_period)
     lowest = min(lowest, 1e-3 * wall.hand_stiffness_n_m / wall.damping_n_s_m * wall.tick_period)
@@ -171,7 +168,7 @@ def _negative_gains(wall: Wall) -> list[float]:
     return [gain for gain in gains if gain < 0.0]
 
 
-def _gain_at_crossing(wall: Wall, low: float, high: float) -> float:
+def _gain_at_crossing(wall: SampledWall, low: float, high: float) -> float:
     rising = bool(_loop_gain(wall, np.asarray([high])).imag[0] > 0.0)
 
     def passed(angle: float) -> bool:
@@ -181,7 +178,7 @@ def _gain_at_crossing(wall: Wall, low: float, high: float) -> float:
     return float(_loop_gain(wall, np.asarray([crossing])).real[0])
 
 
-def _loop_gain(wall: Wall, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
+def _loop_gain(wall: SampledWall, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
     """From a held force to the sampled position, after the delay, at exp(j w)."""
     (a, b, c, d), (to_position, to_velocity) = wall.step
     z = np.exp(1j * angles)

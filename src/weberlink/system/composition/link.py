@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from functools import wraps
 from secrets import token_bytes
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from weberlink.codec import Channel
-from weberlink.control.contract import Settings as ControlSettings
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import SCHEMES
 from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
@@ -37,6 +37,7 @@ ANONYMOUS = Identity()
 
 P = ParamSpec("P")
 R = TypeVar("R")
+ControlEnd = TypeVar("ControlEnd")
 
 
 def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
@@ -120,20 +121,29 @@ def build_endpoint(
     )
 
 
-def control_settings(system: System, force_range: float) -> ControlSettings:
-    """What both sides of the control scheme are built from.
+@located
+def build_control(
+    configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], force_range: float
+) -> ControlEnd:
+    """One end of the control scheme.
 
     Args:
-        system: both sides.
-        force_range: largest force that the wire and the robot can say [N].
+        configuration: of both sides.
+        build: makes the end of a scheme of this name.
+        force_range: largest force that the wire and the robot can represent [N].
+
+    Raises:
+        ConfigurationError: if the scheme is of another distribution and broken.
     """
-    return ControlSettings(
+    system = configuration.system
+    settings = SchemeParameters(
         tick_period=system.tick_period,
         force_range=force_range,
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
         catch_up_speed=system.slave.limits.approach_speed_m_s,
     )
+    return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
 
 
 def construct(where: str, driver: Any, *arguments: Any) -> Any:

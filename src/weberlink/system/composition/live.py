@@ -2,9 +2,9 @@
 
 from weberlink.codec import Encoder
 from weberlink.codec.predictors import BANKS
-from weberlink.control.contract import Imposable, MasterControl, SlaveControl
+from weberlink.control.contract import Control, Imposable
 from weberlink.control.table import SCHEMES
-from weberlink.control.tuning import Settings, Tuning
+from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.system.composition.channels import force_deadband
 from weberlink.system.configuration import System
 
@@ -28,29 +28,20 @@ def permitted(system: System) -> dict[str, tuple[str, ...]]:
     return choices
 
 
-def build_master_tuning(system: System, control: MasterControl) -> Tuning:
-    """The operator's side: its decoder needs nothing, as every update says what it is."""
-    return Tuning(_of_file(system), permitted(system), lambda settings: _impose(control, settings))
-
-
-def build_slave_tuning(system: System, control: SlaveControl, encoder: Encoder) -> Tuning:
-    """The teleoperator's side, which encodes the force."""
+def build_tuning(system: System, control: Control, force_encoder: Encoder | None = None) -> Tuning:
+    """The tuning of a side. The end that encodes the force gives its encoder; a decoder needs no tuning."""
     force = system.codec.force
 
-    def apply(settings: Settings) -> None:
-        deadband = force_deadband(system, settings.weber)
-        chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
-        encoder.retune(deadband, chosen if force.predictor in BANKS else [0])
-        _impose(control, settings)
+    def apply(settings: LiveSettings) -> None:
+        if force_encoder is not None:
+            chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
+            force_encoder.retune(force_deadband(system, settings.weber), chosen if force.predictor in BANKS else [0])
+        if isinstance(control, Imposable):
+            control.impose(None if settings.scheme == AUTO else settings.scheme)
 
     return Tuning(_of_file(system), permitted(system), apply)
 
 
-def _of_file(system: System) -> Settings:
+def _of_file(system: System) -> LiveSettings:
     force = system.codec.force
-    return Settings(force.weber, force.predictor, system.control.scheme)
-
-
-def _impose(control: MasterControl | SlaveControl, settings: Settings) -> None:
-    if isinstance(control, Imposable):
-        control.impose(None if settings.scheme == AUTO else list(SCHEMES).index(settings.scheme))
+    return LiveSettings(force.weber, force.predictor, system.control.scheme)

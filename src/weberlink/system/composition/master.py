@@ -1,19 +1,20 @@
 """The operator's side, from device to endpoint."""
 
 from math import inf
-from typing import TYPE_CHECKING
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device
-from weberlink.master.loop import MasterLoop
+from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
+from weberlink.realtime.stall import Watchdog
+from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
 from weberlink.system.composition.guardian import check_force_ends
 from weberlink.system.composition.link import (
@@ -21,18 +22,16 @@ from weberlink.system.composition.link import (
     Entropy,
     Identity,
     Stopwatch,
+    build_control,
     build_endpoint,
     check_axes,
     construct,
-    control_settings,
     located,
 )
-from weberlink.system.composition.live import build_master_tuning
+from weberlink.system.composition.live import build_tuning
 from weberlink.system.composition.mapping import build_mapping
 from weberlink.system.configuration import Configuration, ConfigurationError, System
-
-if TYPE_CHECKING:
-    from weberlink.master.rotation import HandRotation
+from weberlink.system.side import Side
 
 FASTEST_TOUCH = 1.0
 """Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
@@ -47,7 +46,7 @@ def build_master(
     stopwatch: Stopwatch,
     peer: Address,
     identity: Identity = ANONYMOUS,
-) -> MasterLoop:
+) -> Side:
     """The operator's side, not yet open.
 
     Raises:
@@ -56,44 +55,51 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_master_control(system.control.scheme, control_settings(system, force_limit))
-    engage = system.master.engage
-    return MasterLoop(
+    control = build_control(configuration, build_master_control, force_limit)
+    endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
+    displays = [Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control)]
+    if system.codec.rotation is not None:
+        displays.append(_torque_display(system, device))
+    limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
+    port = OperatorPort(
         device=device,
-        encoder=Encoder(forward[0]),
-        decoder=Decoder(backward[0]),
+        displays=displays,
         control=control,
-        tuning=build_master_tuning(system, control),
-        endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity),
-        gate=ForceGate(
-            ramp=system.master.limits.ramp_ms * 1e-3,
-            silence=system.link.silence_ms * 1e-3,
-            fade_share=FADE_SHARE,
-        ),
-        limiter=ForceLimiter(force_limit),
-        slew=SlewLimiter(_force_slew(system, device)),
-        tick_period=system.tick_period,
-        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
-        device_limit=system.master.limits.device_ms * 1e-3,
-        stopwatch=stopwatch,
+        endpoint=endpoint,
+        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
         button=None if engage is None else engage.button,
-        rotation=None if system.codec.rotation is None else _build_rotation(system, device),
+    )
+    outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), port.hand)]
+    incoming = [IncomingChannel("force", 0, Decoder(backward[0]), port.hand, control)]
+    if system.codec.rotation is not None:
+        from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - for six degrees of freedom alone
+
+        encoder = Encoder(forward[1])
+        orientation = HandOrientation(on_jump=encoder.reset)
+        outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
+        incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
+    return Side(
+        port=port,
+        outgoing=outgoing,
+        incoming=incoming,
+        tuning=build_tuning(system, control),
+        endpoint=endpoint,
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * silence,
+        watchdog=Watchdog(limits.device_ms * 1e-3),
+        stopwatch=stopwatch,
     )
 
 
-def _build_rotation(system: System, device: Device) -> "HandRotation":
-    from weberlink.master.devices.contract import TorqueDevice  # noqa: PLC0415 - for six degrees of freedom alone
-    from weberlink.master.rotation import HandRotation  # noqa: PLC0415
+def _torque_display(system: System, device: Device) -> Display:
+    from weberlink.master.devices.contract import TorqueDevice  # noqa: PLC0415
 
-    (_, orientation), (_, torque) = streams(system)
     displayed = device.spec.torque_n_m
     allowed = system.master.limits.torque_nm / _force_scale(system)
-    return HandRotation(
-        device=device if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
-        encoder=Encoder(orientation),
-        decoder=Decoder(torque),
-        limiter=ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
-        slew=SlewLimiter(_torque_slew(system, device)),
+    return Display(
+        ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
+        SlewLimiter(_torque_slew(system, device)),
+        device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
     )
 
 

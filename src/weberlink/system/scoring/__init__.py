@@ -1,1 +1,1 @@
-"""Figures of a session, computed from the telemetry of its two sides."""
+"""The figures of a session, from the telemetry records of its two sides."""

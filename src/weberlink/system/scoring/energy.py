@@ -1,10 +1,9 @@
-"""Energy at the two ports of a session, from telemetry. Knows no link and no codec.
+"""Energy at the two ports of a session, from telemetry; energy from the operator to the robot is positive.
 
-The operator's port is the hand on the device: a force that is *held* from tick k to the next while the device moves
-from x_k to x_k+1, so that the operator's work on the device in that tick is exactly -output_k . (x_k+1 - x_k). The
-robot's port is its contact: force and position change together, hence the trapezoid -(f_k + f_k+1) / 2 . (p_k+1 - p_k)
-of the measured force over the commanded position. Both count what flows from the operator to the robot as positive.
-Where the session has a rotation, a port turns too, and its torque does work over the rotation in the same two ways.
+The device of the operator holds its force from tick k to the next while it moves from x_k to x_k+1, so the work of the
+operator in that tick is exactly -output_k . (x_k+1 - x_k). At the robot, force and position change together, hence the
+trapezoid -(f_k + f_k+1) / 2 . (p_k+1 - p_k) of the measured force over the commanded position. With six degrees of
+freedom, torque does work over rotation in the same two ways.
 """
 
 from collections.abc import Callable
@@ -21,15 +20,14 @@ Series = NDArray[np.float64]
 class PortWork:
     """Cumulative work at one port, tick by tick.
 
-    Every tick counts, in a session or out of it, faded or not: energy that the hand got out while a force faded was got
-    out all the same. A step over records that the reader lost counts nothing; one over a missed tick counts, since the
-    force was held.
+    Every tick counts, also out of session and in ramps. A step over records that the reader lost counts nothing; one
+    over a missed tick counts, since the force was held.
 
     Args:
         force, position: columns of the record.
-        held: whether the force is held over the tick; else it is taken to change linearly.
+        held: whether the force is held over the tick; else it changes linearly.
         turns: rotation vectors from each row to the next [rad], for rotation vectors of shape (n, 3); None for a
-            session of three degrees of freedom, where nothing turns.
+            session of three degrees of freedom.
     """
 
     def __init__(self, force: str, position: str, *, held: bool, turns: Callable[[Any], Series] | None = None) -> None:
@@ -38,7 +36,7 @@ class PortWork:
         self.total = 0.0
         """Up to the newest record [J]."""
         self.least = 0.0
-        """The lowest that the sum ever was, not above its beginning [J]."""
+        """The lowest value of the sum so far, at most 0 [J]."""
 
     def add(self, records: Records) -> Series:
         """Take the next records; returns the work done up to each of them [J], shape (n,)."""
@@ -58,23 +56,23 @@ class PortWork:
         return sums
 
     def _work(self, force: Any, ways: Any) -> Series:
-        """On the port over each step, of a force over a way or a torque over a turn [J]."""
+        """Work over each step, of a force over a displacement or a torque over a turn [J]."""
         between = force[:-1] if self._held else 0.5 * (force[:-1] + force[1:])
         return np.asarray(-(between * ways).sum(axis=1), dtype=np.float64)
 
 
 class LinkEnergy:
-    """What went in at the operator's port and did not come out at the robot's, while both sides were engaged.
+    """Energy that went in at the port of the operator and did not come out at the robot, while both sides were engaged.
 
-    Ramps count; a step counts if both of its ends are in a session of both sides. A negative sum is energy that the
-    link made; that the device holds its force over a tick is part of it.
+    Ramps count; a step counts if both sides are engaged at both of its ends. A negative sum is energy that the link
+    generated, which includes the effect of holding the force over a tick.
     """
 
     def __init__(self) -> None:
         self._last: tuple[float, bool] | None = None
         self._total = 0.0
         self.least = 0.0
-        """The lowest that the sum ever was, not above its beginning [J]."""
+        """The lowest value of the sum so far, at most 0 [J]."""
 
     def add(self, given: Series, taken: Series, engaged: NDArray[np.bool_]) -> None:
         """Take the next pairs, in order of time, without gaps.

@@ -1,7 +1,7 @@
-"""What of an error a person could notice: errors in units of a just noticeable difference, and runs of such ticks.
+"""Perceptual error metrics: errors in units of a just noticeable difference (JND), and runs of noticeable ticks.
 
-The threshold is a person's and the same whatever the codec did, unlike the codec's own deadband. No perceptual index
-of the literature (HSSIM and its kin) is here: their formulas could not be verified.
+The threshold does not depend on the codec, unlike its deadband. The perceptual indices of the literature (HSSIM and
+others) are not implemented: their formulas could not be verified.
 """
 
 from dataclasses import dataclass
@@ -9,6 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from weberlink.protocol.states import State
+from weberlink.system.scoring.energy import Records
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -21,7 +24,7 @@ class Threshold:
     Pang, Tan and Durlach 1991 found 7 to 10 % from 2 to 10 N. Weber's law fails below about 1 N, hence the floor.
 
     Args:
-        jnd: as a share of the force that is there, > 0.
+        jnd: as a share of the force, > 0.
         floor_n: absolute threshold [N], >= 0.
 
     Raises:
@@ -42,7 +45,7 @@ class Threshold:
 
 
 class Noticed(NamedTuple):
-    """Errors as a person would judge them."""
+    """Errors in units of the threshold."""
 
     error_rms_jnd: float
     error_max_jnd: float
@@ -52,10 +55,9 @@ class Noticed(NamedTuple):
 
 
 def noticed(error_n: Array, threshold_n: Array, period_s: float) -> Noticed:
-    """Judge errors [N] by thresholds [N], each of shape (n,).
+    """Compare errors [N] with thresholds [N], each of shape (n,).
 
-    Where a threshold is 0 (no force and no floor) an error has no size in units of it: such ticks count in the share
-    and in the longest run, not in RMS and maximum.
+    Ticks with a threshold of 0 (no force and no floor) count in the share and the longest run, not in RMS and maximum.
     """
     in_jnd = in_units(error_n, threshold_n)
     beyond = error_n > threshold_n
@@ -68,7 +70,7 @@ def noticed(error_n: Array, threshold_n: Array, period_s: float) -> Noticed:
 
 
 def in_units(error_n: Array, bound_n: Array) -> Array:
-    """Errors in units of bounds, without the ticks whose bound is 0; shape (at most n,)."""
+    """Errors in units of bounds, without the ticks whose bound is 0."""
     known = bound_n > 0.0
     units: Array = error_n[known] / bound_n[known]
     return units
@@ -83,3 +85,34 @@ def longest_run(flags: Flags) -> int:
     """Most True in a row."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
     return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+class FeltError:
+    """RMS error of the force felt in a simulated session, in JNDs of the force that the robot measured.
+
+    In virtual time both sides tick together, so records of one tick belong together. The felt force is the one
+    commanded to the device in the same tick. Ticks count while both sides are engaged and not in a ramp.
+
+    Args:
+        threshold: the JND; with a floor, since ticks without contact count too.
+    """
+
+    def __init__(self, threshold: Threshold) -> None:
+        self._threshold = threshold
+        self._square_sum = 0.0
+        self._count = 0
+
+    def add(self, master: Records, slave: Records) -> None:
+        """Take the records of the same ticks of both sides."""
+        counts = np.ones(len(slave), dtype=bool)
+        for side in (master, slave):
+            counts &= (side["state"] == State.ENGAGED.value) & (side["ramping"] == 0)
+        force = slave["raw"][counts]
+        error = np.linalg.norm(master["output"][counts] - force, axis=1)
+        self._square_sum += float(np.square(error / self._threshold.of(force)).sum())
+        self._count += int(counts.sum())
+
+    @property
+    def rms_jnd(self) -> float | None:
+        """None before the first tick that counts."""
+        return (self._square_sum / self._count) ** 0.5 if self._count else None

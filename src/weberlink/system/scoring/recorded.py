@@ -1,7 +1,6 @@
-"""A recorded session put together again: the records of both sides on one clock, from one file or from two.
+"""The records of both sides of a recorded session on one clock, from one file or from two.
 
-Owns the join and the figures that follow from it. Two hosts have two clocks and each records its own; what relates them
-is in the records of the slave, which say at every tick what the master's clock showed.
+Two hosts record on two clocks. The records of the slave contain the time of the master at every tick.
 """
 
 from collections.abc import Sequence
@@ -21,20 +20,20 @@ from weberlink.telemetry.recording.reader import Recording, RecordingError
 MASTER, SLAVE = "master", "slave"
 SIDES = (MASTER, SLAVE)
 LEAST_OVERLAP_S = 0.1
-"""Two files that share less of time are not two sides of one session."""
+"""Two files with less time in common are not two sides of one session."""
 MARGIN_S = 1.0
-"""How much of the slave's time before and after the master's belongs to their session."""
+"""Records of the slave so long before and after those of the master belong to the session."""
 ANOTHER_CLOCK_S = 0.1
-"""A jump of the peer's clock by more than this is another peer, or the same one started anew."""
+"""A larger jump of the clock of the peer means another peer, or a restart of it."""
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
-"""Fields of a record that only ever grow."""
+"""Cumulative fields of a record."""
 TORQUE_BANK = "torque_bank"
-"""The fact that says the torque channel's predictors; not there in a session of three degrees of freedom."""
+"""The fact with the predictors of the torque channel; absent with three degrees of freedom."""
 VECTORS = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
 LATEST_S = 1e10
-"""No clock is beyond this [s], and no session as long: some centuries."""
+"""Upper limit of plausible times and durations [s]: three centuries."""
 PIECE_S = 1.0
-"""How much of a session is looked at in one go [s]; the join keeps ten seconds."""
+"""Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +41,11 @@ class RecordedSession:
     """Both sides of a session; a side that was not recorded is empty.
 
     Args:
-        master: records of the operator's side, `at` on its own clock.
-        slave: records of the teleoperator's side, `at` on the clock of the master where there is one.
+        master: records with `at` on the clock of the master.
+        slave: records with `at` on the clock of the master, or on its own if the master was not recorded.
         rate_hz: of the ticks.
-        bank: names of the force channel's predictors.
-        torque_bank: of the torque channel's; None for a session of three degrees of freedom.
+        bank: names of the predictors of the force channel.
+        torque_bank: of the torque channel; None for a session of three degrees of freedom.
         began_s: wall clock at `at` = 0 [s since 1970].
     """
 
@@ -63,7 +62,7 @@ class RecordedSession:
         return {side: records for side in SIDES if len(records := getattr(self, side))}
 
     def summary(self) -> dict[str, Any]:
-        """The figures of the session, as those of a live one, and the faults by side."""
+        """The figures of the session, as those of a live one, with faults and drops by side."""
         score = SessionScore(self.rate_hz, self.bank, self.torque_bank)
         first = min(records["at"][0] for records in self.sides.values())
         last = max(records["at"][-1] for records in self.sides.values())
@@ -78,7 +77,7 @@ class RecordedSession:
         }
 
     def _next(self, at: float) -> float | None:
-        """The time of the first record from a time on: a clock that jumped leaves a long gap; None after the last."""
+        """The time of the first record from `at` on; skips the long gap of a clock that jumped. None after the last."""
         places = [(records, int(np.searchsorted(records["at"], at))) for records in self.sides.values()]
         return min((float(records["at"][place]) for records, place in places if place < len(records)), default=None)
 
@@ -87,7 +86,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
     """Join one or two recordings.
 
     Raises:
-        RecordingError: the files hold the same side twice, another codec or rate, no records, or no time in common.
+        RecordingError: the files contain the same side twice, different codecs or rates, no records, or no common time.
     """
     found: dict[str, tuple[Recording, Records]] = {}
     for recording in recordings:
@@ -126,13 +125,12 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
 
 
 def _predictors(recording: Recording) -> str:
-    """Of its channels, for a person."""
     force, torque = (recording.facts.get(name, "") for name in ("bank", TORQUE_BANK))
     return f"{force} (torque: {torque})" if torque else force
 
 
 def _check_fields(recording: Recording) -> None:
-    """Complain of what no recorder writes, so that everything after can rely on it."""
+    """Check that the records are complete and plausible."""
     for side, records in recording.records.items():
         lacks = sorted(set(DTYPE.names or ()) - set(records.dtype.names or ()))
         if lacks:
@@ -166,11 +164,10 @@ def _check_numbers(recording: Recording, side: str, records: Records) -> None:
 
 
 def _on_the_masters_clock(slave: tuple[Recording, Records], master: tuple[Recording, Records], rate: float) -> Records:
-    """The slave's records of the session with this master, with `at` in the master's time.
+    """The records of the slave in its session with this master, with `at` in the time of the master.
 
-    `peer_at` counts from the tick 0 of the master that was heard, which its own records date. A slave may have served
-    several, one after the other: each has a tick 0 of its own, and so an offset of its own between the two clocks. The
-    one that is meant is that at the time of the master's recording, by the wall clocks.
+    `peer_at` counts from tick 0 of the master, which the records of the master date. A slave may have served several
+    masters one after the other, each with another offset between the clocks; the wall clocks tell which is this one.
     """
     recording, records = slave
     heard = np.flatnonzero(np.isfinite(records["peer_at"]))
@@ -180,16 +177,16 @@ def _on_the_masters_clock(slave: tuple[Recording, Records], master: tuple[Record
     cuts = np.flatnonzero(np.abs(np.diff(known)) > ANOTHER_CLOCK_S) + 1
     sessions = np.split(heard, cuts)
     chosen = sessions[0] if len(sessions) == 1 else _session_of(sessions, slave, master)
-    # What came before the first session, or between two of them, is nobody's; the tail goes with the one it follows.
+    # Records before the first session belong to it, and records after a session to the session before them.
     first = 0 if chosen[0] == heard[0] else chosen[0]
     after = heard[heard > chosen[-1]]
     own = records[first : int(after[0]) if len(after) else len(records)]
     tick_0 = float(np.median(master[1]["at"] - master[1]["tick"] / rate))
     is_known = np.isfinite(own["peer_at"])
-    # Where the slave did not know it, its own clock runs on from the nearest tick where it did.
+    # Without an estimate of the offset, the nearest one is used.
     offset = np.interp(own["at"], own["at"][is_known], own["peer_at"][is_known] - own["at"][is_known])
     moved = _counted_from(own, records[first - 1] if first else None)
-    # The estimate of a clock may step back by microseconds; time may not.
+    # The estimate may step back by microseconds, but times must not decrease.
     moved["at"] = np.maximum.accumulate(own["at"] + offset + tick_0)
     return moved
 
@@ -197,7 +194,7 @@ def _on_the_masters_clock(slave: tuple[Recording, Records], master: tuple[Record
 def _session_of(
     sessions: Sequence[NDArray[np.intp]], slave: tuple[Recording, Records], master: tuple[Recording, Records]
 ) -> NDArray[np.intp]:
-    """The session, as indices of the slave's records, that shares most of the wall clock's time with the master's."""
+    """Indices of the records of the slave in the session with most wall-clock time in common with the master."""
     recording, records = slave
     ours = recording.origins[SLAVE].log_times_ns(records["at"]) * 1e-9
     theirs = master[0].origins[MASTER].log_times_ns(master[1]["at"]) * 1e-9
@@ -212,7 +209,7 @@ def _session_of(
 
 
 def _counted_from(records: Records, before: Any) -> Records:
-    """A copy whose counters begin with the first record, where others came before it."""
+    """A copy whose counters start at the record `before`, if there is one."""
     counted = records.copy()
     if before is not None:
         for name in COUNTERS:
@@ -221,7 +218,7 @@ def _counted_from(records: Records, before: Any) -> Records:
 
 
 def _beside(master: Records, slave: Records) -> Records:
-    """Without the time that the slave spent alone, which may be days."""
+    """The records near those of the master: the slave may have been alone for days."""
     return _between(slave, master["at"][0] - MARGIN_S, master["at"][-1] + MARGIN_S)
 
 
@@ -238,7 +235,7 @@ def _between(records: Records, first: float, last: float) -> Records:
 
 
 def _faults(records: Records) -> dict[str, int]:
-    """How often each fault began."""
+    """Number of times each fault began."""
     fault = records["fault"]
     began = fault[np.flatnonzero(np.diff(fault, prepend=0))]
     return {Fault(number).name.lower(): int((began == number).sum()) for number in np.unique(began[began > 0])}

@@ -1,7 +1,4 @@
-"""A simulated session as a trace: what the robot was commanded and what it felt, tick by tick.
-
-The same CSV that `weberlink.master.trace` reads, so a simulated signal goes wherever a recorded one does.
-"""
+"""The trace of a simulated session: commanded position and measured force of the robot, as `master.trace` reads it."""
 
 from pathlib import Path
 
@@ -14,18 +11,18 @@ from weberlink.telemetry.reader import DTYPE
 
 
 class TraceRecorder:
-    """Collects the teleoperator's side of a session while it is engaged."""
+    """Collects the records of the slave while it is engaged."""
 
     def __init__(self) -> None:
         self._pieces: list[Records] = []
 
-    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - the same call as a score's
+    def add(self, master: Records, slave: Records) -> None:  # noqa: ARG002 - the same call as that of a score
         """Take the next records of both sides."""
         self._pieces.append(slave[slave["state"] == State.ENGAGED.value])
 
     @property
     def trace(self) -> Trace:
-        """What was collected, exact; at least one engaged tick."""
+        """The unrounded trace; needs at least one engaged tick."""
         records = np.concatenate(self._pieces)
         return as_trace(np.column_stack((records["at"] - records["at"][0], records["output"], records["raw"])))
 
@@ -33,7 +30,7 @@ class TraceRecorder:
         """Write the trace, to the micrometre and the millinewton; returns the number of rows.
 
         Raises:
-            OSError: if the file cannot be written.
+            OSError: the file cannot be written.
         """
         records = np.concatenate([np.empty(0, DTYPE), *self._pieces])
         time = records["at"] - (records["at"][0] if len(records) else 0.0)

@@ -1,7 +1,6 @@
 """Both ends of the link over loopback in this process, on rings made by hand: who is let in, what arrives and tears."""
 
 import asyncio
-import os
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from pathlib import Path
@@ -15,12 +14,17 @@ from tests.strangers import Stranger, hold_connections, needs_root
 from tests.system.processes import PATIENCE
 from weberlink.apps.monitor.remote import following as following_module
 from weberlink.apps.monitor.remote.following import Following
-from weberlink.apps.monitor.remote.handshake import Call, answer, suite
-from weberlink.apps.monitor.remote.messages import Begin, Message, Piece, pack_begin, pack_records
+from weberlink.apps.monitor.remote.messages import (
+    LinkMessage,
+    RecordBlock,
+    SideIntroduction,
+    pack_introduction,
+    pack_records,
+)
 from weberlink.apps.monitor.remote.sharing import MOST_CALLERS, MOST_UNPROVEN, Sharing
-from weberlink.apps.monitor.remote.wire import close, read_frame, write_frame
-from weberlink.apps.monitor.session import Session
-from weberlink.apps.monitor.watch import Watch
+from weberlink.apps.monitor.remote.stream import SecureStream, accept, close, connect, telemetry_key
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.ring import RingWriter
 
@@ -65,7 +69,7 @@ class Host:
 
     @asynccontextmanager
     async def sharing(self, key: bytes = KEY, port: int = 0) -> AsyncIterator[int]:
-        sharing = Sharing(suite(key), self.folder, None, self.said.append)
+        sharing = Sharing(telemetry_key(key), self.folder, None, self.said.append)
         _, port = await sharing.open("127.0.0.1", port)
         try:
             yield port
@@ -73,9 +77,9 @@ class Host:
             await sharing.close()
 
     @asynccontextmanager
-    async def looking(self, port: int, key: bytes = KEY) -> AsyncIterator[Watch]:
-        watch = Watch(self.folder, None, lambda _: None)
-        following = Following(suite(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
+    async def looking(self, port: int, key: bytes = KEY) -> AsyncIterator[SessionWatcher]:
+        watch = SessionWatcher(self.folder, None, lambda _: None)
+        following = Following(telemetry_key(key), ("127.0.0.1", port), watch, self.folder, self.said.append)
         tasks = [asyncio.ensure_future(task) for task in (watch.run(), following.run())]
         try:
             yield watch
@@ -111,11 +115,11 @@ def write(ring: RingWriter, made: Records) -> None:
         ring.write(values)
 
 
-def ticks(session: Session | None, side: str) -> int:
+def ticks(session: WatchedSession | None, side: str) -> int:
     return 0 if session is None else session.score.summary()["ticks"][side]["count"]
 
 
-def test_every_record_arrives_and_the_figures_are_those_of_the_rings(robot: Host, operator: Host) -> None:
+def test_shared_session_has_the_figures_of_its_rings(robot: Host, operator: Host) -> None:
     made = {"master": records(3000, seed=1), "slave": records(3000, phase=3e-4, seed=2)}
 
     async def test() -> None:
@@ -143,10 +147,10 @@ def test_every_record_arrives_and_the_figures_are_those_of_the_rings(robot: Host
             assert watch.newest is not None and watch.newest.name == "remote-2"
 
     run(test())
-    assert "127.0.0.1 looks on" in robot.said
+    assert "127.0.0.1 connected" in robot.said
 
 
-def test_another_key_is_told_nothing_and_says_so_in_one_line(robot: Host, operator: Host) -> None:
+def test_wrong_key_is_one_line_and_sees_nothing(robot: Host, operator: Host) -> None:
     async def test() -> None:
         robot.ring(7, "slave")
         async with robot.sharing() as port, operator.looking(port, bytes(32)) as watch:
@@ -160,63 +164,62 @@ def test_another_key_is_told_nothing_and_says_so_in_one_line(robot: Host, operat
     assert robot.said == []
 
 
-def test_nothing_is_said_to_who_proves_nothing(robot: Host) -> None:
-    hello = Call(suite(KEY), lambda size: bytes(range(size))).hello()
-    changed = hello[:-1] + bytes((hello[-1] ^ 1,))
-
-    async def answered(sent: bytes) -> bytes:
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(sent)
-        heard = await reader.read()
-        writer.close()
-        return heard
+def test_replayed_caller_is_sent_no_record(robot: Host) -> None:
+    """Its first message is answered, for it is authentic; nothing follows."""
 
     async def test() -> None:
-        nonlocal port
+        robot.ring(7, "slave")
+        recorded = b""
+
+        def record(_: int, data: bytes) -> bytes:
+            nonlocal recorded
+            recorded += data
+            return data
+
         async with robot.sharing() as port:
-            framed = len(changed).to_bytes(2, "little") + changed
-            for sent in (framed, b"\xff\xff", b"\x00\x00", b"GET / HTTP/1.1\r\n\r\n"):
-                assert await answered(sent) == b""
-            # Played back: an answer as long as a greeting, and not one record.
-            robot.ring(7, "slave")
-            replay = await answered(len(hello).to_bytes(2, "little") + hello + b"\x04\x00" + bytes(4))
-            assert 0 < len(replay) < len(hello)
+            async with proxy(port, lambda _, data: data, record) as between:
+                _, writer = await viewer(between)
+                await until(lambda: "127.0.0.1 disconnected" in robot.said or "127.0.0.1 connected" in robot.said)
+                writer.close()
+            await until(lambda: "127.0.0.1 disconnected" in robot.said)
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(recorded)
+            assert len(await reader.read()) < 200
+            writer.close()
 
-    port = 0
     run(test())
-    assert robot.said == []
+    assert robot.said.count("127.0.0.1 connected") == 1
 
 
-async def looker(port: int) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+async def viewer(port: int) -> tuple[SecureStream, asyncio.StreamWriter]:
     """A caller who has proved the key."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
-    call = Call(suite(KEY), os.urandom)
-    await write_frame(writer, call.hello(), PATIENCE)
-    channel = call.answered(await read_frame(reader, 5000, PATIENCE))
-    await write_frame(writer, channel.seal(Message.READY, b""), PATIENCE)
-    return reader, writer
+    stream = await connect(reader, writer, telemetry_key(KEY), PATIENCE)
+    await stream.send(LinkMessage.READY, b"", PATIENCE)
+    return stream, writer
 
 
-def test_there_is_room_for_so_many_callers(robot: Host) -> None:
+def test_number_of_callers_is_limited(robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
-            lookers = [await looker(port) for _ in range(MOST_CALLERS)]
+            viewers = [await viewer(port) for _ in range(MOST_CALLERS)]
             await until(lambda: len(robot.said) == MOST_CALLERS)
-            reader, writer = await looker(port)
-            assert await reader.read() == b""
-            for _, one in [*lookers, (reader, writer)]:
+            stream, writer = await viewer(port)
+            with pytest.raises(OSError, match="closed"):
+                await stream.receive(PATIENCE)
+            for _, one in [*viewers, (stream, writer)]:
                 one.close()
 
     run(test())
 
 
 @pytest.mark.parametrize("count", [16, MOST_UNPROVEN + 1])
-def test_callers_who_say_nothing_lock_nobody_out(count: int, robot: Host) -> None:
+def test_silent_callers_lock_nobody_out(count: int, robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
             idle = [await asyncio.open_connection("127.0.0.1", port) for _ in range(count)]
-            _, writer = await looker(port)
-            await until(lambda: robot.said == ["127.0.0.1 looks on"])
+            _, writer = await viewer(port)
+            await until(lambda: robot.said == ["127.0.0.1 connected"])
             for _, one in [*idle, (None, writer)]:
                 one.close()
 
@@ -228,23 +231,22 @@ def test_idle_callers_of_another_user_lock_nobody_out(robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
             with await asyncio.to_thread(Stranger, hold_connections, "127.0.0.1", port, 100):
-                _, writer = await looker(port)
-                await until(lambda: robot.said == ["127.0.0.1 looks on"])
+                _, writer = await viewer(port)
+                await until(lambda: robot.said == ["127.0.0.1 connected"])
                 writer.close()
 
     run(test())
 
 
-def test_a_caller_has_so_long_to_prove_the_key(robot: Host) -> None:
-    hello = Call(suite(KEY), os.urandom).hello()
-
+def test_caller_has_limited_time_to_prove_the_key(robot: Host) -> None:
     async def test() -> None:
-        sharing = Sharing(suite(KEY), robot.folder, None, robot.said.append, handshake_s=0.2)
+        sharing = Sharing(telemetry_key(KEY), robot.folder, None, robot.said.append, handshake_s=0.2)
         _, port = await sharing.open("127.0.0.1", 0)
-        for said in (b"", len(hello).to_bytes(2, "little") + hello):  # nothing; a greeting that may be a recorded one
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.write(said)
+        for is_silent in (True, False):
             began = monotonic()
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            if not is_silent:  # proves the key, and then says nothing
+                await connect(reader, writer, telemetry_key(KEY), PATIENCE)
             await reader.read()
             assert 0.1 < monotonic() - began < 2.0
             writer.close()
@@ -255,8 +257,8 @@ def test_a_caller_has_so_long_to_prove_the_key(robot: Host) -> None:
 
 
 @asynccontextmanager
-async def proxy(port: int, tamper: Tamper) -> AsyncIterator[int]:
-    """Something in between that may change what the sharing end sends, told which piece of the stream it is."""
+async def proxy(port: int, tamper: Tamper, outgoing: Tamper = lambda _, data: data) -> AsyncIterator[int]:
+    """A relay that may change what the sharing end sends, and what the viewing end sends."""
     tasks: list[asyncio.Task[None]] = []
 
     async def pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, change: Tamper) -> None:
@@ -273,7 +275,7 @@ async def proxy(port: int, tamper: Tamper) -> AsyncIterator[int]:
 
     async def called(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         there = await asyncio.open_connection("127.0.0.1", port)
-        tasks.append(asyncio.ensure_future(pump(reader, there[1], lambda _, data: data)))
+        tasks.append(asyncio.ensure_future(pump(reader, there[1], outgoing)))
         tasks.append(asyncio.ensure_future(pump(there[0], writer, tamper)))
 
     server = await asyncio.start_server(called, "127.0.0.1", 0)
@@ -286,7 +288,7 @@ async def proxy(port: int, tamper: Tamper) -> AsyncIterator[int]:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def test_a_stream_that_was_tampered_with_is_given_up_and_no_record_of_it_counts(robot: Host, operator: Host) -> None:
+def test_tampered_stream_is_dropped_without_losing_records(robot: Host, operator: Host) -> None:
     is_bad = True
 
     def flip(_: int, data: bytes) -> bytes:
@@ -311,8 +313,8 @@ def test_a_stream_that_was_tampered_with_is_given_up_and_no_record_of_it_counts(
     run(test())
 
 
-def test_it_calls_again_and_the_session_goes_on(robot: Host, operator: Host, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(following_module, "BEGIN_S", 0.1)
+def test_session_continues_after_a_reconnection(robot: Host, operator: Host, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(following_module, "INTRODUCE_S", 0.1)
 
     async def test() -> None:
         ring = robot.ring(7, "slave")
@@ -359,7 +361,7 @@ def of_the_robot(made: Records, tick_0: float) -> Records:
     return shifted
 
 
-def test_two_hosts_sides_are_one_session_on_one_clock(robot: Host, operator: Host) -> None:
+def test_sides_of_two_hosts_become_one_session(robot: Host, operator: Host) -> None:
     """The figures are those of the same records on one host."""
     ours, theirs = operator.ring(5, "master"), robot.ring(7, "slave")
     master = of_this_moment(records(3000, phase=3e-4, seed=1))
@@ -394,7 +396,7 @@ def test_two_hosts_sides_are_one_session_on_one_clock(robot: Host, operator: Hos
     assert any("are one session" in said for said in operator.said)
 
 
-def test_another_master_of_this_host_is_not_taken_for_its_counterpart(robot: Host, operator: Host) -> None:
+def test_foreign_master_is_not_joined(robot: Host, operator: Host) -> None:
     """It began at another time than the one that the slave hears."""
     stranger = records(1000, first=60_000)
     slave = records(1000)
@@ -410,38 +412,35 @@ def test_another_master_of_this_host_is_not_taken_for_its_counterpart(robot: Hos
     run(test())
 
 
-BEGIN = Begin("7", "slave", RATE, 10.0, description("slave"))
-RECORDS = Piece("slave", 10, 0, records(10))
+BEGIN = SideIntroduction("7", "slave", RATE, 10.0, description("slave"))
+RECORDS = RecordBlock("slave", 10, 0, records(10))
 
 
 @pytest.mark.parametrize(
     ("sent", "complaint"),
     [
-        ([(Message.RECORDS, pack_records(RECORDS))], "did not introduce"),
-        ([(Message.BEGIN, b"nonsense")], "cannot be unpacked"),
-        ([(Message.BEGIN, pack_begin(BEGIN._replace(description={"system": 5})))], "description"),
-        ([(Message.BEGIN, pack_begin(BEGIN._replace(description={"bank": [[], {}]})))], "description"),
+        ([(LinkMessage.RECORDS, pack_records(RECORDS))], "did not introduce"),
+        ([(LinkMessage.BEGIN, b"nonsense")], "cannot be unpacked"),
+        ([(LinkMessage.BEGIN, pack_introduction(BEGIN._replace(description={"system": 5})))], "description"),
+        ([(LinkMessage.BEGIN, pack_introduction(BEGIN._replace(description={"bank": [[], {}]})))], "description"),
         ([(99, b"")], "unknown kind"),
         (
             [
-                (Message.BEGIN, pack_begin(BEGIN)),
-                (Message.BEGIN, pack_begin(BEGIN._replace(session="8", side="master"))),
-                (Message.RECORDS, pack_records(RECORDS)),
+                (LinkMessage.BEGIN, pack_introduction(BEGIN)),
+                (LinkMessage.BEGIN, pack_introduction(BEGIN._replace(session="8", side="master"))),
+                (LinkMessage.RECORDS, pack_records(RECORDS)),
             ],
             "did not introduce",
         ),
     ],
 )
-def test_a_host_that_proves_the_key_and_talks_nonsense_is_given_up(
-    sent: list[tuple[int, bytes]], complaint: str, operator: Host
-) -> None:
+def test_invalid_messages_end_the_connection(sent: list[tuple[int, bytes]], complaint: str, operator: Host) -> None:
     async def called(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with suppress(OSError):
-            reply = answer(await read_frame(reader, 5000, PATIENCE), suite(KEY), os.urandom)
-            assert reply is not None and reply[1] is not None
-            await write_frame(writer, reply[0], PATIENCE)
+            stream = await accept(reader, writer, telemetry_key(KEY), PATIENCE)
+            assert stream is not None
             for kind, payload in sent:
-                await write_frame(writer, reply[1].seal(kind, payload), PATIENCE)
+                await stream.send(kind, payload, PATIENCE)
             await reader.read()
         await close(writer)
 
@@ -454,19 +453,15 @@ def test_a_host_that_proves_the_key_and_talks_nonsense_is_given_up(
     run(test())
 
 
-@pytest.mark.parametrize(("kind", "payload"), [(Message.ALIVE, b"more"), (Message.BEGIN, b""), (77, b"change")])
-def test_who_looks_can_ask_for_nothing(kind: int, payload: bytes, robot: Host) -> None:
+@pytest.mark.parametrize(("kind", "payload"), [(LinkMessage.ALIVE, b"more"), (LinkMessage.BEGIN, b""), (77, b"change")])
+def test_viewer_requests_end_the_connection(kind: int, payload: bytes, robot: Host) -> None:
     async def test() -> None:
         async with robot.sharing() as port:
-            reader, writer = await asyncio.open_connection("127.0.0.1", port)
-            call = Call(suite(KEY), os.urandom)
-            await write_frame(writer, call.hello(), PATIENCE)
-            channel = call.answered(await read_frame(reader, 5000, PATIENCE))
-            await write_frame(writer, channel.seal(Message.READY, b""), PATIENCE)
-            await until(lambda: "127.0.0.1 looks on" in robot.said)
-            await write_frame(writer, channel.seal(Message.ALIVE, b""), PATIENCE)
-            await write_frame(writer, channel.seal(kind, payload), PATIENCE)
-            await until(lambda: "127.0.0.1 has left" in robot.said)
+            stream, writer = await viewer(port)
+            await until(lambda: "127.0.0.1 connected" in robot.said)
+            await stream.send(LinkMessage.ALIVE, b"", PATIENCE)
+            await stream.send(kind, payload, PATIENCE)
+            await until(lambda: "127.0.0.1 disconnected" in robot.said)
             await close(writer)
 
     run(test())

@@ -9,33 +9,33 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.apps.monitor.feeds import description, records
-from weberlink.apps.monitor.remote.channel import LONGEST_PAYLOAD, StreamError
 from weberlink.apps.monitor.remote.messages import (
     LONGEST_BEGIN,
     RECORDS_AT_ONCE,
-    Begin,
-    Piece,
-    pack_begin,
+    RecordBlock,
+    SideIntroduction,
     pack_end,
+    pack_introduction,
     pack_records,
-    read_begin,
     read_end,
+    read_introduction,
     read_records,
 )
+from weberlink.apps.monitor.remote.stream import LONGEST_PAYLOAD, StreamError
 
-BEGIN = Begin("7", "slave", 1000.0, 12.5, description("slave"))
-
-
-def test_an_introduction_arrives() -> None:
-    assert read_begin(pack_begin(BEGIN)) == BEGIN
-    assert read_begin(pack_begin(BEGIN._replace(description=None))).description is None
+BEGIN = SideIntroduction("7", "slave", 1000.0, 12.5, description("slave"))
 
 
-def test_a_description_that_is_too_long_is_left_out() -> None:
+def test_introduction_round_trip() -> None:
+    assert read_introduction(pack_introduction(BEGIN)) == BEGIN
+    assert read_introduction(pack_introduction(BEGIN._replace(description=None))).description is None
+
+
+def test_too_long_description_is_omitted() -> None:
     noise = np.random.default_rng(1).bytes(LONGEST_PAYLOAD).hex()
-    packed = pack_begin(BEGIN._replace(description={"scene": noise}))
+    packed = pack_introduction(BEGIN._replace(description={"scene": noise}))
     assert len(packed) <= LONGEST_PAYLOAD
-    assert read_begin(packed) == BEGIN._replace(description=None)
+    assert read_introduction(packed) == BEGIN._replace(description=None)
 
 
 @pytest.mark.parametrize(
@@ -54,37 +54,37 @@ def test_a_description_that_is_too_long_is_left_out() -> None:
         {"more": 1},
     ],
 )
-def test_an_introduction_that_says_nothing_plausible_is_refused(change: dict[str, object]) -> None:
+def test_implausible_introduction_is_refused(change: dict[str, object]) -> None:
     packed = zlib.compress(json.dumps(BEGIN._asdict() | change).encode())
     with pytest.raises(StreamError):
-        read_begin(packed)
+        read_introduction(packed)
 
 
-def test_what_unpacks_to_more_than_is_agreed_is_refused() -> None:
+def test_decompressed_size_is_limited() -> None:
     with pytest.raises(StreamError, match="longer"):
-        read_begin(zlib.compress(b" " * (LONGEST_BEGIN + 1)))
-    head = pack_records(Piece("slave", 0, 0, records(0)))[:17]
+        read_introduction(zlib.compress(b" " * (LONGEST_BEGIN + 1)))
+    head = pack_records(RecordBlock("slave", 0, 0, records(0)))[:17]
     with pytest.raises(StreamError, match="longer"):
         read_records(head + zlib.compress(bytes((RECORDS_AT_ONCE + 1) * records(1).itemsize)))
 
 
-def test_records_arrive_and_fit_whatever_they_hold() -> None:
+def test_records_round_trip_and_fit_into_a_message() -> None:
     made = np.frombuffer(np.random.default_rng(1).bytes(RECORDS_AT_ONCE * records(1).itemsize), records(0).dtype)
-    packed = pack_records(Piece("master", 5, 2, made))
+    packed = pack_records(RecordBlock("master", 5, 2, made))
     assert len(packed) <= LONGEST_PAYLOAD
     piece = read_records(packed)
     assert (piece.side, piece.written, piece.lost) == ("master", 5, 2)
     assert piece.records.tobytes() == made.tobytes()
 
 
-def test_an_end_arrives() -> None:
+def test_end_round_trip() -> None:
     assert [read_end(pack_end(side)) for side in ("master", "slave")] == ["master", "slave"]
 
 
 @given(st.binary(max_size=300))
-def test_noise_is_a_complaint_and_nothing_else(noise: bytes) -> None:
-    for read in (read_begin, read_records, read_end):
-        for data in (noise, zlib.compress(noise), pack_records(Piece("slave", 0, 0, records(0)))[:17] + noise):
+def test_noise_raises_only_stream_errors(noise: bytes) -> None:
+    for read in (read_introduction, read_records, read_end):
+        for data in (noise, zlib.compress(noise), pack_records(RecordBlock("slave", 0, 0, records(0)))[:17] + noise):
             try:
                 read(data)
             except StreamError:

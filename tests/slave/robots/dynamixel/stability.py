@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, VISCOUS_N_M_S, Joints, inverse_nearest, posture
-from weberlink.slave.robots.dynamixel.impedance import Gains, joint_torques
+from weberlink.slave.robots.dynamixel.arm import ROTOR_INERTIA_KG_M2, VISCOUS_N_M_S, Joints, arm_pose, inverse_nearest
+from weberlink.slave.robots.dynamixel.impedance import ImpedanceGains, joint_torques
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 Matrix = NDArray[np.float64]
@@ -26,7 +26,7 @@ def workspace(count: int = 3) -> Iterator[Joints]:
 
 def largest_eigenvalue(
     joints: Joints,
-    gains: Gains,
+    gains: ImpedanceGains,
     period: float,
     *,
     rotor: float = ROTOR_INERTIA_KG_M2,
@@ -46,7 +46,7 @@ def largest_eigenvalue(
         wall: stiffness of a floor that the tip is in [N/m].
     """
     mass = _mass(joints, rotor)
-    up = np.array(posture(joints).jacobian()[2])
+    up = np.array(arm_pose(joints).jacobian()[2])
     springs = wall * np.outer(up, up)
     friction = viscous * np.diag(VISCOUS_N_M_S)
     inverse = np.linalg.inv(mass)
@@ -57,12 +57,12 @@ def largest_eigenvalue(
     return float(max(abs(np.linalg.eigvals(step))))
 
 
-def _feedback(joints: Joints, gains: Gains) -> Matrix:
+def _feedback(joints: Joints, gains: ImpedanceGains) -> Matrix:
     """Torques over angles and rates, by differences of the impedance itself, gravity known exactly."""
-    here, step = posture(joints), 1e-6
+    here, step = arm_pose(joints), 1e-6
 
     def torques(moved: Matrix) -> Matrix:
-        there = posture(_four(np.array(joints) + moved[:4]))
+        there = arm_pose(_four(np.array(joints) + moved[:4]))
         given = joint_torques(there, _four(moved[4:]), here.tip, here.pitch, gains)
         return np.array([torque - weight for torque, weight in zip(given, there.gravity, strict=True)])
 
@@ -71,7 +71,7 @@ def _feedback(joints: Joints, gains: Gains) -> Matrix:
 
 
 def _mass(joints: Joints, rotor: float) -> Matrix:
-    here = posture(joints)
+    here = arm_pose(joints)
     return np.array([here.momentum(_four(e), rotor) for e in np.eye(4)])
 
 

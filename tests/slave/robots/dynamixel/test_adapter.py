@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.slave.robots.dynamixel.adapter import USB, latency_advice, latency_ms
+from weberlink.slave.robots.dynamixel.bus import USB, latency_advice, latency_ms
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator
 from weberlink.slave.robots.contract import RobotFault, RobotReading
 from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.bus import Bus
+from weberlink.slave.robots.dynamixel.bus import MotorBus
 from weberlink.slave.robots.dynamixel.driver import DynamixelRobot
 from weberlink.slave.robots.dynamixel.options import DynamixelOptions, corners
 from weberlink.slave.scenes.scene import Scene
@@ -65,7 +65,7 @@ def torque(wire: PtyDevice) -> list[int]:
     """Whether it is on, for joints 1 to 4, as somebody else on the port is told; not where there is an alarm."""
     ids = DynamixelOptions().ids
     port = SerialPort(str(wire.path), 1_000_000)
-    bus = Bus(port, 1_000_000, ids, margin=1.0)
+    bus = MotorBus(port, 1_000_000, ids, margin=1.0)
 
     def of(id_: int) -> int:
         try:

@@ -8,12 +8,12 @@ import pytest
 from tests.slave.robots.dynamixel.virtual_bus import Bench, KilledError
 from weberlink.geometry.vector import Vector, distance, norm, subtract
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.slave.emulators.dynamixel import DynamixelOptions as EmulatedOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulatorOptions as EmulatedOptions
 from weberlink.slave.robots.dynamixel import registers
-from weberlink.slave.robots.dynamixel.arm import Joints, posture
+from weberlink.slave.robots.dynamixel.arm import Joints, arm_pose
 from weberlink.slave.robots.dynamixel.exchange import WATCH_EVERY
 from weberlink.slave.robots.dynamixel.external_force import force_error
-from weberlink.slave.robots.dynamixel.options import DynamixelOptions, settings_of, worst_force_error
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions, worst_force_error
 from weberlink.slave.robots.dynamixel.packet import REBOOT, WRITE, Packet
 
 AT_WORK: Vector = (0.2, 0.03, 0.13)
@@ -140,8 +140,8 @@ def test_the_force_of_any_published_arm_is_within_the_stated_error(
         sample = bench.run(goal, 0.5)[-1]
         wrong = distance(sample.force, bench.emulator.tip_force)
         assert wrong <= stated[0] + stated[1] * norm(sample.force)
-        newtons, share = force_error(posture(sample.joints), settings_of(options).friction, uncertain)
-        assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"as far as this posture goes, at {goal}"
+        newtons, share = force_error(arm_pose(sample.joints), options.friction, uncertain)
+        assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"as far as this arm_pose goes, at {goal}"
 
 
 def test_pressing_ends_when_the_commands_do_and_the_tip_stays() -> None:

@@ -13,13 +13,13 @@ from weberlink.slave.robots.dynamixel.arm import (
     UPPER,
     VISCOUS_N_M_S,
     Joints,
+    arm_pose,
     inverse_nearest,
-    posture,
 )
-from weberlink.slave.robots.dynamixel.external_force import Friction, LowPass, force_error, tip_force
+from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, JointFriction, force_error, tip_force
 
 STILL: Joints = (0.0, 0.0, 0.0, 0.0)
-NONE = Friction(STILL, STILL)
+NONE = JointFriction(STILL, STILL)
 places = st.tuples(st.floats(0.12, 0.26), st.floats(-0.12, 0.12), st.floats(0.05, 0.25))
 poses = st.tuples(*[st.floats(low, high) for low, high in zip(LOWER, UPPER, strict=True)])
 forces = st.tuples(*[st.floats(-5.0, 5.0)] * 3)
@@ -34,7 +34,7 @@ def at_work(place: Vector) -> Joints:
 
 def balanced(joints: Joints, force: Vector, friction: Joints = STILL) -> Joints:
     """Torques of motors that hold the arm against its weight, a force on its tip and a friction that opposes."""
-    here = posture(joints)
+    here = arm_pose(joints)
     a, b, c, d = (
         weight - pressed + rubbing
         for weight, pressed, rubbing in zip(here.gravity, here.torques(force), friction, strict=True)
@@ -45,13 +45,13 @@ def balanced(joints: Joints, force: Vector, friction: Joints = STILL) -> Joints:
 @given(places, forces)
 def test_a_force_on_an_arm_without_friction_is_felt_exactly(place: Vector, force: Vector) -> None:
     joints = at_work(place)
-    felt = tip_force(posture(joints), STILL, balanced(joints, force), NONE)
+    felt = tip_force(arm_pose(joints), STILL, balanced(joints, force), NONE)
     assert distance(felt, force) < 1e-9
 
 
 def test_the_sign_is_that_of_the_environment_on_the_robot() -> None:
     joints = at_work((0.2, 0.0, 0.1))
-    assert tip_force(posture(joints), STILL, balanced(joints, (0.0, 0.0, 3.0)), NONE)[2] == pytest.approx(3.0)
+    assert tip_force(arm_pose(joints), STILL, balanced(joints, (0.0, 0.0, 3.0)), NONE)[2] == pytest.approx(3.0)
 
 
 @given(places, forces, signs, st.floats(-0.4, 0.4))
@@ -59,7 +59,7 @@ def test_friction_and_a_wrong_torque_constant_stay_within_the_stated_error(
     place: Vector, force: Vector, sticking: Joints, wrong: float
 ) -> None:
     joints = at_work(place)
-    here, friction = posture(joints), Friction()
+    here, friction = arm_pose(joints), JointFriction()
     e, f, g, h = (part * coulomb for part, coulomb in zip(sticking, COULOMB_N_M, strict=True))
     a, b, c, d = (torque / (1.0 + wrong) for torque in balanced(joints, force, (e, f, g, h)))  # as the currents say
     felt = tip_force(here, STILL, (a, b, c, d), friction)
@@ -69,7 +69,7 @@ def test_friction_and_a_wrong_torque_constant_stay_within_the_stated_error(
 
 def test_the_stated_error_is_not_far_above_the_worst_case() -> None:
     joints = at_work((0.2, 0.05, 0.15))
-    here, friction = posture(joints), Friction()
+    here, friction = arm_pose(joints), JointFriction()
     newtons, _ = force_error(here, friction, 0.0)
     corners = [
         tuple(coulomb if bits >> joint & 1 else -coulomb for joint, coulomb in enumerate(COULOMB_N_M))
@@ -87,13 +87,13 @@ def test_in_motion_the_friction_is_taken_out(place: Vector, force: Vector, speed
         coulomb * way + viscous * speed * way
         for coulomb, viscous, speed, way in zip(COULOMB_N_M, VISCOUS_N_M_S, speeds, ways, strict=True)
     )
-    felt = tip_force(posture(joints), (a, b, c, d), balanced(joints, force, (e, f, g, h)), Friction())
+    felt = tip_force(arm_pose(joints), (a, b, c, d), balanced(joints, force, (e, f, g, h)), JointFriction())
     assert distance(felt, force) < 1e-9
 
 
 @given(poses, st.tuples(*[st.floats(-0.05, 0.05)] * 4))
 def test_where_a_direction_is_not_felt_a_small_torque_is_no_large_force(joints: Joints, noise: Joints) -> None:
-    here = posture(joints)
+    here = arm_pose(joints)
     a, b, c, d = (weight + each for weight, each in zip(here.gravity, noise, strict=True))
     felt = tip_force(here, STILL, (a, b, c, d), NONE)
     assert norm(felt) <= hypot(*noise) / 0.02 * 1.5
@@ -102,19 +102,19 @@ def test_where_a_direction_is_not_felt_a_small_torque_is_no_large_force(joints: 
 @pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3, -0.05])
 def test_an_arm_stretched_out_straight_feels_nothing_along_itself_and_says_no_nonsense(tilt: float) -> None:
     straight = pi / 2.0 - atan2(0.024, 0.128)
-    here = posture((0.4, straight, -straight + tilt, 0.0))
+    here = arm_pose((0.4, straight, -straight + tilt, 0.0))
     a, b, c, d = (weight + 0.03 for weight in here.gravity)
     assert norm(tip_force(here, STILL, (a, b, c, d), NONE)) < 0.06 / 0.02
 
 
 @given(poses, forces)
 def test_near_such_a_posture_the_force_is_felt_too_small_never_too_large(joints: Joints, force: Vector) -> None:
-    felt = tip_force(posture(joints), STILL, balanced(joints, force), NONE)
+    felt = tip_force(arm_pose(joints), STILL, balanced(joints, force), NONE)
     assert norm(felt) <= norm(force) + 1e-9
 
 
 def test_the_filter_lags_a_slow_sine_as_stated_and_leaves_a_constant() -> None:
-    low, period = LowPass(20.0), 0.0005
+    low, period = ForceLowPass(20.0), 0.0005
     assert low.lag == pytest.approx(1.0 / (2.0 * pi * 20.0))
     worst = 0.0
     for step in range(4000):
@@ -129,11 +129,11 @@ def test_the_filter_lags_a_slow_sine_as_stated_and_leaves_a_constant() -> None:
 
 
 def test_without_a_cutoff_nothing_is_filtered_and_a_restart_begins_at_once() -> None:
-    assert LowPass(0.0).lag == 0.0
-    none = LowPass(0.0)
+    assert ForceLowPass(0.0).lag == 0.0
+    none = ForceLowPass(0.0)
     for at, force in enumerate([(1.0, 2.0, 3.0), (-4.0, 0.0, 1.0)]):
         assert none.next(force, float(at)) == force
-    low = LowPass(5.0)
+    low = ForceLowPass(5.0)
     low.next((9.0, 9.0, 9.0), 0.0)
     low.restart()
     assert low.next(scale((1.0, 1.0, 1.0), 2.0), 0.001) == (2.0, 2.0, 2.0)

@@ -3,26 +3,26 @@
 from itertools import pairwise
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink.slave.robots.dynamixel.goal import Goal
+from weberlink.slave.robots.dynamixel.impedance import TipGoal
 
 HERE: Vector = (0.2, 0.0, 0.1)
 THERE: Vector = (0.2, 0.0, 0.12)
 PERIOD = 0.004
 
 
-def run(goal: Goal, command: Vector | None, tip: Vector, begin: float, cycles: int) -> list[Vector]:
+def run(goal: TipGoal, command: Vector | None, tip: Vector, begin: float, cycles: int) -> list[Vector]:
     return [goal.next(command, tip, begin + (number + 1) * PERIOD) for number in range(cycles)]
 
 
 def test_without_a_command_it_stays() -> None:
-    goal = Goal(0.1, 0.1)
+    goal = TipGoal(0.1, 0.1)
     goal.place(HERE, 5.0)
     assert set(run(goal, None, THERE, 5.0, 100)) == {HERE}
     assert goal.holding
 
 
 def test_it_approaches_the_first_command_at_a_limited_speed_and_then_follows_at_once() -> None:
-    goal = Goal(0.1, 0.1)
+    goal = TipGoal(0.1, 0.1)
     goal.place(HERE, 5.0)
     points = run(goal, THERE, HERE, 5.0, 60)
     assert not goal.holding
@@ -34,14 +34,14 @@ def test_it_approaches_the_first_command_at_a_limited_speed_and_then_follows_at_
 
 
 def test_a_gap_shorter_than_the_patience_changes_nothing() -> None:
-    goal = Goal(0.1, 0.1)
+    goal = TipGoal(0.1, 0.1)
     goal.place(HERE, 5.0)
     run(goal, THERE, HERE, 5.0, 60)
     assert set(run(goal, None, HERE, 5.24, 24)) == {THERE}
 
 
 def test_after_it_the_tip_is_held_where_it_is_and_comes_back_without_a_jump() -> None:
-    goal = Goal(0.1, 0.1)
+    goal = TipGoal(0.1, 0.1)
     goal.place(HERE, 5.0)
     run(goal, THERE, HERE, 5.0, 60)
     pressed_at = (0.2, 0.0, 0.113)

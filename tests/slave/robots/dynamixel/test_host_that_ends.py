@@ -17,7 +17,7 @@ import pytest
 from tests.slave.robots.dynamixel.pressing import GROUND_M
 from tests.system.processes import PATIENCE, ROOT, until
 from weberlink.hardware.emulator import PtyDevice
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import options, registers
 
 pytestmark = pytest.mark.realtime
@@ -55,7 +55,7 @@ class Pressing:
 def pressing(folder: Path) -> Iterator[Pressing]:
     ground = {"shape": "plane", "point_m": [0.0, 0.0, GROUND_M], "stiffness_n_m": 1000.0}
     for attempt in range(ATTEMPTS):
-        emulator = DynamixelEmulator(DynamixelOptions.model_validate({"scene": [ground]}))
+        emulator = DynamixelEmulator(DynamixelEmulatorOptions.model_validate({"scene": [ground]}))
         with PtyDevice(emulator, folder / f"arm{attempt}") as wire:
             command = [sys.executable, "-m", "tests.slave.robots.dynamixel.pressing", str(wire.path)]
             process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)

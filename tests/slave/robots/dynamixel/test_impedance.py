@@ -15,13 +15,13 @@ from weberlink.slave.robots.dynamixel.arm import (
     ROTOR_INERTIA_KG_M2,
     UPPER,
     Joints,
-    posture,
+    arm_pose,
     within_limits,
 )
 from weberlink.slave.robots.dynamixel.impedance import (
     LIMIT_MARGIN_RAD,
     SLOWEST_HZ,
-    Gains,
+    ImpedanceGains,
     currents,
     fastest_damping,
     joint_torques,
@@ -39,8 +39,8 @@ AT_WORK: Joints = (0.3, -0.4, 0.5, 0.6)
 
 def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: float = 0.0) -> Joints:
     """Without the weight, for a goal at this offset from the tip [m] and a pitch to turn by [rad]."""
-    here = posture(joints)
-    given_ = joint_torques(here, speeds, add(here.tip, offset), here.pitch + turn, Gains())
+    here = arm_pose(joints)
+    given_ = joint_torques(here, speeds, add(here.tip, offset), here.pitch + turn, ImpedanceGains())
     a, b, c, d = (tau - weight for tau, weight in zip(given_, here.gravity, strict=True))
     return (a, b, c, d)
 
@@ -52,11 +52,11 @@ def test_at_its_goal_the_arm_is_held_against_its_weight_and_no_more(joints: Join
 
 @given(free, offsets)
 def test_the_tip_is_pulled_to_its_goal_by_a_bounded_spring(joints: Joints, offset: Vector) -> None:
-    stiffness = Gains().stiffness
+    stiffness = ImpedanceGains().stiffness
     stretched = stiffness * hypot(*offset)
     scale = stiffness * min(1.0, 5.0 / stretched) if stretched > 0.0 else 0.0
     x, y, z = offset
-    wanted = posture(joints).torques((scale * x, scale * y, scale * z))
+    wanted = arm_pose(joints).torques((scale * x, scale * y, scale * z))
     assert torque(joints, offset) == pytest.approx(wanted, abs=1e-9)
 
 
@@ -64,14 +64,14 @@ def test_the_tip_is_pulled_to_its_goal_by_a_bounded_spring(joints: Joints, offse
 def test_the_damper_only_takes_energy(joints: Joints, speeds: Joints) -> None:
     power = sum(tau * rate for tau, rate in zip(torque(joints, ZERO, speeds), speeds, strict=True))
     assert power <= 0.0
-    gains = Gains()
-    energy = 0.5 * sum(p * rate for p, rate in zip(posture(joints).momentum(speeds, gains.rotor), speeds, strict=True))
+    gains = ImpedanceGains()
+    energy = 0.5 * sum(p * rate for p, rate in zip(arm_pose(joints).momentum(speeds, gains.rotor), speeds, strict=True))
     assert power == pytest.approx(-2.0 * gains.damping_rate * energy, abs=1e-9), "all motion dies away at the same rate"
 
 
 @given(free, st.floats(-1.0, 1.0))
 def test_the_pitch_is_turned_without_a_force_on_the_tip(joints: Joints, turn: float) -> None:
-    here = posture(joints)
+    here = arm_pose(joints)
     null = null_direction(here)
     motion = (0.0, *null)
     assert hypot(*here.velocity(motion)) < 1e-12
@@ -85,7 +85,7 @@ def test_the_pitch_is_turned_without_a_force_on_the_tip(joints: Joints, turn: fl
 
 
 def test_an_arm_stretched_out_straight_has_no_motion_of_its_own() -> None:
-    straight = posture(
+    straight = arm_pose(
         (0.0, float(np.pi / 2 - np.arctan2(0.024, 0.128)), -float(np.pi / 2 - np.arctan2(0.024, 0.128)), 0.0)
     )
     assert null_direction(straight) == (0.0, 0.0, 0.0)
@@ -120,7 +120,7 @@ SPREAD = [(LEAST_ROTOR_INERTIA_KG_M2, 2.48), (LEAST_ROTOR_INERTIA_KG_M2, 1.65), 
 @pytest.mark.parametrize("share", [0.4, 1.0])
 def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: float, share: float) -> None:
     damping = share * fastest_damping(rate, rotor)
-    gains = Gains(stiffest(damping, rate, rotor), damping, rotor=rotor)
+    gains = ImpedanceGains(stiffest(damping, rate, rotor), damping, rotor=rotor)
     for joints in workspace():
         for true_rotor, constant in SPREAD:
             for wall in (0.0, 2000.0):
@@ -135,7 +135,7 @@ def test_within_its_bounds_it_is_stable_up_to_the_joint_limits(
     joints: Joints, motor: tuple[float, float], rotor: float
 ) -> None:
     damping = fastest_damping(250.0, rotor)
-    gains = Gains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
+    gains = ImpedanceGains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
     largest = largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=motor[0], torque=motor[1] / 1.78)
     assert largest < 1.0 + 1e-9, "1 where no spring holds a joint"
 
@@ -143,7 +143,7 @@ def test_within_its_bounds_it_is_stable_up_to_the_joint_limits(
 def test_a_damping_made_for_light_rotors_is_unstable_when_it_takes_them_for_heavy_ones() -> None:
     """Why the bound on the damping depends on the inertia: 50/s was the default when the rotors were left out."""
     assert fastest_damping(250.0, LEAST_ROTOR_INERTIA_KG_M2) > 50.0 > fastest_damping(250.0, ROTOR_INERTIA_KG_M2)
-    gains = Gains(200.0, 50.0)
+    gains = ImpedanceGains(200.0, 50.0)
     light = max(
         largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=LEAST_ROTOR_INERTIA_KG_M2) for joints in workspace()
     )
@@ -153,11 +153,11 @@ def test_a_damping_made_for_light_rotors_is_unstable_when_it_takes_them_for_heav
 @pytest.mark.parametrize("rotor", [LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2])
 def test_the_bound_is_near_where_it_swings_up(rotor: float) -> None:
     damping = 0.5 * fastest_damping(250.0, rotor)
-    gains = Gains(3.0 * stiffest(damping, 250.0, rotor), damping, rotor=rotor)
+    gains = ImpedanceGains(3.0 * stiffest(damping, 250.0, rotor), damping, rotor=rotor)
     assert max(largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=rotor) for joints in workspace()) > 1.0
 
 
 def test_the_defaults_are_within_the_bound() -> None:
-    gains = Gains()
+    gains = ImpedanceGains()
     assert gains.damping_rate <= fastest_damping(250.0, gains.rotor)
     assert gains.stiffness <= stiffest(gains.damping_rate, 250.0, gains.rotor)

@@ -10,8 +10,8 @@ from weberlink.slave.robots.dynamixel.packet import (
     LONGEST,
     Packet,
     PacketReader,
-    Status,
-    StatusReader,
+    StatusPacket,
+    StatusPacketReader,
     crc16,
     encode_packet,
     encode_status,
@@ -23,7 +23,7 @@ tricky = st.lists(st.sampled_from([b"\xff", b"\xfd", b"\x00", b"\x55", b"\xff\xf
 )
 contents = st.one_of(tricky, st.binary(max_size=60))
 ids = st.integers(0, packet.HIGHEST_ID)
-statuses = st.builds(Status, ids, st.integers(0, 255), contents)
+statuses = st.builds(StatusPacket, ids, st.integers(0, 255), contents)
 instructions = st.builds(
     Packet,
     st.one_of(ids, st.just(packet.BROADCAST)),
@@ -64,18 +64,18 @@ def test_an_instruction_comes_back_as_it_went(request_: Packet) -> None:
 
 
 @given(statuses)
-def test_a_status_comes_back_as_it_went_and_never_holds_a_header_inside(status: Status) -> None:
+def test_a_status_comes_back_as_it_went_and_never_holds_a_header_inside(status: StatusPacket) -> None:
     wire = encode_status(status)
-    assert StatusReader().feed(wire) == [status]
+    assert StatusPacketReader().feed(wire) == [status]
     assert wire.find(HEADER, 1) == -1
     assert int.from_bytes(wire[5:7], "little") == len(wire) - 7
 
 
 @given(st.lists(statuses, max_size=5), st.data())
-def test_it_does_not_matter_how_a_stream_is_cut(sent: list[Status], data: st.DataObject) -> None:
+def test_it_does_not_matter_how_a_stream_is_cut(sent: list[StatusPacket], data: st.DataObject) -> None:
     stream = b"".join(map(encode_status, sent))
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=8)))
-    reader = StatusReader()
+    reader = StatusPacketReader()
     heard = [
         status
         for begin, end in zip([0, *cuts], [*cuts, len(stream)], strict=True)
@@ -86,26 +86,28 @@ def test_it_does_not_matter_how_a_stream_is_cut(sent: list[Status], data: st.Dat
 
 
 @given(st.one_of(st.binary(max_size=80), tricky), statuses)
-def test_garbage_in_front_costs_the_garbage_only(garbage: bytes, status: Status) -> None:
-    reader = StatusReader()
+def test_garbage_in_front_costs_the_garbage_only(garbage: bytes, status: StatusPacket) -> None:
+    reader = StatusPacketReader()
     assert reader.feed(garbage + encode_status(status))[-1:] == [status]
 
 
 @given(statuses, statuses, st.data())
-def test_a_status_cut_short_does_not_swallow_the_next(cut: Status, whole: Status, data: st.DataObject) -> None:
+def test_a_status_cut_short_does_not_swallow_the_next(
+    cut: StatusPacket, whole: StatusPacket, data: st.DataObject
+) -> None:
     wire = encode_status(cut)
-    reader = StatusReader()
+    reader = StatusPacketReader()
     kept = wire[: data.draw(st.integers(0, len(wire) - 1))]
     assert reader.feed(kept + encode_status(whole)) == [whole]
     assert reader.dropped_bytes == len(kept)
 
 
 @given(statuses, st.data())
-def test_a_changed_byte_is_noticed(status: Status, data: st.DataObject) -> None:
+def test_a_changed_byte_is_noticed(status: StatusPacket, data: st.DataObject) -> None:
     wire = bytearray(encode_status(status))
     where = data.draw(st.integers(0, len(wire) - 1))
     wire[where] ^= data.draw(st.integers(1, 255))
-    reader = StatusReader()
+    reader = StatusPacketReader()
     heard = reader.feed(bytes(wire))
     reader.clear()
     assert heard == []
@@ -118,7 +120,7 @@ def test_a_changed_byte_is_noticed(status: Status, data: st.DataObject) -> None:
     )
 )
 def test_no_bytes_make_it_raise_and_every_byte_is_accounted_for(pieces: list[bytes]) -> None:
-    reader = StatusReader()
+    reader = StatusPacketReader()
     framed = 0
     for piece in pieces:
         for status in reader.feed(piece):
@@ -131,18 +133,18 @@ def test_no_bytes_make_it_raise_and_every_byte_is_accounted_for(pieces: list[byt
 
 
 def test_what_a_frame_cut_short_still_claims_is_not_waited_for() -> None:
-    reader = StatusReader()
-    cut, whole = encode_status(Status(1, 0, bytes(60))), Status(2, 0, b"\x07")
+    reader = StatusPacketReader()
+    cut, whole = encode_status(StatusPacket(1, 0, bytes(60))), StatusPacket(2, 0, b"\x07")
     assert reader.feed(cut[:20] + encode_status(whole)) == [whole]
 
 
 def test_what_claims_to_be_long_is_not_waited_for() -> None:
-    reader = StatusReader()
+    reader = StatusPacketReader()
     assert reader.feed(HEADER + b"\x01\xff\xff" + bytes(20)) == []
     assert reader.dropped_bytes > 20
-    reader = StatusReader()
+    reader = StatusPacketReader()
     claim = HEADER + b"\x01" + LONGEST.to_bytes(2, "little")
-    status = Status(3, 0, b"\x01")
+    status = StatusPacket(3, 0, b"\x01")
     assert reader.feed(claim + encode_status(status)) == [status]
     assert reader.feed(bytes(10 * LONGEST)) == []
     reader.clear()
@@ -150,17 +152,17 @@ def test_what_claims_to_be_long_is_not_waited_for() -> None:
 
 
 def test_a_wrong_checksum_is_counted() -> None:
-    reader = StatusReader()
-    wire = bytearray(encode_status(Status(1, 0, b"\x05")))
+    reader = StatusPacketReader()
+    wire = bytearray(encode_status(StatusPacket(1, 0, b"\x05")))
     wire[-1] ^= 1
     assert reader.feed(bytes(wire)) == []
     assert reader.bad_crc == 1
 
 
 def test_the_host_skips_its_own_echo_and_a_motor_what_others_answer() -> None:
-    status, request = Status(1, 0, b"\x07"), packet.ping(1)
+    status, request = StatusPacket(1, 0, b"\x07"), packet.ping(1)
     both = encode_packet(request) + encode_status(status)
-    assert StatusReader().feed(both) == [status]
+    assert StatusPacketReader().feed(both) == [status]
     assert PacketReader().feed(both) == [request]
 
 

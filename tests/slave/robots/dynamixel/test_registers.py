@@ -10,21 +10,40 @@ from hypothesis import strategies as st
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.registers import Register
 
-TABLE = sorted(value for value in vars(registers).values() if isinstance(value, Register))
+MANUAL = {
+    "model_number": (0, 2, False),
+    "id": (7, 1, False),
+    "baud_rate": (8, 1, False),
+    "return_delay_time": (9, 1, False),
+    "drive_mode": (10, 1, False),
+    "operating_mode": (11, 1, False),
+    "homing_offset": (20, 4, True),
+    "current_limit": (38, 2, False),
+    "torque_enable": (64, 1, False),
+    "hardware_error_status": (70, 1, False),
+    "bus_watchdog": (98, 1, True),
+    "goal_current": (102, 2, True),
+    "goal_position": (116, 4, True),
+    "present_current": (126, 2, True),
+    "present_velocity": (128, 4, True),
+    "present_position": (132, 4, True),
+}
+"""Address, size and sign of what the driver uses, written from the manual apart from the table of the product."""
+
+
+def test_registers_in_use_are_those_of_the_manual() -> None:
+    table = {register.name: (register.address, register.size, register.signed) for register in registers.REGISTERS}
+    assert {name: table[name] for name in MANUAL} == MANUAL
+    used = {each.name for each in vars(registers).values() if isinstance(each, Register)}
+    assert used <= MANUAL.keys()
 
 
 def test_registers_do_not_overlap() -> None:
-    for a, b in pairwise(TABLE):
+    for a, b in pairwise(registers.REGISTERS):
         assert a.address + a.size <= b.address
 
 
-def test_what_a_motor_measures_lies_side_by_side() -> None:
-    current, velocity, position = registers.PRESENT_CURRENT, registers.PRESENT_VELOCITY, registers.PRESENT_POSITION
-    assert (current.address, velocity.address, position.address) == (126, 128, 132)
-    assert position.address + position.size - current.address == registers.PRESENT_SIZE
-
-
-@given(st.sampled_from(TABLE), st.data())
+@given(st.sampled_from(registers.REGISTERS), st.data())
 def test_any_value_of_a_register_comes_back(register: Register, data: st.DataObject) -> None:
     bits = 8 * register.size
     low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if register.signed else (0, (1 << bits) - 1)
@@ -61,7 +80,6 @@ def test_alarms_are_named_by_their_bits() -> None:
 
 
 def test_the_motor_of_the_arm_is_known_and_controls_its_current() -> None:
-    model = registers.MODELS[registers.OPENMANIPULATOR_X_MODEL]
-    assert model.name == "XM430-W350"
-    assert model.current_control
-    assert not registers.MODELS[1060].current_control
+    assert registers.MODELS[registers.OPENMANIPULATOR_X_MODEL] == "XM430-W350"
+    assert registers.OPENMANIPULATOR_X_MODEL not in registers.WITHOUT_CURRENT_CONTROL
+    assert registers.MODELS.keys() > registers.WITHOUT_CURRENT_CONTROL

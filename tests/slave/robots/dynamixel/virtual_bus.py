@@ -3,11 +3,17 @@
 from dataclasses import dataclass, field
 
 from weberlink.geometry.vector import Vector
-from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelOptions
+from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import options as of
 from weberlink.slave.robots.dynamixel import packet, registers
 from weberlink.slave.robots.dynamixel.exchange import ArmExchange, ArmSample
-from weberlink.slave.robots.dynamixel.packet import Packet, PacketReader, Status, StatusReader, encode_packet
+from weberlink.slave.robots.dynamixel.packet import (
+    Packet,
+    PacketReader,
+    StatusPacket,
+    StatusPacketReader,
+    encode_packet,
+)
 from weberlink.slave.robots.dynamixel.registers import Register
 from weberlink.slave.robots.interpolation import Interpolation
 
@@ -97,7 +103,7 @@ class Bench:
     """
 
     options: of.DynamixelOptions = field(default_factory=of.DynamixelOptions)
-    emulated: DynamixelOptions = field(default_factory=DynamixelOptions)
+    emulated: DynamixelEmulatorOptions = field(default_factory=DynamixelEmulatorOptions)
     latency: float = 0.0
 
     def __post_init__(self) -> None:
@@ -109,9 +115,7 @@ class Bench:
         self.exchange = self._driving()
 
     def _driving(self) -> ArmExchange:
-        return ArmExchange(
-            of.settings_of(self.options), self._connect, self.interpolation, self.time.clock, self.time.pause
-        )
+        return ArmExchange(self.options, self._connect, self.interpolation, self.time.clock, self.time.pause)
 
     def _connect(self) -> VirtualPort:
         self.port = VirtualPort(self.emulator, self.time, self.latency)
@@ -148,11 +152,11 @@ class Bench:
         self.time.now += seconds
         self.emulator.advance(self.time.now)
 
-    def tell(self, request: Packet) -> list[Status]:
+    def tell(self, request: Packet) -> list[StatusPacket]:
         """Somebody else on the bus says something; gives what is answered."""
         self.emulator.receive(encode_packet(request), self.time.now)
         self.wait(0.01)
-        return StatusReader().feed(b"".join(self.emulator.replies(self.time.now)))
+        return StatusPacketReader().feed(b"".join(self.emulator.replies(self.time.now)))
 
     def read(self, joint: int, register: Register) -> int:
         """Joint 5 is the gripper."""

@@ -13,8 +13,7 @@ import numpy as np
 from tests.slave.robots.mjcf.models import MASS, TICK, chain, gantry, hold, lead, readings, robot, written
 from weberlink.geometry.vector import ZERO, distance
 from weberlink.slave.robots.mjcf.impedance import Impedance
-from weberlink.slave.robots.mjcf.plant import Plant
-from weberlink.slave.robots.mjcf.posture import settle
+from weberlink.slave.robots.mjcf.plant import Plant, settle
 
 ABOVE = (0.0, 0.0, 0.04)
 

@@ -13,7 +13,7 @@ from tests.slave.robots.mjcf.models import TICK, chain, gantry, robot
 from weberlink.geometry.vector import ZERO
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 FIXED = '<mujoco><worldbody><body><geom size="0.1"/><site name="tip"/></body></worldbody></mujoco>'
@@ -54,7 +54,7 @@ def test_a_file_that_is_not_there(tmp_path: Path, name: str) -> None:
 
 
 def test_a_scene_beside_that_of_the_file_is_refused(tmp_path: Path) -> None:
-    scene = Scene([SceneObject(Plane(ZERO, (0.0, 0.0, 1.0)), 500.0)])
+    scene = Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), 500.0)])
     robot(tmp_path, gantry())
     with pytest.raises(ValueError, match=r"^driver mujoco: touches what is in its MJCF file; leave slave\.scene out$"):
         MujocoRobot(MujocoRobot.Options(model=tmp_path / "model.xml"), scene, TICK)
@@ -76,7 +76,7 @@ try:
     driver(options, None, 0.001)
 except ValueError as error:
     print(error)
-print(sorted(name for name in sys.modules if name.startswith(("mujoco.", "numpy", "slave.robots.mjcf."))))
+print(sorted(name for name in sys.modules if name.startswith(("mujoco.", "numpy", "weberlink.slave.robots.mjcf."))))
 """
 
 

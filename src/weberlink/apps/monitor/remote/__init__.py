@@ -1,13 +1,8 @@
-"""Telemetry of another host, to be looked at and nothing else.
+"""Shares telemetry with another host, for viewing only.
 
-Over TCP, since figures need every record in order, and a slow link is to hold up nothing but this: the ring is the
-queue, and what it cannot hold is counted as lost. Both ends prove the pre-shared key of the daemons, under a key of its
-own derived from it, so that no message of the one protocol is one of the other. What follows is encrypted, and bound to
-its place in the stream: bytes that were changed, repeated, left out or put elsewhere end the connection.
+It uses TCP, since figures need every record in order; the rings are the queue, and what they cannot hold is counted as
+lost. Both ends prove the pre-shared key. The viewing end sends nothing but signs of life.
 
-Nothing that the looking end can say is a request; the sharing end reads signs of life and no more.
-
-- `handshake`, `channel`, `messages`: pure; who may look, how a message is sealed, what it says.
-- `sharing`, `following`: the two ends on asyncio streams; `wire` moves frames for both.
-- `source`, `clock`, `joining`: what arrives as feeds of a session, on one clock with a master of this host.
+- `stream`: the authenticated, encrypted stream; `messages`: what is sent over it.
+- `sharing`, `following`: the two ends; `feeds`: received records as feeds, on the clock of a master on this host.
 """

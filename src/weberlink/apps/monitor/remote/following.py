@@ -1,172 +1,161 @@
-"""The looking end: calls the host that shares, again and again, and turns what arrives into sessions."""
+"""The viewing end: connects to the sharing host, reconnects, and turns what arrives into sessions."""
 
 import asyncio
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from time import monotonic
 
-from weberlink.apps.monitor.feed import RingFeed
 from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.remote import handshake
-from weberlink.apps.monitor.remote.channel import LONGEST_FRAME, Channel, StreamError
-from weberlink.apps.monitor.remote.joining import counterpart, join
-from weberlink.apps.monitor.remote.messages import Begin, Message, read_begin, read_end, read_records
-from weberlink.apps.monitor.remote.source import RemoteSource, Tap
-from weberlink.apps.monitor.remote.wire import close, read_frame, write_frame
-from weberlink.apps.monitor.session import Session
-from weberlink.apps.monitor.watch import Watch
+from weberlink.apps.monitor.remote.feeds import RemoteSide, counterpart, join
+from weberlink.apps.monitor.remote.messages import (
+    LinkMessage,
+    SideIntroduction,
+    read_end,
+    read_introduction,
+    read_records,
+)
+from weberlink.apps.monitor.remote.stream import RefusedError, SecureStream, StreamError, close, connect
+from weberlink.apps.monitor.rings import RingFeed
+from weberlink.apps.monitor.session import WatchedSession
+from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import LONGEST_DATAGRAM
 from weberlink.telemetry.ring import RingFormatError
 
 NAME = "remote"
 CONNECT_S = 5.0
 SILENCE_S = 5.0
-"""Until a link that says nothing is given up; the other end says something every second."""
+"""Silence that ends a connection; the other end sends at least once a second."""
 ALIVE_S = 1.0
 RETRY_S = 1.0
 LONGEST_RETRY_S = 8.0
 ARRANGE_S = 0.5
-BEGIN_S = 2.0
-"""For a host that was called again to say that the session goes on."""
+INTRODUCE_S = 2.0
+"""How long after a reconnection the host may take to say that the session goes on."""
 
 
 class Following:
-    """Follows one host.
+    """Follows the sessions of one host.
 
     Args:
-        security: as of `handshake.suite`.
+        key: see `stream.telemetry_key`.
         address: host and port.
         watch: shows the sessions.
-        where: folder of the rings of this host, for the other side of a session; None for those of this user.
-        tell: told in a line what the link does.
+        where: folder of this host's rings, for the other side of a session; None for those of this user.
+        tell: called with lines for the user.
     """
 
     def __init__(
         self,
-        security: PresharedKey,
+        key: PresharedKey,
         address: tuple[str, int],
-        watch: Watch,
+        watch: SessionWatcher,
         where: Path | None,
         tell: Callable[[str], None],
     ) -> None:
-        self._security = security
+        self._key = key
         self._host, self._port = address
         self._watch = watch
         self._where = where
         self._tell = tell
         self._said = ""
-        self._sources: dict[str, RemoteSource] = {}
-        self._taps: list[Tap] = []
+        self._sides: dict[str, RemoteSide] = {}
+        self._session: WatchedSession | None = None
+        """The session that the sides are shown in."""
         self._is_joined = False
+        """Whether that session has a side of this host."""
         self._count = 0
-        self._greeted: set[str] = set()
+        self._introduced: set[str] = set()
         """Sides that were introduced on this connection."""
 
     async def run(self) -> None:
-        """Call, follow, and call again, until cancelled."""
+        """Connect and reconnect until cancelled."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._arrange_often())
-            tasks.create_task(self._call_often())
+            tasks.create_task(self._connect_often())
 
-    async def _call_often(self) -> None:
+    async def _connect_often(self) -> None:
         wait = RETRY_S
         while True:
             began = monotonic()
-            self._say(await self._attempt())
+            self._say(await self._connection())
             wait = RETRY_S if monotonic() - began > LONGEST_RETRY_S else min(2.0 * wait, LONGEST_RETRY_S)
             await asyncio.sleep(wait)
 
-    async def _attempt(self) -> str:
-        """One call, to its end; returns why it ended."""
+    async def _connection(self) -> str:
+        """One connection, to its end; returns why it ended."""
         try:
             async with asyncio.timeout(CONNECT_S):
                 reader, writer = await asyncio.open_connection(self._host, self._port)
         except TimeoutError:
-            return "does not answer; see that the address is right and that no firewall is in the way"
+            return "does not answer; check the address and that no firewall blocks it"
         except OSError as error:
             why = error.strerror or str(error)
             return f"cannot be reached ({why}); start there: weberlink monitor --share ADDRESS:PORT --key-file KEY"
         try:
-            channel = await self._open(reader, writer)
+            stream = await connect(reader, writer, self._key, CONNECT_S)
+            await stream.send(LinkMessage.READY, b"", CONNECT_S)
             self._say("connected")
-            await self._follow(channel, reader, writer)
-        except (handshake.RefusedError, StreamError) as error:
+            await self._follow(stream)
+        except (RefusedError, StreamError) as error:
             return str(error)
-        except OSError:  # a silence too long is one
+        except OSError:  # also a silence that is too long
             pass
         finally:
             await close(writer)
-        return "the link is lost; calling again"
+        return "connection lost; reconnecting"
 
-    async def _open(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> Channel:
-        call = handshake.Call(self._security, os.urandom)
-        await write_frame(writer, call.hello(), CONNECT_S)
-        try:
-            frame = await read_frame(reader, LONGEST_DATAGRAM, CONNECT_S)
-        except (OSError, TimeoutError):
-            raise handshake.RefusedError(
-                "it hangs up without an answer, as it does on a wrong key; --key-file must be a copy of the one there"
-            ) from None
-        channel = call.answered(frame)
-        await write_frame(writer, channel.seal(Message.READY, b""), CONNECT_S)
-        return channel
-
-    async def _follow(self, channel: Channel, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._greeted.clear()
-        loop = asyncio.get_running_loop()
-        giving_up = loop.call_later(BEGIN_S, self._forget_unheard)
-        living = asyncio.ensure_future(_live(channel, writer))
+    async def _follow(self, stream: SecureStream) -> None:
+        self._introduced.clear()
+        giving_up = asyncio.get_running_loop().call_later(INTRODUCE_S, self._drop_unless_introduced)
+        living = asyncio.ensure_future(_send_alive(stream))
         try:
             while True:
-                self._take(*channel.open(await read_frame(reader, LONGEST_FRAME, SILENCE_S)))
+                self._take(*await stream.receive(SILENCE_S))
         finally:
             giving_up.cancel()
             living.cancel()
             await asyncio.gather(living, return_exceptions=True)
 
     def _take(self, kind: int, payload: bytes) -> None:
-        if kind == Message.BEGIN:
-            self._begin(read_begin(payload))
-        elif kind == Message.RECORDS:
-            piece = read_records(payload)
-            if piece.side not in self._greeted or piece.side not in self._sources:
+        if kind == LinkMessage.BEGIN:
+            self._begin(read_introduction(payload))
+        elif kind == LinkMessage.RECORDS:
+            block = read_records(payload)
+            if block.side not in self._introduced or block.side not in self._sides:
                 raise StreamError("it sends records of a side that it did not introduce")
-            self._sources[piece.side].push(piece)
-        elif kind == Message.END:
-            source = self._sources.get(read_end(payload))
-            if source is not None:
-                source.end()
-        elif kind != Message.ALIVE:
+            self._sides[block.side].push(block)
+        elif kind == LinkMessage.END:
+            side = self._sides.get(read_end(payload))
+            if side is not None:
+                side.ended = True
+        elif kind != LinkMessage.ALIVE:
             raise StreamError("it sends messages of an unknown kind")
 
-    def _begin(self, begin: Begin) -> None:
-        _check_description(begin)
-        self._greeted.add(begin.side)
-        known = self._sources.get(begin.side)
-        if known is not None and (known.begin.session, known.begin.began) == (begin.session, begin.began):
-            return  # after a connection that was lost
-        if known is not None or any(source.begin.session != begin.session for source in self._sources.values()):
+    def _begin(self, new: SideIntroduction) -> None:
+        _check_description(new)
+        self._introduced.add(new.side)
+        known = self._sides.get(new.side)
+        if known is not None and (known.introduction.session, known.introduction.began) == (new.session, new.began):
+            return  # after a reconnection
+        if known is not None or any(side.introduction.session != new.session for side in self._sides.values()):
             self._drop()
-        self._sources[begin.side] = RemoteSource(begin)
-        if self._is_joined:  # it was not the whole of it
-            self._cut()
-            for source in self._sources.values():
-                self._show(source)
+        self._sides[new.side] = RemoteSide(new)
+        if self._is_joined:  # the other side is on that host too
+            self._session, self._is_joined = None, False
+            for side in self._sides.values():
+                self._show(side)
         else:
-            self._show(self._sources[begin.side])
+            self._show(self._sides[new.side])
 
-    def _show(self, source: RemoteSource) -> None:
+    def _show(self, side: RemoteSide) -> None:
         """Add a side to the session that is shown, or begin one with it."""
-        tap = source.tap()
-        session = self._watch.sessions.get(self._name) if self._taps else None
-        if session is None or session.ended:
-            self._watch.put(Session(self._next_name(), tap, remote=True))
+        feed = side.feed()
+        if self._session is None or self._session.ended:
+            self._session = WatchedSession(self._next_name(), feed, remote=True)
+            self._watch.put(self._session)
         else:
-            self._watch.admit(self._name, tap)
-        self._taps.append(tap)
+            self._watch.admit(self._session.name, feed)
 
     async def _arrange_often(self) -> None:
         while True:
@@ -175,79 +164,61 @@ class Following:
             await asyncio.sleep(ARRANGE_S)
 
     def _arrange(self) -> None:
-        """Join a side that is alone with its counterpart on this host, once it is known."""
-        if len(self._sources) != 1:
+        """Join a single side with its counterpart on this host, once that is known."""
+        if len(self._sides) != 1:
             return
-        (source,) = self._sources.values()
-        if source.ended or (self._is_joined and not self._watch.sessions[self._name].ended):
+        (side,) = self._sides.values()
+        if side.ended or (self._is_joined and self._session is not None and not self._session.ended):
             return
-        path = counterpart(self._where, source)
+        path = counterpart(self._where, side)
         if path is None:
             return
         local = RingFeed(path)
-        self._cut()
-        tap = source.tap()
-        master, slave = join(local, tap)
-        session = Session(self._next_name(), master, remote=True)
-        session.admit(slave)
-        self._taps.append(tap)
+        master, slave = join(local, side.feed())
+        self._session = WatchedSession(self._next_name(), master, remote=True)
+        self._session.admit(slave)
         self._is_joined = True
-        self._watch.put(session)
-        self._tell(f"the {source.begin.side} of {self._host} and the {local.side} of this host are one session")
-
-    @property
-    def _name(self) -> str:
-        return NAME if self._count < 2 else f"{NAME}-{self._count}"
+        self._watch.put(self._session)
+        self._tell(f"the {side.introduction.side} of {self._host} and the {local.side} of this host are one session")
 
     def _next_name(self) -> str:
         self._count += 1
-        return self._name
-
-    def _cut(self) -> None:
-        """End what is shown; its sources go on."""
-        for tap in self._taps:
-            tap.cut()
-        self._taps = []
-        self._is_joined = False
+        return NAME if self._count < 2 else f"{NAME}-{self._count}"
 
     def _drop(self) -> None:
-        for source in self._sources.values():
-            source.end()
-        self._sources = {}
-        self._taps = []
-        self._is_joined = False
+        """End all sides."""
+        for side in self._sides.values():
+            side.ended = True
+        self._sides, self._session, self._is_joined = {}, None, False
 
-    def _forget_unheard(self) -> None:
-        """Called again, the host did not say that the session goes on: it is over."""
-        if self._sources and not self._greeted:
+    def _drop_unless_introduced(self) -> None:
+        """End the session if the host did not say after a reconnection that it goes on."""
+        if self._sides and not self._introduced:
             self._drop()
 
     def _say(self, what: str) -> None:
-        """Once, until something else is to be said."""
+        """Tell the user, but not the same thing twice in a row."""
         if what != self._said:
             self._said = what
             self._tell(f"{self._host}:{self._port}: {what}")
 
 
-def _check_description(begin: Begin) -> None:
-    """See that a page can be told what a side says of itself.
-
-    Raises:
-        StreamError: it cannot.
-    """
-    if begin.description is None:
+def _check_description(introduction: SideIntroduction) -> None:
+    """Raises StreamError if a page could not show the description of a side."""
+    description = introduction.description
+    if description is None:
         return
     try:
-        hello(begin.session, {begin.side: begin.description}, remote=True)
-        names = (*begin.description.get("bank", ()), *begin.description.get("torque_bank", ()))
-        ok = all(isinstance(name, str) for name in names)
+        hello(introduction.session, {introduction.side: description}, remote=True)
+        names = (*description.get("bank", ()), *description.get("torque_bank", ()))
+        valid = all(isinstance(name, str) for name in names)
     except (AttributeError, LookupError, TypeError, ValueError):
-        ok = False
-    if not ok:
+        valid = False
+    if not valid:
         raise StreamError("its description of the session cannot be read; use the same release on both hosts")
 
 
-async def _live(channel: Channel, writer: asyncio.StreamWriter) -> None:
+async def _send_alive(stream: SecureStream) -> None:
     while True:
         await asyncio.sleep(ALIVE_S)
-        await write_frame(writer, channel.seal(Message.ALIVE, b""), SILENCE_S)
+        await stream.send(LinkMessage.ALIVE, b"", SILENCE_S)

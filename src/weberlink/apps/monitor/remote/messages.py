@@ -1,12 +1,12 @@
-"""What the messages of an open connection say, and their bytes. Pure; everything that is read has a bound.
+"""Messages of the telemetry link and their encoding; the size of everything read is limited.
 
 | kind | from | payload |
 |---|---|---|
-| READY | looking | nothing: the caller holds the fresh keys |
-| ALIVE | both | nothing |
+| READY | looking | empty: the caller holds the fresh keys |
+| ALIVE | both | empty |
 | BEGIN | sharing | zlib, JSON: session, side, rate_hz, began, description |
 | RECORDS | sharing | side u8, written u64, lost u64, zlib of records; little endian |
-| END | sharing | side u8: nothing more will come of it |
+| END | sharing | side u8: its last records were sent |
 """
 
 import json
@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.apps.monitor.remote.channel import LONGEST_PAYLOAD, StreamError
+from weberlink.apps.monitor.remote.stream import LONGEST_PAYLOAD, StreamError
 from weberlink.system.bounded_json import parse
 from weberlink.system.configuration import SIDES
 from weberlink.system.scoring.session import Records
@@ -25,14 +25,14 @@ from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import RECORD
 
 RECORDS_AT_ONCE = 160
-"""Packs into a message whatever they hold."""
+"""Most records of a message: they fit whatever they hold."""
 LONGEST_BEGIN = 1_000_000
-"""Of a side's introduction, unpacked."""
+"""Longest introduction, unpacked [bytes]."""
 _LEVEL = 1
 _RECORDS_HEAD = Struct("<BQQ")
 
 
-class Message(IntEnum):
+class LinkMessage(IntEnum):
     """Kinds of message."""
 
     READY = 1
@@ -42,8 +42,8 @@ class Message(IntEnum):
     END = 5
 
 
-class Begin(NamedTuple):
-    """A side is about to be sent; `began` is when its writer began, on the clock of its records [s]."""
+class SideIntroduction(NamedTuple):
+    """Precedes the records of a side; `began` is when its writer began, on the clock of its records [s]."""
 
     session: str
     side: str
@@ -52,8 +52,8 @@ class Begin(NamedTuple):
     description: dict[str, Any] | None
 
 
-class Piece(NamedTuple):
-    """Records of a side, and how many it has written and the sender has missed so far."""
+class RecordBlock(NamedTuple):
+    """Records of a side, and how many it wrote and the sender missed so far."""
 
     side: str
     written: int
@@ -61,45 +61,45 @@ class Piece(NamedTuple):
     records: Records
 
 
-def pack_begin(begin: Begin) -> bytes:
-    """An introduction; without the description where that is too long to be sent."""
-    packed = _packed(begin)
-    return packed if len(packed) <= LONGEST_PAYLOAD else _packed(begin._replace(description=None))
+def pack_introduction(introduction: SideIntroduction) -> bytes:
+    """Pack an introduction, without the description if that is too long."""
+    packed = _packed(introduction)
+    return packed if len(packed) <= LONGEST_PAYLOAD else _packed(introduction._replace(description=None))
 
 
-def read_begin(payload: bytes) -> Begin:
-    """Raises StreamError where a field is missing, or of another type, or out of range."""
+def read_introduction(payload: bytes) -> SideIntroduction:
+    """Raises StreamError if a field is missing, of a wrong type or out of range."""
     data = _inflated(payload, LONGEST_BEGIN)
     try:
-        begin = Begin(**parse(data, LONGEST_BEGIN))
+        introduction = SideIntroduction(**parse(data, LONGEST_BEGIN))
     except (ValueError, TypeError) as error:
         raise StreamError(f"an introduction cannot be read ({type(error).__name__})") from None
     if (
-        not isinstance(begin.session, str)
-        or begin.side not in SIDES
-        or not (_is_number(begin.rate_hz) and 1.0 <= begin.rate_hz <= 100_000.0)
-        or not (_is_number(begin.began) and abs(begin.began) < 1e10)
-        or not isinstance(begin.description, dict | None)
+        not isinstance(introduction.session, str)
+        or introduction.side not in SIDES
+        or not (_is_number(introduction.rate_hz) and 1.0 <= introduction.rate_hz <= 100_000.0)
+        or not (_is_number(introduction.began) and abs(introduction.began) < 1e10)
+        or not isinstance(introduction.description, dict | None)
     ):
-        raise StreamError("an introduction says nothing plausible")
-    return begin
+        raise StreamError("an introduction has values out of range")
+    return introduction
 
 
-def pack_records(piece: Piece) -> bytes:
+def pack_records(block: RecordBlock) -> bytes:
     """At most `RECORDS_AT_ONCE` records."""
-    head = _RECORDS_HEAD.pack(SIDES.index(piece.side), piece.written, piece.lost)
-    return head + zlib.compress(piece.records.tobytes(), _LEVEL)
+    head = _RECORDS_HEAD.pack(SIDES.index(block.side), block.written, block.lost)
+    return head + zlib.compress(block.records.tobytes(), _LEVEL)
 
 
-def read_records(payload: bytes) -> Piece:
-    """Raises StreamError for what is no records."""
+def read_records(payload: bytes) -> RecordBlock:
+    """Raises StreamError if these are no records."""
     if len(payload) < _RECORDS_HEAD.size:
         raise StreamError("records are cut short")
     side, written, lost = _RECORDS_HEAD.unpack_from(payload)
     data = _inflated(payload[_RECORDS_HEAD.size :], RECORDS_AT_ONCE * RECORD.size)
     if side >= len(SIDES) or len(data) % RECORD.size:
         raise StreamError("records are of an unknown kind")
-    return Piece(SIDES[side], written, lost, np.frombuffer(data, DTYPE))
+    return RecordBlock(SIDES[side], written, lost, np.frombuffer(data, DTYPE))
 
 
 def pack_end(side: str) -> bytes:
@@ -113,19 +113,19 @@ def read_end(payload: bytes) -> str:
     return SIDES[payload[0]]
 
 
-def _packed(begin: Begin) -> bytes:
-    return zlib.compress(json.dumps(begin._asdict()).encode(), 9)
+def _packed(introduction: SideIntroduction) -> bytes:
+    return zlib.compress(json.dumps(introduction._asdict()).encode(), 9)
 
 
 def _inflated(data: bytes, most: int) -> bytes:
-    """Unpacked bytes, of which there may be so many."""
+    """Decompress to at most `most` bytes."""
     inflater = zlib.decompressobj()
     try:
         unpacked = inflater.decompress(data, most)
     except zlib.error:
         raise StreamError("a message cannot be unpacked") from None
     if not inflater.eof:
-        raise StreamError("a message is longer than is agreed")
+        raise StreamError("a message is longer than allowed")
     return unpacked
 
 

@@ -1,177 +1,161 @@
-"""The sharing end: serves the telemetry of this host to those who prove the key.
+"""The sharing end: serves the telemetry of this host to callers who prove the key.
 
-Every connection reads the rings by itself, as fast as its link takes it; the ring is the queue.
+Each connection reads the rings itself, as fast as its link allows; the rings are the queue.
 """
 
 import asyncio
-import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import monotonic
 
-from weberlink.apps.monitor.admission import Admission, origin
-from weberlink.apps.monitor.feed import RingFeed
-from weberlink.apps.monitor.finding import Found, find
-from weberlink.apps.monitor.remote import handshake
-from weberlink.apps.monitor.remote.channel import LONGEST_FRAME, Channel, StreamError
+from weberlink.apps.monitor.access import Admission, origin
 from weberlink.apps.monitor.remote.messages import (
     RECORDS_AT_ONCE,
-    Begin,
-    Message,
-    Piece,
-    pack_begin,
+    LinkMessage,
+    RecordBlock,
+    SideIntroduction,
     pack_end,
+    pack_introduction,
     pack_records,
 )
-from weberlink.apps.monitor.remote.wire import close, read_frame, write_frame
+from weberlink.apps.monitor.remote.stream import SecureStream, StreamError, accept, close
+from weberlink.apps.monitor.rings import RingFeed, RingFile, find_rings
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.wire import LONGEST_DATAGRAM
 from weberlink.telemetry.ring import RingFormatError
 
 LOOK_S = 0.05
 FIND_S = 0.25
 ALIVE_S = 1.0
 HANDSHAKE_S = 3.0
-"""For a caller to prove the key, from the first byte to the last."""
+"""How long a caller may take to prove the key."""
 SILENCE_S = 10.0
-"""Until a caller that says nothing, or takes nothing, is given up."""
+"""How long a caller may send nothing, or take nothing."""
 MOST_CALLERS = 16
-"""Who have proved the key, at a time."""
+"""Callers at a time that have proved the key."""
 MOST_UNPROVEN = 64
 MOST_UNPROVEN_OF_ORIGIN = 16
-"""Callers who have not yet, at a time; one more takes the place of the oldest."""
+"""Callers at a time that have not; a newcomer replaces the oldest."""
+
+Messages = Iterator[tuple[LinkMessage, bytes]]
 
 
 class Sharing:
     """The server.
 
     Args:
-        security: as of `handshake.suite`.
+        key: see `stream.telemetry_key`.
         where: folder of the rings; None for those of this user.
-        only: name of the one session to share; None for the newest.
-        tell: told in a line who comes and goes.
+        only: name of the session to share; None for the newest.
+        tell: called with lines for the user.
         handshake_s: how long a caller may take to prove the key.
     """
 
     def __init__(
         self,
-        security: PresharedKey,
+        key: PresharedKey,
         where: Path | None,
         only: str | None,
         tell: Callable[[str], None],
         handshake_s: float = HANDSHAKE_S,
     ) -> None:
-        self._handshake_s = handshake_s
-        self._security = security
+        self._key = key
         self._where = where
         self._only = only
         self._tell = tell
-        self._callers: set[asyncio.Task[None]] = set()
+        self._handshake_s = handshake_s
+        self._tasks: set[asyncio.Task[None]] = set()
         self._unproven: Admission[asyncio.Task[None]] = Admission(MOST_UNPROVEN, MOST_UNPROVEN_OF_ORIGIN)
-        self._lookers = 0
+        self._viewers = 0
         self._server: asyncio.Server | None = None
 
     async def open(self, host: str, port: int) -> tuple[str, int]:
-        """Listen; returns the address. Raises OSError where that is not possible."""
+        """Listen; returns the address. Raises OSError if that is not possible."""
         self._server = await asyncio.start_server(self._called, host, port)
         name = self._server.sockets[0].getsockname()
         return str(name[0]), int(name[1])
 
     async def close(self) -> None:
-        """Stop listening and hang up on everybody."""
+        """Stop listening and close all connections."""
         if self._server is not None:
             self._server.close()
-        for task in list(self._callers):
+        for task in list(self._tasks):
             task.cancel()
-        await asyncio.gather(*self._callers, return_exceptions=True)
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def _called(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         task = asyncio.current_task()
         assert task is not None
-        self._callers.add(task)
+        self._tasks.add(task)
         peer = writer.get_extra_info("peername")[0]
         try:
-            channel = await self._admitted(task, peer, reader, writer)
-            if channel is not None and self._lookers < MOST_CALLERS:
-                await self._serve(channel, peer, reader, writer)
-        except (OSError, TimeoutError, StreamError, asyncio.CancelledError):
-            pass  # whoever it was is gone, or is nobody
+            stream = await self._admitted(task, peer, reader, writer)
+            if stream is not None and self._viewers < MOST_CALLERS:
+                await self._serve(stream, peer)
+        except (OSError, asyncio.CancelledError):
+            pass  # the caller is gone, or proved nothing
         finally:
             await close(writer)
-            self._callers.discard(task)
+            self._tasks.discard(task)
 
     async def _admitted(
         self, task: asyncio.Task[None], peer: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> Channel | None:
-        """Let a caller prove the key, at the cost of the oldest one who has not where there are too many."""
+    ) -> SecureStream | None:
+        """Let a caller prove the key; it may expel another one that has not yet."""
         expelled = self._unproven.admit(task, origin(peer))
         if expelled is not None:
             expelled.cancel()
         try:
             async with asyncio.timeout(self._handshake_s):
-                return await self._prove(reader, writer)
+                stream = await accept(reader, writer, self._key, self._handshake_s)
+                if stream is None:
+                    return None
+                kind, _ = await stream.receive(self._handshake_s)
+                return stream if kind == LinkMessage.READY else None
         finally:
             self._unproven.leave(task)
 
-    async def _prove(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> Channel | None:
-        """The connection of a caller who holds the key; None for one who does not, or who is refused."""
-        first = await read_frame(reader, LONGEST_DATAGRAM, self._handshake_s)
-        reply = handshake.answer(first, self._security, os.urandom)
-        if reply is None:
-            return None
-        welcome, channel = reply
-        await write_frame(writer, welcome, self._handshake_s)
-        if channel is None:
-            return None
-        kind, _ = channel.open(await read_frame(reader, LONGEST_FRAME, self._handshake_s))
-        return channel if kind == Message.READY else None
-
-    async def _serve(
-        self, channel: Channel, peer: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        self._lookers += 1
-        self._tell(f"{peer} looks on")
-        outlet = Outlet(self._where, self._only)
-        sending = asyncio.ensure_future(self._send(outlet, channel, writer))
+    async def _serve(self, stream: SecureStream, peer: str) -> None:
+        self._viewers += 1
+        self._tell(f"{peer} connected")
+        outlet = RingMessages(self._where, self._only)
+        halves = [asyncio.ensure_future(half) for half in (_send(outlet, stream), _listen(stream))]
         try:
-            listening = asyncio.ensure_future(_listen(reader, channel))
-            try:
-                await asyncio.wait({sending, listening}, return_when=asyncio.FIRST_COMPLETED)
-            finally:
-                for half in (sending, listening):
-                    half.cancel()
-                await asyncio.gather(sending, listening, return_exceptions=True)
+            await asyncio.wait(halves, return_when=asyncio.FIRST_COMPLETED)
         finally:
+            for half in halves:
+                half.cancel()
+            await asyncio.gather(*halves, return_exceptions=True)
             outlet.close()
-            self._lookers -= 1
-            self._tell(f"{peer} has left")
-
-    async def _send(self, outlet: "Outlet", channel: Channel, writer: asyncio.StreamWriter) -> None:
-        alive_at = 0.0
-        while True:
-            now = monotonic()
-            for kind, payload in outlet.look(now):
-                await write_frame(writer, channel.seal(kind, payload), SILENCE_S)
-                alive_at = monotonic() + ALIVE_S
-            if now >= alive_at:
-                await write_frame(writer, channel.seal(Message.ALIVE, b""), SILENCE_S)
-                alive_at = now + ALIVE_S
-            await asyncio.sleep(LOOK_S)
+            self._viewers -= 1
+            self._tell(f"{peer} disconnected")
 
 
-async def _listen(reader: asyncio.StreamReader, channel: Channel) -> None:
-    """Hear that the caller is there, and nothing else."""
+async def _send(outlet: "RingMessages", stream: SecureStream) -> None:
+    alive_at = 0.0
     while True:
-        kind, payload = channel.open(await read_frame(reader, LONGEST_FRAME, SILENCE_S))
-        if kind != Message.ALIVE or payload:
-            raise StreamError("a caller can only look")
+        now = monotonic()
+        for kind, payload in outlet.look(now):
+            await stream.send(kind, payload, SILENCE_S)
+            alive_at = monotonic() + ALIVE_S
+        if now >= alive_at:
+            await stream.send(LinkMessage.ALIVE, b"", SILENCE_S)
+            alive_at = now + ALIVE_S
+        await asyncio.sleep(LOOK_S)
 
 
-class Outlet:
-    """What one caller is sent: the newest session, until it ends, and then the next.
+async def _listen(stream: SecureStream) -> None:
+    """Check that the caller is alive and sends nothing else."""
+    while True:
+        kind, payload = await stream.receive(SILENCE_S)
+        if kind != LinkMessage.ALIVE or payload:
+            raise StreamError("a caller may only view")
+
+
+class RingMessages:
+    """The messages to one caller: the newest session until it ends, then the next.
 
     Args:
-        where, only: as of `Sharing`.
+        where, only: see `Sharing`.
     """
 
     def __init__(self, where: Path | None, only: str | None) -> None:
@@ -186,50 +170,48 @@ class Outlet:
         for feed in self._feeds.values():
             feed.close()
 
-    def look(self, now: float) -> "list[tuple[Message, bytes]]":
-        """What is to be sent now, as kinds and payloads."""
-        messages: list[tuple[Message, bytes]] = []
+    def look(self, now: float) -> Messages:
+        """The messages to send now."""
         if now >= self._find_at:
             self._find_at = now + FIND_S
-            messages += self._find()
+            yield from self._find()
         for side, feed in self._feeds.items():
             if not feed.drained:
-                messages += self._read(side, feed)
-        return messages
+                yield from self._read(side, feed)
 
-    def _read(self, side: str, feed: RingFeed) -> "list[tuple[Message, bytes]]":
+    def _read(self, side: str, feed: RingFeed) -> Messages:
         records = feed.read()
-        pieces = [records[at : at + RECORDS_AT_ONCE] for at in range(0, len(records), RECORDS_AT_ONCE)]
-        messages = [(Message.RECORDS, pack_records(Piece(side, feed.written, feed.lost, piece))) for piece in pieces]
-        return [*messages, (Message.END, pack_end(side))] if feed.drained else messages
+        for at in range(0, len(records), RECORDS_AT_ONCE):
+            block = RecordBlock(side, feed.written, feed.lost, records[at : at + RECORDS_AT_ONCE])
+            yield LinkMessage.RECORDS, pack_records(block)
+        if feed.drained:
+            yield LinkMessage.END, pack_end(side)
 
-    def _find(self) -> "list[tuple[Message, bytes]]":
-        found = find(self._where)
+    def _find(self) -> Messages:
+        found = find_rings(self._where)
         if self._feeds and all(feed.drained for feed in self._feeds.values()):
             self.close()
             self._feeds, self._session = {}, None
-        names = [self._session] if self._session is not None else list(reversed(found))
-        messages: list[tuple[Message, bytes]] = []
-        for name in names:
+        for name in [self._session] if self._session is not None else list(reversed(found)):
             if self._only in (None, name):
-                messages += [message for ring in found.get(name, {}).values() for message in self._open(ring)]
+                for ring in found.get(name, {}).values():
+                    yield from self._open(ring)
             if self._feeds:
                 break
-        return messages
 
-    def _open(self, found: Found) -> "list[tuple[Message, bytes]]":
-        key = (str(found.path), found.number)
+    def _open(self, found: RingFile) -> Messages:
+        key = (str(found.path), found.inode)
         if key in self._known or found.side in self._feeds:
-            return []
+            return
         self._known.add(key)
         try:
             feed = RingFeed(found.path)
         except (RingFormatError, OSError):
-            return []
+            return
         if not feed.alive:
             feed.close()
-            return []
+            return
         self._feeds[found.side] = feed
         self._session = found.session
-        begin = Begin(found.session, found.side, feed.rate_hz, feed.began, feed.description)
-        return [(Message.BEGIN, pack_begin(begin))]
+        introduction = SideIntroduction(found.session, found.side, feed.rate_hz, feed.began, feed.description)
+        yield LinkMessage.BEGIN, pack_introduction(introduction)

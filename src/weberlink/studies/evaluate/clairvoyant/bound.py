@@ -1,4 +1,4 @@
-"""The bound of each family: how far its models can reach, and the fewest sends that this leaves."""
+"""The fewest sends of each predictor family, and how far a held force and a straight line in time can reach."""
 
 from collections.abc import Sequence
 
@@ -7,17 +7,18 @@ from numpy.typing import NDArray
 
 from weberlink.codec import Channel
 from weberlink.codec.predictors import HYBRID
-from weberlink.studies.evaluate.clairvoyant.demand import bounded, demand_of
-from weberlink.studies.evaluate.clairvoyant.linear import hold_reaches, line_reaches
-from weberlink.studies.evaluate.clairvoyant.stretch import Ticks
+from weberlink.studies.evaluate.clairvoyant.demand import Array, Demand, bounded, demand_of, lengths
+from weberlink.studies.evaluate.clairvoyant.stretch import Index, Ticks, reaches
 from weberlink.studies.evaluate.clairvoyant.surface import surface_reaches
 
 KNOWN = {"zoh", "linear", "plane", "sphere"}
-"""The families whose reach is known."""
+"""Families whose reach can be computed."""
 RESOLUTION = 16
-"""Of the grid of time on which distant ticks are compared; finer is tighter, and slower: at 32 it was 1 to 3 %."""
+"""Of the time grid for distant ticks. 32 gives a bound that is 1 to 3 % tighter, and is slower."""
 LINE_RESOLUTION = 128
-"""The same for a signal of one degree of freedom, which has fewer directions to ask."""
+"""The same for one degree of freedom."""
+PLANAR_DIRECTIONS = 8
+"""Checked for forces on two axes; with three axes it is the 13 of the edges, faces and corners of a cube."""
 
 
 def clairvoyant_sends(
@@ -27,17 +28,15 @@ def clairvoyant_sends(
     channel: Channel,
     families: Sequence[str],
 ) -> dict[str, int | None]:
-    """The fewest sends that any encoder of each family could make with knowledge of the future; a lower bound.
+    """A lower bound on the sends of any encoder of each family.
 
-    None for a family of which nothing is known here, as one whose predictor is newer than this, and for all where what
-    the deadband asks depends on what was sent.
+    None for families other than `KNOWN`, and for all if the deadband depends on what was sent.
 
     Args:
         trace_force: measured force at ticks 0 to n-1, shape (n, 3) [N], finite.
         position: commanded position, shape (n, 3) [m], finite.
-        channel: a force channel, for its wire, its deadband, its rest, its trusted stiffness and, if hybrid is asked
-            for, its bank.
-        families: names of predictors, or "hybrid" for all in the channel's bank at once.
+        channel: a force channel with the wire, deadband, rest value and fit limits; its bank is that of "hybrid".
+        families: names of predictors, or "hybrid" for all in the bank of the channel.
     """
     known = [name for name in families if set(_members(name, channel)) <= KNOWN]
     fewest: dict[str, int | None] = dict.fromkeys(families)
@@ -62,7 +61,7 @@ def _fewest(
         if "linear" in members:
             reach["linear"] = np.maximum(hold, line_reaches(demand, resolution))
         if members & {"plane", "sphere"}:
-            # A surface that is not trusted holds.
+            # A surface outside the fit limits holds.
             plane, sphere = surface_reaches(demand, channel.fit_limits, resolution)
             reach |= {"plane": np.maximum(hold, plane), "sphere": np.maximum(hold, sphere)}
     if HYBRID in families:
@@ -72,8 +71,69 @@ def _fewest(
 
 
 def _sends(reach: Ticks, first: int) -> int:
-    """Each as late as possible: an earlier one reaches no further."""
+    """Send as late as possible: an earlier send reaches no further."""
     sends, tick, onwards = 0, first, reach.tolist()
     while tick < len(onwards):
         sends, tick = sends + 1, onwards[tick]
     return sends
+
+
+def hold_reaches(demand: Demand, resolution: int) -> Ticks:
+    """How far one held value reaches from a send at each tick, shape (n,).
+
+    The projection of the force on a direction w must stay within w.f plus or minus the tolerance, an interval.
+    """
+    low, high = _gates(demand)
+
+    def pair(_earlier: Index, later: Index, _distance: int) -> tuple[Array, Array]:
+        return low[:, later], high[:, later]
+
+    found: Ticks = reaches(low, high, pair, jointly=True, resolution=resolution)[0]
+    return found
+
+
+def line_reaches(demand: Demand, resolution: int) -> Ticks:
+    """How far one value and slope reach from a send at each tick, shape (n,).
+
+    Two ticks leave the slope the interval from low' - high to high' - low over their distance. A slope in all of these
+    has a line through all intervals, for the maximum of low - slope t is then below the minimum of high - slope t.
+    """
+    low, high = _gates(demand)
+    low[:, demand.at_edge], high[:, demand.at_edge] = -np.inf, np.inf
+
+    def pair(earlier: Index, later: Index, distance: int) -> tuple[Array, Array]:
+        per_tick = 1.0 / distance
+        return (low[:, later] - high[:, earlier]) * per_tick, (high[:, later] - low[:, earlier]) * per_tick
+
+    any_slope = np.full_like(low, np.inf)
+    found: Ticks = reaches(-any_slope, any_slope, pair, jointly=True, resolution=resolution)[0]
+    return found
+
+
+def _gates(demand: Demand) -> tuple[Array, Array]:
+    """Least and largest projection that the deadband allows, each of shape (directions, n)."""
+    x, y, z = demand.force.T
+    directions = _directions((demand.force != 0.0).any(axis=0))
+    # Not a matrix product: its last bits depend on the library.
+    along = np.array([a * x + b * y + c * z for a, b, c in directions])
+    if demand.sector is not None:
+        size = lengths(demand.force)
+        return -demand.sector.extent(-along, size), demand.sector.extent(along, size)
+    return along - demand.tolerance, along + demand.tolerance
+
+
+def _directions(used: NDArray[np.bool_]) -> Array:
+    """Unit vectors, evenly spread over a half of the space that the forces use, shape (directions, 3)."""
+    axes = np.flatnonzero(used)
+    if len(axes) == 3:
+        half = [(a, b, c) for a in (0, 1) for b in (-1, 0, 1) for c in (-1, 0, 1) if (a, b, c) > (0, 0, 0)]
+        chosen = np.array(half, dtype=np.float64)
+        spread: Array = chosen / np.sqrt((chosen * chosen).sum(axis=1, keepdims=True))
+        return spread
+    if len(axes) == 2:
+        angles = np.pi / PLANAR_DIRECTIONS * np.arange(PLANAR_DIRECTIONS)
+        planar = np.zeros((PLANAR_DIRECTIONS, 3))
+        planar[:, axes[0]], planar[:, axes[1]] = np.cos(angles), np.sin(angles)
+        return planar
+    single: Array = np.eye(3)[axes if len(axes) else [0]]
+    return single

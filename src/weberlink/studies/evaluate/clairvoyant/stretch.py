@@ -1,8 +1,8 @@
-"""How far each tick's stretch can reach, for any family whose one free number is confined by pairs of ticks.
+"""How far a stretch from each tick can reach, for families with one free number that pairs of ticks confine.
 
-For a line that number is the slope, for a surface the stiffness: every two ticks leave it an interval, and a stretch
-can be explained while the intervals of all its pairs meet. Those of the ticks a to a+d meet where those of a to a+d-1,
-of a+1 to a+d and of the pair (a, a+d) meet: all stretches of a length come at once from those one tick shorter.
+The number is the slope of a line or the stiffness of a surface. Every two ticks leave it an interval; a stretch can be
+explained while the intervals of all its pairs intersect. The intersection for the ticks a to a+d is that of a to a+d-1,
+of a+1 to a+d and of the pair (a, a+d), so all stretches of a length follow from those one tick shorter.
 """
 
 from collections.abc import Callable
@@ -15,28 +15,28 @@ Array = NDArray[np.float64]
 Ticks = NDArray[np.int64]
 Index = Ticks | slice
 Pair = Callable[[Index, Index, int], tuple[Array, Array]]
-"""Earlier ticks, later ticks and their distance, to the intervals that they leave, each of shape (rows, ticks)."""
+"""Maps earlier ticks, later ticks and their distance to the ends of the intervals, each of shape (rows, ticks)."""
 
 DENSE = 0.8
-"""The list of stretches is cleared of those that have ended when fewer than this share goes on."""
+"""Ended stretches are removed when fewer than this share continues."""
 
 
 def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: int) -> Ticks:
-    """The first tick that a stretch from each tick can not include, or a later one.
+    """The first tick that a stretch from each tick cannot include, or a later one.
 
     Rows are separate numbers with their own intervals. From a distance of twice `resolution` on, stretches begin and
-    end on a grid of time alone, whose step doubles with the distance. What is said of a longer stretch is then not
-    all that its pairs say: it may seem longer than it is, never shorter.
+    end on a grid of time whose step doubles with the distance. A long stretch may then seem longer than it is, never
+    shorter.
 
     Args:
         low: smallest number that each tick by itself allows, shape (rows, n).
         high: the largest, likewise.
         pair: the intervals of pairs.
-        jointly: whether a stretch ends with the first row that fails, or every row has its own.
-        resolution: at least 1; half of n or more compares all.
+        jointly: whether a stretch ends with the first row that fails; else every row has its own.
+        resolution: at least 1; n / 2 or more compares all pairs.
 
     Returns:
-        Shape (rows, n), or (1, n) where jointly; each at least its own tick + 1, at most n, and never falling.
+        Shape (rows, n), or (1, n) if jointly; each at least its tick + 1, at most n, and not decreasing.
     """
     ticks = low.shape[1]
     starts = np.arange(ticks)
@@ -53,8 +53,8 @@ def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: i
         distance += step
         np.copyto(span, distance, where=alive)
         _end(reach, starts[-1:], span[:, -1:], ~alive[:, -1:])
-        # Where neighbours of the list are further apart, what lies between has ended; so has what includes it, and it
-        # matters no more what is said of that.
+        # Where neighbours in the list are further apart, the stretches between them have ended, and so have those that
+        # include them; their intervals do not matter any more.
         starts, span = starts[:-1], span[:, :-1]
         if not starts.size:
             break
@@ -69,12 +69,12 @@ def reaches(low: Array, high: Array, pair: Pair, *, jointly: bool, resolution: i
         if np.count_nonzero(living) < DENSE * starts.size:
             _end(reach, starts, span, ~alive)
             starts, low, high, span, alive = _take(np.flatnonzero(living), starts, low, high, span, alive)
-    # A stretch reaches no further than a later one.
+    # A stretch reaches no further than one that begins later.
     return np.minimum.accumulate(reach[:, ::-1], axis=1)[:, ::-1]
 
 
 def _end(reach: Ticks, starts: Ticks, span: Ticks, ended: NDArray[np.bool_]) -> None:
-    """Write down how far those that have ended went; what never ends reaches the end of the signal."""
+    """Store the reach of the stretches that have ended."""
     for row, spans, over in zip(reach, span, ended, strict=True):
         row[starts[over]] = starts[over] + spans[over]
 
@@ -84,7 +84,7 @@ def _take(kept: Ticks, starts: Ticks, *arrays: Any) -> tuple[Any, ...]:
 
 
 def _indices(starts: Ticks, distance: int, step: int) -> tuple[Index, Index]:
-    """Slices where they will do: they copy nothing."""
+    """Indices as slices where possible, which copy nothing."""
     first, last = int(starts[0]), int(starts[-1])
     if last - first == (len(starts) - 1) * step:
         return slice(first, last + 1, step), slice(first + distance, last + 1 + distance, step)

@@ -33,7 +33,7 @@ export class Headline {
 
   #word(states) {
     const { store, connection } = this;
-    if (connection === "gone") return ["lost", "the monitor is gone; trying again"];
+    if (connection === "gone") return ["lost", "connection to the monitor lost; reconnecting"];
     if (store.ended) return ["ended", "these are the final figures"];
     if (!store.hello?.session) return ["connecting", "waiting for a session to begin"];
     if (!states.length) return ["connecting", "waiting for the first tick"];

@@ -100,7 +100,7 @@ const PANELS = [
     choices: ["norm", "x", "y", "z"],
     choice: "norm",
     help:
-      "Measured at the robot, and felt by the operator. Within the green deadband around the measured force a " +
+      "Force measured by the robot, and force felt by the operator. Within the green deadband around the measured force a " +
       "difference is too small to be noticed, so nothing is sent; each dot is a packet.",
     empty: "needs a session in contact",
     sources: felt("", "N"),
@@ -129,8 +129,8 @@ const PANELS = [
     title: "Felt error",
     unit: "JND",
     help:
-      "What the operator feels against what the robot measured, in units of the deadband, which stands for one " +
-      "just-noticeable difference (JND): in the green zone it should go unnoticed.",
+      "Difference between the felt force and the force that the robot measured, in units of the deadband, which is " +
+      "one just-noticeable difference (JND). In the green zone it should not be noticed.",
     empty: "needs both sides of the session on this host",
     sources: () => [
       { ring: "felt", series: [{ name: "error", colour: "third", width: 1.5, of: column("jnd"), unit: "JND" }] },
@@ -145,7 +145,7 @@ const PANELS = [
     unit: "mm",
     choices: ["x", "y", "z"],
     choice: "z",
-    help: "Where the operator's hand is, and where the robot was sent. Each stroke at the bottom is a packet.",
+    help: "Position of the operator's hand, and commanded position of the robot. Each stroke at the bottom is a packet.",
     empty: "no samples yet",
     sources: moved("", "position", "robot", "mm", 1e3),
     range: () => (low, high) => padded(low, high, 5),
@@ -224,8 +224,8 @@ const PANELS = [
     title: "Ticks",
     unit: "",
     help:
-      "How late a tick of the loop began and how long it worked, the worst of each tenth of a second, of the ticks " +
-      "that the page is told of; logarithmic. The level line is the time between two ticks; red is a missed tick.",
+      "How late ticks of the loop began and how long they took: the maximum per 0.1 s of the ticks sent to this page, " +
+      "on a logarithmic scale. The horizontal line is the tick period; a missed tick is red.",
     empty: "no samples yet",
     log: true,
     sources: () =>

@@ -245,10 +245,10 @@ function place(ball, at) {
 function caption(kind, size, stiffness) {
   const text =
     {
-      [SPHERE]: `believed: a ${size < 0 ? "hollow " : ""}sphere, radius ${Math.abs(size).toFixed(1)} mm`,
-      [PLANE]: "believed: a plane",
-      1: "believed: force goes on along a line",
-      0: "believed: force stays as it was",
+      [SPHERE]: `predicted surface: ${size < 0 ? "hollow " : ""}sphere, radius ${Math.abs(size).toFixed(1)} mm`,
+      [PLANE]: "predicted surface: plane",
+      1: "predicted force: linear extrapolation",
+      0: "predicted force: held constant",
     }[kind] ?? "\u00a0";
   const known = Number.isFinite(stiffness) ? `, ${stiffness.toFixed(0)} N/m` : "";
   const element = document.getElementById("model");

@@ -1,0 +1,149 @@
+"""Access of the checks to this machine; tests replace its root folder and its methods."""
+
+import ctypes
+import os
+import resource
+import shutil
+import socket
+import subprocess
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import CLOCK_MONOTONIC, clock_getres
+from typing import Any
+
+from weberlink.apps.doctor.trial import RightsRequest, RightsTrial, run_trial
+
+LOOK_UP_LIMIT_S = 3.0
+"""How long a name service may take to answer."""
+TOOL_LIMIT_S = 10.0
+CLOCK_UNSYNCHRONISED = 5  # TIME_ERROR of <sys/timex.h>
+TIMEX_BYTES = 1024  # more than struct timex has anywhere
+
+
+class Unreadable(Exception):  # noqa: N818 - a result, not a fault of the program
+    """A part of the machine cannot be read; the text says why."""
+
+
+class Machine:
+    """The machine.
+
+    Args:
+        root: folder that has `proc`, `sys`, `etc`, `boot`, `dev` and `run`.
+        variables: of the environment.
+    """
+
+    def __init__(self, root: Path = Path("/"), variables: Mapping[str, str] = os.environ) -> None:
+        self.root = root
+        self.variables = variables
+        self.user = os.geteuid()
+
+    def read(self, path: str) -> str:
+        """The text of a file, stripped. Raises Unreadable."""
+        try:
+            return (self.root / path.lstrip("/")).read_text(encoding="utf-8", errors="replace").strip()
+        except FileNotFoundError:
+            raise Unreadable(f"{path}: this kernel has no such file") from None
+        except PermissionError:
+            raise Unreadable(f"{path} cannot be read without root") from None
+        except OSError as error:
+            raise Unreadable(f"{path} cannot be read: {error.strerror}") from None
+
+    def number(self, path: str) -> int:
+        """The number in a file. Raises Unreadable if it cannot be read or holds something else."""
+        text = self.read(path)
+        try:
+            return int(text)
+        except ValueError:
+            raise Unreadable(f"{path} holds no number but {text[:40]!r}") from None
+
+    def has(self, path: str) -> bool:
+        try:
+            return (self.root / path.lstrip("/")).exists()
+        except OSError:
+            return False
+
+    def find(self, pattern: str) -> list[str]:
+        """Paths that match, from the root, in natural order."""
+        return sorted((f"/{path.relative_to(self.root)}" for path in self.root.glob(pattern.lstrip("/"))), key=_natural)
+
+    @property
+    def in_container(self) -> bool:
+        return self.has("/.dockerenv") or self.has("/run/.containerenv")
+
+    def affinity(self) -> frozenset[int]:
+        """Processors that this process may run on."""
+        return frozenset(os.sched_getaffinity(0))
+
+    def limit(self, number: int) -> int:
+        """Soft limit of a resource by its number in `resource`; -1 for none."""
+        return resource.getrlimit(number)[0]
+
+    def resolution_ns(self) -> float:
+        """Resolution of the kernel's timers."""
+        return 1e9 * clock_getres(CLOCK_MONOTONIC)
+
+    def trial(self, request: RightsRequest) -> RightsTrial:
+        return run_trial(request)
+
+    def which(self, name: str) -> str | None:
+        return shutil.which(name)
+
+    def space(self, path: Path) -> tuple[int, int]:
+        """Total and free bytes of a file system."""
+        status = os.statvfs(path)
+        return status.f_frsize * status.f_blocks, status.f_frsize * status.f_bavail
+
+    def clock_is_synchronised(self) -> bool:
+        """Ask the kernel without changing anything: no bit of `modes`, the first word, is set."""
+        state = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES))
+        if state < 0:
+            raise Unreadable(os.strerror(ctypes.get_errno()))
+        return bool(state != CLOCK_UNSYNCHRONISED)
+
+    def run(self, *command: str) -> tuple[int, str]:
+        """Exit status and output of a read-only tool. Raises Unreadable if it cannot be run or does not end."""
+        try:
+            done = subprocess.run(  # noqa: S603 - the names are those of the checks
+                command, capture_output=True, text=True, timeout=TOOL_LIMIT_S, check=False, stdin=subprocess.DEVNULL
+            )
+        except (OSError, subprocess.TimeoutExpired) as error:
+            raise Unreadable(f"{command[0]} cannot be run: {error}") from None
+        return done.returncode, done.stdout
+
+    def bind(self, host: str, port: int) -> None:
+        """Bind a UDP port and release it. Raises OSError if that fails."""
+        with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind((host, port))
+
+    def route(self, address: str) -> str:
+        """Own address on the route to another; sends nothing. Raises OSError if there is no route."""
+        with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.connect((address, 9))
+            return str(probe.getsockname()[0])
+
+    def resolve(self, host: str) -> Sequence[str]:
+        """Addresses of a name, IPv4 first. Raises OSError if there is none, Unreadable if nothing answers in time."""
+        answer: list[Any] = []
+
+        def ask() -> None:
+            try:
+                answer.append(socket.getaddrinfo(host, None, type=socket.SOCK_DGRAM))
+            except OSError as error:
+                answer.append(error)
+
+        # A look-up cannot be cancelled; a daemon thread does not delay the end of the program.
+        thread = threading.Thread(target=ask, daemon=True)
+        thread.start()
+        thread.join(LOOK_UP_LIMIT_S)
+        if not answer:
+            raise Unreadable(f"the name service does not answer within {LOOK_UP_LIMIT_S:g} s")
+        if isinstance(answer[0], OSError):
+            raise answer[0]
+        found = sorted(answer[0], key=lambda entry: entry[0] != socket.AF_INET)
+        return list(dict.fromkeys(str(entry[4][0]) for entry in found))
+
+
+def _natural(path: str) -> list[tuple[int, str]]:
+    digits = "".join(letter if letter.isdigit() else " " for letter in path).split()
+    return [(int(number), path) for number in digits] or [(0, path)]

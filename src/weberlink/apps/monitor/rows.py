@@ -1,0 +1,219 @@
+"""Selects the records that a page draws and encodes them as JSON: samples, felt error, rates of the last second."""
+
+from collections import deque
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.apps.monitor.rings import joined
+from weberlink.protocol.states import State
+from weberlink.system.scoring.session import Records
+from weberlink.telemetry.reader import DTYPE
+
+ROWS_PER_S = 250.0
+"""Rows per second of a side, besides the ticks that sent an update."""
+COLUMNS = {
+    "position": 7,
+    "raw": 7,
+    "decoded": 5,
+    "output": 7,
+    "bound": 7,
+    "tank": 7,
+    "surface": 7,
+    "surface_size": 7,
+    "surface_stiffness": 2,
+    "lateness_us": 1,
+    "work_us": 1,
+    "codec_us": 1,
+    "rtt_us": 1,
+    "one_way_us": 1,
+    "ticks_missed": None,
+    "slew_ticks": None,
+    "datagrams_sent": None,
+    "datagrams_received": None,
+    "datagrams_lost": None,
+    "bytes_sent": None,
+    "updates_sent": None,
+    "repeats": None,
+    "state": None,
+    "fault": None,
+    "control": None,
+    "selected": None,
+    "sent": None,
+    "received": None,
+    "clipped": None,
+    "ramping": None,
+    "model": None,
+    "settings": None,
+    "buttons": None,
+    "position_selected": None,
+}
+"""Columns with their decimal places; None for integers."""
+ROTATION = {"rotation_raw": 6, "rotation_output": 6, "rotation_bound": 7, "rotation_sent": None}
+"""Further columns of a session with six degrees of freedom."""
+
+
+class Thinning:
+    """Selects every Nth record of a side, and all that sent an update or changed state or fault.
+
+    Args:
+        rate_hz: rate of the records [Hz].
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._every = max(1, int(np.ceil(rate_hz / ROWS_PER_S)))
+        self._passed = 0
+        self._before: tuple[int, int] | None = None
+
+    def choose(self, records: Records) -> Records:
+        """The rows to show."""
+        count = len(records)
+        if not count:
+            return records
+        keep = (np.arange(self._passed, self._passed + count) % self._every == 0) | (records["sent"] > 0)
+        keep |= records["rotation_sent"] > 0
+        for place, name in enumerate(("state", "fault")):
+            values = records[name].astype(np.int64)
+            before = values[0] if self._before is None else self._before[place]
+            keep |= np.diff(values, prepend=before) != 0
+        self._before = (int(records["state"][-1]), int(records["fault"][-1]))
+        self._passed += count
+        chosen: Records = records[keep]
+        return chosen
+
+
+def samples_message(side: str, rows: Records, origin: float, *, rotation: bool = False) -> dict[str, Any]:
+    """Rows of one side for the page.
+
+    Args:
+        side: master or slave.
+        rows: records to show.
+        origin: start of the session on the clock of the rows [s].
+        rotation: whether the session has six degrees of freedom.
+    """
+    columns = COLUMNS | ROTATION if rotation else COLUMNS
+    return {
+        "type": "samples",
+        "side": side,
+        "t": listed(rows["at"] - origin, 6),
+        "columns": {name: _column(rows[name], digits) for name, digits in columns.items()},
+    }
+
+
+def _column(values: NDArray[Any], digits: int | None) -> list[Any]:
+    if digits is None:
+        numbers: list[Any] = values.tolist()
+        return numbers
+    if values.ndim == 1:
+        return listed(values, digits)
+    return [listed(axis, digits) for axis in values.T]
+
+
+def listed(values: NDArray[Any], digits: int) -> list[float | None]:
+    """Rounded numbers for JSON; None for those that are not finite."""
+    wide = np.asarray(values, dtype=np.float64)
+    numbers: list[float | None] = np.round(wide, digits).tolist()
+    finite = np.isfinite(wide)
+    if not finite.all():
+        for place in np.flatnonzero(~finite).tolist():
+            numbers[place] = None
+    return numbers
+
+
+LONGEST_WAIT = 2500
+"""Most rows of a side that wait for the other; older ones are dropped."""
+
+
+class FeltError:
+    """Pairs shown rows of the slave with the master's records nearest in time.
+
+    It selects the same ticks as `weberlink.system.scoring.session`, which keeps no rows.
+
+    Args:
+        rate_hz: rate of both sides [Hz].
+    """
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period = 1.0 / rate_hz
+        self._master: Records = np.empty(0, DTYPE)
+        self._slave: Records = np.empty(0, DTYPE)
+
+    def add(self, master: Records, slave_rows: Records) -> tuple[Records, Records]:
+        """Add all new records of the master and the slave's rows; returns pairs of equal length."""
+        longest = max(LONGEST_WAIT, len(master), len(slave_rows))
+        self._master = joined((self._master, master))[-longest:]
+        self._slave = joined((self._slave, slave_rows))[-longest:]
+        if not (len(self._master) and len(self._slave)):
+            return self._master[:0], self._slave[:0]
+        at = self._master["at"]
+        ready = int(np.searchsorted(self._slave["at"], at[-1] - 0.5 * self._period, side="right"))
+        now, self._slave = self._slave[:ready], self._slave[ready:]
+        right = np.minimum(np.searchsorted(at, now["at"]), len(at) - 1)
+        left = np.maximum(right - 1, 0)
+        nearest = np.where(now["at"] - at[left] <= at[right] - now["at"], left, right)
+        matched = self._master[nearest]
+        if ready:
+            self._master = self._master[max(0, int(nearest[-1]) - 1) :]
+        counts = np.abs(matched["at"] - now["at"]) <= 0.75 * self._period
+        for records in (matched, now):
+            counts &= (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
+        return matched[counts], now[counts]
+
+
+def felt_message(master: Records, slave: Records, origin: float) -> dict[str, Any]:
+    """Felt error of pairs: the operator's force against the robot's, in N and JND (None where the bound is 0)."""
+    error = np.linalg.norm(master["output"] - slave["raw"], axis=1)
+    bound = slave["bound"]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        jnd = np.where(bound > 0.0, error / bound, np.nan)
+    return {
+        "type": "felt",
+        "t": listed(slave["at"] - origin, 6),
+        "jnd": listed(jnd, 4),
+        "error_n": listed(error, 5),
+        "bound_n": listed(bound, 5),
+    }
+
+
+WINDOW_S = 1.0
+
+
+class _PaceMark(NamedTuple):
+    at: float
+    updates: int
+    engaged: int
+
+
+class Pace:
+    """Packet rate and reduction of the last second of one side."""
+
+    def __init__(self) -> None:
+        self._marks: deque[_PaceMark] = deque()
+        self._engaged = 0
+
+    def add(self, records: Records) -> None:
+        if not len(records):
+            return
+        first, last = records[0], records[-1]
+        if not self._marks:
+            self._marks.append(_PaceMark(float(first["at"]), int(first["updates_sent"]), 0))
+        self._engaged += int((records["state"] == State.ENGAGED.value).sum())
+        self._marks.append(_PaceMark(float(last["at"]), int(last["updates_sent"]), self._engaged))
+        while len(self._marks) > 2 and self._marks[1].at <= self._marks[-1].at - WINDOW_S:
+            self._marks.popleft()
+
+    @property
+    def packets_per_s(self) -> float | None:
+        """None before the second record."""
+        if not self._marks or self._marks[-1].at <= self._marks[0].at:
+            return None
+        return (self._marks[-1].updates - self._marks[0].updates) / (self._marks[-1].at - self._marks[0].at)
+
+    @property
+    def reduction(self) -> float | None:
+        """Share of ticks without a packet; None while not engaged."""
+        if not self._marks or self._marks[-1].engaged <= self._marks[0].engaged:
+            return None
+        sent = self._marks[-1].updates - self._marks[0].updates
+        return 1.0 - sent / (self._marks[-1].engaged - self._marks[0].engaged)

@@ -1,0 +1,222 @@
+"""The study of `weberlink evaluate`: every trace with every predictor, Weber factor and deadband, one row each.
+
+A task is one trace at one Weber factor and one deadband with all predictors: they share the trace as plain numbers,
+the perception threshold and most of the work of the clairvoyant bound.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from weberlink.codec import Channel, force_channel
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
+from weberlink.codec.predictors import HYBRID
+from weberlink.master.trace import Trace
+from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
+from weberlink.studies.evaluate.replay import Array, Signal, replay, signal_of
+from weberlink.system.scoring.perception import Threshold, in_units, longest_run, noticed, rms
+
+DEFAULT_PERIOD_S = 1e-3
+
+
+class NamedTrace(NamedTuple):
+    """A trace and its name in the rows."""
+
+    name: str
+    trace: Trace
+
+
+@dataclass(frozen=True)
+class EvaluationRow:
+    """The figures of one trace with one predictor, Weber factor and deadband."""
+
+    trace: str
+    predictor: str
+    weber: float
+    samples: int
+    packets: int
+    packets_per_s: float
+    reduction: float
+    """Against one packet per sample."""
+    bytes_per_s: float
+    """UDP payload of the updates, as on a link secured by a pre-shared key."""
+    error_rms_n: float
+    error_max_n: float
+    jnd_max: float
+    """Largest error in units of its bound, in the deadband's own measure."""
+    violation_fraction: float
+    """Share of ticks outside the deadband of this row; 0 if the codec works."""
+    violation_longest_s: float
+    error_rms_jnd: float
+    """This and the next three: in units of the perception threshold, which is the same for all rows."""
+    error_max_jnd: float
+    noticeable_fraction: float
+    noticeable_longest_s: float
+    tick_us: float
+    """Median run time of encode plus decode."""
+    selected: dict[str, int] | None = None
+    """Sends per predictor; hybrid only."""
+    deadband: str = ISOTROPIC
+    clairvoyant_packets: int | None = None
+    """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
+
+    @property
+    def excess(self) -> float | None:
+        """Packets over the lower bound; None where that is 0 or unknown."""
+        return self.packets / self.clairvoyant_packets if self.clairvoyant_packets else None
+
+    @property
+    def clairvoyant_packets_per_s(self) -> float | None:
+        if self.clairvoyant_packets is None:
+            return None
+        return self.clairvoyant_packets * self.packets_per_s / self.packets if self.packets else 0.0
+
+    def as_json(self) -> dict[str, Any]:
+        values = asdict(self) | {"excess": self.excess}
+        return {key: value for key, value in values.items() if value is not None}
+
+
+@dataclass(frozen=True)
+class EvaluationStudy:
+    """What varies for every trace, and what is the same for all.
+
+    Args:
+        predictors: names, "hybrid" among them; each once.
+        webers: Weber factors; each once.
+        floor: absolute threshold of the deadband and of perception [N].
+        force_step: wire step [N].
+        position_step: wire step [m].
+        saturates: whether the int16 range applies.
+        jnd: just noticeable difference of a person, as a share of the force.
+        deadbands: names of shapes, each once; their other parameters have the default values.
+    """
+
+    predictors: Sequence[str] = ("zoh", "linear", "plane", "sphere", "hybrid")
+    webers: Sequence[float] = (0.10,)
+    floor: float = 0.02
+    force_step: float = 1e-3
+    position_step: float = 1e-5
+    saturates: bool = True
+    jnd: float = 0.10
+    deadbands: Sequence[str] = (ISOTROPIC,)
+
+    def channel(
+        self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
+    ) -> Channel:
+        """A force channel for a signal of this period, with the first deadband unless another is named."""
+        shape = DEADBANDS[deadband or self.deadbands[0]]
+        defaults = {name: option.default for name, option in shape.options.items()}
+        return force_channel(
+            predictor=predictor,
+            deadband=shape.configured(weber, self.floor, "actual", period_s, defaults),
+            force_step=self.force_step,
+            position_step=self.position_step,
+            saturates=self.saturates,
+        )
+
+    def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
+        """All tasks: traces outermost, then deadbands, then Weber factors."""
+        return [
+            (trace, StudyPoint(self, weber, deadband))
+            for trace in traces
+            for deadband in self.deadbands
+            for weber in self.webers
+        ]
+
+    def rows(self, trace: NamedTrace) -> list[EvaluationRow]:
+        """All rows of one trace, computed here."""
+        return self.ordered([rows_of(task) for task in self.tasks([trace])])
+
+    def ordered(self, results: Sequence[Sequence[EvaluationRow]]) -> list[EvaluationRow]:
+        """All rows: traces outermost, then deadbands, then predictors, then Weber factors.
+
+        Args:
+            results: the rows of each of `tasks`, in that order.
+        """
+        webers = len(self.webers)
+        return [
+            results[first + weber][predictor]
+            for first in range(0, len(results), webers)
+            for predictor in range(len(self.predictors))
+            for weber in range(webers)
+        ]
+
+
+class StudyPoint(NamedTuple):
+    """A study at one of its Weber factors and deadbands."""
+
+    study: EvaluationStudy
+    weber: float
+    deadband: str
+
+
+EvaluationTask = tuple[NamedTrace, StudyPoint]
+
+
+def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
+    """The rows of one task, one for each predictor."""
+    (name, trace), (study, weber, deadband) = task
+    signal = signal_of(trace)
+    threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
+    hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
+    fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
+    return [
+        evaluate(
+            name, signal, study.channel(predictor, weber, deadband, signal.period_s), threshold_n,
+            predictor=predictor, weber=weber, deadband=deadband, clairvoyant_packets=fewest.get(predictor),
+        )
+        for predictor in study.predictors
+    ]  # fmt: skip
+
+
+def coded_samples(task: EvaluationTask) -> float:
+    """The number of coded samples of a task, as a measure of its run time."""
+    (_, trace), (study, *_) = task
+    return float(len(trace.time_s) * len(study.predictors))
+
+
+def evaluate(
+    name: str,
+    signal: Signal,
+    channel: Channel,
+    threshold_n: Array,
+    *,
+    predictor: str,
+    weber: float,
+    deadband: str = ISOTROPIC,
+    clairvoyant_packets: int | None = None,
+) -> EvaluationRow:
+    """Code a signal with a fresh encoder and decoder.
+
+    Args:
+        name: of the trace.
+        signal: force and position.
+        channel: a force channel. The keyword arguments are copied to the row.
+        threshold_n: perception threshold at each tick, shape (n,) [N].
+    """
+    run = replay(signal, channel)
+    samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
+    sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
+    outside = run.deviation_n > run.bound_n
+    return EvaluationRow(
+        trace=name,
+        predictor=predictor,
+        weber=weber,
+        samples=samples,
+        packets=packets,
+        packets_per_s=packets / duration,
+        reduction=1.0 - packets / samples,
+        bytes_per_s=run.payload_bytes(channel) / duration,
+        error_rms_n=rms(run.error_n),
+        error_max_n=float(run.error_n.max()),
+        jnd_max=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        violation_fraction=float(outside.mean()),
+        violation_longest_s=longest_run(outside) * signal.period_s,
+        **noticed(run.error_n, threshold_n, signal.period_s)._asdict(),
+        tick_us=run.tick_us,
+        selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
+        deadband=deadband,
+        clairvoyant_packets=clairvoyant_packets,
+    )

@@ -1,0 +1,158 @@
+"""The error of one channel of a session (force, position, torque or orientation) against its deadband."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import isnan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from weberlink.geometry.vector import Vector
+from weberlink.system.scoring.distribution import Distribution
+from weberlink.system.scoring.energy import Records, Series
+
+Measure = Callable[[Vector, Vector], float]
+"""How a deadband measures the error of the displayed value against the actual one."""
+
+
+@dataclass
+class ErrorStatistics:
+    """Running statistics of an error against its bound."""
+
+    count: int = 0
+    violations: int = 0
+    square_sum: float = 0.0
+    largest: float = 0.0
+    longest_run: int = 0
+    jnd: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
+    _run: int = 0
+
+    def add(self, errors: Series, bounds: Series, deviations: Series) -> None:
+        """Take the next ticks.
+
+        Args:
+            errors: in the unit of the values, shape (n,).
+            bounds: of the deviations, shape (n,).
+            deviations: the same errors in the measure of the deadband, shape (n,).
+        """
+        outside = deviations > bounds
+        self.count += len(errors)
+        self.violations += int(outside.sum())
+        self.square_sum += float((errors * errors).sum())
+        if len(errors):
+            self.largest = max(self.largest, float(errors.max()))
+        bounded = bounds > 0.0
+        self.jnd.add(deviations[bounded] / bounds[bounded] * 1e6)
+        for value in outside.tolist():
+            self._run = self._run + 1 if value else 0
+            self.longest_run = max(self.longest_run, self._run)
+
+    def summary(self, period: float) -> dict[str, float | None]:
+        jnd = none_for_nan({"max": self.jnd.max * 1e-6, "p99": self.jnd.percentile(99.0) * 1e-6})
+        return {
+            "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
+            "error_max": self.largest if self.count else None,
+            "violation_fraction": self.violations / self.count if self.count else None,
+            "violation_longest_ticks": self.longest_run,
+            "violation_longest_s": self.longest_run * period if self.count else None,
+            "violation_s": self.violations * period if self.count else None,
+            "violation_max_jnd": jnd["max"],
+            "violation_p99_jnd": jnd["p99"],
+        }
+
+
+class ChannelScore:
+    """Errors of one channel: what the receiver commanded against what the sender measured at the same time.
+
+    Args:
+        prefix: of the record fields: "" or "rotation_".
+        period: of a tick [s].
+        bank: names of the predictors in the order of selectors, for a channel whose coding error is reported.
+        error: of displayed and actual values row by row, shape (n, 3) each.
+        measure: of the deadband; None if it measures `error`.
+    """
+
+    def __init__(
+        self,
+        prefix: str,
+        period: float,
+        bank: Sequence[str] | None = None,
+        error: Callable[[Series, Series], Series] | None = None,
+        measure: Measure | None = None,
+    ) -> None:
+        self._prefix, self._period, self._bank = prefix, period, bank
+        self._error = error or _distances
+        self._measure = measure
+        self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
+        self._selected: dict[int, int] = {}
+
+    def add_sender(self, records: Records, in_session: Records) -> None:
+        """Take the next records of the sender, and those of them that are in session and not in a ramp."""
+        if self._bank is None or not len(records):
+            return
+        tally(self._selected, records[f"{self._prefix}selected"][records[f"{self._prefix}sent"] > 0])
+        self._add(self._coding, in_session[f"{self._prefix}decoded"], in_session)
+
+    def compare(self, sender: Records, receiver: Records) -> None:
+        """Take records of the same moments."""
+        self._add(self.felt, receiver[f"{self._prefix}output"], sender)
+
+    def summary(self) -> dict[str, Any]:
+        summary: dict[str, Any] = self.felt.summary(self._period)
+        if self._bank is not None:
+            summary["coding"] = self._coding.summary(self._period)
+            summary["selected"] = {self._bank[i]: count for i, count in sorted(self._selected.items())}
+        return summary
+
+    def _add(self, statistics: ErrorStatistics, displayed: Series, sender: Records) -> None:
+        actual = sender[f"{self._prefix}raw"]
+        errors = deviations = self._error(displayed, actual)
+        if self._measure is not None:
+            pairs = zip(displayed.tolist(), actual.tolist(), strict=True)
+            deviations = np.array([self._measure(tuple(one), tuple(other)) for one, other in pairs], dtype=np.float64)
+        statistics.add(errors, np.asarray(sender[f"{self._prefix}bound"], dtype=np.float64), deviations)
+
+
+def angles_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
+    """Angles [rad] between rotations given as rotation vectors [rad], shape (n, 3) each, row by row."""
+    return np.asarray(np.linalg.norm(turns_between(a, b), axis=1), dtype=np.float64)
+
+
+def turns(rotations: NDArray[Any]) -> Series:
+    """Rotation vectors [rad] from each row to the next, in the fixed frame; shape (n - 1, 3)."""
+    return turns_between(rotations[:-1], rotations[1:])
+
+
+def turns_between(a: NDArray[Any], b: NDArray[Any]) -> Series:
+    """Rotation vectors [rad] of b after the inverse of a, at most half a turn, row by row; shape (n, 3) each."""
+    (aw, av), (bw, bv) = (_quaternions(np.asarray(each, dtype=np.float64)) for each in (a, b))
+    between = aw[:, None] * bv - bw[:, None] * av + np.cross(av, bv)
+    scalar = aw * bw + np.einsum("ij,ij->i", av, bv)
+    length = np.linalg.norm(between, axis=1)
+    angle = 2.0 * np.arctan2(length, np.abs(scalar))
+    # A quaternion and its negative are the same rotation.
+    sign = np.where(scalar < 0.0, -1.0, 1.0)
+    factor = sign * np.divide(angle, length, out=np.full_like(length, 2.0), where=length > 0.0)
+    return np.asarray(between * factor[:, None], dtype=np.float64)
+
+
+def _quaternions(rotations: Series) -> tuple[Series, Series]:
+    """Scalar and vector parts."""
+    half = 0.5 * np.linalg.norm(rotations, axis=1)
+    return np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * rotations
+
+
+def _distances(a: Series, b: Series) -> Series:
+    return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
+
+
+def tally(counts: dict[int, int], values: NDArray[Any]) -> None:
+    """Add the number of each value to `counts`."""
+    for value, count in zip(*(column.tolist() for column in np.unique(values, return_counts=True)), strict=True):
+        counts[value] = counts.get(value, 0) + count
+
+
+def none_for_nan(figures: dict[str, float]) -> dict[str, float | None]:
+    """JSON has no NaN."""
+    return {name: None if isnan(value) else value for name, value in figures.items()}

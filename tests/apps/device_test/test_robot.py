@@ -1,0 +1,140 @@
+"""`device test` of a robot: a small slow motion along each axis and back."""
+
+import io
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from time import monotonic, sleep
+from typing import Any, ClassVar
+
+import pytest
+
+from tests.apps.device_test.people import Clock, sitting
+from weberlink.apps.device_test import DeviceTestError, DeviceTestRequest, run
+from weberlink.apps.device_test.robot import WAY_M, RobotView, try_robot
+from weberlink.geometry.vector import Vector, distance
+from weberlink.hardware.discovery import PluggedDevice
+from weberlink.hardware.emulator import PtyDevice
+from weberlink.slave import emulators, robots
+from weberlink.slave.robots.contract import RobotReading, RobotSpec
+
+BOX = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
+
+
+class Arm:
+    """A robot that follows by `gain`, and feels `force`."""
+
+    gain: ClassVar[float]
+    force: ClassVar[Callable[[Vector], Vector]]
+    start: ClassVar[Vector]
+    log: ClassVar[list[tuple[str, Any]]]
+
+    @classmethod
+    def plugged(cls) -> list[PluggedDevice]:
+        return []
+
+    def __init__(self) -> None:
+        self.spec = RobotSpec("arm", "xyz", 20.0, 1000.0, BOX, 1000.0, True, force_error=(0.5, 0.2))
+        self._position = self.start
+
+    def open(self, now: float) -> None:
+        self.log.append(("open", None))
+
+    def command(self, position: Vector, now: float) -> None:
+        self.log.append(("command", position))
+        x, y, z = (a + self.gain * (b - a) for a, b in zip(self.start, position, strict=True))
+        self._position = (x, y, z)
+
+    def latest(self, now: float) -> RobotReading:
+        return RobotReading(now, self._position, type(self).force(self._position))
+
+    def close(self) -> None:
+        self.log.append(("close", None))
+
+
+@pytest.fixture(autouse=True)
+def _fresh() -> None:
+    Arm.gain, Arm.start, Arm.log = 1.0, (0.02, 0.0, 0.099), []
+    Arm.force = staticmethod(lambda position: (0.0, 0.0, -1.0))
+
+
+def outcome_of(*lines: str) -> tuple[str, DeviceTestError | None]:
+    screen, error = io.StringIO(), None
+    dialog, keyboard = sitting(Clock(), screen, *lines)
+    try:
+        try_robot(Arm, Arm, dialog)
+    except DeviceTestError as caught:
+        error = caught
+    assert [kind for kind, _ in Arm.log if kind != "command"] == ["open", "close"]
+    assert keyboard.left == []
+    return screen.getvalue(), error
+
+
+def commands() -> list[Vector]:
+    return [what for kind, what in Arm.log if kind == "command"]
+
+
+def test_good_robot_moves_slowly_along_each_axis() -> None:
+    screen, error = outcome_of("", "", "yes")
+    assert error is None
+    assert screen.endswith("The motion is right.\n")
+    assert "  +x: went 10.0 mm, came back to within 0.0 mm, force changed by 0.00 N" in screen
+    assert "  -z: went 10.0 mm" in screen, "there is no room above"
+    assert max(map(len, screen.splitlines())) <= 80
+    assert max(distance(at, Arm.start) for at in commands()) == pytest.approx(WAY_M, rel=1e-3)
+    assert max(distance(a, b) for a, b in pairwise(commands())) < 0.0005
+
+
+def test_without_yes_the_robot_does_not_move() -> None:
+    screen, error = outcome_of("", "", "sure")
+    assert error is None
+    assert "No motion, then." in screen
+    assert commands() == []
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.3, -1.0], ids=["not at all", "too little", "the other way"])
+def test_robot_that_does_not_follow_fails(gain: float) -> None:
+    Arm.gain = gain
+    _, error = outcome_of("", "", "yes")
+    assert "arm: does not follow along x, y, z" in str(error)
+
+
+def test_robot_stops_at_a_contact() -> None:
+    Arm.gain = 0.8
+    Arm.force = staticmethod(lambda p: (-1000.0 * max(0.0, p[0] - 0.022), 0.0, -1.0))
+    _, error = outcome_of("", "", "yes")
+    assert re.fullmatch(r"arm: met 5\.\d N along x and was stopped", str(error))
+    assert commands()[-1][0] == pytest.approx(0.0272, abs=5e-4)
+    assert commands()[-2][0] > 0.0285, "it was commanded farther"
+
+
+def test_robot_outside_its_workspace_does_not_move() -> None:
+    Arm.start = (0.0, 0.0, 0.2)
+    _, error = outcome_of("", "", "yes")
+    assert "arm: is at 200 mm along z, outside of its workspace of -100 to 100 mm" in str(error)
+
+
+def test_rate_of_interpolated_readings_is_not_overstated(tmp_path: Path) -> None:
+    """Each reading of a 250 Hz arm is of another moment, but not from another sample."""
+    driver, emulator = robots.load("dynamixel"), emulators.load("dynamixel")
+    with PtyDevice(emulator(), tmp_path / "arm") as wire:
+        patient = {"timeout_ms": 100.0, "bus_watchdog_ms": 2000.0}  # for a machine that pauses
+        robot = driver(driver.Options(port=str(wire.path), **patient), None, 0.001)
+        view = RobotView(robot)
+        robot.open(monotonic())
+        try:
+            until = monotonic() + 0.5
+            while monotonic() < until:
+                view.look(monotonic())
+                sleep(0.001)
+        finally:
+            robot.close()
+    (rate,) = re.findall(r"(\d+)/s", view.lines()[0])
+    assert 0 < int(rate) <= 265
+
+
+def test_simulated_robot_passes() -> None:
+    screen = io.StringIO()
+    run(DeviceTestRequest("point"), sitting(Clock(), screen, "", "yes")[0])
+    assert screen.getvalue().endswith("The motion is right.\n")

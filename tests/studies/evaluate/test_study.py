@@ -1,0 +1,208 @@
+"""Rows of a study: beside a plain run of the codec, an independent implementation, and in any order of tasks."""
+
+import json
+import pickle
+import re
+from dataclasses import replace
+from functools import cache
+from math import hypot, inf, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.studies.evaluate.signals import trace, walk, wall
+from weberlink.codec import Channel, Decoder, Encoder, force_channel
+from weberlink.codec.predictors import FitLimits
+from weberlink.geometry.vector import Vector
+from weberlink.master.trace import Trace, read_trace
+from weberlink.protocol.psk import PresharedKey
+from weberlink.protocol.wire import UpdateLayout
+from weberlink.studies.evaluate.replay import Signal, replay, signal_of
+from weberlink.studies.evaluate.study import (
+    EvaluationRow,
+    EvaluationStudy,
+    NamedTrace,
+    coded_samples,
+    evaluate,
+    rows_of,
+)
+from weberlink.system.scoring.perception import Threshold
+
+ROOT = Path(__file__).parents[3]
+RECORDED = ROOT.parent / "shared" / "traces"
+PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
+TRACES = [NamedTrace("wall", wall(150)), NamedTrace("walk", walk(200, seed=1))]
+STUDY = EvaluationStudy(("plane", "zoh", "hybrid"), (0.20, 0.05))
+
+
+def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> EvaluationRow:
+    threshold = Threshold(jnd, 0.02).of(signal.force_n)
+    return evaluate("made", signal_of(signal), channel, threshold, predictor="zoh", weber=0.10)
+
+
+def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
+    """Without the measured run time."""
+    return [replace(row, tick_us=0.0) for row in rows]
+
+
+def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int]]:
+    """Decoded forces, bounds, and the size of the datagram of every update."""
+    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.grid.size)
+    decoded, bounds, datagrams = [], [], []
+    for tick, (force, position) in enumerate(zip(signal.force_n.tolist(), signal.position_m.tolist(), strict=True)):
+        update = encoder.encode(tick, tuple(force), tuple(position))
+        if update is not None:
+            decoder.apply(update)
+            packed = layout.pack(1, 0, update)
+            datagrams.append(len(packed) + PresharedKey.tag_size)
+        held = decoder.value(tick, tuple(position))
+        assert held is not None
+        decoded.append(held)
+        bounds.append(encoder.bound)
+    return decoded, bounds, datagrams
+
+
+@pytest.mark.parametrize("predictor", PREDICTORS)
+@pytest.mark.parametrize("signal", [wall(), walk(600, seed=4)], ids=["wall", "walk"])
+def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None:
+    channel = force_channel(predictor=predictor, weber=0.20)
+    found = row_of(signal, channel)
+    decoded, bounds, datagrams = plain_run(signal, channel)
+    errors = [hypot(*np.subtract(a, b)) for a, b in zip(decoded, signal.force_n.tolist(), strict=True)]
+    jnds = [max(0.10 * hypot(*force), 0.02) for force in signal.force_n.tolist()]
+    in_jnd = [error / jnd for error, jnd in zip(errors, jnds, strict=True)]
+    duration = len(errors) * 1e-3
+    assert len(datagrams) > 1
+    assert found.packets == len(datagrams)
+    assert found.bytes_per_s == pytest.approx(sum(datagrams) / duration)
+    assert found.packets_per_s == pytest.approx(found.packets / duration)
+    assert found.reduction == pytest.approx(1.0 - found.packets / len(errors))
+    assert found.error_rms_n == pytest.approx(sqrt(sum(e * e for e in errors) / len(errors)))
+    assert found.error_max_n == pytest.approx(max(errors))
+    assert found.jnd_max == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
+    assert found.error_rms_jnd == pytest.approx(sqrt(sum(x * x for x in in_jnd) / len(in_jnd)))
+    assert found.error_max_jnd == pytest.approx(max(in_jnd))
+    assert found.noticeable_fraction == pytest.approx(sum(x > 1.0 for x in in_jnd) / len(in_jnd))
+    assert (found.violation_fraction, found.violation_longest_s) == (0.0, 0.0)
+    assert found.jnd_max <= 1.0
+    assert found.tick_us > 0.0
+    if predictor == "hybrid":
+        assert found.selected is not None
+        assert list(found.selected) == ["zoh", "linear", "plane", "sphere"]
+        assert sum(found.selected.values()) == found.packets
+    else:
+        assert found.selected is None
+
+
+def test_saturation_of_the_wire_counts_as_violation() -> None:
+    found = row_of(trace([0.0] * 6 + [50.0] * 3 + [0.0] * 3, [0.0] * 12), force_channel(predictor="zoh", weber=0.10))
+    assert found.error_max_n == pytest.approx(50.0 - 32.767)
+    assert found.violation_fraction == pytest.approx(3 / 12)
+    assert found.violation_longest_s == pytest.approx(3e-3)
+
+
+def test_a_smaller_jnd_finds_more_noticeable_ticks() -> None:
+    channel = force_channel(predictor="zoh", weber=0.20)
+    keen, dull = row_of(wall(), channel, jnd=0.05), row_of(wall(), channel, jnd=0.40)
+    assert keen.noticeable_fraction > dull.noticeable_fraction == 0.0
+    assert keen.error_rms_n == dull.error_rms_n
+
+
+def test_excess_is_over_the_lower_bound() -> None:
+    (found,) = EvaluationStudy(("zoh",)).rows(TRACES[0])
+    known = replace(found, packets=6, packets_per_s=300.0, clairvoyant_packets=4)
+    assert (known.excess, known.clairvoyant_packets_per_s) == (1.5, 200.0)
+    for unknown in (replace(found, clairvoyant_packets=None), replace(found, packets=0, clairvoyant_packets=0)):
+        assert unknown.excess is None
+        assert "excess" not in unknown.as_json()
+
+
+def test_a_row_is_json() -> None:
+    for found in EvaluationStudy().rows(NamedTrace("made", wall(300))):
+        document = json.loads(json.dumps(found.as_json(), allow_nan=False))
+        assert ("selected" in document) == (found.predictor == "hybrid")
+        assert document.get("excess") == found.excess
+
+
+# --- tasks
+
+
+def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
+    tasks = STUDY.tasks(TRACES)
+    assert [coded_samples(task) for task in tasks] == [450.0, 450.0, 600.0, 600.0]
+    rows = STUDY.ordered([rows_of(pickle.loads(pickle.dumps(task))) for task in tasks])
+    assert [(row.trace, row.predictor, row.weber) for row in rows] == [
+        (trace, predictor, weber)
+        for trace in ("wall", "walk")
+        for predictor in ("plane", "zoh", "hybrid")
+        for weber in (0.20, 0.05)
+    ]
+    assert timeless(rows) == timeless([row for each in TRACES for row in STUDY.rows(each)])
+
+
+def test_a_row_does_not_depend_on_what_else_is_studied() -> None:
+    both = [row for row in STUDY.rows(TRACES[1]) if (row.predictor, row.weber) == ("plane", 0.05)]
+    alone = EvaluationStudy(("plane",), (0.05,)).rows(TRACES[1])
+    assert timeless(both) == timeless(alone)
+
+
+# --- recordings
+
+
+needs_recordings = pytest.mark.skipif(
+    not RECORDED.is_dir(), reason="needs the recordings of people in ../shared/traces"
+)
+NAMES = sorted({path.stem for path in RECORDED.glob("*.csv")}) if RECORDED.is_dir() else ["none"]
+
+
+@cache
+def table() -> dict[tuple[str, str], float]:
+    """Packets per second of an independent implementation: k = 0.10, floor 0.05 N, no quantization."""
+    rows = re.findall(r"^\| (\w+_\d+) \|" + r" ([\d.]+) \|" * 5 + "$", (RECORDED / "README.md").read_text(), re.M)
+    return {(row[0], name): float(rate) for row in rows for name, rate in zip(PREDICTORS, row[1:], strict=True)}
+
+
+@cache
+def recording(name: str) -> Signal:
+    return signal_of(read_trace(RECORDED / f"{name}.csv"))
+
+
+def packets_per_s(name: str, predictor: str, fit_limits: FitLimits | None = None) -> float:
+    channel = force_channel(
+        predictor=predictor,
+        weber=0.10,
+        floor=0.05,
+        fit_limits=fit_limits,
+        force_step=1e-9,
+        position_step=1e-12,
+        saturates=False,
+    )
+    signal = recording(name)
+    return len(replay(signal, channel).updates) / signal.duration_s
+
+
+@needs_recordings
+@pytest.mark.parametrize("name", NAMES)
+def test_packets_agree_with_an_independent_implementation(name: str) -> None:
+    for predictor in ("zoh", "linear"):
+        assert packets_per_s(name, predictor) == pytest.approx(table()[name, predictor], rel=0.03)
+    for predictor in ("plane", "hybrid") if name.startswith("tue") else ():
+        assert packets_per_s(name, predictor) == pytest.approx(table()[name, predictor], rel=0.10)
+    if name.startswith("omega3"):
+        # The table accepts any fit of a sphere; rejecting wild radii and misfits sends less.
+        anything = FitLimits(radius=(1e-9, 1e9), stiffness=(1e-6, 1e12), least_angle_sine=1e-12, misfit=inf)
+        rate = packets_per_s(name, "sphere", anything)
+        assert rate == pytest.approx(table()[name, "sphere"], rel=0.03)
+        assert packets_per_s(name, "sphere") < rate
+
+
+def test_shipped_trace_stays_within_the_deadband() -> None:
+    own = read_trace(ROOT / "configs" / "traces" / "operator.csv")
+    rows = EvaluationStudy(webers=(0.05, 0.20)).rows(NamedTrace("own", own))
+    for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
+        assert 0 < coarse.packets < fine.packets
+        assert fine.samples == len(own.time_s)
+        assert max(fine.jnd_max, coarse.jnd_max) <= 1.0
+        assert fine.clairvoyant_packets is not None
+        assert fine.clairvoyant_packets <= fine.packets

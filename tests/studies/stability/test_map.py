@@ -1,0 +1,194 @@
+"""Cells of the stability map: their scripts, their runs as whole systems, and the map itself."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.system.systems import steps, system
+from weberlink.master.devices.operator import OperatorOptions, motion_of
+from weberlink.studies.stability.cells import DEPTH, HEIGHT, SystemCell, cells, timing
+from weberlink.studies.stability.command import assemble, compute, judge
+from weberlink.studies.stability.figures import AXES
+from weberlink.studies.stability.wall import SampledWall, stability_limit
+
+UNCODED = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
+
+
+def test_zero_order_hold_over_a_long_round_trip_is_unstable() -> None:
+    verdict = judge(SystemCell("a", predictor="zoh", stiffness_n_m=500.0, round_trip_s=0.1))
+    assert not verdict.bounded
+    assert verdict.energy_generated_j is not None
+    assert verdict.energy_generated_j > 1.0
+    assert verdict.peak_force_n == pytest.approx(10.0)
+    assert verdict.settle_s is None
+
+
+def test_the_default_system_is_calm() -> None:
+    verdict = judge(SystemCell("a"))
+    assert verdict.state == "settled"
+    assert verdict.energy_generated_j is not None
+    assert verdict.energy_generated_j < 0.01
+    assert verdict.felt_share == pytest.approx(1.0, abs=0.1)
+    assert verdict.settle_s is not None
+    assert verdict.force_reduction is not None
+    assert verdict.force_reduction > 0.9
+
+
+@pytest.mark.parametrize("cell", [UNCODED, replace(UNCODED, rate_hz=100.0)])
+@pytest.mark.parametrize("share", [0.7, 1.4])
+def test_uncoded_cells_are_bounded_below_the_limit(cell: SystemCell, share: float) -> None:
+    limit = cell.limits()["stable_to_n_m"]
+    assert judge(replace(cell, stiffness_n_m=share * limit)).bounded is (share < 1.0)
+
+
+def test_a_lossy_link_is_engaged_for_the_press() -> None:
+    verdict = judge(SystemCell("a", round_trip_s=0.1, jitter_s=0.01, loss=0.3))
+    assert verdict.failure is None
+
+
+@pytest.mark.parametrize("cell", [SystemCell("a", scheme="no such scheme"), SystemCell("a", stiffness_n_m=1e9)])
+def test_a_broken_cell_is_a_failed_verdict(cell: SystemCell) -> None:
+    verdict = judge(cell)
+    assert verdict.state == "failed"
+    assert verdict.failure is not None
+    assert "ConfigurationError" in verdict.failure
+
+
+def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
+    surveyed = [SampledWall(0.1, 5.0, 0.01, 1e-3), SampledWall(0.001, 5.0, 0.01, 1e-3, delay_ticks=1)]
+    mapped = [
+        SystemCell("stiffness x delay", round_trip_s=0.02, stiffness_n_m=1000.0),
+        SystemCell("stiffness x delay", round_trip_s=0.02, stiffness_n_m=1e9),
+        SystemCell("stiffness x delay", predictor="zoh", stiffness_n_m=1000.0, round_trip_s=0.02),
+        SystemCell("loss x delay", round_trip_s=0.05, jitter_s=0.02, loss=0.3, seed=3),
+        replace(UNCODED, slice="mass x damping", mass_kg=1.0),
+    ]
+    told: list[tuple[int, int]] = []
+    alone = compute(surveyed, mapped, 1, lambda done, total: told.append((done, total)))
+    assert told == [(done, 7) for done in range(1, 8)]
+    assert repr(compute(surveyed, [], 2, lambda *_: None)) == repr((alone[0], []))
+    assert [cell for cell, _ in alone[1]] == mapped
+    result = assemble(*alone, full=False, run_time=1.0)
+    document = json.loads(json.dumps(result.document, allow_nan=False))
+    assert [cell["bounded"] for cell in document["cells"]][:3] == [True, False, False]
+    assert [wall["mass_kg"] for wall in document["walls"]] == [0.1, 0.001]
+    assert result.table.row_count == 4
+    two_by_two = [SystemCell("stiffness x delay", round_trip_s=trip) for trip in (0.0, 0.1)]
+    drawn = replace(result, verdicts=[*result.verdicts, *((cell, result.verdicts[0][1]) for cell in two_by_two)])
+    drawn.draw(tmp_path / "figures")
+    for name in ("stability_wall.png", "stability_map.png"):
+        assert (tmp_path / "figures" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def pressed(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
+    """Height of a hand that means to stay inside the wall, over the whole system without link delay [m].
+
+    Codecs send everything, in steps of the 16-bit wire over a workspace of 2 mm. The session begins with a jolt.
+    """
+    edge, seconds = 0.002, 3.0
+    hand = {
+        "mass_kg": wall.mass_kg,
+        "damping_n_s_m": wall.damping_n_s_m,
+        "stiffness_n_m": wall.hand_stiffness_n_m,
+    }
+    values = {
+        "rate_hz": 1.0 / wall.tick_period,
+        "codec.force.predictor": "zoh",
+        "codec.force.weber": 0.0,
+        "codec.force.floor_n": 0.0,
+        "codec.force.step_n": stiffness * edge / 32_000,
+        "codec.position.predictor": "zoh",
+        "codec.position.weber": 0.0,
+        "codec.position.bound_m": 0.0,
+        "codec.position.step_m": edge / 32_000,
+        "master.device": {
+            "driver": "operator",
+            "hand": hand,
+            "tremor_m": 0.0,
+            "home_m": [0.0, 0.0, -0.5 * edge],
+            "workspace_m": edge,
+            "script": [{"motion": "rest", "duration_s": 2.0 * seconds}],
+        },
+        "slave.robot": {
+            "driver": "point",
+            "home_m": [0.0, 0.0, 0.5 * edge],
+            "workspace_m": edge,
+            "force_n": stiffness * edge,
+        },
+        "slave.scene": [{"shape": "plane", "stiffness_n_m": stiffness}],
+    }
+    built = system(*(f"{path}={json.dumps(value)}" for path, value in values.items()))
+    return np.asarray([step.master.raw_z for step in steps(built, seconds, 1.0 / wall.tick_period)])
+
+
+@pytest.mark.parametrize("wall", [SampledWall(0.3, 8.0, 300.0, 1e-3, 1)])
+def test_the_whole_system_has_the_delayed_walls_limit(wall: SampledWall) -> None:
+    limit = stability_limit(wall)
+    for share in (0.95, 1.05):
+        height = pressed(wall, share * limit)
+        third = len(height) // 3
+        middle, end = np.ptp(height[third : third + third // 2]), np.ptp(height[-third // 2 :])
+        if share < 1.0:
+            assert end < 0.6 * middle
+        else:
+            assert end > 0.98 * middle > 1e-5
+
+
+PAIRS = [("none", "zoh"), ("mmt", "hybrid")]
+SCRIPTED = [
+    SystemCell("a"),
+    SystemCell("a", round_trip_s=1.0),
+    SystemCell("a", round_trip_s=0.1, jitter_s=0.02, loss=0.3),
+    SystemCell("a", mass_kg=10.0),
+]
+
+
+@pytest.mark.parametrize("cell", SCRIPTED)
+def test_the_script_follows_the_timing(cell: SystemCell) -> None:
+    when = timing(cell)
+    options = OperatorOptions.model_validate({"script": when.steps, "home_m": (0.0, 0.0, HEIGHT), "repeat": False})
+    motion = motion_of(options.script, options.home_m, repeat=False)
+    assert motion.duration == pytest.approx(when.end)
+    assert motion.at(when.press)[0][2] == pytest.approx(HEIGHT)
+    assert motion.at(when.press + 0.2)[0][2] < HEIGHT
+    for time in (when.hold, 0.5 * (when.hold + when.release), when.release):
+        assert motion.at(time)[0][2] == pytest.approx(-DEPTH)
+    assert motion.at(when.release + 0.2)[0][2] > -DEPTH
+
+
+def test_delay_and_inertia_lengthen_only_the_hold() -> None:
+    plain, far, heavy = (
+        timing(SystemCell("a")),
+        timing(SystemCell("a", round_trip_s=1.0)),
+        timing(SystemCell("a", mass_kg=10.0)),
+    )
+    for other in (far, heavy):
+        assert other.release - other.hold > plain.release - plain.hold
+        assert other.hold - other.press == pytest.approx(plain.hold - plain.press)
+
+
+def test_the_wall_of_a_cell_has_its_delay() -> None:
+    assert SystemCell("a").wall.delay_ticks == 1
+    assert SystemCell("a", round_trip_s=0.02).wall.delay_ticks == 20
+    assert SystemCell("a", round_trip_s=0.001).wall.delay_ticks == 2  # half a tick is a tick
+    assert SystemCell("a", rate_hz=4000.0, round_trip_s=0.02).wall.delay_ticks == 80
+
+
+def test_least_damping_makes_the_stiffness_the_limit() -> None:
+    cell = SystemCell("a", stiffness_n_m=2000.0)
+    limited = SystemCell("a", damping_n_s_m=cell.least_damping())
+    assert stability_limit(limited.wall) == pytest.approx(2000.0, rel=0.01)
+
+
+def test_a_map_has_every_slice_once() -> None:
+    for full in (False, True):
+        found = cells(PAIRS, 7, full=full)
+        assert len(set(found)) == len(found)
+        assert {cell.seed for cell in found} == {7}
+        assert {(cell.scheme, cell.predictor) for cell in found if cell.slice == "stiffness x delay"} == {*PAIRS}
+        assert max(cell.round_trip_s for cell in found) == 1.0
+        assert {cell.slice for cell in found} == set(AXES)
