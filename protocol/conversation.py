@@ -104,19 +104,6 @@ class Conversation:
             return inf
         return self._session.silent_at
 
-    @property
-    def heard_at(self) -> float:
-        """When the newest fresh datagram came from the peer [s]; -inf before the first."""
-        return self.liveness.heard_at
-
-    @property
-    def confirmed_at(self) -> float:
-        """Departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
-
-        The time since then is the loop age.
-        """
-        return self.liveness.confirmed_at
-
     def is_peer_encoding(self, now: float) -> bool:
         """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs."""
         return self.state is State.ENGAGED and now <= self.liveness.encodes_until

@@ -182,7 +182,7 @@ class Endpoint(Conversation):
         if now >= self.silent_at:
             self._turn(Trigger.FALL_SILENT)
             self._session.request_full_state()
-            self._mailbox.tell(PeerSilent(now - self.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
+            self._mailbox.tell(PeerSilent(now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
             if self.role is Role.INITIATOR:
                 self._call(now)
         if self.state is State.SILENT and now >= self._session.expires_at:

@@ -28,12 +28,6 @@ STORM = Emulation(
 )
 
 
-def send(pair: Pair, side: Side, tick: int | None = None) -> int:
-    update = sample_update(pair.ticks if tick is None else tick)
-    assert side.endpoint.send_update(side.local(pair.now), update)
-    return update.tick
-
-
 def patient(delay: float) -> dict[str, dict[str, float]]:
     """A limit of silence that such a path leaves time in, for both ends."""
     changes = {"silence": max(SILENCE, 3.0 * 2.0 * delay)}
@@ -50,7 +44,7 @@ def test_what_is_sent_arrives_once_and_as_it_was(security: Security) -> None:
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         if tick > 200 and tick % 7 == 0 and tick < 2000:
-            sent.append(send(pair, pair.master))
+            sent.append(pair.master.send(pair.now, pair.ticks))
 
     pair = Pair(master={"security": security}, slave={"security": security}, on_tick=on_tick).engage().run(2.0)
     received = pair.slave.updates()
@@ -120,7 +114,7 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
             is_new = side.renewals > renewals[role]  # what the peer held is void or old: the owner sends anew
             renewals[role] = side.renewals
             if is_new or (tick % 10 == 0 and 200 < tick < 5_000 and side.sessions):
-                sent[role].append(send(pair, side))
+                sent[role].append(side.send(pair.now, pair.ticks))
 
     changes = {"security": security, "incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=changes, slave=changes, on_tick=on_tick)
@@ -146,7 +140,7 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
 def test_repeats_end_in_a_blackout_and_resume_after_it() -> None:
     pair = Pair().engage()
     pair.forward, pair.backward = pair.link(DARK), pair.link(DARK)
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.3)
     repeats = pair.master.endpoint.statistics.repeats
     assert pair.master.endpoint.state is State.SILENT
@@ -161,7 +155,7 @@ def test_after_a_short_blackout_the_session_goes_on_and_the_newest_state_is_rest
         nonlocal last, renewals
         is_new, renewals = pair.master.renewals > renewals, pair.master.renewals
         if is_new or (300 < tick < 700 and tick % 5 == 0):
-            last = send(pair, pair.master)
+            last = pair.master.send(pair.now, pair.ticks)
 
     dark = Emulation(delay_s=0.001, blackouts=((0.4, 0.4),))
     pair = Pair(forward=dark, backward=dark, on_tick=on_tick).engage().run(1.3)
@@ -212,7 +206,7 @@ def test_a_session_is_over_after_seconds_of_silence_and_another_follows() -> Non
 
 def test_a_stale_update_is_never_delivered() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     held = pair.master.endpoint.datagrams_to_send()
     pair.run(0.11)
     for data, _ in held:
@@ -226,16 +220,16 @@ def test_a_stale_update_is_never_delivered() -> None:
 
 def test_a_stale_datagram_does_not_count_as_being_heard() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     held = pair.master.endpoint.datagrams_to_send()
     pair.forward = pair.link(DARK)
     pair.run(0.5)
-    heard = pair.slave.endpoint.heard_at
+    heard = pair.slave.endpoint.liveness.heard_at
     for data, _ in held:
         pair.slave.endpoint.receive_datagram(data, ("203.0.113.9", 9), pair.now)
     pair.run(0.001)
     assert pair.slave.endpoint.state is State.SILENT
-    assert pair.slave.endpoint.heard_at == heard
+    assert pair.slave.endpoint.liveness.heard_at == heard
     assert pair.slave.endpoint.peer == MASTER
 
 
@@ -269,7 +263,7 @@ def test_a_path_slow_in_one_direction_alone_does_not_halve_the_age(toward: str) 
 
 def test_a_replayed_datagram_is_dropped() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.01)
     for _, side, data in pair.tap:
         if side is pair.master and kind_of(data) != Kind.HELLO:
@@ -304,7 +298,7 @@ def test_the_master_may_roam() -> None:
     pair.slave.endpoint.receive_datagram(bytes(40), elsewhere, pair.now)
     assert pair.slave.endpoint.peer == MASTER, "anyone can send from anywhere"
     pair.master.address = elsewhere
-    tick = send(pair, pair.master)
+    tick = pair.master.send(pair.now, pair.ticks)
     pair.run(0.3)
     assert pair.slave.endpoint.peer == elsewhere
     assert matches(pair.slave.updates()[-1], tick)
@@ -314,11 +308,11 @@ def test_the_master_may_roam() -> None:
 
 def test_an_overtaken_datagram_from_the_old_address_does_not_move_the_peer_back() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     (held, _) = pair.master.endpoint.datagrams_to_send()[0]
     pair.master.address = ("198.51.100.7", 1234)
     for step in range(10):
-        send(pair, pair.master, pair.ticks + step)
+        pair.master.send(pair.now, pair.ticks + step)
         pair.run(0.01)
     assert pair.slave.endpoint.peer == pair.master.address
     pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
@@ -330,13 +324,13 @@ def test_a_restarted_slave_drops_data_until_it_is_called() -> None:
     pair.slave.endpoint = make_endpoint(Role.RESPONDER, seed=50)
     pair.slave.endpoint.connect(pair.now)
     for _ in range(20):
-        send(pair, pair.master)
+        pair.master.send(pair.now, pair.ticks)
         pair.run(0.005)
     assert set(pair.slave.faults()) == {DropReason.NO_SESSION}
     pair.run(0.5)
     assert len(pair.master.of(Connected)) == 2
     assert pair.slave.endpoint.state is State.ENGAGED
-    tick = send(pair, pair.master)
+    tick = pair.master.send(pair.now, pair.ticks)
     pair.run(0.1)
     assert matches(pair.slave.updates()[-1], tick)
 
@@ -358,10 +352,10 @@ def test_a_restarted_master_takes_the_session_over() -> None:
 
 def test_silence_and_the_heartbeats_of_a_clean_link() -> None:
     pair = Pair().engage()
-    heard = pair.slave.endpoint.heard_at
+    heard = pair.slave.endpoint.liveness.heard_at
     start, before = pair.now, len(pair.tap)
     pair.run(10.0)
-    assert pair.slave.endpoint.heard_at > heard
+    assert pair.slave.endpoint.liveness.heard_at > heard
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]
         assert len(times) == pytest.approx(10.0 / INTERVAL, rel=0.05)
@@ -399,7 +393,7 @@ def test_the_clocks_are_mapped_with_offset_drift_and_jitter(offset: float, drift
             assert mapped is not None
             errors.append(abs(mapped - now))
         if now > 0.5 and tick % 20 == 0:
-            send(pair, pair.master)
+            pair.master.send(pair.now, pair.ticks)
 
     pair = Pair(
         forward=jittery,
@@ -429,7 +423,7 @@ def test_a_machine_that_slept_is_found_again(sleeper: int, asleep: float) -> Non
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
     for side, other in (pair.sides, pair.sides[::-1]):
         assert side.endpoint.peer_time(side.local(pair.now)) == pytest.approx(other.local(pair.now), abs=1e-3)
-    tick = send(pair, pair.master, int(pair.master.local(pair.now) * 1000))
+    tick = pair.master.send(pair.now, int(pair.master.local(pair.now) * 1000))
     pair.run(0.1)
     assert matches(pair.slave.updates()[-1], tick)
 
@@ -441,7 +435,7 @@ def test_time_stamps_and_ticks_go_on_past_their_wrap() -> None:
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         if tick > 200 and tick % 10 == 0 and tick < 2900:
-            sent.append(send(pair, pair.master, round((now + age) * 1000)))
+            sent.append(pair.master.send(pair.now, round((now + age) * 1000)))
 
     pair = Pair(master={"epoch": -age}, slave={"epoch": 1000 - 2**24 * 1e-5}, on_tick=on_tick).engage().run(3.0)
     assert sent[0] < 2**24 < sent[-1]
@@ -490,7 +484,7 @@ def test_each_bad_datagram_has_its_reason(data: bytes, reason: DropReason) -> No
 def test_a_peer_that_forgets_asks_for_a_complete_update() -> None:
     """One end alone lets go, as after a lapse that the other end never saw; nothing tells the other but the acks."""
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.1)
     pair.slave.endpoint.report_encoding(pair.now, is_encoding=True)
     assert not pair.master.of(UpdateLost)
@@ -499,6 +493,6 @@ def test_a_peer_that_forgets_asks_for_a_complete_update() -> None:
     pair.run(SILENCE + 0.05)
     assert UpdateLost(0) in pair.master.of(UpdateLost)
     assert not pair.slave.endpoint.is_peer_encoding(pair.now)
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.05)
     assert pair.slave.endpoint.is_peer_encoding(pair.now)
