@@ -41,7 +41,7 @@ def test_an_engaged_slave_refuses_a_second_master_by_name(security: Security) ->
     assert pair.slave.faults() == [DropReason.REFUSED]
 
 
-def test_a_second_run_of_the_same_master_is_refused_too() -> None:
+def test_second_run_of_the_same_master_is_refused() -> None:
     pair = named()
     other = join(pair, name="ann@operator")
     pair.run(0.3)
@@ -59,7 +59,7 @@ def test_a_silent_session_is_still_that_of_its_master() -> None:
     assert len(other.of(Refused)) == 1
 
 
-def test_a_slave_whose_master_has_left_takes_the_next_one() -> None:
+def test_slave_takes_next_master_after_a_farewell() -> None:
     pair = named()
     pair.master.endpoint.close(pair.now, "completed")
     pair.run(0.05)
@@ -69,7 +69,7 @@ def test_a_slave_whose_master_has_left_takes_the_next_one() -> None:
     assert other.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_the_same_master_may_call_again_when_its_link_broke() -> None:
+def test_master_may_call_again_after_a_broken_link() -> None:
     pair = named()
     for _ in range(3):
         pair.swallow = lambda side, data: True
@@ -138,7 +138,7 @@ def test_a_slave_serves_the_master_of_its_name_alone() -> None:
     assert ann.endpoint.state is State.ENGAGED
 
 
-def test_a_master_that_expects_a_slave_is_refused_by_another() -> None:
+def test_unexpected_slave_refuses_the_master() -> None:
     pair = Pair(master={"expects": "robot:47000"}, slave={"name": "toy:47000"}).connect().run(0.3)
     refusal = pair.master.refusal()
     assert "'robot:47000'" in refusal and "'toy:47000'" in refusal
@@ -212,7 +212,7 @@ def test_recorded_calls_of_another_configuration_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])
-def test_of_two_masters_that_call_at_once_one_is_served(delay: float) -> None:
+def test_one_of_two_simultaneous_masters_is_served(delay: float) -> None:
     """Both have a session on paper; the first datagram decides."""
     pair = Pair(forward=Emulation(delay_s=delay), master={"name": "ann@operator"}, slave={"name": "robot:47000"})
     pair.connect()

@@ -88,7 +88,7 @@ def test_what_was_handed_over_cannot_be_taken_back() -> None:
 
 
 @pytest.mark.parametrize(("seed", "step"), [(0, 7), (1, 1000)])
-def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, step: int) -> None:
+def test_known_credit_never_exceeds_granted_in_a_storm(seed: int, step: int) -> None:
     """30 % loss in bursts, reordering, duplicates and bit errors; then peace, in which all is known."""
     handed = {Role.INITIATOR: 0, Role.RESPONDER: 0}
 
@@ -111,7 +111,7 @@ def test_in_a_storm_no_end_knows_of_more_than_the_other_handed_over(seed: int, s
         assert side.endpoint.peer_credit == other.endpoint.credit > 100 * step, f"seed {seed}"
 
 
-def test_updates_repeats_and_heartbeats_carry_the_credit_of_the_moment() -> None:
+def test_updates_repeats_and_heartbeats_carry_present_credit() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 70_000
     pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))

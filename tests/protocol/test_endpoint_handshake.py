@@ -184,7 +184,7 @@ def test_a_closed_or_idle_endpoint_takes_nothing() -> None:
         assert side.endpoint.next_timer() is None
 
 
-def test_closing_with_a_session_on_paper_leaves_no_way_back() -> None:
+def test_closing_discards_pending_sessions() -> None:
     master, slave = make_endpoint(Role.INITIATOR), make_endpoint(Role.RESPONDER)
     master.connect(0.0)
     slave.connect(0.0)
@@ -197,7 +197,7 @@ def test_closing_with_a_session_on_paper_leaves_no_way_back() -> None:
     assert slave.statistics.dropped == {DropReason.NO_SESSION: 1}
 
 
-def test_calls_in_the_wrong_state_are_faults_of_the_caller() -> None:
+def test_calls_in_the_wrong_state_raise() -> None:
     endpoint = make_endpoint(Role.INITIATOR)
     endpoint.connect(0.0)
     with pytest.raises(StateError, match="DIAL"):
@@ -223,7 +223,7 @@ def test_a_bad_configuration_names_the_argument(changes: dict[str, object], mess
         make_endpoint(Role.INITIATOR, **changes)
 
 
-def test_a_farewell_tells_the_reason_and_the_master_calls_again() -> None:
+def test_master_calls_again_after_a_farewell() -> None:
     pair = Pair().engage()
     pair.slave.endpoint.close(pair.now, "robot: emergency stop" + "!" * 100)
     pair.run(0.1)
@@ -251,7 +251,7 @@ def test_a_responder_listens_again_when_the_master_leaves() -> None:
     assert pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_random_bytes_after_a_valid_proof_are_malformed_not_fatal() -> None:
+def test_proven_random_bytes_are_malformed() -> None:
     """A peer with the key, or anyone where there is none, may send any body."""
     random = Random(5)
     for security in suites():

@@ -29,7 +29,7 @@ _MARK = 0b1000
     st.integers(1, 30),
     st.sampled_from([0.0, 0.001, 0.02, 0.045]),
 )
-def test_after_any_pattern_of_losses_the_newest_update_is_there_soon(
+def test_newest_update_arrives_after_any_pattern_of_losses(
     seed: int, forward: list[bool], backward: list[bool], gap: int, delay: float
 ) -> None:
     """Any of the datagrams of each direction are lost for 80 ms, in which updates go out at any pace."""
@@ -68,7 +68,7 @@ def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
 
 
 @pytest.mark.parametrize("burst", [1.0, 20.0])
-def test_early_repeats_keep_to_their_allowance_however_many_updates_there_are(burst: float) -> None:
+def test_early_repeats_keep_to_their_allowance(burst: float) -> None:
     lossy = Emulation(delay_s=0.045, loss=0.2, burst=burst)
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
@@ -100,7 +100,7 @@ def test_no_storm_follows_a_blackout(seed: int, darkness: float) -> None:
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_a_peer_that_is_overdue_is_asked_and_answers_over_a_short_path() -> None:
+def test_overdue_peer_is_asked_and_answers() -> None:
     """The one heartbeat that is lost would otherwise take the loop age beyond the limit."""
     random = Random(3)
     pair = Pair().engage().run(1.0)

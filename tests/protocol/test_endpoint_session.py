@@ -59,7 +59,7 @@ def test_what_is_sent_arrives_once_and_as_it_was(security: Security) -> None:
     )
 
 
-def test_updates_are_dated_soon_even_if_the_first_reports_are_lost() -> None:
+def test_updates_are_dated_although_first_reports_are_lost() -> None:
     """The master floods updates from the first moment; its first three heartbeats never arrive."""
     heartbeats = 0
 
@@ -84,7 +84,7 @@ def test_no_update_without_a_session() -> None:
     assert pair.master.endpoint.statistics.updates_sent[0] == 0
 
 
-def test_what_cannot_be_sent_is_a_fault_of_the_caller() -> None:
+def test_invalid_updates_raise_and_send_nothing() -> None:
     endpoint = Pair().engage().master.endpoint
     sent = endpoint.statistics.sent
     for update, message in (
@@ -148,7 +148,7 @@ def test_repeats_end_in_a_blackout_and_resume_after_it() -> None:
     assert pair.master.endpoint.statistics.repeats == repeats <= 20
 
 
-def test_after_a_short_blackout_the_session_goes_on_and_the_newest_state_is_restored() -> None:
+def test_short_blackout_keeps_session_and_restores_newest_state() -> None:
     last = renewals = 0
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
@@ -168,7 +168,7 @@ def test_after_a_short_blackout_the_session_goes_on_and_the_newest_state_is_rest
 
 
 @pytest.mark.parametrize("toward", ["slave", "master"])
-def test_a_one_way_cut_ends_both_sides_within_the_limit(toward: str) -> None:
+def test_one_way_cut_silences_both_within_the_limit(toward: str) -> None:
     """Both fall silent within the limit of the last datagram heard, each knows why, and both return together."""
     pair = Pair().engage().run(0.5)
     deaf, heard = pair.sides[::-1] if toward == "slave" else pair.sides
@@ -190,7 +190,7 @@ def test_a_one_way_cut_ends_both_sides_within_the_limit(toward: str) -> None:
         assert side.of(PeerReturned) or len(side.of(Connected)) == 2
 
 
-def test_a_session_is_over_after_seconds_of_silence_and_another_follows() -> None:
+def test_session_expires_after_silence_and_another_follows() -> None:
     pair = Pair().engage()
     clear = pair.forward, pair.backward
     pair.forward = pair.link(DARK)
@@ -233,7 +233,7 @@ def test_a_stale_datagram_does_not_count_as_being_heard() -> None:
     assert pair.slave.endpoint.peer == MASTER
 
 
-def test_a_delay_beyond_the_limit_is_seen_from_the_first_update_on() -> None:
+def test_delay_beyond_the_limit_prevents_a_session() -> None:
     slow = Emulation(delay_s=0.15)
     pair = Pair(forward=slow, backward=slow).connect().run(2.0)
     assert not pair.master.of(Connected)
@@ -242,7 +242,7 @@ def test_a_delay_beyond_the_limit_is_seen_from_the_first_update_on() -> None:
 
 
 @pytest.mark.parametrize("toward", ["slave", "master"])
-def test_a_path_slow_in_one_direction_alone_does_not_halve_the_age(toward: str) -> None:
+def test_asymmetric_path_does_not_halve_the_age(toward: str) -> None:
     """152 ms one way and nothing back is 76 ms by the mapped clocks, which believe in halves."""
     pair = Pair().engage()
     slow = pair.link(Emulation(delay_s=0.152))
@@ -306,7 +306,7 @@ def test_the_master_may_roam() -> None:
     assert len(pair.slave.of(Connected)) == 1
 
 
-def test_an_overtaken_datagram_from_the_old_address_does_not_move_the_peer_back() -> None:
+def test_overtaken_datagram_does_not_move_the_peer_back() -> None:
     pair = Pair().engage()
     pair.master.send(pair.now, pair.ticks)
     (held, _) = pair.master.endpoint.datagrams_to_send()[0]
@@ -445,7 +445,7 @@ def test_time_stamps_and_ticks_go_on_past_their_wrap() -> None:
     assert not pair.master.faults()
 
 
-def test_a_peer_whose_clock_jumps_for_one_datagram_does_not_move_the_mapping() -> None:
+def test_one_wrong_stamp_does_not_move_the_mapping() -> None:
     for jump in (-60.0, -0.3, 0.3, 5.0, 60.0, 1e7):
         pair = Pair().engage()
         before = pair.slave.endpoint.peer_time(pair.now)

@@ -57,7 +57,7 @@ def test_no_answer_without_proof_of_the_key(noise: bytes | int) -> None:
 
 
 @pytest.mark.parametrize("changes", [{"agreement": {"records": 8}}, {"version": 3}])
-def test_ends_that_differ_are_told_so_at_no_greater_length(changes: dict[str, object]) -> None:
+def test_different_ends_are_refused_with_a_shorter_answer(changes: dict[str, object]) -> None:
     call = StreamCall(TERMS._replace(**changes), ENTROPY)  # type: ignore[arg-type]
     hello = call.hello()
     reply = answer_call(hello, TERMS, ENTROPY)
@@ -66,7 +66,7 @@ def test_ends_that_differ_are_told_so_at_no_greater_length(changes: dict[str, ob
         call.answered(reply[0])
 
 
-def test_an_answer_to_another_call_is_refused_and_a_replay_opens_nothing() -> None:
+def test_foreign_answers_and_replays_open_nothing() -> None:
     call, other = StreamCall(TERMS, ENTROPY), StreamCall(TERMS, ENTROPY)
     hello = call.hello()
     first, again = answer_call(hello, TERMS, ENTROPY), answer_call(hello, TERMS, ENTROPY)

@@ -60,7 +60,7 @@ def test_streams_may_differ_in_size() -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 1])
-def test_what_one_stream_lacks_is_not_hidden_by_the_other(missing: int) -> None:
+def test_loss_of_one_stream_is_not_hidden_by_the_other(missing: int) -> None:
     """The update of one is lost and that of the other, later, arrives: only the lost one is sent again."""
     pair = two().engage().run(1.0)
     kind = (Kind.UPDATE, Kind.SECOND_UPDATE)[missing]
@@ -76,7 +76,7 @@ def test_what_one_stream_lacks_is_not_hidden_by_the_other(missing: int) -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 1])
-def test_evidence_that_one_stream_lacks_its_update_brings_the_repeat_forward(missing: int) -> None:
+def test_evidence_of_one_stream_brings_its_repeat_forward(missing: int) -> None:
     pair = two().engage().run(1.0)
     pair.swallow = lambda side, data: side is pair.master
     lost = pair.master.send(pair.now, pair.ticks, missing)
@@ -114,7 +114,7 @@ def test_neither_supersedes_the_other(first: int) -> None:
     st.sampled_from([0.0, 0.001, 0.02, 0.045]),
     st.booleans(),
 )
-def test_after_any_pattern_of_losses_the_newest_update_of_both_is_there_soon(
+def test_newest_updates_arrive_after_any_pattern_of_losses(
     seed: int, forward: list[bool], backward: list[bool], gaps: tuple[int, int], delay: float, doubled: bool
 ) -> None:
     """Any of the datagrams of each direction are lost for 80 ms; the rest are late, swapped or there twice."""

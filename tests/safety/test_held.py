@@ -31,7 +31,7 @@ def test_a_held_batch_is_executed_only_within_the_limit(direction: str, mode: st
 
 
 @pytest.mark.parametrize(("to_slave", "to_master"), [(0.152, 0.001), (0.001, 0.152)])
-def test_a_path_that_is_slow_in_one_direction_executes_nothing_too_old(to_slave: float, to_master: float) -> None:
+def test_asymmetric_path_executes_nothing_too_old(to_slave: float, to_master: float) -> None:
     assert delay(to_slave, to_master).too_old == 0
 
 

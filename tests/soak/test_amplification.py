@@ -71,9 +71,7 @@ MAGAZINES = {kind: ammunition.load(kind, SAID, Random(2), KEY) for kind in ammun
 
 @examples(40)
 @given(seed=st.integers(0, 1 << 32), means=st.lists(MEANS, min_size=1, max_size=20), is_stranger=st.booleans())
-def test_a_responder_answers_a_call_once_and_not_at_greater_length(
-    seed: int, means: list[str], is_stranger: bool
-) -> None:
+def test_responder_answers_once_and_no_longer_than_asked(seed: int, means: list[str], is_stranger: bool) -> None:
     random, source = Random(seed), STRANGER if is_stranger else MASTER
     fresh = make_endpoint(Role.RESPONDER)
     fresh.connect(0.0)
@@ -108,7 +106,7 @@ def test_a_call_with_proof_of_the_key_is_answered() -> None:
     seed=st.integers(0, 1 << 32),
     means=st.lists(st.sampled_from(["mutated", "random", "forged", "truncated", "handshake"]), min_size=1, max_size=20),
 )
-def test_without_proof_of_the_key_nothing_is_answered_at_all(seed: int, means: list[str]) -> None:
+def test_nothing_is_answered_without_proof_of_the_key(seed: int, means: list[str]) -> None:
     random = Random(seed)
     fresh = make_endpoint(Role.RESPONDER)
     fresh.connect(0.0)

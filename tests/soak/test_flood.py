@@ -28,7 +28,7 @@ def target() -> socket.socket:
     return bound
 
 
-def test_forged_ones_have_the_shape_of_genuine_ones_and_nothing_else(genuine: list[bytes]) -> None:
+def test_forged_datagrams_share_only_the_shape(genuine: list[bytes]) -> None:
     forged = ammunition.load("forged", genuine, Random(1), KEY)
     shapes = {(data[0], len(data)) for data in genuine}
     newest = max(int.from_bytes(data[1:4], "little") for data in genuine if kind_of(data) != Kind.HELLO)

@@ -104,7 +104,7 @@ def test_a_stall_of_the_machine_is_measured() -> None:
     assert laws.longest_gap(late, PERIOD) == pytest.approx(0.005)
 
 
-def test_a_side_that_has_lost_the_other_rests_and_says_so() -> None:
+def test_motion_or_silence_after_the_limit_is_found() -> None:
     master, slave = healthy(state=State.SILENT), healthy(state=State.SILENT)
     since = float(master["at"][10])
     for records in (master, slave):
@@ -123,7 +123,7 @@ def test_a_side_that_has_lost_the_other_rests_and_says_so() -> None:
     assert laws.rests({"slave": slave}, since + 9.0) == ["the slave wrote nothing once the limit was over"]
 
 
-def test_no_side_is_in_a_session_alone_for_longer_than_the_limit() -> None:
+def test_session_of_one_side_alone_is_found() -> None:
     master, slave = healthy(), healthy()
     assert laws.engaged_alone({"master": master, "slave": slave}, 0.01) == []
     slave["state"][5:] = State.SILENT.value

@@ -86,7 +86,7 @@ def test_every_fault_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGHUP, pytest.param(signal.SIGKILL, marks=pytest.mark.hunt)])
-def test_it_leaves_nothing_behind_when_its_terminal_goes_away_or_it_is_killed(number: signal.Signals) -> None:
+def test_ended_soak_leaves_nothing_behind(number: signal.Signals) -> None:
     before = folders()
     with soak("--minutes", 60) as process:
         until(lambda: len([path for path in left_by(process.pid) if path.endswith(".ring")]) == 2, "both rings")

@@ -145,7 +145,7 @@ async def test_emulated_faults_act_on_real_sockets(loop: asyncio.AbstractEventLo
 
 
 @live
-async def test_a_port_in_use_is_named_with_what_to_do(loop: asyncio.AbstractEventLoop) -> None:
+async def test_port_in_use_is_named_with_remedy(loop: asyncio.AbstractEventLoop) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(ANY)
         port = other.getsockname()[1]
@@ -165,7 +165,7 @@ async def test_addresses_that_are_none_are_refused_with_their_name(loop: asyncio
 
 
 @live
-async def test_a_peer_that_is_not_there_is_counted_and_called_again(loop: asyncio.AbstractEventLoop) -> None:
+async def test_absent_peer_is_called_again(loop: asyncio.AbstractEventLoop) -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reserved:
         reserved.bind(ANY)
         port = reserved.getsockname()[1]
@@ -227,7 +227,7 @@ class SlowClock:
 
 
 @live
-async def test_a_short_stall_is_no_silence_however_slow_the_reads_are(loop: asyncio.AbstractEventLoop) -> None:
+async def test_short_stall_is_no_silence_with_slow_reads(loop: asyncio.AbstractEventLoop) -> None:
     """What waits is read before the loop age counts, although a slice of the work is over after each datagram."""
     clock = SlowClock()
     master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
@@ -245,7 +245,7 @@ async def test_a_short_stall_is_no_silence_however_slow_the_reads_are(loop: asyn
 
 
 @live
-async def test_a_peer_that_floods_while_it_says_nothing_is_silent_all_the_same(loop: asyncio.AbstractEventLoop) -> None:
+async def test_flood_of_garbage_from_peer_counts_as_silence(loop: asyncio.AbstractEventLoop) -> None:
     """Before the limit counts more is read, but no more than the budget allows."""
     clock = SlowClock()
     master_shell, _, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
