@@ -213,7 +213,7 @@ def test_recorded_calls_of_another_configuration_change_nothing() -> None:
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])
 def test_one_of_two_simultaneous_masters_is_served(delay: float) -> None:
-    """Both have a session on paper; the first datagram decides."""
+    """Both have a pending session; the first datagram decides."""
     pair = Pair(forward=Emulation(delay_s=delay), master={"name": "ann@operator"}, slave={"name": "robot:47000"})
     pair.connect()
     other = join(pair)
@@ -223,7 +223,7 @@ def test_one_of_two_simultaneous_masters_is_served(delay: float) -> None:
     assert len(pair.slave.of(Connected)) == 1
 
 
-def test_a_session_stays_on_paper_for_a_short_time() -> None:
+def test_pending_session_expires() -> None:
     """A relay holds the first datagrams of a call that a slave has answered."""
     held: list[bytes] = []
     pair = Pair()
