@@ -58,7 +58,7 @@ class Conversation:
     Attributes:
         role: of this end.
         state: of the conversation.
-        peer: where the peer is, or was last; None for a responder that nobody has called.
+        peer: where the peer is, or was last; None for a responder before the first call.
         liveness: when the ends last heard each other in the session, or in the last one.
         statistics: counters over all sessions, and present measurements.
     """
@@ -99,7 +99,7 @@ class Conversation:
 
     @property
     def silent_at(self) -> float:
-        """When the loop age passes the limit if nothing more is heard [s]; infinite while not engaged."""
+        """Time at which the loop age passes the limit if nothing more is heard [s]; infinite while not engaged."""
         if self._session is None or self.state is not State.ENGAGED:
             return inf
         return self._session.silent_at
@@ -233,7 +233,7 @@ class Conversation:
             self._due = None
 
     def _session_due(self) -> float:
-        """When the present session has something to do [s]."""
+        """Time of the next action of the present session [s]; infinite without one."""
         session, is_engaged = self._session, self.state is State.ENGAGED
         if session is None:
             return inf

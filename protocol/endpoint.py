@@ -159,7 +159,7 @@ class Endpoint(Conversation):
     # --- time
 
     def next_timer(self) -> float | None:
-        """When `handle_timer` has something to do [s]."""
+        """Time of the next action of `handle_timer` [s]; None if there is none."""
         if self._due is None:
             self._due = min(self._dialer.due, self._session_due())
         return None if self._due == inf else self._due

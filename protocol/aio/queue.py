@@ -38,7 +38,7 @@ class WorkBudget:
         self._updated_at = now
 
     def left(self, now: float) -> float:
-        """What may be spent now [s]; negative after a piece of work that took longer than was left."""
+        """Balance [s]; negative after a piece of work that took longer than was left."""
         self._left = min(self._most, self._left + self._share * max(0.0, now - self._updated_at))
         self._updated_at = now
         return self._left
