@@ -24,7 +24,7 @@ from weberlink.control.tuning import Tuning
 from weberlink.master.operator_port import OperatorPort
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.psk import CcmProtection
+from weberlink.protocol.psk import CcmCipher
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage, thaw_garbage
 from weberlink.slave.robot_port import RobotPort
@@ -220,7 +220,7 @@ def classes(loop: Side) -> dict[type, str]:
         Encoder: CODEC,
         Decoder: CODEC,
         Endpoint: PROTOCOL,
-        CcmProtection: SECURITY,
+        CcmCipher: SECURITY,
         UdpShell: SOCKET,
         RingWriter: TELEMETRY,
     }
