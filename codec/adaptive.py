@@ -122,14 +122,7 @@ class AdaptiveChoice:
         self._measure = measure
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
-        """Take in the sample of a tick.
-
-        Args:
-            tick: of the sender.
-            actual: as measured, within the range of the wire.
-            place: where models are evaluated.
-            bound: the deadband now.
-        """
+        """Take in a sample as measured, within the range of the wire; `place` is where models are evaluated."""
         measure, history, grid = self._measure, self._history, self._grid
         follows = history.add(tick, actual, place)
         for follow in self._followers:
@@ -144,14 +137,7 @@ class AdaptiveChoice:
     def choose(
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
     ) -> tuple[int, Model | None]:
-        """The predictor to send now, and its model; None to hold the sample.
-
-        Args:
-            selectors: that may be chosen.
-            newest: the sample to send.
-            earlier: the one sent before; None where it may not be used.
-            bound: the deadband now.
-        """
+        """The best of the allowed selectors for a sample to send, and its model; None to hold the sample."""
         best = min(
             (shadow for shadow in self._shadows if shadow.selector in selectors),
             key=lambda shadow: self._cost(shadow, newest.tick, bound),
