@@ -119,16 +119,16 @@ def bench(driver: Any, wire: PtyDevice) -> Iterator[Bench]:
 
 def test_driver_fulfils_the_contract_of_devices(bench: Bench) -> None:
     contract.test_the_spec_is_there_before_opening("paddle", bench)
-    contract.test_only_an_open_device_is_read_and_closing_is_idempotent("paddle", bench)
+    contract.test_only_open_device_is_read_close_is_idempotent("paddle", bench)
 
 
 @pytest.mark.parametrize(
     "check",
     [
-        contract.test_readings_move_on_in_time_and_do_not_jump,
-        contract.test_a_force_that_is_no_number_is_our_own_error,
-        contract.test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after,
-        contract.test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing,
+        contract.test_readings_advance_without_jumps,
+        contract.test_force_that_is_not_finite_raises,
+        contract.test_motors_follow_commands_within_limit_until_close,
+        contract.test_silent_loop_ends_the_force,
     ],
 )
 def test_open_driver_fulfils_the_contract(check: Callable[[Bench], None], bench: Bench) -> None:
@@ -137,7 +137,7 @@ def test_open_driver_fulfils_the_contract(check: Callable[[Bench], None], bench:
 
 @pytest.mark.parametrize("fault", ["unplug", "silent", "late", "garbled"])
 def test_fault_ends_the_session_without_force(fault: str, bench: Bench) -> None:
-    contract.test_a_fault_ends_it_with_a_reason_and_without_force("paddle", fault, bench)
+    contract.test_fault_ends_session_with_reason_without_force("paddle", fault, bench)
 
 
 def test_driver_is_listed_with_its_package(driver: Any) -> None:
