@@ -16,8 +16,9 @@ from tests.system.processes import ENGAGED, PATIENCE, Program, document, until
 from tests.system.systems import CONFIGS
 from tests.system.test_daemons import free_port
 from weberlink.cli import app
-from weberlink.codec import Encoder
+from weberlink.codec.replay import code
 from weberlink.master.trace import read_motion, read_trace
+from weberlink.studies.evaluate.replay import signal_of
 from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
@@ -109,13 +110,8 @@ class TestOfASimulation:
         engaged = slave[slave["state"] == ENGAGED]
         trace = read_trace(path)
         assert (trace.force_n == engaged["raw"]).all()
-        encoder = Encoder(channels(load(LOOPBACK).system)[1])
-        again = [
-            encoder.encode(tick, tuple(force), tuple(position)) is not None
-            for tick, (force, position) in enumerate(
-                zip(trace.force_n.tolist(), trace.position_m.tolist(), strict=True)
-            )
-        ]
+        channel = channels(load(LOOPBACK).system)[1]
+        again = [tick.update is not None for tick in code(channel, signal_of(trace).samples)]
         assert sum(again) > 10
         assert again == (engaged["sent"] == 1).tolist()
 
