@@ -126,7 +126,7 @@ LONGEST_WAIT = 2500
 """Most rows of a side that wait for the other; older ones are dropped."""
 
 
-class FeltError:
+class FeltErrorPairs:
     """Pairs shown rows of the slave with the master's records nearest in time.
 
     It selects the same ticks as `weberlink.system.scoring.session`, which keeps no rows.
