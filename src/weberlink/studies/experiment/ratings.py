@@ -58,17 +58,16 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
     caption = footer(facts, SEED)
 
     def draw(folder: Path) -> None:
-        from weberlink.studies.curve_figures import QualityAxis, draw_curves  # noqa: PLC0415 - slow import
+        from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - slow import
 
-        draw_curves(
+        CurveFigures(
             analysis.curves,
-            folder,
             quality=QualityAxis(label="rating", better="higher", limits=(LOWEST, HIGHEST), column="rating"),
             caption=caption,
             title=analysis.who,
             mark=analysis.mark,
             units="simulated subjects" if analysis.mark else "subjects",
-        )
+        ).write(folder)
 
     return Ratings(analysis.document | {"environment": facts}, table_of(analysis, caption), draw, answers)
 
