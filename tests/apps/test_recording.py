@@ -16,8 +16,9 @@ from tests.system.processes import ENGAGED, PATIENCE, Program, document, until
 from tests.system.systems import CONFIGS
 from tests.system.test_daemons import free_port
 from weberlink.cli import app
-from weberlink.codec import Encoder
+from weberlink.codec.replay import code
 from weberlink.master.trace import read_motion, read_trace
+from weberlink.studies.evaluate.replay import signal_of
 from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
@@ -63,7 +64,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
 
 
 class TestOfASimulation:
-    def test_every_tick_of_both_sides_is_there_and_the_figures_are_those_of_the_run(self, simulated):
+    def test_info_reports_the_figures_of_the_run(self, simulated):
         path, summary = simulated
         found = info(path)
         for key in ("duration_s", "force", "position", "link", "control", "energy"):
@@ -103,19 +104,14 @@ class TestOfASimulation:
         assert (reconstructed <= engaged["bound"] + half_step).all()
         assert reconstructed[sent].mean() < error[sent].mean()
 
-    def test_through_the_codec_again_it_sends_at_the_very_ticks(self, simulated):
+    def test_coding_again_sends_at_the_same_ticks(self, simulated):
         path, _ = simulated
         slave = read_recording(path).records["slave"]
         engaged = slave[slave["state"] == ENGAGED]
         trace = read_trace(path)
         assert (trace.force_n == engaged["raw"]).all()
-        encoder = Encoder(channels(load(LOOPBACK).system)[1])
-        again = [
-            encoder.encode(tick, tuple(force), tuple(position)) is not None
-            for tick, (force, position) in enumerate(
-                zip(trace.force_n.tolist(), trace.position_m.tolist(), strict=True)
-            )
-        ]
+        channel = channels(load(LOOPBACK).system)[1]
+        again = [tick.update is not None for tick in code(channel, signal_of(trace).samples)]
         assert sum(again) > 10
         assert again == (engaged["sent"] == 1).tolist()
 
@@ -125,7 +121,7 @@ class TestOfASimulation:
         (row,) = document(output)["rows"]
         assert row["trace"] == "touch" and row["packets"] > 10
 
-    def test_replayed_as_the_operator_the_hand_makes_the_same_motion(self, simulated, tmp_path):
+    def test_a_replayed_hand_makes_the_same_motion(self, simulated, tmp_path):
         path, _ = simulated
         motion = read_motion(path)
         files = [tmp_path / name for name in ("once.mcap", "twice.mcap")]
@@ -143,7 +139,7 @@ class TestOfASimulation:
         assert np.abs(followed - motion.position_m[:3000]).max() < 0.01
         assert np.ptp(motion.position_m[:3000], axis=0).max() > 0.02
 
-    def test_export_gives_the_same_numbers_as_csv_and_as_parquet(self, simulated, tmp_path):
+    def test_csv_and_parquet_hold_the_same_numbers(self, simulated, tmp_path):
         path, _ = simulated
         for to in ("csv", "parquet"):
             status, output, errors = weberlink("export", path, "--to", to, "--out", tmp_path)
@@ -165,7 +161,7 @@ class TestOfASimulation:
         status, _, errors = weberlink("export", path, "--to", "xlsx")
         one_line(status, errors, "--to", "csv, parquet")
 
-    def test_a_full_disk_costs_the_recording_and_not_the_figures(self, small_disk):
+    def test_a_full_disk_ends_the_recording_alone(self, small_disk):
         path = small_disk / "r.mcap"
         status, output, errors = weberlink("simulate", LOOPBACK, "--duration", 8, "--record", path, "--json", "-")
         assert status == 0, errors
@@ -326,7 +322,7 @@ def test_files_of_two_sessions_are_not_joined(simulated, tmp_path):
         put_together([only("master", 0.0), deaf])
 
 
-def test_of_a_slave_that_served_two_operators_each_gets_the_own_session(simulated):
+def test_sessions_of_two_masters_are_told_apart(simulated):
     recording = read_recording(simulated[0])
     once = recording.records["slave"]
     again = once.copy()
@@ -390,14 +386,14 @@ def test_a_recording_that_lost_records_is_not_whole(simulated, tmp_path):
 
 
 @pytest.mark.parametrize("command", [("info",), ("export", "--to", "csv"), ("evaluate",)])
-def test_a_pipe_is_no_recording_and_is_not_waited_for(tmp_path, command):
+def test_a_pipe_is_refused_without_waiting(tmp_path, command):
     pipe = tmp_path / "pipe.mcap"
     os.mkfifo(pipe)
     status, _, errors = weberlink(command[0], pipe, *command[1:])
     one_line(status, errors, "no regular file")
 
 
-def test_an_export_that_fails_leaves_no_part_of_a_table(simulated, small_disk):
+def test_a_failed_export_leaves_no_table(simulated, small_disk):
     status, _, errors = weberlink("export", simulated[0], "--to", "csv", "--out", small_disk)
     assert status == 1 and "No space left" in errors and errors.count("\n") == 1
     assert list(small_disk.iterdir()) == []

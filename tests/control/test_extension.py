@@ -87,4 +87,4 @@ def test_check_describes_an_installed_scheme(found: dict[str, object]) -> None:
 def test_a_broken_scheme_is_a_configuration_error(found: dict[str, object]) -> None:
     error = found["error"]
     assert isinstance(error, str)
-    assert error.startswith(f"{CONFIGURATION}: control.scheme: control scheme broken cannot be imported")
+    assert error.startswith(f"{CONFIGURATION}: control.scheme: control scheme broken")

@@ -41,7 +41,7 @@ def test_predictors_differ_in_colour_line_and_marker() -> None:
     assert sizes == sorted(sizes, reverse=True)
 
 
-def test_the_footer_is_wrapped_and_takes_no_room_from_the_figure() -> None:
+def test_a_long_footer_leaves_the_figure_its_size() -> None:
     text = footer("short\n" + "word " * 60)
     assert text.startswith("short\n")
     assert max(map(len, text.splitlines())) <= LINE
@@ -164,7 +164,7 @@ def test_close_weber_ticks_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("mark", [None, MARK])
-def test_text_is_legible_and_the_mark_is_on_every_figure(mark: str | None) -> None:
+def test_every_figure_is_legible_and_marked(mark: str | None) -> None:
     made = figures(study(), ERROR, mark)
     for figure in (made.packet_rate(), made.quality_over_weber(), made.quality_over_rate()):
         marks = [text for text in figure.findobj(Text) if "SIMULATED" in text.get_text()]

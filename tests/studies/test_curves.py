@@ -27,7 +27,7 @@ def study(units: int = 8, predictors: tuple[str, ...] = ("hybrid", "zoh"), seed:
     ]
 
 
-def test_means_are_those_of_the_units_in_order_of_predictor_and_weber() -> None:
+def test_means_are_over_units() -> None:
     observations = study()
     found = curves(observations)
     assert list(found) == ["hybrid", "zoh"]

@@ -347,7 +347,7 @@ def unit(chance: np.random.Generator) -> Array:
 # Signals whose bound is known.
 
 
-def test_a_constant_force_is_one_send_and_none_below_the_floor() -> None:
+def test_a_constant_force_is_one_send() -> None:
     still = np.zeros((50, 3))
     assert set(bounds(still + np.array((0.3, 1.0, 0.0)), still, 0.1).values()) == {1}
     assert set(bounds(still + np.array((0.01, 0.01, 0.01)), still, 0.1).values()) == {0}
@@ -382,7 +382,7 @@ def test_a_plane_is_one_send_however_it_is_touched(normal: tuple[float, float, f
 
 
 @pytest.mark.parametrize("radius", [0.02, -0.02])
-def test_a_sphere_is_one_send_where_a_plane_needs_several(radius: float) -> None:
+def test_a_sphere_needs_fewer_sends_than_a_plane(radius: float) -> None:
     chance = np.random.default_rng(3)
     force, position = np.zeros((0, 3)), np.zeros((0, 3))
     while len(force) == 0 or np.linalg.norm(force, axis=1).max() < 1.0:
@@ -400,7 +400,7 @@ def test_a_stiffness_outside_the_limits_is_no_plane() -> None:
     assert bounds(force, position, 0.05, fit_limits=FitLimits(stiffness=(10.0, 1500.0)))["plane"] > 1
 
 
-def test_a_wall_on_each_side_is_no_plane_but_may_be_one_hollow_sphere() -> None:
+def test_two_opposite_walls_are_one_hollow_sphere() -> None:
     position = along(6e-3 * np.sin(0.02 * np.arange(1500)))
     force = -600.0 * np.sign(position) * np.maximum(np.abs(position) - 2e-3, 0.0)
     found = bounds(force, position, 0.1)
@@ -409,7 +409,7 @@ def test_a_wall_on_each_side_is_no_plane_but_may_be_one_hollow_sphere() -> None:
     assert found["plane"] == 10
 
 
-def test_a_model_may_run_beyond_the_wire_where_the_decoder_saturates() -> None:
+def test_models_may_exceed_the_wire_where_it_saturates() -> None:
     depth = np.concatenate((np.linspace(1e-3, 6e-3, 300), np.full(100, 6e-3)))
     found = bounds(along(np.concatenate((np.linspace(20.0, 60.0, 300), np.full(100, 60.0)))), along(-depth), 0.0, 0.0)
     assert found["linear"] == found["hybrid"] == 1 < found["zoh"]
@@ -491,7 +491,7 @@ def test_a_family_is_asked_for_by_name_and_alone() -> None:
     }
 
 
-def test_a_force_that_turns_is_one_hold_of_a_wide_cone() -> None:
+def test_a_turning_force_is_one_hold_in_a_cone() -> None:
     angle = radians(30.0) * np.sin(0.02 * np.arange(1000))
     force = 5.0 * np.column_stack((np.sin(angle), np.zeros(1000), np.cos(angle)))
     still = np.zeros((1000, 3))
@@ -522,7 +522,7 @@ def test_a_fast_hand_needs_less() -> None:
 
 
 @pytest.mark.parametrize("reference", ["displayed", "sent"])
-def test_nothing_is_said_of_what_depends_on_what_was_sent(reference: str) -> None:
+def test_no_bound_where_sends_change_the_deadband(reference: str) -> None:
     force = along(np.linspace(1.0, 2.0, 50))
     for deadband in (ForceDeadband(0.1, 0.02, reference), VelocityDeadband(0.1, 0.02, reference)):  # type: ignore[arg-type]
         channel = force_channel(deadband=deadband)

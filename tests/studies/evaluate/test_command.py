@@ -231,7 +231,7 @@ def test_few_rows_are_printed_singly_and_many_as_means() -> None:
     assert any("means over 2 traces" in line for line in lines)
 
 
-def test_plots_are_curves_a_moment_a_surface_and_all_rows(traces: list[Path], tmp_path: Path) -> None:
+def test_plots_write_all_figures_and_rows(traces: list[Path], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     arguments = ("--predictor", "zoh,hybrid", "--weber", "0.1,0.2", "--plots", tmp_path)
     ended = invoke(traces[0], OPERATOR, *arguments, "--json", tmp_path / "rows.json")

@@ -60,7 +60,7 @@ def test_each_leg_begins_where_the_last_one_ended(chart) -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_motion_has_the_reach_depth_and_speed_of_a_hand(seed: int) -> None:
+def test_motion_is_that_of_a_hand(seed: int) -> None:
     touched, samples = 0, 40
     for leg in exploration(ExploredSurface(level(0.0), 0.04, 0.005, (0.7, 4.5)), 60.0, Random(seed)):
         places = [leg.at(i / samples) for i in range(samples + 1)]

@@ -141,7 +141,7 @@ def test_rows_are_ordered_by_trace_predictor_and_weber_factor() -> None:
     assert timeless(rows) == timeless([row for each in TRACES for row in STUDY.rows(each)])
 
 
-def test_a_row_does_not_depend_on_what_else_is_studied() -> None:
+def test_rows_do_not_depend_on_each_other() -> None:
     both = [row for row in STUDY.rows(TRACES[1]) if (row.predictor, row.weber) == ("plane", 0.05)]
     alone = EvaluationStudy(("plane",), (0.05,)).rows(TRACES[1])
     assert timeless(both) == timeless(alone)

@@ -169,7 +169,7 @@ def test_forces_and_sends_are_drawn() -> None:
 
 
 @pytest.mark.parametrize(("axis", "sign"), [(0, 1.0), (2, -1.0)])
-def test_a_force_on_one_axis_is_drawn_with_its_sign(axis: int, sign: float) -> None:
+def test_one_axis_is_drawn_with_its_sign(axis: int, sign: float) -> None:
     trace = pressed(lambda t: sign * (2.0 + float(np.sin(20.0 * t))), 0.5, axis)
     coded = CodedTrace(trace, force_channel(predictor="zoh"))
     label, (actual, predicted, displayed) = quantity(coded, TickWindow(10, 400))

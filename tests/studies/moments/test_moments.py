@@ -68,7 +68,7 @@ def test_a_signal_that_is_never_sent_has_no_fit() -> None:
     assert CodedTrace(Trace(np.arange(20) * 1e-3, still, still, np.empty((0, 2))), force_channel()).fits == []
 
 
-def test_the_model_at_a_tick_is_that_of_its_fit() -> None:
+def test_the_fit_at_a_tick() -> None:
     fit = fine().fits[3]
     for tick, expected in ((fit.newest.tick, fit), (fit.until - 1, fit), (fit.until, fine().fits[4])):
         assert fine().fit_at(tick) == expected
@@ -146,7 +146,7 @@ def test_the_length_of_a_window() -> None:
             interesting_window(run("zoh"), seconds)
 
 
-def test_a_channel_of_one_axis_displays_nothing_on_the_others() -> None:
+def test_one_axis_displays_nothing_on_the_others() -> None:
     coded = CodedTrace(pressed(lambda t: 4.0 * t), force_channel(axes="z", predictor="plane"))
     assert 0 < coded.sent.sum() < 10
     assert (coded.displayed_n[:, :2] == 0.0).all()

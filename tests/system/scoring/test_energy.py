@@ -19,7 +19,7 @@ def records(force: np.ndarray, position: np.ndarray) -> Records:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 50), st.integers(1, 20), st.booleans())
-def test_the_work_does_not_depend_on_the_pieces_it_comes_in(seed: int, ticks: int, pieces: int, held: bool) -> None:
+def test_work_does_not_depend_on_the_pieces(seed: int, ticks: int, pieces: int, held: bool) -> None:
     rng = np.random.default_rng(seed)
     made = records(rng.normal(size=(ticks, 3)), rng.normal(size=(ticks, 3)))
     whole, parts = PortWork("output", "raw", held=held), PortWork("output", "raw", held=held)
@@ -31,7 +31,7 @@ def test_the_work_does_not_depend_on_the_pieces_it_comes_in(seed: int, ticks: in
 
 
 @given(st.integers(0, 2**32 - 1), st.booleans())
-def test_a_constant_force_on_a_closed_way_does_no_work(seed: int, held: bool) -> None:
+def test_a_constant_force_is_conservative(seed: int, held: bool) -> None:
     way = np.random.default_rng(seed).normal(size=(30, 3))
     way[-1] = way[0]
     port = PortWork("output", "raw", held=held)
@@ -50,9 +50,7 @@ def test_a_held_force_and_one_that_changes_linearly() -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.booleans()), max_size=40), st.integers(1, 9))
-def test_the_link_makes_what_came_out_at_one_end_and_did_not_go_in_at_the_other(
-    steps: list[tuple[float, float, bool]], pieces: int
-) -> None:
+def test_link_energy_is_the_difference_of_both_ports(steps: list[tuple[float, float, bool]], pieces: int) -> None:
     given_, taken = (np.cumsum([step[port] for step in steps]) for port in (0, 1))
     engaged = np.array([step[2] for step in steps], dtype=bool)
     link = LinkEnergy()

@@ -67,7 +67,7 @@ def ticks(count, **values):
     return records
 
 
-def test_the_felt_error_is_in_units_of_the_measured_force():
+def test_the_felt_error_is_in_jnds():
     felt = FeltError(Threshold(0.10, 0.02))
     master = ticks(2, output=[[0.0, 0.0, 2.2], [0.0, 0.0, 0.01]])
     felt.add(master, ticks(2, raw=[[0.0, 0.0, 2.0], [0.0, 0.0, 0.0]]))

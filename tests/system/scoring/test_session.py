@@ -81,7 +81,7 @@ def test_the_figures_do_not_depend_on_the_pieces() -> None:
     assert pieces["energy"]["dissipated_j"] == pytest.approx(whole["energy"]["dissipated_j"], rel=1e-2, abs=0.1)
 
 
-def test_ticks_of_a_ramp_or_out_of_session_do_not_count() -> None:
+def test_ramps_and_silence_do_not_count() -> None:
     master, slave = records(1000), records(1000)
     slave["raw"][:, 2] = 1.0
     master["ramping"][:500] = 1
@@ -138,7 +138,7 @@ def test_the_master_alone_has_no_felt_error() -> None:
     assert summary["energy"] == {"generated_j": 0.0, "dissipated_j": 0.0, "link_generated_j": None}
 
 
-def test_the_slave_alone_has_a_coding_error_and_no_energy() -> None:
+def test_the_slave_alone_has_no_energy() -> None:
     slave = records(100)
     slave["raw"][:, 2], slave["decoded"][:, 2], slave["bound"] = 2.0, 1.9, 0.2
     slave["ramping"][:10] = 1
@@ -195,7 +195,7 @@ def test_link_energy_counts_only_while_both_sides_are_engaged() -> None:
     assert energy["link_generated_j"] == pytest.approx((399 + 398) * 1e-5)
 
 
-def test_a_missed_tick_counts_and_a_lost_record_does_not() -> None:
+def test_missed_ticks_count_and_lost_records_do_not() -> None:
     master, slave = records(1000), records(1000)
     master["raw"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
     master["output"][:, 2] = 1.0

@@ -1,7 +1,6 @@
-"""Percentiles of any number of durations in bounded memory, added array by array.
+"""Percentiles of any number of durations in bounded memory.
 
-Bins grow by half a percent each, so a percentile is right to half a percent from 1 us to 10 minutes, whatever is added.
-It is for observers, which read many records at once and look at the figures ten times a second.
+Bins grow by 0.5 % each, so percentiles are accurate to 0.5 % from 1 us to 10 minutes.
 """
 
 from math import inf, log, nan
@@ -19,14 +18,14 @@ _PERCENTILES = {"p50": 50.0, "p99": 99.0, "p99_9": 99.9}
 
 
 class Distribution:
-    """Counts of durations [us]; those below 1 us share a bin, which reads 0."""
+    """Histogram of durations [us]; those below 1 us share a bin with the value 0."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(_BINS, dtype=np.int64)
         self._largest = -inf
 
     def add(self, us: ArrayLike) -> None:
-        """Count durations [us], shape (n,); what is not finite is left out."""
+        """Count durations [us], shape (n,); non-finite ones are ignored."""
         values = np.asarray(us, dtype=np.float64)
         values = values[np.isfinite(values)]
         if not len(values):
@@ -46,7 +45,7 @@ class Distribution:
         return nan if self._largest == -inf else self._largest
 
     def percentile(self, p: float) -> float:
-        """The duration [us] that `p` percent do not exceed, to the resolution of a bin; NaN if nothing was added."""
+        """The percentile `p` [us] to the resolution of a bin; NaN if nothing was added."""
         cumulative = np.cumsum(self._counts)
         if not cumulative[-1]:
             return nan
@@ -57,5 +56,5 @@ class Distribution:
         return min(self._largest, SMALLEST_US * float(np.exp((bin_ - 0.5) * _LOG_STEP)))
 
     def summary(self) -> dict[str, float]:
-        """The percentiles that reports name, and the largest [us]."""
+        """The reported percentiles, and the largest duration [us]."""
         return {name: self.percentile(p) for name, p in _PERCENTILES.items()} | {"max": self.max}
