@@ -17,7 +17,7 @@ from tests.soak.wallclock import WallClock, wall_clock
 from tests.soak.wire import Wire
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, load
-from weberlink.system.daemon import Order
+from weberlink.system.daemon import DaemonOrder
 from weberlink.system.launcher import Daemon
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import RingReader
@@ -43,7 +43,7 @@ class Life:
         overrun: records that nobody read in time.
     """
 
-    def __init__(self, order: Order, environment: Mapping[str, str]) -> None:
+    def __init__(self, order: DaemonOrder, environment: Mapping[str, str]) -> None:
         self.order = order
         self.began = monotonic()
         with _environment(environment):
@@ -164,7 +164,9 @@ class Rig:
 
     def start(self, side: str) -> Life:
         """Start a daemon; any earlier one of that side must have ended."""
-        order = Order(side=side, file=str(self.file), overrides=self._changes, ring=self.ring(side), parent=os.getpid())
+        order = DaemonOrder(
+            side=side, file=str(self.file), overrides=self._changes, ring=self.ring(side), parent=os.getpid()
+        )
         life = self.lives[side] = Life(order, {} if self.wall is None else self.wall.environment)
         return life
 
