@@ -1,8 +1,9 @@
 """Tables of implementations by name, imported only on use and extended by entry points of other distributions."""
 
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
-from functools import cached_property
+from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar, cast
@@ -42,15 +43,13 @@ class Registry(Mapping[str, T], Generic[T]):
         Raises:
             KeyError: no entry has this name.
             ImportError: a package that the entry needs is missing.
-            ValueError: the entry of another distribution cannot be used.
+            ValueError: the entry of another distribution cannot be imported or used.
         """
         if name not in self._loaded:
             if name in self.built_in:
                 self._loaded[name] = _resolve(self.built_in[name])
             else:
-                entry = self._installed[name].load()
-                self._check(name, entry)
-                self._loaded[name] = cast(T, entry)
+                self._loaded[name] = self._load_installed(name)
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -82,9 +81,25 @@ class Registry(Mapping[str, T], Generic[T]):
         installed = {name: entry.value for name, entry in self._installed.items()}
         return installed | {name: str(place) for name, place in self.built_in.items()}
 
-    @cached_property
-    def _installed(self) -> dict[str, EntryPoint]:
-        return {} if self.group is None else {entry.name: entry for entry in entry_points(group=self.group)}
+    def _load_installed(self, name: str) -> T:
+        installed = self._installed[name]
+        try:
+            entry = installed.load()
+        except ImportError:
+            raise  # the caller names the missing package
+        except Exception as error:
+            raise ValueError(f"{self.kind} {name}: {installed.value} cannot be imported: {error}") from error
+        self._check(name, entry)
+        return cast(T, entry)
+
+    @property
+    def _installed(self) -> Mapping[str, EntryPoint]:
+        return {} if self.group is None else _installed(self.group, tuple(sys.path))
+
+
+@lru_cache
+def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, EntryPoint]:  # noqa: ARG001 - the key of the cache
+    return {entry.name: entry for entry in entry_points(group=group)}
 
 
 def _resolve(entry: T | str) -> T:

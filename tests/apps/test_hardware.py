@@ -143,7 +143,7 @@ def test_unchecked_signs_give_no_current(tmp_path: Path) -> None:
             "--set",
             "slave.robot={driver: point, workspace_m: 0.3, home_m: [0.19, 0.0, 0.15]}",
         ]
-        with Program("loopback", *arguments, "--duration", 2, "--json", "-") as program:
+        with Program("loopback", *arguments, "--duration", 1, "--json", "-") as program:
             status, output, errors = program.finish()
         assert status == 0, output
         assert "signs not checked; run: weberlink device test polhem_serial" in errors

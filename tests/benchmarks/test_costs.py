@@ -16,7 +16,7 @@ from benchmarks.percentiles import NAMES, PERCENTILES, percentile, ratio, ratios
 from benchmarks.tick_cost import CHUNK, PARTS, QUICK_TICKS, assemble, measure
 from tests.system.systems import CONFIGS
 from weberlink.protocol.keys import generate
-from weberlink.protocol.psk import CcmProtection
+from weberlink.protocol.psk import CcmCipher
 from weberlink.system.configuration import SIDES
 
 DURATIONS = st.lists(st.floats(0.0, 1e6), min_size=1, max_size=50)
@@ -210,10 +210,10 @@ def test_one_disturbed_chunk_changes_nothing() -> None:
 def test_every_part_of_both_sides_is_measured(tmp_path: Path) -> None:
     key = tmp_path / "key"
     generate(key)
-    seal = CcmProtection.seal
+    seal = CcmCipher.seal
     arrangement = Arrangement(CONFIGS / "loopback.yaml", key, ("control.scheme=tdpa",), lambda _: [], quick=True)
     cost = measure(arrangement)
-    assert CcmProtection.seal is seal
+    assert CcmCipher.seal is seal
     assert cost.ticks == QUICK_TICKS
     for side in SIDES:
         assert tuple(cost.parts_us[side]) == PARTS

@@ -32,7 +32,7 @@ with RingWriter.create(shared / "own", side="master", rate_hz=1000.0, capacity=4
 for folder in ("weberlink-0", "."):
     as_stranger(squat_file, shared / folder / "weberlink-777-master.ring", forged)
     as_stranger(squat_large, shared / folder / "weberlink-777-master.json")
-with Program("loopback", "--duration", "2", "--json", "-") as program:
+with Program("loopback", "--duration", "1", "--json", "-") as program:
     program.engaged("master")
     assert list(find_rings(None)) == [str(program.pid)]
     status, output, errors = program.finish()
@@ -59,7 +59,7 @@ def test_files_of_other_users_do_no_harm() -> None:
 
 
 def test_loopback_key_is_removed_after_reading() -> None:
-    with Program("loopback", "--duration", "2", "--json", "-", "--set", "link.security=session") as program:
+    with Program("loopback", "--duration", "1", "--json", "-", "--set", "link.security=session") as program:
         key = default_path("any").parent / f"weberlink-{program.pid}.key"
         until(lambda: key.exists() and key.stat().st_size, "the key")
         assert key.stat().st_mode & 0o777 == 0o600

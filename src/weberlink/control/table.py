@@ -4,12 +4,11 @@ A new scheme is a file beside these and a line in `BUILT_IN`, or an entry point 
 in another distribution, which names a `Scheme`.
 """
 
-from collections.abc import Iterator, Mapping
 from importlib import import_module
-from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from weberlink.control.contract import Control, MasterControl, SchemeParameters, SlaveControl
+from weberlink.registry import Registry
 
 GROUP = "weberlink.control_schemes"
 
@@ -58,38 +57,13 @@ BUILT_IN = {
 }
 
 
-class Registry(Mapping[str, Scheme]):
-    """Schemes by name, the built-in ones first; what another distribution brings is imported on use.
-
-    The place of a scheme in this order is its code in a telemetry record. A built-in name cannot be replaced.
-    """
-
-    def __init__(self) -> None:
-        self._entries: dict[str, Scheme | EntryPoint] = dict(BUILT_IN)
-        for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-            self._entries.setdefault(entry.name, entry)
-
-    def __getitem__(self, name: str) -> Scheme:
-        entry = self._entries[name]
-        if isinstance(entry, Scheme):
-            return entry
-        try:
-            scheme = entry.load()
-        except Exception as error:
-            raise ValueError(f"control scheme {name} cannot be imported from {entry.value}: {error}") from error
-        if not isinstance(scheme, Scheme):
-            raise ValueError(f"control scheme {name}: {entry.value} is not a weberlink.control.table.Scheme")  # noqa: TRY004 - the file is wrong
-        self._entries[name] = scheme
-        return scheme
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._entries)
-
-    def __len__(self) -> int:
-        return len(self._entries)
+def _check(name: str, entry: Any) -> None:
+    if not isinstance(entry, Scheme):
+        raise ValueError(f"control scheme {name}: its entry point is not a weberlink.control.table.Scheme")  # noqa: TRY004 - the file is wrong
 
 
-SCHEMES: Mapping[str, Scheme] = Registry()
+SCHEMES: Registry[Scheme] = Registry("control scheme", BUILT_IN, GROUP, _check)
+"""By name; the place of a scheme in this order is its code in a telemetry record."""
 if TYPE_CHECKING:
     SchemeName = str
 else:

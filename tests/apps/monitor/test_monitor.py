@@ -24,7 +24,7 @@ from tests.system.test_daemons import free_port
 from weberlink.apps.monitor.metrics import COUNTERS
 from weberlink.protocol.keys import generate
 
-LENGTH_S = 3
+LENGTH_S = 2
 Figures = dict[str, Any]
 
 

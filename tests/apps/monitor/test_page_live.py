@@ -56,7 +56,7 @@ def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> 
     with Monitor(tmp_path) as monitor:
         page.open(f"{monitor.url}/")  # a monitor that is there before the session sees all of it
         # Of six degrees of freedom, which has every figure that there is.
-        with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "3", "--json", out) as program:
+        with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "2", "--json", out) as program:
             name = str(program.pid)
             page.wait(lambda: name in page.text("session").split(), "the session")
             page.choose("session", name)
@@ -93,7 +93,7 @@ def test_picture_of_the_demonstration(page: Browser, demonstration: tuple[int, s
     path = tmp_path / "monitor.png"
     page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
     # From 10 s on the hand comes by the top of the dome, which makes the better picture.
-    page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 5.0), "a full window")
+    page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 2.0), "a full window")
     page.run(PAUSE_IN_CONTACT, IN_CONTACT_N, ["sphere"] if PICTURE else ["plane", "sphere"])
     page.wait(lambda: page.text("pause") == "Resume", "the hand on a surface")
     page.picture(path)

@@ -48,7 +48,11 @@ def try_out(configuration: Configuration) -> list[str]:
 @located
 def _check_scheme(configuration: Configuration) -> None:
     """See that the control scheme can be imported, where another distribution brings it."""
-    construct("control.scheme", SCHEMES.__getitem__, configuration.system.control.scheme)
+    name = configuration.system.control.scheme
+    try:
+        construct("control.scheme", SCHEMES.load, name)
+    except ImportError as error:
+        raise ConfigurationError(f"control.scheme: {name} cannot be imported: {error}") from None
 
 
 def lacks(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:
