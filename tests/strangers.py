@@ -1,4 +1,4 @@
-"""What another user of the same host can do: attacks that run under another user id, in a process of their own.
+"""Attacks by another user of the same host, each in a process of its own under another user id.
 
     @needs_root
     def test_...():
@@ -131,8 +131,8 @@ def read_file(path: str | Path) -> int:
 
 def ask_socket(path: str | Path, question: bytes) -> None:
     """Send a question to a socket of another user."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as door:
-        door.sendto(question, str(path))
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        connection.sendto(question, str(path))
 
 
 def hold_connections(host: str, port: int, count: int, say: bytes = b"", heard: int = 0) -> Any:

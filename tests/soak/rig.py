@@ -101,16 +101,12 @@ class Rig:
         seed: of the relay.
         steps: whether the wall clock of the daemons is to be stepped, where that can be done.
         silence_ms: limit of silence.
-        changes: further overrides of the configuration, as of `--set`.
     """
 
-    def __init__(
-        self, *, seed: int = 1, steps: bool = False, silence_ms: float = SILENCE_MS, changes: tuple[str, ...] = ()
-    ) -> None:
+    def __init__(self, *, seed: int = 1, steps: bool = False, silence_ms: float = SILENCE_MS) -> None:
         self._seed = seed
         self._steps = steps
         self._silence_ms = silence_ms
-        self._changes = changes
         self.wall: WallClock | None = None
         self._stack = ExitStack()
         self.lives: dict[str, Life] = {}
@@ -124,7 +120,7 @@ class Rig:
                 self.wall = self._stack.enter_context(wall_clock(self.folder))
             self.wire = self._stack.enter_context(Wire(self.slave_address, self._seed))
             self.file = self._write_configuration()
-            self.configuration: Configuration = load(self.file, self._changes)
+            self.configuration: Configuration = load(self.file)
             self._stack.callback(self._end)
             for side in reversed(SIDES):
                 self.start(side)
@@ -164,9 +160,7 @@ class Rig:
 
     def start(self, side: str) -> Life:
         """Start a daemon; any earlier one of that side must have ended."""
-        order = DaemonOrder(
-            side=side, file=str(self.file), overrides=self._changes, ring=self.ring(side), parent=os.getpid()
-        )
+        order = DaemonOrder(side=side, file=str(self.file), overrides=(), ring=self.ring(side), parent=os.getpid())
         life = self.lives[side] = Life(order, {} if self.wall is None else self.wall.environment)
         return life
 
