@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from difflib import get_close_matches
-from functools import cached_property
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Generic, TypeVar, cast
@@ -82,7 +81,7 @@ class Registry(Mapping[str, T], Generic[T]):
         installed = {name: entry.value for name, entry in self._installed.items()}
         return installed | {name: str(place) for name, place in self.built_in.items()}
 
-    @cached_property
+    @property
     def _installed(self) -> dict[str, EntryPoint]:
         return {} if self.group is None else {entry.name: entry for entry in entry_points(group=self.group)}
 
