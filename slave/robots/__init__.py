@@ -13,7 +13,7 @@ BUILT_IN = {
 
 def _check(name: str, entry: object) -> None:
     if not callable(entry):
-        raise ValueError(f"the entry point {name!r} of weberlink.robots is not a driver class: {entry!r}")
+        raise ValueError(f"weberlink.robots: {name} is not a driver class")  # noqa: TRY004 - wrong name
 
 
 ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
