@@ -1,7 +1,8 @@
 """One contract for both sides of every scheme of the table, whatever they are told."""
 
+from collections.abc import Callable
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import given
@@ -114,38 +115,57 @@ def check(control: MasterControl | SlaveControl, credit: int) -> None:
     assert control.credit >= credit >= 0
 
 
+class End(NamedTuple):
+    """One end of a scheme: how it is built and run, and what it is told."""
+
+    build: Callable[[str, SchemeParameters], Any]
+    run: Callable[[Any, Any], list[object]]
+    wild: st.SearchStrategy[Any]
+    ordinary: st.SearchStrategy[Any]
+
+
+ENDS = {
+    "master": End(build_master_control, run_master, wild_master, ordinary_master),
+    "slave": End(build_slave_control, run_slave, wild_slave, ordinary_slave),
+}
+ends = pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
+
+
 @every
-@given(ticks=wild_master)
+@ends
+@given(data=st.data())
 @examples(15)
-def test_nothing_finite_upsets_the_operators_side(name: str, ticks: list[MasterTick]) -> None:
-    run_master(build_master_control(name, SETTINGS), ticks)
+def test_nothing_finite_upsets_a_side(name: str, end: End, data: st.DataObject) -> None:
+    end.run(end.build(name, SETTINGS), data.draw(end.wild))
 
 
 @every
-@given(ticks=wild_slave)
-@examples(15)
-def test_nothing_finite_upsets_the_teleoperators_side(name: str, ticks: list[SlaveTick]) -> None:
-    run_slave(build_slave_control(name, SETTINGS), ticks)
-
-
-@every
-@given(before=ordinary_master, after=ordinary_master)
+@ends
+@given(data=st.data())
 @examples(10)
-def test_a_reset_operators_side_is_as_a_new_one(name: str, before: list[MasterTick], after: list[MasterTick]) -> None:
-    control = build_master_control(name, SETTINGS)
-    run_master(control, before)
+def test_a_reset_side_is_as_a_new_one(name: str, end: End, data: st.DataObject) -> None:
+    before, after = data.draw(end.ordinary), data.draw(end.ordinary)
+    control = end.build(name, SETTINGS)
+    end.run(control, before)
     control.reset()
-    assert run_master(control, after) == run_master(build_master_control(name, SETTINGS), after)
+    assert end.run(control, after) == end.run(end.build(name, SETTINGS), after)
 
 
 @every
-@given(before=ordinary_slave, after=ordinary_slave)
+@ends
+@given(data=st.data())
 @examples(10)
-def test_a_reset_teleoperators_side_is_as_a_new_one(name: str, before: list[SlaveTick], after: list[SlaveTick]) -> None:
-    control = build_slave_control(name, SETTINGS)
-    run_slave(control, before)
-    control.reset()
-    assert run_slave(control, after) == run_slave(build_slave_control(name, SETTINGS), after)
+def test_a_resumed_side_has_no_energy_and_force_from_before(name: str, end: End, data: st.DataObject) -> None:
+    before, after = data.draw(end.ordinary), data.draw(end.ordinary)
+    control = end.build(name, SETTINGS)
+    end.run(control, before)
+    credit = control.credit
+    control.resume(before[-1].peer_credit if before else 0)
+    assert control.tank <= 0.0
+    assert control.credit == credit
+    if end.build is build_master_control:
+        assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+    end.run(control, after)
 
 
 @every
@@ -159,38 +179,6 @@ def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
         slave.follow((0.0, 0.0, 0.0), (0.0, 0.0, -depth), 1e-3, 2000, quality)
         slave.observe((0.0, 0.0, -depth), (0.0, 0.0, 0.0))
     assert (master.credit > 0) == (slave.credit > 0) == SCHEMES[name].carries_credit
-
-
-@every
-@given(before=ordinary_master, after=ordinary_master)
-@examples(10)
-def test_a_resumed_operators_side_has_no_force_and_no_energy_from_before(
-    name: str, before: list[MasterTick], after: list[MasterTick]
-) -> None:
-    """What it displays after an interruption is at most what a new one displays that owes as much."""
-    control = build_master_control(name, SETTINGS)
-    run_master(control, before)
-    credit = control.credit
-    control.resume(before[-1].peer_credit if before else 0)
-    assert control.tank <= 0.0
-    assert control.credit == credit
-    assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
-    run_master(control, after)
-
-
-@every
-@given(before=ordinary_slave, after=ordinary_slave)
-@examples(10)
-def test_a_resumed_teleoperators_side_has_no_energy_and_no_target_from_before(
-    name: str, before: list[SlaveTick], after: list[SlaveTick]
-) -> None:
-    control = build_slave_control(name, SETTINGS)
-    run_slave(control, before)
-    credit = control.credit
-    control.resume(before[-1].peer_credit if before else 0)
-    assert control.tank <= 0.0
-    assert control.credit == credit
-    run_slave(control, after)
 
 
 @pytest.mark.parametrize("name", ["tdpa", "auto"])

@@ -107,15 +107,6 @@ def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vec
     assert isfinite(port.mobility)
 
 
-@given(st.lists(st.tuples(vectors(1e-300), vectors(1e-300), st.floats(0.0, 1e-300)), max_size=10))
-def test_nor_does_anything_tiny(ticks: list[tuple[Vector, Vector, float]]) -> None:
-    port = ForcePort(TICK, LEVEL)
-    for position, force, tank in ticks:
-        port.move(position)
-        assert all(map(isfinite, port.passive(force, tank, TICK)))
-        port.hold(force)
-
-
 @given(mass=st.floats(0.001, 0.04))
 @examples(20)
 def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: float) -> None:

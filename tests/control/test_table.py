@@ -1,8 +1,10 @@
 """The registry of control schemes: what each entry builds and imports."""
 
 import json
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -41,3 +43,10 @@ def test_only_what_a_scheme_needs_is_imported(name: str, side: str) -> None:
     command = [sys.executable, "-c", BUILD.format(side=side, name=name)]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert set(json.loads(ended.stdout)) == PARTS[name][side] | {"contract", "table"}
+
+
+def test_the_documentation_lists_every_scheme() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE) == [
+        (name, SCHEMES[name].does) for name in SCHEMES
+    ]

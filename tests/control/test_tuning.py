@@ -2,7 +2,7 @@
 
 import pytest
 
-from weberlink.control.tuning import BUSY, LEAD, ChangeResult, LiveSettings, Tuning
+from weberlink.control.tuning import BUSY, ChangeResult, LiveSettings, Tuning
 
 FILE = LiveSettings(0.1, "hybrid", "auto")
 PERMITTED = {"weber": (), "predictor": ("zoh", "plane", "hybrid"), "scheme": ("none", "tdpa")}
@@ -101,20 +101,6 @@ def test_a_new_session_begins_with_the_settings_of_the_file() -> None:
     assert applied.seen == [FILE._replace(weber=0.2), FILE]
     assert (applied.tuning.settings, applied.tuning.generation, applied.tuning.pending) == (FILE, 0, None)
     assert applied.tuning.result == ChangeResult(0, "the session ended")
-
-
-def test_a_session_that_ends_is_the_answer_to_what_was_asked() -> None:
-    tuning = Applied().tuning
-    tuning.ask({"weber": 0.2})
-    assert tuning.result is None
-    tuning.reset()
-    assert tuning.result == ChangeResult(0, "the session ended")
-
-
-def test_a_long_link_is_given_time_for_repeats() -> None:
-    tuning = Applied().tuning
-    assert tuning.lead(None) == LEAD
-    assert tuning.lead(1.0) > 4.0
 
 
 @pytest.mark.parametrize("body", [b"[" * 1200, b'{"a":' * 240, b'{"weber":' + b"[" * 900 + b"]" * 900 + b"}", b"\xff"])

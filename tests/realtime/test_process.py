@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.realtime.process import Grant, prepare
+from weberlink.realtime.process import prepare
 
 ROOT = Path(__file__).parents[2]
 
@@ -78,15 +78,6 @@ def test_what_is_granted_is_in_force_and_what_is_not_says_what_it_needs():
     assert (seen["locked_kb"] > 0) is grants["memory"]["granted"]
 
 
-def test_nothing_asked_for_changes_nothing_but_timer_slack():
-    seen = ask(0, False, None)
-    unasked = {"granted": False, "detail": "not asked for"}
-    assert [seen["grants"][name] for name in ("priority", "memory", "cpu")] == [unasked] * 3
-    assert seen["grants"]["timer_slack"] == {"granted": True, "detail": "timer slack 1 ns"}
-    assert (seen["fifo"], seen["locked_kb"], seen["slack_ns"]) == (False, 0, 1)
-    assert seen["cpus"] == sorted(os.sched_getaffinity(0))
-
-
 def test_a_process_without_rights_is_told_what_it_lacks_and_goes_on():
     seen = ask(7, True, None, before=GIVE_UP_RIGHTS)
     assert seen["grants"]["priority"] == {
@@ -140,16 +131,6 @@ def test_a_cpu_that_this_machine_lacks_is_an_answer_that_names_those_it_has():
 def test_a_priority_that_no_machine_has_is_refused(priority):
     with pytest.raises(ValueError, match=f"priority must be .* got {priority}"):
         prepare(priority, False, None)
-
-
-def test_a_negative_cpu_is_refused():
-    with pytest.raises(ValueError, match="cpu must be 0 or more, got -1"):
-        prepare(0, False, -1)
-
-
-def test_a_grant_is_true_when_granted():
-    assert Grant(True, "")
-    assert not Grant(False, "")
 
 
 def test_the_kernel_ends_a_tied_child_when_its_parent_is_killed():

@@ -97,20 +97,6 @@ def test_what_the_file_fixes_stays(overrides: list[str], change: dict[str, Any],
         assert complaint in (side.propose(change, 0.3) or "")
 
 
-def test_before_there_is_a_session_there_is_nothing_to_change() -> None:
-    simulation = system()
-    assert simulation.master.propose({"weber": 0.2}, 0.0) == "no session: the other side is not there"
-
-
-def test_ends_that_do_not_permit_the_same_do_not_meet() -> None:
-    from weberlink.system.composition.link import agreement  # noqa: PLC0415
-    from weberlink.system.configuration import load  # noqa: PLC0415
-
-    file = Path(__file__).parents[2] / "configs" / "loopback.yaml"
-    free, fixed = (agreement(load(file, [f"control.live_changes={on}"]).system) for on in ("true", "false"))
-    assert free != fixed
-
-
 @pytest.mark.realtime
 def test_a_running_daemon_is_asked_through_its_door() -> None:
     with Program("loopback", "--duration", "30") as program:
@@ -230,8 +216,3 @@ def test_a_description_that_is_too_large_is_not_read(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 1e6
     finally:
         tracemalloc.stop()
-
-
-def test_nobody_there_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(LiveChangeError, match="no daemon answers there"):
-        ask(tmp_path / "none.ring", {})

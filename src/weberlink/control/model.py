@@ -1,9 +1,8 @@
-"""The model that the operator feels: received surfaces, faded into one another without making energy.
+"""A mixture of received contact models, faded into one another without making energy.
 
-Every surface is an elastic wall at rest. One that would press harder than there is energy for is displayed recessed: it
-lies deeper by a distance, with the stiffness that it has, and comes up as energy allows. A mixture of walls with fixed
-weights and recesses is conservative, and stores the weighted sum of what its members store; only a change makes or
-takes energy, and how much is known before it is made.
+Every model is an elastic wall at rest. One that would press harder than the energy allows is displayed recessed: deeper
+by a distance, with its own stiffness, and it comes up as energy allows. A mixture with fixed weights and recesses is
+conservative; only a change of it makes or takes energy, and the amount is known before the change.
 """
 
 from math import hypot, sqrt

@@ -1,6 +1,6 @@
 """Surfaces of scenes and of models, against shapes of known geometry."""
 
-from math import inf, isnan, sqrt
+from math import inf, isnan
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
 from weberlink.slave.scenes.sphere import SphereShape
-from weberlink.studies.moments.surfaces import FittedSurface, SceneSurface, SurfaceFrame, angle_deg, frame_at
+from weberlink.studies.moments.surfaces import FittedSurface, SceneSurface, SurfaceFrame, frame_at
 
 UP: Vector = (0.0, 0.0, 1.0)
 FLAT = SurfaceFrame((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), UP)
@@ -108,8 +108,3 @@ def test_a_frame_is_right_handed_along_the_force(force: Vector, towards: Vector)
     assert dot(frame.across, towards) == pytest.approx(0.0, abs=1e-6)
     point = frame.point(0.01, -0.02, 0.03)
     assert frame.coordinates(np.array([point]))[0] == pytest.approx((0.01, -0.02, 0.03))
-
-
-def test_angles() -> None:
-    assert angle_deg(UP, (1.0, 0.0, 0.0)) == pytest.approx(90.0)
-    assert angle_deg((0.0, sqrt(0.5), sqrt(0.5)), UP) == pytest.approx(45.0)

@@ -1,4 +1,4 @@
-"""The operator's side, from device to endpoint."""
+"""Builds the operator's side from a configuration."""
 
 from math import inf
 
@@ -6,7 +6,7 @@ from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device
+from weberlink.master.devices.contract import Device, GuardedDevice
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
@@ -16,7 +16,6 @@ from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
-from weberlink.system.composition.guardian import check_force_ends
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -24,12 +23,11 @@ from weberlink.system.composition.link import (
     Stopwatch,
     build_control,
     build_endpoint,
+    build_tuning,
     check_axes,
     construct,
     located,
 )
-from weberlink.system.composition.live import build_tuning
-from weberlink.system.composition.mapping import build_mapping
 from weberlink.system.configuration import Configuration, ConfigurationError, System
 from weberlink.system.side import Side
 
@@ -115,7 +113,7 @@ def build_device(configuration: Configuration) -> Device:
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
     check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
-        device = build_mapping(system, device)
+        device = _mapped(system, device)
     _check_button(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
@@ -183,4 +181,55 @@ def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system
         raise ConfigurationError(
             f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
             f"use a step of at least {reach / INT16_MAX:.2g}"
+        )
+
+
+def _mapped(system: System, device: Device) -> Device:
+    """The device in the robot's frame.
+
+    Raises:
+        ConfigurationError: if the device has no such button.
+    """
+    from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
+
+    mapping, limits = system.master.mapping, system.master.limits
+    assert mapping is not None
+    clutch = walls = None
+    if mapping.clutch is not None:
+        button = mapping.clutch.button
+        if button >= device.spec.buttons:
+            raise ConfigurationError(
+                f"master.mapping.clutch.button: {device.spec.name} has {device.spec.buttons} buttons, none is {button}"
+            )
+        clutch = Clutch(button)
+    if mapping.walls is not None:
+        (x0, x1), (y0, y1), (z0, z1) = mapping.walls.box_m or system.slave.limits.workspace_m
+        walls = Walls(((x0, y0, z0), (x1, y1, z1)), mapping.walls.stiffness_n_m)
+    return MappedDevice(
+        device,
+        FrameMap(mapping.rotation_deg, mapping.scale, mapping.force_scale, mapping.offset_m),
+        clutch=clutch,
+        walls=walls,
+        force_limit=limits.force_n,
+        ramp=limits.ramp_ms * 1e-3,
+    )
+
+
+def check_force_ends(device: Device, driver: str, accepted: str | None) -> None:
+    """See that the board of a device removes the force by itself, or that a guardian process does.
+
+    Args:
+        device: not wrapped by a mapping.
+        driver: its name.
+        accepted: `master.accept_no_watchdog`, the driver that may do without either.
+
+    Raises:
+        ConfigurationError: the device has force and neither of the two, and the file does not accept that.
+    """
+    spec = device.spec
+    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
+    if spec.force_feedback and not ends and accepted != driver:
+        raise ConfigurationError(
+            f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
+            f"no guardian (see docs/tutorial.md); to accept that, set master.accept_no_watchdog: {driver}"
         )

@@ -1,4 +1,4 @@
-"""The teleoperator's side, from endpoint to robot and scene."""
+"""Builds the teleoperator's side, with robot and scene, from a configuration."""
 
 from typing import TYPE_CHECKING
 
@@ -23,11 +23,11 @@ from weberlink.system.composition.link import (
     Stopwatch,
     build_control,
     build_endpoint,
+    build_tuning,
     check_axes,
     construct,
     located,
 )
-from weberlink.system.composition.live import build_tuning
 from weberlink.system.configuration import Configuration, ConfigurationError, System
 from weberlink.system.side import Side
 
@@ -167,19 +167,12 @@ def _scene(system: System) -> Scene | None:
 @located
 def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
     """Where the robot may be commanded to: its own workspace within that of the file."""
-    return _intersection(_corners(configuration.system.slave.limits.workspace_m), robot.spec.workspace_m)
-
-
-def _corners(intervals: tuple[tuple[float, float], ...]) -> Workspace:
-    (x0, x1), (y0, y1), (z0, z1) = intervals
-    return (x0, y0, z0), (x1, y1, z1)
-
-
-def _intersection(a: Workspace, b: Workspace) -> Workspace:
-    low, high = (
-        tuple(choose(pair) for pair in zip(mine, theirs, strict=True))
-        for choose, mine, theirs in ((max, a[0], b[0]), (min, a[1], b[1]))
-    )
-    if not all(lowest < highest for lowest, highest in zip(low, high, strict=True)):
+    allowed = configuration.system.slave.limits.workspace_m
+    spans = [
+        (max(low, robot_low), min(high, robot_high))
+        for (low, high), robot_low, robot_high in zip(allowed, *robot.spec.workspace_m, strict=True)
+    ]
+    if not all(low < high for low, high in spans):
         raise ConfigurationError("slave.limits.workspace_m: leaves nothing of the robot's own workspace")
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+    (x0, x1), (y0, y1), (z0, z1) = spans
+    return (x0, y0, z0), (x1, y1, z1)
