@@ -9,7 +9,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
-from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorReading, MotorPort, latency_advice
+from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_force
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques
 from weberlink.slave.robots.dynamixel.motors import Motors

@@ -85,7 +85,7 @@ class MujocoOptions(BaseModel):
 
     @field_validator("workspace_m")
     @classmethod
-    def _rising(cls, workspace: float | tuple[AxisRange, ...]) -> float | tuple[Range, ...]:
+    def _rising(cls, workspace: float | tuple[AxisRange, ...]) -> float | tuple[AxisRange, ...]:
         if not isinstance(workspace, float):
             for axis, (low, high) in zip("xyz", workspace, strict=True):
                 if not low < high:
