@@ -12,6 +12,13 @@ BUILT_IN: dict[str, IntegrationScheme | str] = {
     "exact": IntegrationScheme("weberlink.slave.integrators.exact:Exact", 2, l_stable=True, exact_if_linear=True),
 }
 """The cheapest step first."""
-INTEGRATORS: Registry[IntegrationScheme] = Registry("integrator", BUILT_IN, "weberlink.integrators")
+
+
+def _check(name: str, entry: object) -> None:
+    if not isinstance(entry, IntegrationScheme):
+        raise ValueError(f"weberlink.integrators: {name} is not an IntegrationScheme")  # noqa: TRY004 - wrong name
+
+
+INTEGRATORS: Registry[IntegrationScheme] = Registry("integrator", BUILT_IN, "weberlink.integrators", _check)
 
 __all__ = ["BUILT_IN", "INTEGRATORS", "ControlledMass", "IntegrationScheme", "Integrator", "MassState"]

@@ -9,7 +9,14 @@ BUILT_IN = {
     "point": "weberlink.slave.robots.point:PointRobot",
     "simulated": "weberlink.slave.robots.simulated:SimulatedRobot",
 }
-ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots")
+
+
+def _check(name: str, entry: object) -> None:
+    if not callable(entry):
+        raise ValueError(f"weberlink.robots: {name} is not a driver class")  # noqa: TRY004 - wrong name
+
+
+ROBOTS: Registry[RobotDriver] = Registry("robot", BUILT_IN, "weberlink.robots", _check)
 
 COMPUTED = frozenset({"mujoco", "point", "simulated"})
 """Drivers that move nothing real. All others count as hardware, those of other distributions included."""

@@ -66,6 +66,12 @@ def unit(vector: Vector) -> Vector:
 
 UnitVector = Annotated[Vector, AfterValidator(unit)]
 
+
+def _check(name: str, entry: object) -> None:
+    if not (isinstance(entry, type) and issubclass(entry, SceneShapeSettings)):
+        raise ValueError(f"weberlink.shapes: {name} is not a SceneShapeSettings")  # noqa: TRY004 - wrong name
+
+
 SHAPES: Registry[type[SceneShapeSettings]] = Registry(
     "shape",
     {
@@ -75,5 +81,6 @@ SHAPES: Registry[type[SceneShapeSettings]] = Registry(
         "height_field": "weberlink.slave.scenes.height_field:HeightFieldSettings",
     },
     "weberlink.shapes",
+    _check,
 )
 """Settings class by the value of the key `shape`."""

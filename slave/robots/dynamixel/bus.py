@@ -41,7 +41,7 @@ ADAPTER_S: Final = 0.0002
 _PRESENT: Final = Struct("<hii")
 
 
-class Port(Protocol):
+class MotorPort(Protocol):
     """A serial port, such as `weberlink.hardware.serial_port.SerialPort`."""
 
     path: str
@@ -77,7 +77,7 @@ class MotorBus:
 
     def __init__(
         self,
-        port: Port,
+        port: MotorPort,
         baud: int,
         ids: Sequence[int],
         margin: float = 0.02,

@@ -9,7 +9,7 @@ from weberlink.geometry.vector import Vector
 from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.arm import LOWER, UPPER, ArmPose, Joints, arm_pose
-from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorReading, Port, latency_advice
+from weberlink.slave.robots.dynamixel.bus import MotorBus, MotorPort, MotorReading, latency_advice
 from weberlink.slave.robots.dynamixel.external_force import ForceLowPass, tip_force
 from weberlink.slave.robots.dynamixel.impedance import TipGoal, currents, joint_torques
 from weberlink.slave.robots.dynamixel.motors import Motors
@@ -50,7 +50,7 @@ class ArmExchange:
     def __init__(
         self,
         options: DynamixelOptions,
-        connect: Callable[[], Port],
+        connect: Callable[[], MotorPort],
         interpolation: Interpolation,
         clock: Callable[[], float] = monotonic,
         pause: Callable[[float], None] = sleep,
@@ -67,7 +67,7 @@ class ArmExchange:
         self._cycle = 0
         self._missed = 0
         self._weight: Joints = (0.0, 0.0, 0.0, 0.0)
-        self._port: Port | None = None
+        self._port: MotorPort | None = None
         self._motors: Motors | None = None
         self._engaged = False
         self.hold_on_close = True
@@ -81,7 +81,7 @@ class ArmExchange:
             self.close()
             raise
 
-    def _begin(self, port: Port) -> ArmSample:
+    def _begin(self, port: MotorPort) -> ArmSample:
         options = self._options
         bus = MotorBus(port, options.baud, options.ids, options.margin_s, self._clock, self._pause)
         motors = self._motors = Motors(bus, options.baud, options.watchdog_s, self._current)

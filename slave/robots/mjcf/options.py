@@ -14,7 +14,7 @@ CONTACTS = "contacts"
 LARGEST_WORKSPACE = 10.0
 """Half an edge [m]."""
 
-Range = tuple[float, float]
+AxisRange = tuple[float, float]
 
 
 class RotationOptions(BaseModel):
@@ -67,7 +67,7 @@ class MujocoOptions(BaseModel):
     home_m: Vector | None = Field(
         default=None, description="position until the first command; that of the initial state if not given"
     )
-    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[Range, Range, Range] = Field(
+    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[AxisRange, AxisRange, AxisRange] = Field(
         default=0.06,
         description="range of commands: half an edge of a cube about the origin, or lowest and highest position on "
         "x, y, z",
@@ -85,7 +85,7 @@ class MujocoOptions(BaseModel):
 
     @field_validator("workspace_m")
     @classmethod
-    def _rising(cls, workspace: float | tuple[Range, ...]) -> float | tuple[Range, ...]:
+    def _rising(cls, workspace: float | tuple[AxisRange, ...]) -> float | tuple[AxisRange, ...]:
         if not isinstance(workspace, float):
             for axis, (low, high) in zip("xyz", workspace, strict=True):
                 if not low < high:

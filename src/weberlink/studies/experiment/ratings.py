@@ -60,7 +60,6 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
     def draw(folder: Path) -> None:
         from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - slow import
 
-        folder.mkdir(parents=True, exist_ok=True)
         CurveFigures(
             analysis.curves,
             quality=QualityAxis(label="rating", better="higher", limits=(LOWEST, HIGHEST), column="rating"),
