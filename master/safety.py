@@ -1,8 +1,6 @@
-"""What stands between a decoded force and the operator's hand: two limiters, and the gate that fades force in and out.
+"""Protects the operator's hand: limits of force and slew rate, and a gate that fades force in and out.
 
-A torque is limited and faded as a force is, by limiters of its own and the same gate.
-
-Owns no clock and no network; both are told the time and what the session looks like.
+A torque has limiters of its own and shares the gate of the force.
 """
 
 from math import dist, hypot
@@ -11,7 +9,7 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 class ForceLimiter:
-    """Keeps the direction of a force, or of a torque, and bounds its magnitude."""
+    """Bounds the magnitude of a force or torque and keeps its direction."""
 
     __slots__ = ("_limit", "clipped")
 
@@ -37,9 +35,9 @@ class ForceLimiter:
 
 
 class SlewLimiter:
-    """Bounds how fast a force, or a torque, changes: by `rate` as a vector, so also where it turns round.
+    """Bounds the rate of change of a force or torque, as a vector, so also where it reverses.
 
-    Without it a peer with the key, or a model that jumps, may change the force by twice its limit within one tick.
+    Without it, a peer with the key or a model that jumps may change the force by twice its limit within one tick.
 
     Attributes:
         limited: whether the newest force was held back.
@@ -60,7 +58,7 @@ class SlewLimiter:
         self.limited = False
 
     def place(self, force: Vector) -> Vector:
-        """Begin at a force: while nothing of it passes the gate, it may jump."""
+        """Begin at a force: it may jump while the gate is closed."""
         self._value = force
         self.limited = False
         return force
@@ -85,16 +83,15 @@ class SlewLimiter:
 
 
 class ForceGate:
-    """The share of the decoded force that the operator is given, 0 to 1, without a jump in either direction.
+    """The share of the decoded force that is displayed, 0 to 1, without a jump in either direction.
 
-    It opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While it is engaged
-    but out of touch with the peer (`Liveness.in_touch_at`), it closes over the last part of the silence limit, so that
-    the force *is* zero when the limit is reached, not only then begins to fall. The gate is the same whatever ended the
-    silence, so a returning peer is felt as a fade-in.
+    It opens in `ramp` seconds after the session engages and closes as fast when it ends or stops. While the ends are
+    engaged but out of touch (`Liveness.in_touch_at`), it closes over the last part of the silence limit, so that the
+    force is zero when the limit is reached. When the peer returns, the force fades in.
 
     Attributes:
         gain: the share.
-        ramping: whether the beginning or the end of a session holds the force back, and not silence.
+        ramping: whether the beginning or the end of a session reduces the force; False for silence.
     """
 
     __slots__ = ("_fade_from", "_ramp", "_silence", "gain", "ramping")
@@ -114,29 +111,23 @@ class ForceGate:
         self.ramping = True
 
     def close(self) -> None:
-        """Shut at once; for a new session, whose first force has nothing to do with the last one."""
+        """Close at once."""
         self.gain = 0.0
 
-    def pass_through(self, force: Vector, *, engaged: bool, age: float, elapsed: float) -> Vector:
-        """The share of a force that passes now.
+    def update(self, *, engaged: bool, age: float, elapsed: float) -> float:
+        """Move the gate; returns the gain.
 
         Args:
-            force: the decoded force [N].
             engaged: whether force may be felt at all.
             age: how long the ends have been out of touch [s].
             elapsed: time since the last call [s].
         """
         if engaged and self.gain == 1.0 and age <= self._fade_from:
             self.ramping = False
-            return force
+            return 1.0
         step = elapsed / self._ramp
         heard = (self._silence - age) / (self._silence - self._fade_from)
         wanted = min(1.0, self.gain + step) if engaged else self.gain - step
         self.gain = max(0.0, min(wanted, heard))
         self.ramping = not engaged or self.gain < min(1.0, heard)
-        return self.share(force)
-
-    def share(self, torque: Vector) -> Vector:
-        """The share of a torque [N m], or force, that passes in a tick whose force has passed through."""
-        gain = self.gain
-        return (torque[0] * gain, torque[1] * gain, torque[2] * gain)
+        return self.gain

@@ -1,7 +1,4 @@
-"""What stands between a decoded command and the robot: engagement without a jump, a speed limit, a workspace.
-
-Owns no clock and no network; it is told the time that passed and what the session looks like.
-"""
+"""Protects the robot from decoded commands: engagement without a jump, a speed limit, a workspace, trips."""
 
 from collections.abc import Callable
 from math import hypot
@@ -11,7 +8,7 @@ from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, sc
 
 Workspace = tuple[Vector, Vector]
 Place = TypeVar("Place", bound=tuple[float, ...])
-"""What a command is: a position, or an orientation."""
+"""A position or an orientation."""
 
 TRIP_PAUSE = 0.5
 """The robot follows no sooner than this after a trip [s]."""
@@ -20,10 +17,9 @@ TRIP_PAUSE = 0.5
 class Follower(Generic[Place]):
     """Follows commands without a jump.
 
-    After an engagement it approaches what is commanded at a limited speed, and follows it without delay once it is
-    there: a peer that returns elsewhere is not a jump. Until then what the robot feels does not belong to what the
-    operator does, so none of it is shown; afterwards it fades in. When it is released it holds, and what it feels fades
-    out.
+    After an engagement it approaches the command at a limited speed, and follows it without delay once it is there.
+    Until then the measured force does not belong to what the operator does, so none of it is shown; afterwards it fades
+    in. When it is released it holds, and the force fades out.
     """
 
     __slots__ = ("_approach_speed", "_following", "_held", "_ramp", "_share", "_speed", "_toward", "clipped")
@@ -41,7 +37,7 @@ class Follower(Generic[Place]):
 
         Args:
             start: what to hold until it is told otherwise.
-            toward: the second place, or that on the way to it from the first which is so far from it.
+            toward: the point on the way from the first place to the second, at most so far from the first.
             speed: largest speed while following [m/s, or rad/s], > 0.
             approach_speed: speed of the approach [m/s, or rad/s], > 0.
             ramp: time in which what is felt fades in [s], > 0.
@@ -56,7 +52,7 @@ class Follower(Generic[Place]):
         self.clipped = False
 
     def reset(self) -> None:
-        """Start afresh: hold, and show nothing of what the robot feels."""
+        """Start afresh: hold, and show no force."""
         self._following = False
         self._share = 0.0
 
@@ -67,11 +63,11 @@ class Follower(Generic[Place]):
 
     @property
     def following(self) -> bool:
-        """Whether the robot is where it is told to be."""
+        """Whether the approach is over."""
         return self._following
 
     def shown(self, felt: Vector) -> Vector:
-        """The part of the robot's force [N], or torque [N m], that may be shown to the operator now."""
+        """The part of the measured force or torque that may be shown to the operator now."""
         share = self._share
         return felt if share == 1.0 else (felt[0] * share, felt[1] * share, felt[2] * share)
 
@@ -103,11 +99,11 @@ class Follower(Generic[Place]):
 
 
 class CommandGuard(Follower[Vector]):
-    """Turns decoded positions into commands that the robot may follow: a `Follower` within a workspace.
+    """Bounds the commanded position by speed and workspace.
 
-    When it is released the robot holds where it was, or backs off along the last contact force. A trip is a release
-    that always backs off. After it the robot follows again once `TRIP_PAUSE` has passed and what is commanded has come
-    out of the contact: as far along the contact force as the robot has backed off.
+    When it is released the robot holds, or backs off along the last contact force. A trip always backs off. After a
+    trip the robot follows again once `TRIP_PAUSE` has passed and the command has left the contact: as far along the
+    contact force as the robot has backed off.
     """
 
     __slots__ = ("_pause", "_retract", "_retreat_to", "_trip_retract", "_way_out", "_workspace")

@@ -1,7 +1,8 @@
 """How the suite runs, alone or shared among workers (`pytest -n`).
 
-A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last, and no
-other worker runs anything beside them. Tests marked `hunt` explore; they run with `--hunt` only.
+A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last. They run
+alone, unless this user may use SCHED_FIFO: daemons then go before all other work, and only those marked
+`realtime(alone=True)`, which measure time, run alone. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
@@ -9,6 +10,7 @@ import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +40,21 @@ def is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
 
 
+def is_alone(item: pytest.Item) -> bool:
+    return any(mark.kwargs.get("alone", not may_use_fifo()) for mark in item.iter_markers("realtime"))
+
+
+@cache
+def may_use_fifo() -> bool:
+    policy, parameters = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, policy, parameters)
+    return True
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     here = Path(__file__).parent
     if not config.option.hunt:
@@ -45,9 +62,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         config.hook.pytest_deselected(items=explores)
         items[:] = [item for item in items if item not in explores]
 
-    def place(item: pytest.Item) -> tuple[bool, int]:
+    def place(item: pytest.Item) -> tuple[bool, bool, int]:
         folder = item.path.relative_to(here).parts[0]
-        return is_realtime(item), LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
+        return is_alone(item), is_realtime(item), LONG_FIRST.index(folder) if folder in LONG_FIRST else len(LONG_FIRST)
 
     items.sort(key=place)
 
@@ -71,7 +88,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if not hasattr(item.config, "workerinput"):
         return (yield)
     # The temporary folder of a worker is in that of the run.
-    with held(Path(item.config.option.basetemp).parent / "machine", alone=is_realtime(item)):
+    with held(Path(item.config.option.basetemp).parent / "machine", alone=is_alone(item)):
         return (yield)
 
 

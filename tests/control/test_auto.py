@@ -6,14 +6,15 @@ import pytest
 
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
-from weberlink.control.auto import HANDOVER, AutoMaster, AutoSlave
-from weberlink.control.choice import DWELL, MMT, NONE, TDPA
-from weberlink.control.contract import ZERO, LinkQuality, Settings, Vector
+from weberlink.control.auto import DWELL, HANDOVER, ORDER, AutoMaster, AutoSlave
+from weberlink.control.contract import LinkQuality, SchemeParameters
 from weberlink.control.force_port import STEEPEST
 from weberlink.control.tdpa import FORGIVENESS
+from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
-SETTINGS = Settings(TICK, 30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+NONE, TDPA, MMT = ORDER
+SETTINGS = SchemeParameters(TICK, 30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
 WALL = Wall(500.0)
 DELAY = {NONE: 0.001, TDPA: 0.1, MMT: 0.7}
 LONG = 3.0 * DWELL
@@ -41,7 +42,7 @@ class Operator:
 
 
 @pytest.mark.parametrize("course", [(NONE, TDPA, MMT), (MMT, TDPA, NONE), (TDPA, NONE, TDPA, MMT, TDPA)])
-def test_the_force_goes_over_without_a_jump(course: tuple[int, ...]) -> None:
+def test_the_force_goes_over_without_a_jump(course: tuple[str, ...]) -> None:
     """The decoded force and the one of the model differ by 3.5 N; a hand that is still feels a ramp between them.
 
     Of 200 ms, and steeper where a port gives back what it withheld at first.
@@ -100,7 +101,7 @@ def test_energy_that_is_handed_over_counts_under_every_scheme() -> None:
 
 
 @pytest.mark.parametrize("scheme", [NONE, MMT])
-def test_the_robot_follows_freely_where_its_port_is_not_controlled(scheme: int) -> None:
+def test_the_robot_follows_freely_where_its_port_is_not_controlled(scheme: str) -> None:
     slave = AutoSlave(SETTINGS)
     here = ZERO
     for tick in range(round(2.0 * LONG / TICK)):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.control.choice import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
+from weberlink.control.auto import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA, SchemeChoice
 from weberlink.control.contract import LinkQuality
 
 TICK = 0.01
@@ -51,20 +51,6 @@ def test_changes_are_to_a_neighbour_and_at_least_a_dwell_apart(course: list[tupl
         assert abs(taken - left) == 1
         assert at - before >= DWELL - 1e-9
     assert len(changes) - 1 <= now / DWELL + 1e-9
-
-
-@given(courses)
-def test_a_change_is_asked_for_without_a_break_for_all_of_the_dwell(course: list[tuple[float, float]]) -> None:
-    choice = SchemeChoice(LEVEL)
-    above = below = 0.0
-    for delay, elapsed in course:
-        before = choice.active
-        above = above + elapsed if before < MMT and delay > RISING[before] else 0.0
-        below = below + elapsed if before > NONE and delay < FALLING[before - 1] else 0.0
-        after = choice.follow(LinkQuality(delay, 0.0), 0.0, elapsed)
-        if after != before:
-            assert (above if after > before else below) >= DWELL - 1e-9
-            above = below = 0.0
 
 
 @given(
@@ -112,11 +98,3 @@ def test_a_delay_between_the_thresholds_changes_nothing(threshold: int, extreme:
         choice.follow(LinkQuality(extreme, 0.0), 0.0, TICK)
     assert choice.active == beside
     assert follow(choice, between, 10.0) == beside
-
-
-def test_reset_starts_afresh() -> None:
-    choice = SchemeChoice(LEVEL)
-    follow(choice, 0.7, 3.9)
-    choice.reset()
-    assert choice.active == TDPA
-    assert follow(choice, 0.7, DWELL - 2.0 * TICK) == TDPA

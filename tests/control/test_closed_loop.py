@@ -12,20 +12,20 @@ import pytest
 
 from tests.control.teleoperation import FORCE_RANGE, TICK, Course, Hand, Link, operate
 from tests.control.walls import Wall
-from weberlink.control.contract import MasterControl, Settings
+from weberlink.control.contract import MasterControl, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 
-SETTINGS = Settings(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
+SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
 BOUND = 1e-3
 """Energy that may seem to be made [J]."""
-LINKS = (Link(), Link(jitter=0.01, loss=0.1, seed=2), Link(jitter=0.05, loss=0.3, seed=3))
+LINKS = (Link(), Link(jitter=0.05, loss=0.3, seed=3))
 HANDS = {
     "arm": Hand(),
     "fingertip": Hand(mass=0.02, stiffness=300.0, damping=1.0),
     "5 g": Hand(mass=0.005, stiffness=300.0, damping=1.0),
     "stiff and heavy": Hand(mass=1.0, stiffness=1000.0, damping=1.0),
 }
-STIFFNESSES = (1e1, 1e2, 1e3, 1e4, 1e5, 1e6)
+STIFFNESSES = (1e1, 1e3, 1e4, 1e6)
 STIFFEST_MODEL = 3000.0
 """That the codec trusts [N/m]; of a stiffer wall come samples only."""
 
@@ -35,7 +35,7 @@ def run(name: str, stiffness: float, link: Link, hand: Hand, **more: object) -> 
     return operate(master, slave, wall=Wall(stiffness), link=link, hand=hand, seconds=4.5, **more)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.005, 0.05, 0.175, 0.35])
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.35])
 @pytest.mark.parametrize("stiffness", STIFFNESSES)
 def test_tdpa_makes_no_energy_between_its_two_ports(stiffness: float, delay: float) -> None:
     for link in LINKS:
@@ -48,13 +48,13 @@ def test_tdpa_makes_no_energy_between_its_two_ports(stiffness: float, delay: flo
 @pytest.mark.parametrize("hand", list(HANDS))
 def test_nor_does_it_with_another_hand(hand: str, stiffness: float) -> None:
     for delay in (0.0, 0.05):
-        for link in LINKS[::2]:
+        for link in LINKS:
             course = run("tdpa", stiffness, replace(link, delay=delay), HANDS[hand])
             assert course.generated_at_the_hand <= BOUND, (delay, link)
             assert course.generated_between_the_ports <= BOUND, (delay, link)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_nor_does_it_over_links_and_walls_that_chance_makes(seed: int) -> None:
     random = Random(seed)
     stiffness = 10.0 ** random.uniform(1.0, 6.0)
@@ -83,7 +83,7 @@ def test_under_tdpa_the_wall_is_felt_and_pressed_on(stiffness: float, felt: floa
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.35])
-@pytest.mark.parametrize("stiffness", [1e2, 1e3, 1e4, 1e6])
+@pytest.mark.parametrize("stiffness", [1e2, 1e3, 1e6])
 def test_mmt_makes_no_energy_at_the_hand(stiffness: float, delay: float) -> None:
     """Whatever models come: they are off by a factor of two and by millimetres, and some samples bring none."""
     random = Random(round(stiffness))

@@ -1,7 +1,8 @@
 """One contract for both sides of every scheme of the table, whatever they are told."""
 
+from collections.abc import Callable
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import given
@@ -10,10 +11,11 @@ from hypothesis import strategies as st
 from tests.control.vectors import forces, positions, vectors
 from tests.control.walls import Ball, Wall
 from tests.examples import examples
-from weberlink.control.contract import LinkQuality, MasterControl, Settings, SlaveControl, Surface, Vector
+from weberlink.control.contract import LinkQuality, MasterControl, SchemeParameters, SlaveControl, WallModel
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
+from weberlink.geometry.vector import Vector
 
-SETTINGS = Settings(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+SETTINGS = SchemeParameters(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
 every = pytest.mark.parametrize("name", SCHEMES)
 qualities = st.builds(LinkQuality, st.one_of(st.none(), st.floats(0.0, 2.0)), st.floats(0.0, 1.0))
 surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(Ball, st.floats(1.0, 1e6)))
@@ -22,7 +24,7 @@ surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(
 class MasterTick(NamedTuple):
     """What the operator's side is told in a tick."""
 
-    news: tuple[Surface | None, Vector, Vector] | None
+    news: tuple[WallModel | None, Vector, Vector] | None
     position: Vector
     elapsed: float
     peer_credit: int
@@ -109,42 +111,61 @@ def run_slave(control: SlaveControl, ticks: list[SlaveTick]) -> list[object]:
 
 def check(control: MasterControl | SlaveControl, credit: int) -> None:
     assert isfinite(control.tank)
-    assert 0 <= control.active < len(SCHEMES)
+    assert control.active in SCHEMES
     assert control.credit >= credit >= 0
 
 
-@every
-@given(ticks=wild_master)
-@examples(40)
-def test_nothing_finite_upsets_the_operators_side(name: str, ticks: list[MasterTick]) -> None:
-    run_master(build_master_control(name, SETTINGS), ticks)
+class End(NamedTuple):
+    """One end of a scheme: how it is built and run, and what it is told."""
+
+    build: Callable[[str, SchemeParameters], Any]
+    run: Callable[[Any, Any], list[object]]
+    wild: st.SearchStrategy[Any]
+    ordinary: st.SearchStrategy[Any]
+
+
+ENDS = {
+    "master": End(build_master_control, run_master, wild_master, ordinary_master),
+    "slave": End(build_slave_control, run_slave, wild_slave, ordinary_slave),
+}
+ends = pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
 
 
 @every
-@given(ticks=wild_slave)
-@examples(40)
-def test_nothing_finite_upsets_the_teleoperators_side(name: str, ticks: list[SlaveTick]) -> None:
-    run_slave(build_slave_control(name, SETTINGS), ticks)
+@ends
+@given(data=st.data())
+@examples(15)
+def test_nothing_finite_upsets_a_side(name: str, end: End, data: st.DataObject) -> None:
+    end.run(end.build(name, SETTINGS), data.draw(end.wild))
 
 
 @every
-@given(before=ordinary_master, after=ordinary_master)
-@examples(25)
-def test_a_reset_operators_side_is_as_a_new_one(name: str, before: list[MasterTick], after: list[MasterTick]) -> None:
-    control = build_master_control(name, SETTINGS)
-    run_master(control, before)
+@ends
+@given(data=st.data())
+@examples(10)
+def test_a_reset_side_is_as_a_new_one(name: str, end: End, data: st.DataObject) -> None:
+    before, after = data.draw(end.ordinary), data.draw(end.ordinary)
+    control = end.build(name, SETTINGS)
+    end.run(control, before)
     control.reset()
-    assert run_master(control, after) == run_master(build_master_control(name, SETTINGS), after)
+    assert end.run(control, after) == end.run(end.build(name, SETTINGS), after)
 
 
 @every
-@given(before=ordinary_slave, after=ordinary_slave)
-@examples(25)
-def test_a_reset_teleoperators_side_is_as_a_new_one(name: str, before: list[SlaveTick], after: list[SlaveTick]) -> None:
-    control = build_slave_control(name, SETTINGS)
-    run_slave(control, before)
-    control.reset()
-    assert run_slave(control, after) == run_slave(build_slave_control(name, SETTINGS), after)
+@ends
+@given(data=st.data())
+@examples(10)
+def test_a_resumed_side_has_no_energy_and_force_from_before(name: str, end: End, data: st.DataObject) -> None:
+    before, after = data.draw(end.ordinary), data.draw(end.ordinary)
+    control = end.build(name, SETTINGS)
+    end.run(control, before)
+    credit = control.credit
+    control.resume(before[-1].peer_credit if before else 0)
+    assert control.tank <= 0.0
+    assert control.credit == credit
+    if end.build is build_master_control:
+        assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+    end.run(control, after)
 
 
 @every
@@ -158,38 +179,6 @@ def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
         slave.follow((0.0, 0.0, 0.0), (0.0, 0.0, -depth), 1e-3, 2000, quality)
         slave.observe((0.0, 0.0, -depth), (0.0, 0.0, 0.0))
     assert (master.credit > 0) == (slave.credit > 0) == SCHEMES[name].carries_credit
-
-
-@every
-@given(before=ordinary_master, after=ordinary_master)
-@examples(25)
-def test_a_resumed_operators_side_has_no_force_and_no_energy_from_before(
-    name: str, before: list[MasterTick], after: list[MasterTick]
-) -> None:
-    """What it displays after an interruption is at most what a new one displays that owes as much."""
-    control = build_master_control(name, SETTINGS)
-    run_master(control, before)
-    credit = control.credit
-    control.resume(before[-1].peer_credit if before else 0)
-    assert control.tank <= 0.0
-    assert control.credit == credit
-    assert control.render((0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
-    run_master(control, after)
-
-
-@every
-@given(before=ordinary_slave, after=ordinary_slave)
-@examples(25)
-def test_a_resumed_teleoperators_side_has_no_energy_and_no_target_from_before(
-    name: str, before: list[SlaveTick], after: list[SlaveTick]
-) -> None:
-    control = build_slave_control(name, SETTINGS)
-    run_slave(control, before)
-    credit = control.credit
-    control.resume(before[-1].peer_credit if before else 0)
-    assert control.tank <= 0.0
-    assert control.credit == credit
-    run_slave(control, after)
 
 
 @pytest.mark.parametrize("name", ["tdpa", "auto"])

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
 from tests.examples import examples
-from weberlink.control.contract import ZERO, Vector
 from weberlink.control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
+from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
 LEVEL = 0.015
@@ -105,15 +105,6 @@ def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vec
         assert all(map(isfinite, passed))
         port.hold(passed)
     assert isfinite(port.mobility)
-
-
-@given(st.lists(st.tuples(vectors(1e-300), vectors(1e-300), st.floats(0.0, 1e-300)), max_size=10))
-def test_nor_does_anything_tiny(ticks: list[tuple[Vector, Vector, float]]) -> None:
-    port = ForcePort(TICK, LEVEL)
-    for position, force, tank in ticks:
-        port.move(position)
-        assert all(map(isfinite, port.passive(force, tank, TICK)))
-        port.hold(force)
 
 
 @given(mass=st.floats(0.001, 0.04))

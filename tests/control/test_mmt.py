@@ -2,10 +2,11 @@
 
 import pytest
 
-from tests.control.vectors import largest_step, norm
+from tests.control.vectors import largest_step
 from tests.control.walls import Wall
-from weberlink.control.contract import ZERO, LinkQuality, Settings, Vector
-from weberlink.control.mmt import MmtMaster, agree
+from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.mmt import MmtMaster
+from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
 WALL = Wall(500.0)
@@ -19,7 +20,7 @@ class Operator:
     """A hand that goes where it likes, and what it was given on the way."""
 
     def __init__(self) -> None:
-        self.control = MmtMaster(Settings(TICK, 30.0, 0.05, 5.0, 0.25))
+        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25))
         self.at = 0.002
         self.forces: list[Vector] = []
 
@@ -93,16 +94,6 @@ def test_a_sample_that_contradicts_drops_the_model_and_is_held(force: Vector, po
     assert operator.go(-0.5 * DEPTH, 1) != PRESSED
 
 
-def test_a_new_model_takes_the_place_of_what_is_held() -> None:
-    operator = Operator.pressing()
-    operator.control.learn(None, (1.0, 0.0, 0.0), INSIDE)
-    operator.go(-DEPTH, 1000)
-    operator.control.learn(WALL, PRESSED, INSIDE)
-    felt = operator.go(-DEPTH, 3000)
-    assert felt[0] == pytest.approx(0.0, abs=0.02)
-    assert felt[2] > 0.5
-
-
 def test_no_change_of_the_model_jumps() -> None:
     """A tick of the turn from one to the other, or the ramp of what rises."""
     operator = Operator.pressing()
@@ -118,11 +109,3 @@ def test_reset_forgets_the_model() -> None:
     operator.control.reset()
     assert operator.go(-DEPTH, 100) == ZERO
     assert operator.control.tank == 0.0
-
-
-def test_forces_agree_by_share_and_by_floor() -> None:
-    assert agree((0.0, 0.0, 1.0), (0.0, 0.0, 0.81))
-    assert not agree((0.0, 0.0, 1.0), (0.0, 0.0, 0.79))
-    assert agree(ZERO, (0.0, 0.0, 0.05))
-    assert not agree(ZERO, (0.0, 0.0, 0.06))
-    assert norm(ZERO) == 0.0

@@ -1,62 +1,52 @@
-"""The table of schemes: what each line builds, and what it imports."""
+"""The registry of control schemes: what each entry builds and imports."""
 
 import json
+import re
 import subprocess
 import sys
-from typing import get_args
+from pathlib import Path
 
 import pytest
 
-from weberlink.control.choice import MMT, NONE, TDPA
-from weberlink.control.contract import Settings
+from weberlink.control.auto import ORDER
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
-from weberlink.system.configuration.model import ControlSettings
 
-SETTINGS = Settings(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
-PORTS = {"drag", "force_port", "motion_port", "prediction", "tank", "tdpa"}
-MODEL = {"drag", "force_port", "mmt", "model", "tank"}
+PARAMETERS = SchemeParameters(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+TDPA = {"energy", "force_port", "motion_port", "tdpa"}
+MMT = {"energy", "force_port", "mmt", "model"}
 PARTS = {
     "none": {"master": {"direct"}, "slave": {"direct"}},
-    "tdpa": {"master": PORTS, "slave": PORTS},
-    "mmt": {"master": MODEL, "slave": {"direct"}},
-    "auto": {side: PORTS | MODEL | {"auto", "choice", "direct"} for side in ("master", "slave")},
+    "tdpa": {"master": TDPA, "slave": TDPA},
+    "mmt": {"master": MMT, "slave": {"direct"}},
+    "auto": {side: TDPA | MMT | {"auto", "direct"} for side in ("master", "slave")},
 }
 BUILD = """
 import json, sys
-from weberlink.control.contract import Settings
+from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import build_{side}_control
-build_{side}_control("{name}", Settings(1e-3, 30.0, 0.05, 5.0, 0.25))
-json.dump([module.partition(".")[2] for module in sys.modules if module.startswith("control.")], sys.stdout)
+build_{side}_control("{name}", SchemeParameters(1e-3, 30.0, 0.05, 5.0, 0.25))
+json.dump([name.rpartition(".")[2] for name in sys.modules if name.startswith("weberlink.control.")], sys.stdout)
 """
 
 
-def test_the_configuration_offers_the_schemes_of_the_table() -> None:
-    assert get_args(ControlSettings.model_fields["scheme"].annotation) == tuple(SCHEMES)
-
-
-def test_what_is_active_is_a_place_in_the_table() -> None:
-    assert [list(SCHEMES)[place] for place in (NONE, TDPA, MMT)] == ["none", "tdpa", "mmt"]
-
-
 @pytest.mark.parametrize("name", SCHEMES)
-def test_every_scheme_builds_and_starts_with_nothing_handed_over(name: str) -> None:
-    for control in (build_master_control(name, SETTINGS), build_slave_control(name, SETTINGS)):
+def test_a_scheme_starts_with_nothing_handed_over(name: str) -> None:
+    for control in (build_master_control(name, PARAMETERS), build_slave_control(name, PARAMETERS)):
         assert (control.credit, control.tank) == (0, 0.0)
+        assert control.active in ORDER
 
 
 @pytest.mark.parametrize("side", ["master", "slave"])
 @pytest.mark.parametrize("name", SCHEMES)
 def test_only_what_a_scheme_needs_is_imported(name: str, side: str) -> None:
-    ended = subprocess.run(
-        [sys.executable, "-c", BUILD.format(side=side, name=name)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert (ended.returncode, ended.stderr) == (0, "")
+    command = [sys.executable, "-c", BUILD.format(side=side, name=name)]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert set(json.loads(ended.stdout)) == PARTS[name][side] | {"contract", "table"}
 
 
-def test_every_scheme_has_its_parts_listed() -> None:
-    assert set(PARTS) == set(SCHEMES)
+def test_the_documentation_lists_every_scheme() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "control.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.MULTILINE) == [
+        (name, SCHEMES[name].does) for name in SCHEMES
+    ]

@@ -5,7 +5,7 @@ from math import sqrt
 
 from hypothesis import strategies as st
 
-from weberlink.control.contract import Vector
+from weberlink.geometry.vector import Vector
 
 
 def vectors(most: float) -> st.SearchStrategy[Vector]:

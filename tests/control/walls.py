@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from weberlink.control.contract import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.geometry.vector import ZERO, Vector
+from weberlink.master.operator_port import Display
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 
 components = st.floats(-1e6, 1e6)
@@ -20,7 +21,7 @@ def gate() -> ForceGate:
 def opened() -> ForceGate:
     ready = gate()
     for _ in range(51):
-        ready.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)
+        ready.update(engaged=True, age=0.0, elapsed=TICK)
     return ready
 
 
@@ -41,54 +42,42 @@ def test_limiter_refuses_a_limit_that_is_none() -> None:
         ForceLimiter(0.0)
 
 
-def test_gate_opens_over_the_ramp_without_a_step_larger_than_its_share() -> None:
+def test_gate_opens_over_the_ramp_without_a_jump() -> None:
     fading_in = gate()
-    outputs = [fading_in.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)[2] for _ in range(60)]
-    steps = [b - a for a, b in zip([0.0, *outputs], outputs, strict=False)]
-    assert max(steps) <= 4.0 * TICK / 0.05 * (1 + 1e-9)
-    assert outputs[-1] == 4.0
+    gains = [fading_in.update(engaged=True, age=0.0, elapsed=TICK) for _ in range(60)]
+    assert max(b - a for a, b in pairwise([0.0, *gains])) <= TICK / 0.05 * (1 + 1e-9)
+    assert gains[-1] == 1.0
     assert not fading_in.ramping
 
 
-def test_gate_is_shut_when_the_silence_limit_is_reached_and_untouched_before_the_fade() -> None:
+def test_gate_is_shut_at_the_silence_limit_and_open_before_the_fade() -> None:
     silent = opened()
-    outputs = {ms: silent.pass_through(FORCE, engaged=True, age=ms * TICK, elapsed=TICK)[2] for ms in range(1, 101)}
-    assert outputs[60] == 4.0
-    assert outputs[80] == pytest.approx(2.0)
-    assert outputs[100] == pytest.approx(0.0, abs=1e-12)
+    gains = {ms: silent.update(engaged=True, age=ms * TICK, elapsed=TICK) for ms in range(1, 101)}
+    assert gains[60] == 1.0
+    assert gains[80] == pytest.approx(0.5)
+    assert gains[100] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_gate_is_shut_at_the_limit_also_where_ticks_were_missed_before_it() -> None:
-    gate = ForceGate(ramp=0.1, silence=0.1, fade_share=0.6)
+def test_gate_is_shut_at_the_limit_despite_missed_ticks() -> None:
+    slow = ForceGate(ramp=0.1, silence=0.1, fade_share=0.6)
     for _ in range(300):
-        gate.pass_through((1.0, 0.0, 0.0), engaged=True, age=0.001, elapsed=0.001)
-    gate.pass_through((1.0, 0.0, 0.0), engaged=True, age=0.08, elapsed=0.02)
-    assert gate.gain == pytest.approx(0.5)
-    gate.pass_through((1.0, 0.0, 0.0), engaged=False, age=0.1, elapsed=0.02)
-    assert gate.gain == 0.0
+        slow.update(engaged=True, age=0.001, elapsed=0.001)
+    assert slow.update(engaged=True, age=0.08, elapsed=0.02) == pytest.approx(0.5)
+    assert slow.update(engaged=False, age=0.1, elapsed=0.02) == 0.0
 
 
 def test_a_force_that_returns_after_silence_fades_in() -> None:
     returning = opened()
-    returning.pass_through(FORCE, engaged=False, age=5.0, elapsed=0.1)
-    first = returning.pass_through(FORCE, engaged=True, age=0.0, elapsed=TICK)
-    assert first[2] == pytest.approx(4.0 * TICK / 0.05)
+    returning.update(engaged=False, age=5.0, elapsed=0.1)
+    assert returning.update(engaged=True, age=0.0, elapsed=TICK) == pytest.approx(TICK / 0.05)
 
 
-def test_gate_closes_over_the_ramp_when_the_session_ends_and_at_once_when_told() -> None:
+def test_gate_fades_at_the_end_and_closes_at_once_when_told() -> None:
     ending = opened()
-    assert ending.pass_through(FORCE, engaged=False, age=0.0, elapsed=TICK)[2] == pytest.approx(4.0 * 0.98)
+    assert ending.update(engaged=False, age=0.0, elapsed=TICK) == pytest.approx(0.98)
     assert ending.ramping
     ending.close()
-    assert ending.pass_through(FORCE, engaged=False, age=0.0, elapsed=TICK) == ZERO
-
-
-@given(st.lists(st.tuples(st.booleans(), st.floats(0.0, 0.12)), min_size=1, max_size=80))
-def test_a_torque_passes_in_the_share_in_which_the_force_does(ticks: list[tuple[bool, float]]) -> None:
-    both = gate()
-    for engaged, age in ticks:
-        force = both.pass_through(FORCE, engaged=engaged, age=age, elapsed=10 * TICK)
-        assert both.share((0.0, 0.4, 0.0))[1] == pytest.approx(0.1 * force[2])
+    assert ending.update(engaged=False, age=0.0, elapsed=TICK) == 0.0
 
 
 forces = st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(-20.0, 20.0))
@@ -112,27 +101,21 @@ def test_a_slew_limit_without_end_changes_nothing() -> None:
         SlewLimiter(0.0)
 
 
-TICKS = st.lists(
-    st.tuples(forces, st.booleans(), st.floats(0.0, 0.15), st.booleans()),
-    min_size=2,
-    max_size=80,
-)
+TICKS = st.lists(st.tuples(forces, st.booleans(), st.floats(0.0, 0.15), st.booleans()), min_size=2, max_size=80)
 
 
 @given(TICKS)
-def test_force_rises_by_slew_and_ramp_alone_and_is_zero_in_silence_and_after_any_interruption(
-    ticks: list[tuple[Vector, bool, float, bool]],
-) -> None:
-    """As the loop puts them together: limiter, slew limit, gate; the last of a tick says that it ends a stall."""
-    limiter, slew, fading = ForceLimiter(10.0), SlewLimiter(3000.0), gate()
+def test_a_displayed_force_obeys_slew_ramp_silence_and_stalls(ticks: list[tuple[Vector, bool, float, bool]]) -> None:
+    """A display with limiter and slew limit behind a gate, in the order of the operator's port."""
+    display, fading = Display(ForceLimiter(10.0), SlewLimiter(3000.0), None), gate()
     outputs, gains = [ZERO], [0.0]
     for force, engaged, age, stalled in ticks:
         step = 0.0 if stalled else TICK
         if stalled:
             fading.close()
-        limited = limiter.limit(force)
-        slewed = slew.limit(limited, step) if fading.gain > 0.0 else slew.place(limited)
-        outputs.append(fading.pass_through(slewed, engaged=engaged, age=age, elapsed=step))
+        slew_step = step if fading.gain > 0.0 else None
+        display.show(force, fading.update(engaged=engaged, age=age, elapsed=step), slew_step, 0.0)
+        outputs.append(display.output)
         gains.append(fading.gain)
         if age >= 0.1 or stalled:
             assert outputs[-1] == ZERO

@@ -82,13 +82,3 @@ def test_every_so_many_passes_one_is_full():
 def test_an_interval_of_nothing_is_refused(name):
     with pytest.raises(ValueError, match=name):
         GarbageSchedule(**{"every_ticks": 1, name: 0})
-
-
-def test_the_summary_counts_passes_and_knows_the_longest():
-    schedule = GarbageSchedule(1, full_every=4)
-    assert schedule.summary() == {"young": 0, "full": 0, "forced": 0, "longest_us": 0.0}
-    for _ in range(8):
-        schedule.tick(inf)
-    summary = schedule.summary()
-    assert (summary["young"], summary["full"], summary["forced"]) == (6, 2, 0)
-    assert summary["longest_us"] == 1e6 * max(schedule.young.worst_s, schedule.full.worst_s) > 0.0

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from weberlink.realtime.process import Grant, prepare
+from weberlink.realtime.process import prepare
 
 ROOT = Path(__file__).parents[2]
 
@@ -78,15 +78,6 @@ def test_what_is_granted_is_in_force_and_what_is_not_says_what_it_needs():
     assert (seen["locked_kb"] > 0) is grants["memory"]["granted"]
 
 
-def test_nothing_asked_for_changes_nothing_but_timer_slack():
-    seen = ask(0, False, None)
-    unasked = {"granted": False, "detail": "not asked for"}
-    assert [seen["grants"][name] for name in ("priority", "memory", "cpu")] == [unasked] * 3
-    assert seen["grants"]["timer_slack"] == {"granted": True, "detail": "timer slack 1 ns"}
-    assert (seen["fifo"], seen["locked_kb"], seen["slack_ns"]) == (False, 0, 1)
-    assert seen["cpus"] == sorted(os.sched_getaffinity(0))
-
-
 def test_a_process_without_rights_is_told_what_it_lacks_and_goes_on():
     seen = ask(7, True, None, before=GIVE_UP_RIGHTS)
     assert seen["grants"]["priority"] == {
@@ -142,16 +133,6 @@ def test_a_priority_that_no_machine_has_is_refused(priority):
         prepare(priority, False, None)
 
 
-def test_a_negative_cpu_is_refused():
-    with pytest.raises(ValueError, match="cpu must be 0 or more, got -1"):
-        prepare(0, False, -1)
-
-
-def test_a_grant_is_true_when_granted():
-    assert Grant(True, "")
-    assert not Grant(False, "")
-
-
 def test_the_kernel_ends_a_tied_child_when_its_parent_is_killed():
     with python(ORPHAN, stdout=subprocess.PIPE) as parent:
         assert parent.stdout.readline() == b"tied\n"
@@ -162,7 +143,10 @@ def test_the_kernel_ends_a_tied_child_when_its_parent_is_killed():
 
 
 def test_a_child_whose_parent_is_already_gone_ends_by_the_same_signal():
-    code = "import signal; from realtime.process import die_with_parent; die_with_parent(signal.SIGTERM, parent=1)"
+    code = (
+        "import signal; from weberlink.realtime.process import die_with_parent;"
+        " die_with_parent(signal.SIGTERM, parent=1)"
+    )
     with python(code + "; print('still here')", stdout=subprocess.PIPE) as child:
         output, _ = child.communicate(timeout=20)
     assert child.returncode == -signal.SIGTERM

@@ -86,11 +86,6 @@ def test_a_tick_serves_ticks_flushes_and_reports_in_this_order():
     assert side.journal == ["open", *["service", "tick", "flush", "after"] * 2, "close"]
 
 
-def test_a_side_that_stops_by_itself_ends_the_run_with_its_own_outcome():
-    result = go(Side(leave=3))
-    assert (result.outcome, result.orderly, result.ticks) == ("peer said goodbye", True, 3)
-
-
 def test_after_the_duration_the_side_is_stopped_and_settles():
     side = Side(settle=4)
     result = go(side, duration_s=0.02)
@@ -110,15 +105,6 @@ def test_every_deadline_is_a_tick_or_missed():
     assert result.ticks + result.missed == side.indices[-1] - side.indices[0] + 1
     assert result.missed >= 3
     assert max(works) >= 4500.0
-
-
-def test_the_first_deadline_can_be_given():
-    start, reports = time.monotonic() + 0.02, []
-    go(Side(leave=2), start_at=start, after_tick=lambda *report: reports.append(report))
-    for index, deadline, now, work_us in reports:
-        assert deadline == pytest.approx(start + index * PERIOD, abs=1e-8)
-        assert now >= deadline
-        assert work_us >= 0.0
 
 
 @pytest.mark.parametrize(("number", "reason"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")])
@@ -154,25 +140,12 @@ def test_a_hang_up_may_come_any_number_of_times():
     assert (result.outcome, result.orderly) == ("hung up", True)
 
 
-def test_one_signal_during_the_last_stop_neither_restarts_nor_breaks_it():
-    side = Side(settle=10, at_tick={8: send(signal.SIGINT)})
-    result = go(side, duration_s=0.005)
-    assert side.stops == ["completed"]
-    assert (result.outcome, result.orderly) == ("completed", True)
-
-
 def test_a_stop_that_takes_too_long_is_ended():
     side = Side(settle=NEVER)
     result = go(side, duration_s=0.005, stop_limit_s=0.02)
     assert [type(error) for error in side.failures] == [TimeoutError]
     assert not result.orderly
     assert result.outcome == "completed"
-
-
-def test_handlers_are_taken_back_afterwards():
-    go(Side(leave=1))
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 class FaultError(Exception):
@@ -196,13 +169,6 @@ def test_an_own_fault_stops_at_once_with_zero_force_and_propagates(place):
     assert not {"service", "tick"} & set(side.journal[side.journal.index("fail") :])
 
 
-def test_a_fault_of_the_report_is_an_own_fault():
-    side = Side()
-    with pytest.raises(FaultError):
-        go(side, after_tick=raise_fault)
-    assert len(side.failures) == 1
-
-
 def test_what_a_failing_side_says_is_still_sent():
     side = Side(at_tick={2: raise_fault})
     with pytest.raises(FaultError):
@@ -223,37 +189,6 @@ def test_a_fault_in_a_callback_of_the_loop_is_an_own_fault():
     with pytest.raises(FaultError):
         go(side, opening=lambda loop: loop.call_later(0.005, raise_fault) and None)
     assert [type(error) for error in side.failures] == [FaultError]
-
-
-def test_only_the_first_of_several_faults_is_handed_to_the_side_and_raised():
-    side = Side()
-
-    def twice(loop):
-        loop.call_soon(raise_fault)
-        loop.call_soon(lambda: 1 / 0)
-
-    with pytest.raises(FaultError):
-        go(side, opening=twice)
-    assert [type(error) for error in side.failures] == [FaultError]
-
-
-def test_an_interrupt_that_no_handler_takes_ends_the_run_with_zero_force():
-    side = Side(at_tick={3: send(signal.SIGINT)})
-    with pytest.raises(KeyboardInterrupt):
-        go(side, stop_signals=())
-    assert len(side.failures) == 1
-    assert side.journal[-1] == "close"
-
-
-def test_opening_may_be_a_coroutine():
-    side = Side(leave=1)
-
-    async def slowly(_loop):
-        await asyncio.sleep(0.01)
-        side.journal.append("opened")
-
-    go(side, opening=slowly)
-    assert side.journal[:3] == ["open", "opened", "service"]
 
 
 def test_opening_that_fails_propagates_and_closes():
@@ -291,9 +226,3 @@ def test_garbage_is_frozen_during_the_run_and_collected_in_the_slack():
     assert enabled == [False]
     assert gc.isenabled()
     assert garbage.young.count >= 1
-
-
-def test_without_a_schedule_the_collector_is_left_alone():
-    enabled = []
-    go(Side(leave=1, at_tick={1: lambda: enabled.append(gc.isenabled())}))
-    assert enabled == [True]

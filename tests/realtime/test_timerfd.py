@@ -19,10 +19,6 @@ def timer():
     os.close(fd)
 
 
-def test_an_unarmed_timer_has_not_expired_and_does_not_block(timer):
-    assert timerfd.expirations(timer) == 0
-
-
 def test_the_descriptor_is_not_inherited(timer):
     assert fcntl.fcntl(timer, fcntl.F_GETFD) & fcntl.FD_CLOEXEC
 
@@ -44,8 +40,3 @@ def test_it_never_expires_early(timer):
     assert time.monotonic_ns() >= first
     assert timerfd.expirations(timer) == 1
     assert timerfd.expirations(timer) == 0
-
-
-def test_a_refused_call_is_an_error_of_the_system(timer):
-    with pytest.raises(OSError):
-        timerfd.arm(timer, -1, MILLISECOND)

@@ -7,8 +7,7 @@ import pytest
 from tests.master.devices.benches import armed
 from tests.system.packages import install
 from weberlink.master.devices import BUILT_IN
-from weberlink.system.composition.guardian import check_force_ends
-from weberlink.system.composition.master import build_device
+from weberlink.system.composition.master import build_device, check_force_ends
 from weberlink.system.configuration import MASTER, ConfigurationError, load
 
 DRIVER = """

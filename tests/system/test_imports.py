@@ -1,13 +1,13 @@
-"""Only what a file names is imported, built, computed and sent."""
+"""A daemon imports, builds, computes and sends only what its file names."""
 
 import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -15,20 +15,25 @@ from typer.testing import CliRunner
 from tests.system.systems import CONFIGS, configuration, output, raw, steps, system
 from weberlink.cli import app
 from weberlink.codec import Channel, Decoder, Encoder
-from weberlink.codec.predictors import PREDICTORS, Model, Predictor, Trust
-from weberlink.codec.sample import Sample
+from weberlink.codec.predictors import PREDICTORS, Predictor
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.integrators import INTEGRATORS
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_robot
 from weberlink.system.configuration import load
 
-FILES = sorted(path.name for path in CONFIGS.glob("*.yaml"))
+# Between them these files name every optional part, and each part is left out by another.
+FILES = (
+    "delay.yaml",
+    "lan.yaml",
+    "loopback.yaml",
+    "mujoco-wrench.yaml",
+    "phantom-arm.yaml",
+    "replay.yaml",
+    "rotation.yaml",
+    "scene-simulated-robot.yaml",
+)
 SIDES = ("master", "slave")
-Modules = dict[tuple[str, str], frozenset[str]]
-Fit = Callable[[Sample, Sample | None, Trust], Model]
-
-# What the process of a daemon imports and builds before its first tick.
 BUILD = """
 import json, os, sys
 from pathlib import Path
@@ -39,9 +44,7 @@ from weberlink.system.configuration.model import split_address
 
 file, side, *overrides = sys.argv[1:]
 configuration = load(Path(file), overrides, sides=[side])
-common = {
-    "security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0,
-}
+common = {"security": build_security(configuration), "entropy": os.urandom, "epoch": 0.0, "stopwatch": lambda: 0.0}
 if side == "master":
     from weberlink.system.composition.master import build_master
     build_master(configuration, peer=split_address(configuration.system.link.slave), **common)
@@ -50,42 +53,9 @@ else:
     build_slave(configuration, **common)
 json.dump(sorted(sys.modules), sys.stdout)
 """
-
-OBSERVERS = {"evaluation", "weberlink.cli", "weberlink.system.launcher", "weberlink.telemetry.reader"}
-"""What only the command line, the offline evaluation and observers import."""
-
-NEVER = OBSERVERS | {
-    "scipy",
-    "matplotlib",
-    "pandas",
-    "flask",
-    "fastapi",
-    "starlette",
-    "aiohttp",
-    "http.server",
-    "typer",
-    "click",
-    "rich",
-}
-"""Not even one of their packages."""
-
-
-ALL_HARDWARE = {"serial", "hid", "hidraw", "hardware", "weberlink.master.emulators", "weberlink.slave.emulators"}
-"""Nothing of these where all is computed; a stand-in for hardware never."""
-
-
-def imported(name: str, side: str, *overrides: str) -> frozenset[str]:
-    """Modules of a process that has built one side of a shipped file."""
-    ended = subprocess.run(
-        [sys.executable, "-c", BUILD, str(CONFIGS / name), side, *overrides],
-        cwd=CONFIGS.parent,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
-    assert (ended.returncode, ended.stderr) == (0, "")
-    return frozenset(json.loads(ended.stdout))
+OBSERVERS = {"weberlink.cli", "weberlink.apps", "weberlink.studies", "weberlink.system.launcher", "matplotlib", "scipy"}
+WEB_AND_TERMINAL = {"aiohttp", "http.server", "typer", "click", "rich"}
+HARDWARE = {"serial", "hid", "hidraw", "weberlink.hardware", "weberlink.master.emulators", "weberlink.slave.emulators"}
 
 
 @pytest.fixture(scope="module")
@@ -96,133 +66,127 @@ def key(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def modules(key: Path) -> Modules:
-    """What each side of each shipped file imports."""
+def modules(key: Path) -> dict[tuple[str, str], frozenset[str]]:
+    """Modules of a process that has built one side of a file."""
+
+    def imported(case: tuple[str, str]) -> frozenset[str]:
+        name, side = case
+        ended = subprocess.run(
+            [sys.executable, "-c", BUILD, str(CONFIGS / name), side, f"link.key_file={key}"],
+            cwd=CONFIGS.parent,
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert (ended.returncode, ended.stderr) == (0, "")
+        return frozenset(json.loads(ended.stdout))
+
     cases = [(name, side) for name in FILES for side in SIDES]
     with ThreadPoolExecutor(2) as pool:
-        found = pool.map(lambda case: imported(*case, f"link.key_file={key}"), cases)
-        return dict(zip(cases, found, strict=True))
+        return dict(zip(cases, pool.map(imported, cases), strict=True))
+
+
+def expected(name: str, side: str, key: Path) -> dict[str, bool]:
+    """Which optional modules this side of this file needs."""
+    loaded = load(CONFIGS / name, [f"link.key_file={key}"])
+    system, master, slave = loaded.system, side == "master", side == "slave"
+    scheme, turns = system.control.scheme, system.codec.rotation is not None
+    device, robot = system.master.device.driver, system.slave.robot.driver
+    simulated, mujoco = slave and robot == "simulated", slave and robot == "mujoco"
+    mapped = master and system.master.mapping is not None
+    secured = system.link.security != "none"
+    integrator: Any = build_robot(loaded).integrator if simulated else None  # type: ignore[attr-defined]
+    plugged = (master and device == "polhem_serial") or (slave and robot == "dynamixel")
+    return {
+        "cryptography": secured,
+        "weberlink.protocol.psk": secured,
+        "weberlink.protocol.checksum": not secured,
+        "weberlink.control.tdpa": scheme in ("tdpa", "auto"),
+        "weberlink.control.mmt": scheme == "auto" or (scheme == "mmt" and master),
+        "weberlink.control.auto": scheme == "auto",
+        "weberlink.geometry.rotation": turns or mapped,
+        "weberlink.master.mapping": mapped,
+        "weberlink.master.rotation": turns and master,
+        "weberlink.master.devices.turning": turns and master,
+        "weberlink.master.devices.operator": master and device == "operator",
+        "weberlink.master.devices.replay": master and device == "replay",
+        "weberlink.master.devices.polhem": master and device == "polhem_serial",
+        "weberlink.slave.rotation": turns and slave,
+        "weberlink.slave.robots.point": slave and robot == "point",
+        "weberlink.slave.robots.tool": turns and slave and robot == "point",
+        "weberlink.slave.robots.simulated": simulated,
+        **{f"weberlink.slave.integrators.{each}": each == integrator for each in INTEGRATORS},
+        "weberlink.slave.robots.dynamixel": slave and robot == "dynamixel",
+        "weberlink.slave.robots.mjcf": mujoco,
+        "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
+        "mujoco": mujoco,
+        "numpy": mujoco or (master and device == "replay"),
+        "serial": plugged,
+        "weberlink.hardware": plugged,
+    }
 
 
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("name", FILES)
-def test_a_daemon_imports_only_what_its_file_names(modules: Modules, name: str, side: str, key: Path) -> None:
-    there = modules[name, side]
-    system = load(CONFIGS / name, [f"link.key_file={key}"]).system
-    scheme = system.control.scheme
-    simulated = side == "slave" and system.slave.robot.driver == "simulated"
-    mujoco = side == "slave" and system.slave.robot.driver == "mujoco"
-    point = side == "slave" and system.slave.robot.driver == "point"
-    mapped = side == "master" and system.master.mapping is not None
-    turns = system.codec.rotation is not None
-    picked = build_robot(load(CONFIGS / name, [f"link.key_file={key}"])).integrator if simulated else None  # type: ignore[attr-defined]
-    named = {
-        "cryptography": system.link.security != "none",
-        "weberlink.protocol.psk": system.link.security != "none",
-        "weberlink.protocol.keys": system.link.security != "none",
-        "weberlink.protocol.checksum": system.link.security == "none",
-        "weberlink.master.devices.replay": side == "master" and system.master.device.driver == "replay",
-        "weberlink.master.devices.operator": side == "master" and system.master.device.driver == "operator",
-        "weberlink.slave.robots.simulated": simulated,
-        **{f"weberlink.slave.integrators.{integrator}": integrator == picked for integrator in INTEGRATORS},
-        "weberlink.control.tdpa": scheme in ("tdpa", "auto"),
-        "weberlink.control.mmt": scheme == "auto" or (scheme == "mmt" and side == "master"),
-        "weberlink.control.auto": scheme == "auto",
-        "weberlink.slave.robots.point": point,
-        "weberlink.master.mapping": mapped,
-        "weberlink.geometry.rotation": turns or mapped,  # which maps what a handle measures, sent or not
-        "weberlink.master.rotation": turns and side == "master",
-        "weberlink.master.devices.turning": turns and side == "master",
-        "weberlink.slave.rotation": turns and side == "slave",
-        "weberlink.slave.robots.tool": turns and point,
-        "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
-        "weberlink.master.devices.polhem": side == "master" and system.master.device.driver == "polhem_serial",
-        "weberlink.slave.robots.dynamixel": side == "slave" and system.slave.robot.driver == "dynamixel",
-        "weberlink.slave.robots.mjcf": mujoco,
-        "mujoco": mujoco,
-        "serial": (side, name) in [("master", "phantom-arm.yaml"), ("slave", "phantom-arm.yaml")],
-        "numpy": mujoco or (side == "master" and system.master.device.driver == "replay"),  # reads the trace
-    }
+def test_daemon_imports_only_what_its_file_names(
+    modules: dict[tuple[str, str], frozenset[str]], name: str, side: str, key: Path
+) -> None:
+    there, named = modules[name, side], expected(name, side, key)
     assert {module: module in there for module in named} == named
-    # MuJoCo brings some packages of others, which nobody here asked for.
-    assert not (OBSERVERS if mujoco else NEVER) & there
-    assert there & ALL_HARDWARE == ({"serial", "hardware"} if named["serial"] else set())
+    # MuJoCo itself imports some of the packages for web and terminal.
+    assert not (OBSERVERS | (set() if named["mujoco"] else WEB_AND_TERMINAL)) & there
+    assert there & HARDWARE == ({"serial", "weberlink.hardware"} if named["serial"] else set())
 
 
-def test_the_shipped_files_between_them_name_what_is_optional(modules: Modules) -> None:
-    """Or the test above would see one answer only."""
-    optional = {
-        "cryptography",
-        "weberlink.master.devices.replay",
-        "weberlink.slave.robots.simulated",
-        "weberlink.slave.integrators.exact",
-        "weberlink.control.auto",
-        "weberlink.control.tdpa",
-        "weberlink.control.mmt",
-        "weberlink.master.mapping",
-        "weberlink.geometry.rotation",
-        "weberlink.slave.robots.tool",
-        "weberlink.slave.robots.mjcf.rotation",
-        "mujoco",
-        "serial",
-    }
-    assert optional <= frozenset().union(*modules.values())
-    assert not optional & frozenset.intersection(*modules.values())
-
-
-BANKS = pytest.mark.parametrize(
-    ("overrides", "bank"),
-    [
-        (("codec.force.predictor=zoh",), ("zoh",)),
-        (("codec.force.predictor=plane",), ("plane",)),
-        (("codec.force.predictor=hybrid", "codec.force.bank=[sphere]"), ("sphere",)),
-        (("codec.force.predictor=hybrid", "codec.force.bank=[linear, plane]"), ("linear", "plane")),
-        ((), ("zoh", "linear", "plane", "sphere")),
-    ],
-    ids=["zoh", "plane", "hybrid of sphere", "hybrid of two", "hybrid"],
-)
-
-
-@BANKS
-def test_only_the_named_predictors_are_built_and_chosen(overrides: tuple[str, ...], bank: tuple[str, ...]) -> None:
-    channel = channels(configuration(*overrides).system)[1]
-    assert channel.bank == bank
-    assert channel.predictors == tuple(PREDICTORS[name] for name in bank)
-    chosen = {step.slave.selected for step in steps(system(*overrides), 4.0) if step.slave.sent}
-    assert chosen == set(range(len(bank)))
+def test_every_optional_module_is_named_and_left_out(key: Path) -> None:
+    cases = [expected(name, side, key) for name in FILES for side in SIDES]
+    unused = {"weberlink.slave.integrators.semi_implicit", "weberlink.slave.integrators.implicit"}
+    for module in set(cases[0]) - unused:
+        assert {case[module] for case in cases} == {True, False}, module
 
 
 @dataclass(frozen=True)
-class Counted(Channel):
-    """A channel that counts what is fitted, by the name of the predictor."""
+class CountingChannel(Channel):
+    """Counts fits by the name of the predictor."""
 
     fits: Counter[str] = field(default_factory=Counter)
 
     @property
     def predictors(self) -> tuple[Predictor, ...]:
-        return tuple(
-            replace(predictor, fit=self._counting(name, predictor.fit))
-            for name, predictor in zip(self.bank, super().predictors, strict=True)
-        )
+        return tuple(self._counting(predictor) for predictor in super().predictors)
 
-    def _counting(self, name: str, fit: Fit) -> Fit:
-        def counted(newest: Sample, previous: Sample | None, trust: Trust) -> Model:
-            self.fits[name] += 1
-            return fit(newest, previous, trust)
+    def _counting(self, predictor: Predictor) -> Predictor:
+        fits = self.fits
 
-        return counted
+        class Counting(type(predictor)):  # type: ignore[misc]
+            __slots__ = ()
 
+            def fit(self, *samples: Any) -> Any:
+                fits[self.name] += 1
+                return super().fit(*samples)
 
-def counted(channel: Channel) -> Counted:
-    return Counted(**{each.name: getattr(channel, each.name) for each in fields(channel)})
+        return Counting()
 
 
-@BANKS
-def test_only_the_named_predictors_are_computed_and_on_arrival_only_the_chosen_one(
-    overrides: tuple[str, ...], bank: tuple[str, ...]
-) -> None:
+def counting(channel: Channel) -> CountingChannel:
+    return CountingChannel(**{each.name: getattr(channel, each.name) for each in fields(channel)})
+
+
+@pytest.mark.parametrize(
+    ("overrides", "bank"),
+    [
+        (("codec.force.predictor=plane",), ("plane",)),
+        (("codec.force.predictor=hybrid", "codec.force.bank=[linear, plane]"), ("linear", "plane")),
+        ((), ("zoh", "linear", "plane", "sphere")),
+    ],
+    ids=["plane", "hybrid of two", "hybrid"],
+)
+def test_only_the_named_predictors_are_computed(overrides: tuple[str, ...], bank: tuple[str, ...]) -> None:
     channel = channels(configuration(*overrides).system)[1]
-    sending, receiving = counted(channel), counted(channel)
+    assert channel.bank == bank
+    assert channel.predictors == tuple(PREDICTORS[name] for name in bank)
+    sending, receiving = counting(channel), counting(channel)
     encoder, decoder = Encoder(sending), Decoder(receiving)
     chosen: Counter[str] = Counter()
     for step in steps(system(), 3.0):
@@ -234,21 +198,21 @@ def test_only_the_named_predictors_are_computed_and_on_arrival_only_the_chosen_o
     assert chosen.total() > 10
     assert receiving.fits == chosen
     assert set(sending.fits) == set(bank)
-    # The mirror fits what the decoder fits; a bank of several is tried as a whole, once for each send but the first.
+    # The mirror fits what the decoder fits; a hybrid fits its whole bank at every send but the first.
     assert sending.fits.total() <= chosen.total() * (1 if len(bank) == 1 else 1 + len(bank))
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_a_sample_carries_the_named_axes_only(name: str) -> None:
-    loaded = load(CONFIGS / name, ["link.key_file=unread"]).system
+@pytest.mark.parametrize("name", ["lossless-1dof.yaml", "loopback.yaml"])
+def test_sample_carries_the_named_axes_only(name: str) -> None:
+    loaded = load(CONFIGS / name).system
     forward, backward = channels(loaded)
     axes = len(loaded.axes)
-    assert (forward.level_count, backward.level_count) == (axes, 2 * axes)
+    assert (forward.grid.size, backward.grid.size) == (axes, 2 * axes)
 
 
-@pytest.mark.parametrize("with_previous", [False, True])
-def test_one_axis_is_shorter_on_the_wire_than_three(with_previous: bool) -> None:
+def test_one_axis_is_shorter_on_the_wire_than_three() -> None:
     one, three = (channels(configuration(f"axes={axes}").system) for axes in ("z", "xyz"))
     for narrow, wide in zip(one, three, strict=True):
-        sizes = [UpdateLayout(each.level_count).size(with_previous=with_previous) for each in (narrow, wide)]
-        assert sizes[0] < sizes[1]
+        for with_history in (False, True):
+            sizes = [UpdateLayout(each.grid.size).size(with_previous=with_history) for each in (narrow, wide)]
+            assert sizes[0] < sizes[1]

@@ -21,9 +21,9 @@ from tests.strangers import as_stranger, ask_socket, needs_root, squat_fifo, squ
 from tests.system.processes import ENGAGED, PATIENCE, Program, until
 from tests.system.systems import Step, steps, system
 from weberlink.control.table import SCHEMES
-from weberlink.control.tuning import Settings, Tuning
+from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.system import description
-from weberlink.system.control_socket import Door, LiveChangeError, ask, path_beside
+from weberlink.system.control_socket import ControlSocket, LiveChangeError, ask, path_beside
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.ring import default_path
 
@@ -44,8 +44,8 @@ def test_both_ends_make_a_change_at_the_tick_that_was_agreed(asker: str, delay_m
     first = [
         next(i for i, step in enumerate(seen) if getattr(step, side).settings == 1) for side in ("master", "slave")
     ]
-    verdict = getattr(simulation, asker).tuning.verdict
-    assert verdict.why_not is None
+    verdict = getattr(simulation, asker).tuning.result
+    assert verdict.refusal is None
     assert first[("master", "slave").index(asker)] == verdict.tick
     assert abs(first[0] - first[1]) <= 1
     assert simulation.slave.tuning.settings.weber == 0.3
@@ -97,20 +97,6 @@ def test_what_the_file_fixes_stays(overrides: list[str], change: dict[str, Any],
         assert complaint in (side.propose(change, 0.3) or "")
 
 
-def test_before_there_is_a_session_there_is_nothing_to_change() -> None:
-    simulation = system()
-    assert simulation.master.propose({"weber": 0.2}, 0.0) == "no session: the other side is not there"
-
-
-def test_ends_that_do_not_permit_the_same_do_not_meet() -> None:
-    from weberlink.system.composition.link import agreement  # noqa: PLC0415
-    from weberlink.system.configuration import load  # noqa: PLC0415
-
-    file = Path(__file__).parents[2] / "configs" / "loopback.yaml"
-    free, fixed = (agreement(load(file, [f"control.live_changes={on}"]).system) for on in ("true", "false"))
-    assert free != fixed
-
-
 @pytest.mark.realtime
 def test_a_running_daemon_is_asked_through_its_door() -> None:
     with Program("loopback", "--duration", "30") as program:
@@ -138,7 +124,7 @@ class Unchanging:
     """A side that has settings, and takes no others."""
 
     def __init__(self) -> None:
-        self.tuning = Tuning(Settings(0.1, "zoh", "none"), {}, lambda _: None)
+        self.tuning = Tuning(LiveSettings(0.1, "zoh", "none"), {}, lambda _: None)
 
     def propose(self, change: Mapping[str, object], now: float) -> str | None:
         return self.tuning.complaint(change)
@@ -148,7 +134,7 @@ class Unchanging:
 def daemon(ring: Path) -> Iterator[None]:
     """A door in a thread, as that of a daemon."""
     loop = asyncio.new_event_loop()
-    door = Door(ring, Unchanging())
+    door = ControlSocket(ring, Unchanging())
     door.open(loop)
     thread = Thread(target=loop.run_forever)
     thread.start()
@@ -230,8 +216,3 @@ def test_a_description_that_is_too_large_is_not_read(tmp_path: Path) -> None:
         assert tracemalloc.get_traced_memory()[1] < 1e6
     finally:
         tracemalloc.stop()
-
-
-def test_nobody_there_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(LiveChangeError, match="no daemon answers there"):
-        ask(tmp_path / "none.ring", {})

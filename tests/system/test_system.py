@@ -37,11 +37,10 @@ BAD_LINK = (
 )
 
 
-def test_same_seed_same_run_bit_for_bit() -> None:
-    runs = [list(steps(system(*BAD_LINK, "link.emulate.seed=5"), 3.0)) for _ in range(2)]
-    assert repr(runs[0]) == repr(runs[1])
-    other = list(steps(system(*BAD_LINK, "link.emulate.seed=6"), 3.0))
-    assert repr(runs[0]) != repr(other)
+@pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])
+def test_same_seed_same_run_bit_for_bit(file: str) -> None:
+    runs = [list(steps(system(*BAD_LINK, f"link.emulate.seed={seed}", file=file), 1.5)) for seed in (5, 5, 6)]
+    assert repr(runs[0]) == repr(runs[1]) != repr(runs[2])
 
 
 @pytest.mark.parametrize("predictor", ["zoh", "linear", "plane", "sphere", "hybrid"])
@@ -49,16 +48,16 @@ def test_same_seed_same_run_bit_for_bit() -> None:
 def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(predictor: str, axes: str) -> None:
     simulation = system(f"codec.force.predictor={predictor}", f"axes={axes}")
     sends = 0
-    for step in steps(simulation, 4.0):
+    for step in steps(simulation, 3.0):
         if step.slave.ramping:
             continue  # a share of the force is coded, and the record holds all of it
         error = distance(decoded(step.slave), raw(step.slave))
         assert error <= (HALF_STEP if step.slave.sent else step.slave.bound)
         sends += step.slave.sent
         if not step.slave.sent:  # otherwise it arrives before the next tick
-            assert simulation.master.decoder.state == simulation.slave.encoder.mirror.state
+            assert simulation.master.incoming[0].decoder.state == simulation.slave.outgoing[0].encoder.mirror.state
         if step.slave.state == State.ENGAGED.value:
-            assert simulation.slave.decoder.state == simulation.master.encoder.mirror.state
+            assert simulation.slave.incoming[0].decoder.state == simulation.master.outgoing[0].encoder.mirror.state
     assert sends > 0
 
 
@@ -67,14 +66,14 @@ def test_without_faults_both_ends_hold_the_same_and_within_the_deadband(predicto
     seed=st.integers(0, 2**31),
     burst=st.sampled_from([1, 5, 20]),
 )
-@examples(12)
+@examples(6)
 def test_after_any_fault_the_first_update_that_arrives_restores_the_state(
     predictor: str, seed: int, burst: int
 ) -> None:
     follow_states_over_a_bad_link(predictor, seed, burst)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1])
 def test_a_bad_link_does_carry_updates(seed: int) -> None:
     """What keeps the property above from being empty: a burst of 20 may outlast a run that has not yet connected."""
     forces, positions = follow_states_over_a_bad_link("hybrid", seed, burst=20)
@@ -89,8 +88,8 @@ def follow_states_over_a_bad_link(predictor: str, seed: int, burst: int) -> tupl
     )
     forces, positions = Restorations(), Restorations()
     for step in steps(simulation, 3.0):
-        forces.look(step.slave.sent, simulation.slave.encoder, simulation.master.decoder)
-        positions.look(step.master.sent, simulation.master.encoder, simulation.slave.decoder)
+        forces.look(step.slave.sent, simulation.slave.outgoing[0].encoder, simulation.master.incoming[0].decoder)
+        positions.look(step.master.sent, simulation.master.outgoing[0].encoder, simulation.slave.incoming[0].decoder)
         assert norm(output(step.master)) <= 10.0 * (1 + 1e-9)
     assert simulation.master.faults.get("update", 0) == simulation.slave.faults.get("update", 0) == 0
     return forces.checked, positions.checked

@@ -1,4 +1,4 @@
-"""The table and the layouts that follow from it."""
+"""The table of fields, the layouts that follow from it, and the function that makes a record."""
 
 import struct
 
@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from weberlink.telemetry.link import COUNTERS
+from tests.system.systems import system
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record
+from weberlink.telemetry.record import AXES, CODES, COLUMNS, FIELDS, RECORD, Record, compile_row
 
 KINDS = {
     "<f8": st.floats(allow_nan=False),
@@ -21,17 +21,8 @@ kinds = [field.kind for field in FIELDS for _ in range(field.axes)]
 records = st.tuples(*(KINDS[kind] for kind in kinds)).map(Record._make)
 
 
-def test_the_struct_and_the_numpy_type_have_the_same_size():
-    assert RECORD.size == DTYPE.itemsize == 354
-
-
-def test_the_named_tuple_has_the_columns_of_the_table_in_order():
-    assert Record._fields == COLUMNS
-    assert len(set(COLUMNS)) == len(COLUMNS)
-
-
 @given(records)
-def test_what_struct_packs_numpy_reads_field_by_field(record):
+def test_numpy_reads_what_struct_packs(record):
     (row,) = np.frombuffer(RECORD.pack(*record), DTYPE)
     for field in FIELDS:
         if field.axes == 3:
@@ -40,33 +31,50 @@ def test_what_struct_packs_numpy_reads_field_by_field(record):
             assert row[field.name].item() == getattr(record, field.name)
 
 
-def test_there_is_no_padding_and_each_value_lies_on_its_own_boundary():
+def test_each_value_is_aligned_without_padding():
     offset = 0
     for field in FIELDS:
         kind, where = DTYPE.fields[field.name][:2]
         assert where == offset
         assert where % kind.base.itemsize == 0
         offset += kind.itemsize
-    assert offset == DTYPE.itemsize
+    assert offset == DTYPE.itemsize == RECORD.size == 354
+    assert len(set(COLUMNS)) == len(COLUMNS)
+    assert all(np.dtype(numpy).itemsize == struct.calcsize("<" + code) for numpy, code in CODES.items())
 
 
-def test_both_names_of_each_type_mean_the_same():
-    for numpy_name, struct_name in CODES.items():
-        assert np.dtype(numpy_name).itemsize == struct.calcsize("<" + struct_name)
-
-
-def test_what_the_link_counts_stands_together_in_its_order():
-    first = COLUMNS.index(COUNTERS[0])
-    assert COLUMNS[first : first + len(COUNTERS)] == COUNTERS
-
-
-def test_units_and_meanings_are_written_down():
-    assert all(field.meaning and field.axes in (1, 3) for field in FIELDS)
+def test_every_field_has_a_meaning_and_times_a_unit():
+    assert all(field.meaning for field in FIELDS)
     assert all(field.unit == "us" for field in FIELDS if field.name.endswith("_us"))
 
 
 @pytest.mark.parametrize(("column", "value"), [("state", 256), ("tick", -1), ("clipped", 0.5)])
-def test_a_value_that_does_not_fit_is_an_error_of_the_writer(column, value):
+def test_a_value_out_of_range_is_an_error(column, value):
     values = dict.fromkeys(COLUMNS, 0) | {column: value}
     with pytest.raises(struct.error):
         RECORD.pack(*Record(**values))
+
+
+def test_a_compiled_row_evaluates_expressions_by_name():
+    row = compile_row(
+        {"position": "place", "tick": "count + 1", "work_us": "work_us"}, {"place": (1, 2, 3), "count": 6}
+    )
+    record = row(0.0, 5.0, 0)
+    assert (record.position_x, record.position_y, record.position_z) == (1, 2, 3)
+    assert (record.tick, record.work_us, record.tank, record.surface_z) == (7, 5.0, 0, 0.0)
+
+
+def test_an_unknown_field_cannot_be_compiled():
+    with pytest.raises(ValueError, match="no such fields of a record: colour"):
+        compile_row({"colour": "1"}, {})
+
+
+@pytest.mark.parametrize("file", ["loopback.yaml", "rotation.yaml"])
+def test_both_sides_fill_records_that_fit(file):
+    simulation = system(file=file)
+    for _ in range(300):
+        for record in simulation.step():
+            RECORD.pack(*record)
+    master, slave = simulation.step()
+    assert (master.tick, slave.tick) == (300, 300)
+    assert master.updates_sent == slave.updates_received > 0

@@ -1,24 +1,90 @@
-"""The scheme that the measured delay asks for, changed without a jump.
+"""The control scheme that the measured delay asks for, changed without a jump.
 
-Without delay nothing is controlled, with some the time-domain passivity approach is at work, and with a long one the
-local model: passivity control degrades with delay and needs no assumption on the scene, a model does not degrade and
-needs a scene at rest (Xu, Liu, Steinbach, "Toward QoE-driven dynamic control scheme switching for time-delayed
-teleoperation systems: a dedicated case study", arXiv:1705.05613, 2017). Where the change happens is in
-`weberlink.control.choice`.
+Without delay nothing is controlled, with some the time-domain passivity approach (TDPA) is at work, and with a long one
+the local model (MMT): passivity control degrades with delay and assumes nothing of the scene; a model does not degrade
+and needs a scene at rest (Xu, Liu, Steinbach, "Toward QoE-driven dynamic control scheme switching for time-delayed
+teleoperation systems: a dedicated case study", arXiv:1705.05613, 2017).
 
-All schemes observe the port all the time, so that the one that takes over knows what was done; the force goes over
-from one to the other within `HANDOVER`, which is the lag of a change. What is owed without passivity control is
-forgotten slowly, so that a loop which is active all the same shows, and is taken under control.
+All schemes observe the port all the time, so that the one that takes over knows the energy. Both ends measure the same
+round trip, so they choose alike within a moment. A loop without delay can be active too, on a wall that is too stiff
+for the tick: an energy debt calls for passivity control whatever the delay. What is owed without passivity control is
+forgotten slowly, so that an active loop shows.
 """
 
-from weberlink.control.choice import MMT, TDPA, SchemeChoice
-from weberlink.control.contract import LinkQuality, MasterControl, Settings, Surface, Vector
+from weberlink.control.contract import LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
+from weberlink.geometry.vector import Vector
 
+ORDER = ("none", "tdpa", "mmt")
+"""The schemes by rising delay."""
+NONE, TDPA, MMT = range(3)
+
+RISING = (0.008, 0.2)
+"""Delay (round trip and jitter) above which the next scheme is chosen [s]: from none to tdpa, from tdpa to mmt."""
+FALLING = (0.005, 0.15)
+"""Delay below which the one before is chosen again [s]."""
+CALM = 10.0
+"""How long a loop that was active stays under passivity control [s]."""
+DWELL = 1.0
+"""A delay must be beyond its threshold for this long, so that a spike changes nothing [s]."""
 HANDOVER = 0.2
-"""Time in which the displayed force goes over from one scheme to the next [s]."""
+"""Time in which the displayed force changes from one scheme to the next [s]."""
+
+
+class SchemeChoice:
+    """The scheme that the link asks for. Starts with `TDPA`, which is passive whatever the delay turns out to be."""
+
+    __slots__ = ("_asked", "_beyond_for", "_calm_for", "_debt_limit", "active", "imposed")
+
+    def __init__(self, debt_limit: float) -> None:
+        """Make the choice.
+
+        Args:
+            debt_limit: energy that may be owed without control before the loop counts as active [J].
+        """
+        self._debt_limit = debt_limit
+        self.imposed: int | None = None
+        """A place in `ORDER` that holds whatever the link asks for; None for none."""
+        self.reset()
+
+    def reset(self) -> None:
+        self.active = TDPA
+        self._asked = 0
+        self._beyond_for = 0.0
+        self._calm_for = CALM
+
+    def impose(self, scheme: str | None) -> None:
+        self.imposed = None if scheme is None else ORDER.index(scheme)
+
+    def follow(self, quality: LinkQuality, tank: float, elapsed: float) -> int:
+        """The scheme after `elapsed` [s] more of a link of this quality, with this much in the tank [J]."""
+        self._calm_for += elapsed
+        if self.imposed is not None:
+            self.active = self.imposed
+            return self.active
+        if self.active == NONE and tank < -self._debt_limit:
+            self.active = TDPA
+            self._calm_for = self._beyond_for = 0.0
+        if quality.rtt is None:
+            return self.active
+        step = self._step(quality.rtt + quality.jitter)
+        if step != self._asked:  # time beyond one threshold is none beyond the other
+            self._asked, self._beyond_for = step, 0.0
+        if step:
+            self._beyond_for += elapsed
+        if self._beyond_for >= DWELL:
+            self.active += step
+            self._beyond_for = 0.0
+        return self.active
+
+    def _step(self, delay: float) -> int:
+        if self.active < MMT and delay > RISING[self.active]:
+            return 1
+        if self.active > NONE and delay < FALLING[self.active - 1]:
+            return 0 if self.active == TDPA and self._calm_for < CALM else -1
+        return 0
 
 
 class AutoMaster:
@@ -26,7 +92,7 @@ class AutoMaster:
 
     __slots__ = ("_choice", "_leaving", "_mmt", "_schemes", "_share", "_tdpa")
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._tdpa, self._mmt = TdpaMaster(settings), MmtMaster(settings)
         self._schemes: tuple[MasterControl, ...] = (DirectMaster(settings), self._tdpa, self._mmt)
         self._choice = SchemeChoice(settings.level)
@@ -34,20 +100,19 @@ class AutoMaster:
         self._share = 1.0
 
     @property
-    def active(self) -> int:
-        return self._choice.active
+    def active(self) -> str:
+        return ORDER[self._choice.active]
 
     @property
     def tank(self) -> float:
-        return self._schemes[self.active].tank
+        return self._schemes[self._choice.active].tank
 
     @property
     def credit(self) -> int:
         return self._tdpa.credit
 
-    def impose(self, scheme: int | None) -> None:
-        """Hold one scheme from now on, whatever the delay; None to choose by the delay again."""
-        self._choice.imposed = scheme
+    def impose(self, scheme: str | None) -> None:
+        self._choice.impose(scheme)
 
     def reset(self) -> None:
         for scheme in self._schemes:
@@ -60,7 +125,7 @@ class AutoMaster:
         for scheme in self._schemes:
             scheme.resume(peer_credit)
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         for scheme in self._schemes:
             scheme.learn(surface, force, position)
 
@@ -71,14 +136,14 @@ class AutoMaster:
         if self._choice.follow(quality, self._tdpa.tank, elapsed) != before:
             self._leaving = before
             self._share = 0.0
-        if self.active != TDPA:
+        if self._choice.active != TDPA:
             self._tdpa.forgive(elapsed)
-        if self.active != MMT:
+        if self._choice.active != MMT:
             self._mmt.forgive(elapsed)
         self._share = min(1.0, self._share + elapsed / HANDOVER)
 
     def render(self, force: Vector) -> Vector:
-        wanted = self._schemes[self.active].render(force)
+        wanted = self._schemes[self._choice.active].render(force)
         share = self._share
         if share == 1.0:
             return wanted
@@ -99,13 +164,13 @@ class AutoSlave:
 
     __slots__ = ("_choice", "_tdpa")
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._tdpa = TdpaSlave(settings)
         self._choice = SchemeChoice(settings.level)
 
     @property
-    def active(self) -> int:
-        return self._choice.active
+    def active(self) -> str:
+        return ORDER[self._choice.active]
 
     @property
     def tank(self) -> float:
@@ -115,9 +180,8 @@ class AutoSlave:
     def credit(self) -> int:
         return self._tdpa.credit
 
-    def impose(self, scheme: int | None) -> None:
-        """Hold one scheme from now on, whatever the delay; None to choose by the delay again."""
-        self._choice.imposed = scheme
+    def impose(self, scheme: str | None) -> None:
+        self._choice.impose(scheme)
 
     def reset(self) -> None:
         self._tdpa.reset()

@@ -1,12 +1,9 @@
-"""What every control scheme offers to the two loops. Knows no codec: a surface is whatever says a force at a point."""
+"""The interface of a control scheme: what it offers to each end of the link."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-Vector = tuple[float, float, float]
-"""Force [N] or position [m]; unused axes are exactly 0."""
-
-ZERO: Vector = (0.0, 0.0, 0.0)
+from weberlink.geometry.vector import Vector
 
 CREDIT_STEP = 1e-4
 """Energy of one unit of credit [J]. What is handed over is rounded down to it, so rounding never makes energy."""
@@ -27,11 +24,8 @@ class LinkQuality(NamedTuple):
     jitter: float
 
 
-class Surface(Protocol):
-    """A received model of a contact: an elastic wall that rests where it is.
-
-    Who hands one over knows that it is one: a moving model, or one with friction, may have the same attributes.
-    """
+class WallModel(Protocol):
+    """A received model of a contact: an elastic wall at rest, without friction."""
 
     @property
     def stiffness(self) -> float:
@@ -44,11 +38,11 @@ class Surface(Protocol):
 
 
 class Control(Protocol):
-    """What both sides of a scheme have in common."""
+    """What both ends of a scheme have in common."""
 
     @property
-    def active(self) -> int:
-        """The scheme at work, as its place in `weberlink.control.table.SCHEMES`."""
+    def active(self) -> str:
+        """Name of the scheme at work in `weberlink.control.table.SCHEMES`."""
         ...
 
     @property
@@ -80,15 +74,15 @@ class Control(Protocol):
 class Imposable(Protocol):
     """A scheme that chooses among others, and can be told which."""
 
-    def impose(self, scheme: int | None) -> None:
-        """Hold the scheme of this place in `weberlink.control.table.SCHEMES`; None to choose again."""
+    def impose(self, scheme: str | None) -> None:
+        """Hold the scheme of this name from now on, whatever the delay; None to choose again."""
         ...
 
 
 class MasterControl(Control, Protocol):
     """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         """Take what an update says.
 
         Args:
@@ -144,7 +138,7 @@ class SlaveControl(Control, Protocol):
 
 
 @dataclass(frozen=True)
-class Settings:
+class SchemeParameters:
     """What the two sides of a scheme are built from.
 
     Args:

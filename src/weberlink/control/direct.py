@@ -1,29 +1,32 @@
-"""No control: what was decoded is displayed and followed. For links whose delay is not felt.
+"""No control: what is decoded is displayed and followed.
 
-Assumes that the loop is stable by itself; adds no lag. Which stiffness and delay that holds for is what
-`weberlink stability` measures.
+For links whose delay is not felt. `weberlink stability` measures for which stiffness and delay the loop is stable.
 """
 
-from weberlink.control.contract import LinkQuality, Settings, Surface, Vector
+from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
+from weberlink.geometry.vector import Vector
 
 
-class DirectMaster:
-    """Displays what the decoder says."""
-
+class _Uncontrolled:
     __slots__ = ()
 
-    active = 0
+    active = "none"
     tank = 0.0
     credit = 0
 
-    def __init__(self, settings: Settings) -> None:
-        """Make it; nothing of the settings is needed."""
+    def __init__(self, settings: SchemeParameters) -> None: ...
 
     def reset(self) -> None: ...
 
     def resume(self, peer_credit: int) -> None: ...
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
+
+class DirectMaster(_Uncontrolled):
+    """Displays the decoded force."""
+
+    __slots__ = ()
+
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None: ...
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None: ...
 
@@ -33,21 +36,10 @@ class DirectMaster:
     def displayed(self, force: Vector) -> None: ...
 
 
-class DirectSlave:
-    """Follows the decoder."""
+class DirectSlave(_Uncontrolled):
+    """Follows the decoded position."""
 
     __slots__ = ()
-
-    active = 0
-    tank = 0.0
-    credit = 0
-
-    def __init__(self, settings: Settings) -> None:
-        """Make it; nothing of the settings is needed."""
-
-    def reset(self) -> None: ...
-
-    def resume(self, peer_credit: int) -> None: ...
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
         return target

@@ -1,21 +1,20 @@
-"""The operator's port: the work that the hand does on the device, and a force that never gives more than there is.
+"""The operator's port: observer of the work of the hand, and controller of the displayed force.
 
-An impedance-type port: positions come in, forces go out and are held for a tick. So the work of a tick is exact,
-whatever the hand did between the samples: the force that was held times the way.
+An impedance-type port: positions come in, forces go out and are held for a tick. So the work of a tick is exact: the
+held force times the way.
 """
 
 from math import hypot
 
-from weberlink.control.contract import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
 """At most this part of the tank may be foreseen to leave in one tick."""
 STEEPEST = 300.0
-"""A received force may rise this fast [N/s]: a new model comes as a steep ramp and not as a blow, a millisecond
-late for each N."""
+"""A received force may rise this fast [N/s]: a new model comes as a steep ramp and not as a blow."""
 RECOVERY = 0.2
-"""Time constant with which a force that was held back comes back while the tank is full [s]; the slower the emptier it
-is, or what comes back would be taken again and be felt as a saw."""
+"""Time constant with which a withheld force comes back while the tank is full [s]; slower while it is emptier, or the
+force would be felt as a sawtooth."""
 LEAST_MASS = 0.05
 """Hand and handle are taken to be at least as light as this, until they show that they are lighter [kg]."""
 LEAST_STEP = 0.1
@@ -27,10 +26,10 @@ FORGET = 0.02
 class ForcePort:
     """Observer and controller of the port.
 
-    Before a tick it is not known how far the device will move. It is foreseen to go on as it did, and to give way to a
-    change of force as much as it has lately done (`mobility`). Where the force would give more than `SHARE_OF_TANK` of
-    the tank, so much of it is withheld; that is given back over `RECOVERY`. A constant is taken off, not a share, so
-    the wall keeps its stiffness and lies deeper instead, and the control does not chatter between force and none.
+    The device is predicted to go on as it did, and to give way to a change of force as much as it lately did
+    (`mobility`). Where the force would give more than `SHARE_OF_TANK` of the tank, the excess is withheld and given
+    back over `RECOVERY`. A constant is subtracted, not a share: the wall keeps its stiffness and lies deeper, and the
+    control does not chatter.
     """
 
     __slots__ = (
@@ -78,9 +77,8 @@ class ForcePort:
     def mobility(self) -> float:
         """How far the device gives way in a tick to a change of force, as far as known [m/N].
 
-        Kept until a change of force shows it anew, for a damper must not forget how light the device is. What the
-        control foresees with is forgotten in any case: one wrong sample would hold the force back, so that no change
-        of force would ever put it right.
+        Kept until a change of force shows it anew: a damper must not forget how light the device is. The estimate that
+        the control predicts with is forgotten: one wrong sample would withhold the force for good.
         """
         return self._mobility
 

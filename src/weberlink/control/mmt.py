@@ -1,24 +1,24 @@
-"""Model-mediated teleoperation: the operator feels a model of the scene here, not a force from there.
+"""Model-mediated teleoperation: the operator feels a local model of the scene instead of the delayed force.
 
-The geometry that the codec fits (plane, sphere) is rendered at the device's own position, at once, whatever the delay;
-the network only corrects the model. Source: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics
-Research 27(2), 2008; with geometry from a perceptual codec: Xu, Cizmeci, Al-Nuaimi, Steinbach, "Point cloud-based
-model-mediated teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation and
-Measurement 63(11), 2014.
+The geometry that the codec fits (plane, sphere) is rendered at the device's own position without delay; the network
+only corrects the model. Sources: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
+2008; with geometry from a perceptual codec, Xu, Cizmeci, Al-Nuaimi, Steinbach, "Point cloud-based model-mediated
+teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation and Measurement 63(11),
+2014.
 
-Assumes a scene at rest that is a plane or a sphere where it is touched, and passive. Adds no lag to what the model
-says; what changes in the scene is felt a round trip later. Where no model holds (the first sample of a contact, a
-fit outside the trusted range, a field of force) the newest received force is held, under the same passivity controller
-as the operator's port of `weberlink.control.tdpa`, which also answers for what sampling and model changes could make.
+Assumes a passive scene at rest that is a plane or a sphere where it is touched; changes of the scene are felt a round
+trip later. Where no model holds (the first sample of a contact, a fit outside its limits, a force field) the newest
+received force is held. The passivity controller of the operator's port of `weberlink.control.tdpa` also limits the
+energy that sampling and model changes could make.
 """
 
 from math import dist, hypot
 
-from weberlink.control.contract import ZERO, LinkQuality, Settings, Surface, Vector
-from weberlink.control.drag import LevelDrag
+from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
+from weberlink.control.energy import FORGIVENESS, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.model import SurfaceMixture
-from weberlink.control.tank import FORGIVENESS, EnergyTank
+from weberlink.geometry.vector import ZERO, Vector
 
 TURN = 0.05
 """Time in which a new model replaces the old one, where energy allows it [s]."""
@@ -31,14 +31,14 @@ CAP = 3.0
 
 
 class MmtMaster:
-    """Renders the model; the tank holds what the model stores and what a change of it may cost."""
+    """Renders the model; the tank holds the energy that the model stores and that a change of it may cost."""
 
     __slots__ = ("_drag", "_elapsed", "_fallback", "_held", "_level", "_mixture", "_port", "_tank")
 
-    active = 2
+    active = "mmt"
     credit = 0
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
@@ -65,7 +65,7 @@ class MmtMaster:
         self._mixture.reset()
         self._fallback = self._held = ZERO
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None:
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         if surface is not None:
             self._mixture.want(surface, self._port.position)
             self._fallback = ZERO
@@ -98,7 +98,7 @@ class MmtMaster:
         self._port.hold(force)
 
     def forgive(self, elapsed: float) -> None:
-        """Forget a debt by and by while another scheme is displayed."""
+        """Forget a debt slowly while another scheme is displayed."""
         self._tank.forgive(elapsed / FORGIVENESS)
 
 

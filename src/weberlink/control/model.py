@@ -1,14 +1,14 @@
-"""The model that the operator feels: received surfaces, faded into one another without making energy.
+"""A mixture of received contact models, faded into one another without making energy.
 
-Every surface is an elastic wall at rest. One that would press harder than there is energy for is displayed recessed: it
-lies deeper by a distance, with the stiffness that it has, and comes up as energy allows. A mixture of walls with fixed
-weights and recesses is conservative, and stores the weighted sum of what its members store; only a change makes or
-takes energy, and how much is known before it is made.
+Every model is an elastic wall at rest. One that would press harder than the energy allows is displayed recessed: deeper
+by a distance, with its own stiffness, and it comes up as energy allows. A mixture with fixed weights and recesses is
+conservative; only a change of it makes or takes energy, and the amount is known before the change.
 """
 
 from math import hypot, sqrt
 
-from weberlink.control.contract import Surface, Vector
+from weberlink.control.contract import WallModel
+from weberlink.geometry.vector import Vector
 
 MOST_SURFACES = 6
 """Surfaces in a mixture; of more the lightest is dropped, which only takes energy."""
@@ -24,7 +24,7 @@ class RecessedSurface:
 
     __slots__ = ("recess", "surface", "weight")
 
-    def __init__(self, surface: Surface, recess: float) -> None:
+    def __init__(self, surface: WallModel, recess: float) -> None:
         self.surface = surface
         self.recess = recess
         self.weight = 0.0
@@ -67,11 +67,11 @@ class SurfaceMixture:
         self._wanted: RecessedSurface | None = None
 
     @property
-    def wanted(self) -> Surface | None:
+    def wanted(self) -> WallModel | None:
         """The surface that the mixture turns into; None for free space."""
         return None if self._wanted is None else self._wanted.surface
 
-    def want(self, surface: Surface | None, position: Vector) -> None:
+    def want(self, surface: WallModel | None, position: Vector) -> None:
         """Begin to turn into this surface, recessed so that it presses no harder on the hand than the mixture does."""
         if surface is None:
             self._wanted = None

@@ -1,13 +1,14 @@
-"""The robot's port: the work that its motion does on the environment, and a step that never spends more than there is.
+"""The robot's port: observer of the work on the environment, and controller of the steps of the robot.
 
 An admittance-type port: forces come in, positions go out. The work of a step is that of the mean of the two forces,
-which is exact for a spring. Within a step a stiff contact may open, and gives back less, or the force may reach the
-range of the sensor, and takes more: both are booked so that a wall never seems to give more than it took.
+which is exact for a spring. Where a stiff contact opens within a step, or the sensor saturates, the work is booked so
+that a wall never seems to give more than it took.
 """
 
 from math import hypot, inf, sqrt
 
-from weberlink.control.contract import LEAST_CONTACT, ZERO, Vector
+from weberlink.control.contract import LEAST_CONTACT
+from weberlink.geometry.vector import ZERO, Vector
 
 CAUTION = 4.0
 """A wall may be this much stiffer than it has shown yet."""
@@ -22,10 +23,10 @@ SHORTEST_WAY = 1e-6
 class MotionPort:
     """Observer and controller of the port.
 
-    What a step will cost is not known before it is made: the force may rise. In contact it is foreseen to rise with the
-    stiffness seen in this contact, times `CAUTION`; in free space a wall may be anywhere, and the force jump to the
-    range of the sensor. A step is shortened to what the tank holds then; the rest of the way is made up for as energy
-    arrives, so the distance between operator and robot (the drift of the passivity approach) is given back by itself.
+    The cost of a step is predicted. In contact, the force rises with the stiffness seen in this contact, times
+    `CAUTION`; in free space a wall may be anywhere, and the force jump to the range of the sensor. A step is shortened
+    to what the tank can pay. The rest of the way is made up as energy arrives, which removes the position drift of the
+    passivity approach.
 
     Args:
         force_range: largest force that the robot reports [N].

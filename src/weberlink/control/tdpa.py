@@ -1,25 +1,22 @@
 """The time-domain passivity approach: the link never gives out more energy than went in.
 
-At both ports an observer books the work done, and a controller keeps the energy tank from going below zero: a softer
-force at the operator's port, a shorter step at the robot's. Energy travels as a sum in every datagram, so delay, jitter
-and loss postpone it and nothing else; no bound on the delay is assumed. What is assumed is that hand and environment
-are passive, and that a tick is short against how they change. Sources: Ryu, Kwon, Hannaford, "Stable teleoperation with
-time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of `weberlink.control.tank`,
-`weberlink.control.drag` and `weberlink.control.prediction`.
+At both ports an observer books the work, and a controller keeps the energy tank from going below zero: a softer force
+at the operator's port, a shorter step at the robot's. Delay, jitter and loss only postpone energy; no bound on the
+delay is assumed, only that hand and environment are passive. Sources: Ryu, Kwon, Hannaford, "Stable teleoperation with
+time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of
+`weberlink.control.energy`.
 
-Neither side adds lag to a signal that its tank can pay for. The cost is felt where it cannot: drag while the tanks fill
-for the first time, a wall that is soft until the first work has crossed the link, and stickiness when the hand turns
-back, since the energy to push it out is still in the wall at the other end.
+The cost is felt where a tank cannot pay: drag while the tanks fill for the first time, a wall that is soft until the
+first work has crossed the link, and stickiness when the hand turns back.
 """
 
 from math import dist, hypot
 
-from weberlink.control.contract import LEAST_CONTACT, LinkQuality, Settings, Surface, Vector
-from weberlink.control.drag import LevelDrag
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
+from weberlink.control.energy import FORGIVENESS, CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.motion_port import MotionPort
-from weberlink.control.prediction import CreditPrediction
-from weberlink.control.tank import FORGIVENESS, EnergyTank
+from weberlink.geometry.vector import Vector
 
 SHARE_AT_MASTER = 0.3
 """Level of the master's tank as a share of the slave's."""
@@ -35,20 +32,15 @@ SLIDING_DEBT = 0.004
 """What the robot may overdraw by sliding along a surface, as a share of the level."""
 
 
-class TdpaMaster:
-    """Observer and controller of the operator's port."""
+class _TankedPort:
+    """One end of the scheme: a port with an energy tank."""
 
-    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_port", "_tank")
+    __slots__ = ("_tank",)
 
-    active = 1
+    active = "tdpa"
 
-    def __init__(self, settings: Settings) -> None:
-        self._level = SHARE_AT_MASTER * settings.level
-        self._drag = LevelDrag(settings.damping, self._level)
-        self._port = ForcePort(settings.tick_period, self._level)
+    def __init__(self) -> None:
         self._tank = EnergyTank()
-        self._elapsed = 0.0
-        self._in_contact = False
 
     @property
     def tank(self) -> float:
@@ -57,6 +49,20 @@ class TdpaMaster:
     @property
     def credit(self) -> int:
         return self._tank.credit
+
+
+class TdpaMaster(_TankedPort):
+    """Observer and controller of the operator's port."""
+
+    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_port")
+
+    def __init__(self, settings: SchemeParameters) -> None:
+        super().__init__()
+        self._level = SHARE_AT_MASTER * settings.level
+        self._drag = LevelDrag(settings.damping, self._level)
+        self._port = ForcePort(settings.tick_period, self._level)
+        self._elapsed = 0.0
+        self._in_contact = False
 
     def reset(self) -> None:
         self._port.reset()
@@ -68,7 +74,7 @@ class TdpaMaster:
         self._tank.renounce(peer_credit)
         self._in_contact = False
 
-    def learn(self, surface: Surface | None, force: Vector, position: Vector) -> None: ...
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None: ...
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)
@@ -92,32 +98,22 @@ class TdpaMaster:
         self._port.hold(force)
 
     def forgive(self, elapsed: float) -> None:
-        """Forget a debt by and by while another scheme is displayed."""
+        """Forget a debt slowly while another scheme is displayed."""
         self._tank.forgive(elapsed / FORGIVENESS)
 
 
-class TdpaSlave:
+class TdpaSlave(_TankedPort):
     """Observer and controller of the robot's port."""
 
-    __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_tank", "_target")
+    __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_target")
 
-    active = 1
-
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: SchemeParameters) -> None:
+        super().__init__()
         self._level = settings.level
         self._catch_up_speed = settings.catch_up_speed
         self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)
-        self._tank = EnergyTank()
         self._prediction = CreditPrediction(PREDICTED * settings.level)
         self._target: Vector | None = None
-
-    @property
-    def tank(self) -> float:
-        return self._tank.level
-
-    @property
-    def credit(self) -> int:
-        return self._tank.credit
 
     def reset(self) -> None:
         self._port.reset()
@@ -138,7 +134,7 @@ class TdpaSlave:
         return self._port.affordable(goal, here, self._tank.level + ahead)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
-        """As `follow`, without a limit of energy: what is overdrawn is forgotten by and by."""
+        """As `follow`, without a limit of energy: a debt is forgotten slowly."""
         self._tank.receive(peer_credit)
         self._tank.forgive(elapsed / FORGIVENESS)
         return self._caught_up(target, here, elapsed)

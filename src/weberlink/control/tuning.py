@@ -1,8 +1,4 @@
-"""The settings of a session that may change while it lives, and the moment from which they hold.
-
-Owns what is in force, what is permitted, and what has been agreed for a tick to come. Knows no wire and no codec: what
-makes a change is handed in, and what two ends say to each other about it is carried by others.
-"""
+"""The settings of a session that may change while it runs, and the tick from which a change holds."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -15,8 +11,8 @@ ROUND_TRIPS = 6.0
 BUSY = "another change is on its way"
 
 
-class Settings(NamedTuple):
-    """What can be changed.
+class LiveSettings(NamedTuple):
+    """What may change in a running session.
 
     Args:
         weber: Weber factor k of the force channel, 0 to 1.
@@ -29,11 +25,11 @@ class Settings(NamedTuple):
     scheme: str
 
 
-class Verdict(NamedTuple):
-    """What came of a change that this side asked for: its tick here, or why it was not made."""
+class ChangeResult(NamedTuple):
+    """The outcome of a change that this side proposed: its tick on this side, or why it was refused."""
 
     tick: int
-    why_not: str | None
+    refusal: str | None
 
 
 class Tuning:
@@ -50,39 +46,35 @@ class Tuning:
         "_asked",
         "_at",
         "_initial",
-        "_next",
         "_of_peer",
         "generation",
+        "pending",
         "permitted",
+        "result",
         "settings",
-        "verdict",
     )
 
     def __init__(
-        self, settings: Settings, permitted: Mapping[str, Sequence[str]], apply: Callable[[Settings], None]
+        self, settings: LiveSettings, permitted: Mapping[str, Sequence[str]], apply: Callable[[LiveSettings], None]
     ) -> None:
         self._initial = self.settings = settings
         self.permitted = permitted
         self._apply = apply
         self.generation = 0
         """Changes made since the session began."""
-        self.verdict: Verdict | None = None
-        """On what this side asked for last; None while it waits, or has never asked."""
+        self.result: ChangeResult | None = None
+        """Of the change that this side proposed last; None while it waits, or has never proposed one."""
         self._asked = False
-        self._next: Settings | None = None
+        self.pending: LiveSettings | None = None
+        """Agreed, and not yet in force."""
         self._at = inf
         self._of_peer = False
 
-    @property
-    def pending(self) -> Settings | None:
-        """Agreed, and not yet in force."""
-        return self._next
-
     def reset(self) -> None:
         """A new session: the settings of the file hold, and what was under way is void."""
-        if self._asked or (self._next is not None and not self._of_peer):
-            self.verdict = Verdict(0, "the session ended")
-        self._asked, self._next, self._at = False, None, inf
+        if self._asked or (self.pending is not None and not self._of_peer):
+            self.result = ChangeResult(0, "the session ended")
+        self._asked, self.pending, self._at = False, None, inf
         if self.settings != self._initial:
             self._apply(self._initial)
         self.settings, self.generation = self._initial, 0
@@ -92,13 +84,13 @@ class Tuning:
         if not change:
             return "nothing to change; name weber, predictor or scheme"
         for name, value in change.items():
-            if name not in Settings._fields:
-                return f"{name} is no setting; there are {', '.join(Settings._fields)}"
+            if name not in LiveSettings._fields:
+                return f"{name} is no setting; there are {', '.join(LiveSettings._fields)}"
             if name not in self.permitted:
                 return f"{name} is fixed in this session: {_FIXED[name]}"
-            if (why_not := self._doubt(name, value)) is not None:
-                return why_not
-        return BUSY if self._asked or self._next is not None else None
+            if (refusal := self._doubt(name, value)) is not None:
+                return refusal
+        return BUSY if self._asked or self.pending is not None else None
 
     def _doubt(self, name: str, value: object) -> str | None:
         if name == "weber":
@@ -113,37 +105,37 @@ class Tuning:
         return LEAD if rtt is None else LEAD + ROUND_TRIPS * rtt
 
     def ask(self, change: Mapping[str, object]) -> bytes:
-        """The content of a proposal without complaint; a verdict follows."""
-        self._asked, self.verdict = True, None
+        """The message that proposes a change without complaint; `result` follows."""
+        self._asked, self.result = True, None
         return json.dumps(dict(change), separators=(",", ":")).encode()
 
     def hear(self, tick: int, body: bytes) -> str | None:
         """Take a proposal of the peer for a tick of its clock: None to agree, or why not."""
         change = _read(body)
-        why_not = "not a change" if change is None else self.complaint(change)
-        if why_not is None and change is not None:
+        refusal = "not a change" if change is None else self.complaint(change)
+        if refusal is None and change is not None:
             self._agree(change, tick, of_peer=True)
-        return why_not
+        return refusal
 
-    def settle(self, tick: int, body: bytes, why_not: str | None) -> None:
-        """Take the peer's answer to what this side asked for."""
+    def settle(self, tick: int, body: bytes, refusal: str | None) -> None:
+        """Take the answer of the peer to the own proposal."""
         self._asked = False
-        self.verdict = Verdict(tick, why_not)
+        self.result = ChangeResult(tick, refusal)
         change = _read(body)
-        if why_not is None and change is not None:
+        if refusal is None and change is not None:
             self._agree(change, tick, of_peer=False)
 
     def advance(self, tick: int, peer_tick: float | None) -> None:
         """Make the change that is due at this tick; `peer_tick` is the same moment in ticks of the peer."""
         now = peer_tick if self._of_peer else tick
-        if self._next is None or now is None or now < self._at:
+        if self.pending is None or now is None or now < self._at:
             return
-        self.settings, self._next = self._next, None
+        self.settings, self.pending = self.pending, None
         self.generation += 1
         self._apply(self.settings)
 
     def _agree(self, change: Mapping[str, object], tick: int, *, of_peer: bool) -> None:
-        self._next = self.settings._replace(**change)  # type: ignore[arg-type]
+        self.pending = self.settings._replace(**change)  # type: ignore[arg-type]
         self._at, self._of_peer = tick, of_peer
 
 

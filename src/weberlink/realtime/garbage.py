@@ -1,7 +1,4 @@
-"""When garbage is collected: never inside a tick, only in the slack after one.
-
-Owns the collector of this process and the measurement of what it costs. Knows no loop: the slack is handed in.
-"""
+"""Schedules garbage collection in the slack between two ticks."""
 
 import gc
 from time import perf_counter
@@ -26,7 +23,7 @@ def thaw_garbage() -> None:
 
 
 class Passes:
-    """What the passes over one generation cost: how many, the last and the worst [s]."""
+    """Count and cost of the passes over one generation [s]."""
 
     __slots__ = ("count", "last_s", "worst_s")
 
@@ -47,10 +44,10 @@ class Passes:
 
 
 class GarbageSchedule:
-    """Runs the collector between ticks: a young pass when one is due and fits, a full one instead of every so many.
+    """Runs a young pass when one is due and fits into the slack, and a full pass instead of every so many.
 
-    A pass that never fits is run anyway after `patience` times its interval, and counted in `forced`: one late tick
-    is better than memory that grows until the process dies.
+    A pass that never fits runs anyway after `patience` times its interval, and is counted in `forced`: one late tick is
+    better than memory that grows until the process dies.
 
     Args:
         every_ticks: ticks between young passes.
@@ -73,7 +70,7 @@ class GarbageSchedule:
         self.forced = 0
 
     def tick(self, slack_s: float) -> None:
-        """To be called after each tick with the time left until the next deadline [s]."""
+        """Call after each tick with the time left until the next deadline [s]."""
         self._waited += 1
         if self._waited < self._due:
             return
@@ -87,7 +84,7 @@ class GarbageSchedule:
         self._waited = 0
 
     def summary(self) -> dict[str, float]:
-        """For a report: passes of each kind, those that had to be forced, and the longest of all [us]."""
+        """For a report: passes of each kind, forced ones, and the longest of all [us]."""
         return {
             "young": self.young.count,
             "full": self.full.count,

@@ -1,8 +1,6 @@
-"""What a real-time process asks of the kernel, and whether it was granted.
+"""Real-time rights of this process: scheduling, memory, CPU, timers, idle states, core dumps, death of the parent.
 
-Owns scheduling class, memory lock, CPU affinity, timer slack, idle latency, core dumps and the tie to the parent
-process. Knows no loop. A permission that is missing is an answer in words, not an error: the same program runs on a
-laptop and on a tuned machine, and says which.
+A right that is missing is reported and not an error: the same program runs on a laptop and on a tuned machine.
 """
 
 import ctypes
@@ -27,7 +25,7 @@ _libc.mlockall.argtypes = (ctypes.c_int,)
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """Whether one thing asked for was granted, and in words what was granted or why not."""
+    """Whether a request was granted, and in words what was granted or why not."""
 
     granted: bool
     detail: str
@@ -57,7 +55,7 @@ class Grants:
 def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool = False) -> Grants:
     """Ask for SCHED_FIFO, locked memory, one CPU, exact timers, and processors that do not sleep deeply.
 
-    Call it early: threads started later inherit the scheduler and the CPU, and earlier ones keep theirs.
+    Call it early: threads that start later inherit the scheduler and the CPU.
 
     Args:
         priority: of SCHED_FIFO, 1 to 99; 0 keeps the ordinary scheduler.
@@ -86,9 +84,9 @@ def prepare(priority: int, lock_memory: bool, cpu: int | None, *, wakeful: bool 
 def die_with_parent(signal: Signals, parent: int | None = None) -> None:
     """Have the kernel send this process a signal when its parent dies, however the parent dies.
 
-    It comes once for each thread that the parent had, so let it be a signal whose repetition means nothing more.
-    If the parent is already gone the kernel would never send it, so this process sends it to itself. The kernel means
-    the parent's thread that started this process: start it from a thread that lives as long as the parent does.
+    The signal comes once for each thread of the parent, so choose one whose repetition has no effect. If the parent is
+    already gone, this process sends it to itself. The kernel watches the thread that started this process: start it
+    from a thread that lives as long as the parent.
 
     Args:
         signal: what to receive.
@@ -101,12 +99,11 @@ def die_with_parent(signal: Signals, parent: int | None = None) -> None:
 
 
 def forbid_core_dumps() -> None:
-    """Have the kernel write no core dump of this process and of those that it starts: they may hold a key.
+    """Forbid core dumps of this process and its children: they may hold a key.
 
-    The limit is one byte. That is less than any core file, and the only limit at which the kernel does not start a
-    program named in `core_pattern` either (fs/coredump.c); at 0 it does. PR_SET_DUMPABLE would have the same effect,
-    but give this process's files in /proc to root: where /proc hides processes (ProtectProc= of systemd), the monitor
-    of the same user could no longer see that a daemon lives.
+    The limit is one byte: the only one at which the kernel also does not start a program named in `core_pattern`
+    (fs/coredump.c). PR_SET_DUMPABLE would give this process's files in /proc to root, and where /proc hides processes
+    (ProtectProc= of systemd), the monitor of the same user could not see that a daemon lives.
     """
     _, hard = resource.getrlimit(resource.RLIMIT_CORE)
     limit = min(hard, 1) if hard != resource.RLIM_INFINITY else 1

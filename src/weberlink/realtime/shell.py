@@ -1,8 +1,4 @@
-"""The main of one daemon: event loop, ticks, signals, orderly stop.
-
-Owns the order of things in a tick and the ways a run can end. Knows no codec, packet or device: a `Side` and a
-`Transport` are handed in, and the same side also runs in virtual time without this file.
-"""
+"""The event loop of a daemon: ticks, signals, and the ways a run ends."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -22,7 +18,7 @@ REASONS = {SIGINT: "interrupted", SIGHUP: "hung up"}
 AfterTick = Callable[[int, float, float, float], None]
 
 
-class Side(Protocol):
+class Ticking(Protocol):
     """One end of the system, as the shell sees it. Times are of `time.monotonic` [s]."""
 
     @property
@@ -61,10 +57,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What a run was: ticks done and missed, passes of the collector, how it ended.
-
-    Lateness and work of each tick are the business of `after_tick`.
-    """
+    """Ticks done and missed, passes of the collector, and how the run ended."""
 
     ticks: int
     missed: int
@@ -74,7 +67,7 @@ class Run:
 
 
 def run(
-    side: Side,
+    side: Ticking,
     *,
     transport: Transport,
     ticker_period: float,
@@ -89,8 +82,8 @@ def run(
 
     In a tick: `transport.service`, `side.tick`, `transport.flush`, `after_tick`, then garbage collection if there is
     slack. A run ends when the side is `stopped`: by itself, or after `side.stop` at the first signal ("interrupted",
-    "terminated", "hung up") or at the end of the duration ("completed"). A second signal, or a stop that takes too
-    long, ends it at once through `side.fail`; but a hang-up is no impatience, however often it comes.
+    "terminated", "hung up") or at the end of the duration ("completed"). A second signal other than a hang-up, or a
+    stop that takes too long, ends it at once through `side.fail`.
 
     Args:
         ticker_period: time between ticks [s].
@@ -116,7 +109,7 @@ def run(
 class _Shell:
     def __init__(
         self,
-        side: Side,
+        side: Ticking,
         transport: Transport,
         period_s: float,
         duration_s: float | None,

@@ -1,4 +1,6 @@
-"""A stall of this process, seen from the time between two ticks. Told the time; owns no clock."""
+"""Stalls of this process and of a device, detected from the times that a caller gives."""
+
+from math import inf
 
 LEAST_STALL = 0.02
 """No shorter pause counts as a stall [s]: a busy host delays a tick by some milliseconds now and then."""
@@ -37,7 +39,7 @@ class StallDetector:
         self.step = 0.0
 
     def tick(self, now: float) -> float:
-        """Take note of a tick; returns the time since the last one [s], 0 if it is the first or ended a stall."""
+        """Count a tick; returns the time since the last one [s], 0 if it is the first or ended a stall."""
         elapsed = 0.0 if self._last is None else now - self._last
         self._last = now
         self.stalled = elapsed > self.limit
@@ -48,3 +50,28 @@ class StallDetector:
             self._ticks_to_settle -= 1
         self.step = min(elapsed, self._longest_step)
         return elapsed
+
+
+class Watchdog:
+    """Expires when it is not fed for longer than a limit.
+
+    Args:
+        limit: longest time without food [s], > 0.
+    """
+
+    __slots__ = ("_fed_at", "_limit")
+
+    def __init__(self, limit: float) -> None:
+        if not limit > 0.0:
+            raise ValueError(f"limit must be positive, not {limit!r}")
+        self._limit = limit
+        self._fed_at = inf
+
+    def feed(self, now: float) -> None:
+        self._fed_at = now
+
+    def expired(self, now: float) -> bool:
+        """Whether the limit has passed; the time runs from the first call of this or of `feed`."""
+        if self._fed_at == inf:
+            self._fed_at = now
+        return now - self._fed_at > self._limit

@@ -1,8 +1,4 @@
-"""The tick: a callback at absolute deadlines of the monotonic clock, driven by a timerfd in the running event loop.
-
-Owns tick numbers, deadlines, the count of missed ones, and how much earlier than a deadline the kernel is asked to wake
-us. Knows nothing of what a tick does.
-"""
+"""The tick: a callback at absolute deadlines of the monotonic clock, driven by a timerfd in the running event loop."""
 
 import asyncio
 import os
@@ -17,26 +13,26 @@ from weberlink.realtime import timerfd
 NANOSECONDS = 1_000_000_000
 SHORTEST_PERIOD_S = 1e-5
 LARGEST_LEAD_S = 1e-4
-"""A machine that takes longer than this to wake up is late, rather than kept busy."""
+"""On a machine that takes longer to wake up, ticks are late: no more time is spent in busy waiting."""
 LARGEST_LEAD_SHARE = 0.2
 """Of a period, likewise."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the lead is first set, and the time between two revisions [s]."""
 _WOKEN_BY = 0.5
-"""Share of wake-ups that come within the lead. Who comes sooner waits for the rest, which costs CPU time."""
+"""Share of wake-ups that come within the lead; busy waiting costs the others CPU time."""
 
 
 class Ticker:
     """Calls `on_tick(index, deadline, now)` once per wake-up, for the newest deadline that has passed.
 
-    Deadline `index` is `start_at + index * period_s`, multiplied in integer nanoseconds, so that no error
-    accumulates. When several deadlines have passed since the last wake-up, the older ones are counted in `missed` and
-    never replayed: a burst of late ticks would command a device with moments that are over. Deadlines that had passed
-    before the first wake-up belong to nobody: opening a device may take as long as a person needs to home it.
+    Deadline `index` is `start_at + index * period_s` in integer nanoseconds, so that no error accumulates. When several
+    deadlines have passed since the last wake-up, the older ones are counted in `missed` and never replayed: a burst of
+    late ticks would send a device commands that are out of date. Deadlines before the first wake-up do not count:
+    opening a device may take as long as a person needs to home it.
 
-    A processor takes some 20 to 100 us from a timer to the first line of Python. So the timer is set ahead of the
-    deadlines by the median of what wake-ups lately took, and the rest of the way is waited for with open eyes:
-    `lead_s`, revised once a second, never longer than `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE` of a period.
+    A wake-up takes 20 to 100 us from the timer to the first line of Python. The timer is therefore set ahead by
+    `lead_s`, the median of the last wake-ups, revised once a second and bounded by `LARGEST_LEAD_S` and
+    `LARGEST_LEAD_SHARE`; the rest is busy waiting.
 
     Args:
         period_s: time between deadlines [s], rounded to 1 ns.
@@ -160,7 +156,7 @@ class Ticker:
             self._learn(latency)
 
     def _learn(self, latency: int) -> None:
-        """Take how long a wake-up took [ns]; now and then, set the timer ahead by the median of them."""
+        """Note how long a wake-up took [ns]; now and then, set the timer ahead by the median."""
         latencies = self._latencies
         latencies.append(latency)
         if len(latencies) < self._revised_after:

@@ -1,8 +1,4 @@
-"""Linux timerfd: a kernel timer with absolute deadlines, read as a file descriptor.
-
-Owns the three system calls and their byte layouts. Knows no event loop and no tick numbers. From Python 3.13 on the
-calls are those of `os`; before that they are reached in libc.
-"""
+"""Linux timerfd: a kernel timer with absolute deadlines. Python has it from 3.13 on; before, libc is called."""
 
 import os
 import sys

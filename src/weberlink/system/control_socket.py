@@ -1,7 +1,6 @@
-"""Asking a running daemon for other settings: the socket beside its ring, and whoever asks there.
+"""The control socket of a daemon: requests to change settings while a session runs.
 
-The daemon answers between ticks. Only its own user can ask: the socket is a file with mode 0600 in a directory of that
-user. What may be changed, and what that takes, is known elsewhere; this is the door.
+The daemon answers between ticks. Only its own user can ask: the socket is a file of mode 0600 beside the ring.
 """
 
 import asyncio
@@ -29,11 +28,11 @@ QUESTIONS_A_LOOK = 8
 
 
 class LiveChangeError(RuntimeError):
-    """Nobody answered, or not in a way that can be understood; one line."""
+    """No daemon answered, or the answer cannot be read; one line."""
 
 
 class Askable(Protocol):
-    """A side as this door sees it."""
+    """A side whose settings can be changed."""
 
     tuning: Tuning
 
@@ -60,14 +59,14 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
         LiveChangeError: no daemon of this user or of root is there, or it does not answer in time.
     """
     path = path_beside(ring)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as door:
-        door.bind("")  # an address of the kernel's choice, so that we can be answered
-        door.settimeout(patience_s)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as asker:
+        asker.bind("")  # an address of the kernel's choice, so that we can be answered
+        asker.settimeout(patience_s)
         try:
             check(path, path.lstat(), stat.S_IFSOCK)
-            door.connect(str(path))  # from here on the kernel takes answers of this daemon alone
-            door.send(json.dumps(dict(change)).encode())
-            answer = parse(door.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
+            asker.connect(str(path))  # from here on the kernel takes answers of this daemon alone
+            asker.send(json.dumps(dict(change)).encode())
+            answer = parse(asker.recv(LONGEST_ANSWER + 1), LONGEST_ANSWER)
         except TimeoutError:
             raise LiveChangeError(f"the daemon did not answer in {patience_s:g} s") from None
         except ForeignFileError as error:
@@ -81,8 +80,8 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
     return answer
 
 
-class Door:
-    """The daemon's end: takes questions between ticks, and hands them to its side."""
+class ControlSocket:
+    """The daemon's end: takes requests between ticks and hands them to its side."""
 
     def __init__(self, ring: str | Path, side: Askable) -> None:
         self._path = path_beside(ring)
@@ -98,18 +97,18 @@ class Door:
             OSError: there is no room for the socket's file.
         """
         self._path.unlink(missing_ok=True)  # of a daemon that was killed
-        door = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         before = os.umask(0o177)
         try:
-            door.setblocking(False)
-            door.bind(str(self._path))
+            listener.setblocking(False)
+            listener.bind(str(self._path))
         except BaseException:
-            door.close()
+            listener.close()
             raise
         finally:
             os.umask(before)
-        self._socket, self._loop = door, loop
-        loop.add_reader(door.fileno(), self._on_question)
+        self._socket, self._loop = listener, loop
+        loop.add_reader(listener.fileno(), self._on_question)
 
     def close(self) -> None:
         """Stop listening; may be repeated."""
@@ -140,21 +139,21 @@ class Door:
             self._answer(sender, {"accepted": False, "why": "a question is a JSON object"})
         elif not change:
             self._answer(sender, {})
-        elif (why_not := self._side.propose(change, monotonic())) is not None:
-            self._answer(sender, {"accepted": False, "why": why_not})
+        elif (refusal := self._side.propose(change, monotonic())) is not None:
+            self._answer(sender, {"accepted": False, "why": refusal})
         else:
             self._waiting = sender
             self._look()
 
     def _look(self) -> None:
-        verdict = self._side.tuning.verdict
-        if verdict is None:
+        result = self._side.tuning.result
+        if result is None:
             if self._loop is not None and self._socket is not None:
                 self._loop.call_later(LOOK_S, self._look)
             return
         if self._waiting is not None:
-            accepted = verdict.why_not is None
-            told: dict[str, object] = {"tick": verdict.tick} if accepted else {"why": verdict.why_not}
+            accepted = result.refusal is None
+            told: dict[str, object] = {"tick": result.tick} if accepted else {"why": result.refusal}
             self._answer(self._waiting, {"accepted": accepted} | told)
             self._waiting = None
 
@@ -167,19 +166,19 @@ class Door:
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)
 
 
-class WithDoor:
-    """A transport, and a door that is open while it is."""
+class WithControlSocket:
+    """A transport with a control socket that is open as long as it is."""
 
-    def __init__(self, transport: Transport, door: Door) -> None:
+    def __init__(self, transport: Transport, door: ControlSocket) -> None:
         self._transport = transport
-        self._door = door
-        self.service = transport.service  # bound here, so that a tick pays nothing for the door
+        self._control = door
+        self.service = transport.service  # bound here, so that a tick pays nothing for the control socket
         self.flush = transport.flush
 
     def open(self, loop: asyncio.AbstractEventLoop) -> Awaitable[None] | None:
-        self._door.open(loop)
+        self._control.open(loop)
         return self._transport.open(loop)
 
     def close(self) -> None:
-        self._door.close()
+        self._control.close()
         self._transport.close()

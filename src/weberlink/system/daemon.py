@@ -1,13 +1,12 @@
 """One daemon: one side of a configuration, in real time, in a process of its own.
 
-Owns the composition of a side with clock, socket, telemetry and the rights it asks of the kernel. Started by the
-launcher with an `Order` as JSON; answers with a summary as JSON on standard output. It prints nothing else there.
+The launcher starts it with a `DaemonOrder` as JSON; it answers with a summary as JSON on standard output.
 """
 
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from getpass import getuser
@@ -17,23 +16,20 @@ from signal import SIG_SETMASK, SIG_UNBLOCK, SIGHUP, SIGINT, SIGTERM, Signals, p
 from socket import gethostname
 from time import monotonic, perf_counter, time_ns
 from types import FrameType
-from typing import Any, Protocol
+from typing import Any
 
-from weberlink.control.tuning import Tuning
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.handshake import LONGEST_NAME
 from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
-from weberlink.realtime.shell import Side as Ticking
 from weberlink.system import description
-from weberlink.system.composition.link import Identity, build_security
-from weberlink.system.composition.live import permitted
+from weberlink.system.composition.link import Identity, build_security, permitted
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
-from weberlink.system.control_socket import Door, WithDoor
-from weberlink.telemetry.record import Record
+from weberlink.system.control_socket import ControlSocket, WithControlSocket
+from weberlink.system.side import Side
 from weberlink.telemetry.ring import RingWriter
 
 COMPLETED, FAILED, MISCONFIGURED = 0, 1, 2
@@ -46,36 +42,17 @@ RING_SECONDS = 10.0
 GARBAGE_EVERY_S = 1.0
 
 
-class Side(Ticking, Protocol):
-    """What a daemon asks of a loop beyond its ticks; both sides are one."""
-
-    endpoint: Endpoint
-    tuning: Tuning
-    failure: str | None
-
-    @property
-    def faults(self) -> dict[str, int]: ...
-
-    def open(self, now: float) -> None: ...
-
-    def close(self) -> None: ...
-
-    def propose(self, change: Mapping[str, object], now: float) -> str | None: ...
-
-    def record(self, *, lateness_us: float, work_us: float, missed: int) -> Record: ...
-
-
 class StartError(Exception):
     """The device or the robot could not be opened."""
 
 
 class Stopped(Exception):  # noqa: N818 - an end like any other
-    """A signal came while the device or the robot was being opened; says which, as an outcome does."""
+    """A signal came while the device or the robot was being opened; the message is the outcome."""
 
 
 @dataclass(frozen=True)
-class Order:
-    """What the launcher tells a daemon to run.
+class DaemonOrder:
+    """What a daemon runs.
 
     Args:
         side: "master" or "slave".
@@ -99,14 +76,14 @@ class Order:
         return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> "Order":
+    def from_json(cls, text: str) -> "DaemonOrder":
         values = json.loads(text)
         return cls(**{**values, "overrides": tuple(values["overrides"])})
 
 
 def main(text: str) -> int:
     """Run an order; returns the exit status. Errors are one line on standard error."""
-    order = Order.from_json(text)
+    order = DaemonOrder.from_json(text)
     die_with_parent(SIGHUP, order.parent)
     try:
         configuration = load(Path(order.file), order.overrides, sides=[order.side])
@@ -119,7 +96,7 @@ def main(text: str) -> int:
     return FAILED if summary["failed"] else COMPLETED
 
 
-def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
+def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     """Run one side to its end.
 
     Returns:
@@ -133,11 +110,11 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     cpu = None if realtime.cpus is None else realtime.cpus[0 if order.side == MASTER else 1]
     epoch = monotonic() + HEAD_START
     side = _build(order, configuration, epoch)
-    # Not before: what a side imports may be large, and importing it with real-time rights holds up the other side.
+    # After the imports of the side: with real-time rights they would hold up the other side.
     grants = prepare(realtime.priority, realtime.lock_memory, cpu, wakeful=realtime.wakeful)
     transport: Transport = _transport(order.side, configuration, side.endpoint, epoch)
     if permitted(system):
-        transport = WithDoor(transport, Door(order.ring, side))
+        transport = WithControlSocket(transport, ControlSocket(order.ring, side))
     capacity = int(RING_SECONDS * system.rate_hz)
     described = description.publish(order.ring, description.describe(configuration, order.side))
     try:
@@ -150,38 +127,27 @@ def serve(order: Order, configuration: Configuration) -> dict[str, Any]:
     return _summary(run_, side, grants)
 
 
-def _build(order: Order, configuration: Configuration, epoch: float) -> Side:
-    security = build_security(configuration)
+def _build(order: DaemonOrder, configuration: Configuration, epoch: float) -> Side:
     link = configuration.system.link
-    identity = Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns())
+    common: dict[str, Any] = {
+        "security": build_security(configuration),
+        "entropy": os.urandom,
+        "epoch": epoch,
+        "stopwatch": perf_counter,
+        "identity": Identity(_default_name(order.side, link.listen), order.take_over, lambda _now: time_ns()),
+    }
     # Each side imports its own parts only.
     if order.side == MASTER:
         from weberlink.system.composition.master import build_master  # noqa: PLC0415
 
-        peer = split_address(link.slave)
-        return build_master(
-            configuration,
-            security=security,
-            entropy=os.urandom,
-            epoch=epoch,
-            stopwatch=perf_counter,
-            peer=peer,
-            identity=identity,
-        )
+        return build_master(configuration, peer=split_address(link.slave), **common)
     from weberlink.system.composition.slave import build_slave  # noqa: PLC0415
 
-    return build_slave(
-        configuration,
-        security=security,
-        entropy=os.urandom,
-        epoch=epoch,
-        stopwatch=perf_counter,
-        identity=identity,
-    )
+    return build_slave(configuration, **common)
 
 
 def _default_name(side: str, listen: str) -> str:
-    """What a side calls itself where the file does not say."""
+    """The name of a side where the file gives none."""
     host = gethostname()
     if side == SLAVE:
         name = f"{host}:{split_address(listen)[1]}"
@@ -197,9 +163,9 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
     link = configuration.system.link
     emulated = None
     if link.emulate is not None:
-        from weberlink.system.composition.emulation import build_link  # noqa: PLC0415
+        from weberlink.system.composition.link import build_link  # noqa: PLC0415
 
-        # Each side distorts what it sends, by its own chance.
+        # Each side emulates the faults of what it sends, with its own random numbers.
         uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
         to_slave, to_master = link.emulate.directions
         emulated = build_link(to_slave if name == MASTER else to_master, uniform, epoch)
@@ -209,7 +175,7 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
 
 
 def _drive(
-    side: Side, transport: Transport, configuration: Configuration, order: Order, epoch: float, ring: RingWriter
+    side: Side, transport: Transport, configuration: Configuration, order: DaemonOrder, epoch: float, ring: RingWriter
 ) -> Run:
     missed = 0
     last_index: int | None = None
@@ -245,7 +211,7 @@ def _drive(
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """A request to stop ends what takes long before the loop runs: a device may wait for a person to home it."""
+    """Let stop signals end what takes long before the loop runs: a device may wait for a person to home it."""
 
     def stop(number: int, _frame: FrameType | None) -> None:
         raise Stopped(REASONS.get(Signals(number), "terminated"))
@@ -272,11 +238,11 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
 
 
 def failure(outcome: str) -> dict[str, Any]:
-    """The summary of a daemon that never came to its first tick, or could not tell how it ended."""
+    """The summary of a daemon without a first tick, or one that could not report its end."""
     return {"outcome": outcome, "failed": True, "faults": {}, "drops": {}, "realtime": None}
 
 
-def _complain(order: Order, error: Exception, status: int) -> int:
+def _complain(order: DaemonOrder, error: Exception, status: int) -> int:
     # An OSError's own text begins with its number.
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     sys.stderr.write(f"weberlink {order.side}: {text}\n")

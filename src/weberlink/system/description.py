@@ -13,7 +13,7 @@ from typing import Any
 from weberlink.control.table import SCHEMES
 from weberlink.system.bounded_json import parse
 from weberlink.system.composition.channels import banks, channels
-from weberlink.system.composition.live import permitted
+from weberlink.system.composition.link import permitted
 from weberlink.system.configuration import Configuration
 from weberlink.telemetry.runtime_directory import open_file
 

@@ -35,7 +35,7 @@ from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import banks, measure_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, Order, failure
+from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, DaemonOrder, failure
 from weberlink.system.journal import Journal
 from weberlink.system.recorder import Recorder
 from weberlink.system.scoring.session import Records, SessionScore
@@ -56,7 +56,7 @@ STOP_LIMIT_S = 15.0
 class Daemon:
     """One child process and its ring."""
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: DaemonOrder) -> None:
         self.side = order.side
         self._order = order
         self._reader: RingReader | None = None
@@ -224,8 +224,8 @@ class Session:
     def _in_order(self) -> list[tuple[str, Daemon]]:
         return sorted(self.daemons.items())
 
-    def _order(self, side: str) -> Order:
-        return Order(
+    def _order(self, side: str) -> DaemonOrder:
+        return DaemonOrder(
             side=side,
             file=str(self.configuration.path),
             overrides=tuple(self.overrides),

@@ -72,10 +72,10 @@ class Recorder:
     """
 
     def __init__(self, configuration: Configuration, rings: Mapping[str, str], out: Path) -> None:
-        from weberlink.telemetry.recording.recorder import Order  # noqa: PLC0415 - reads and writes with an optional library
+        from weberlink.telemetry.recording.recorder import RecordingOrder  # noqa: PLC0415 - reads and writes with an optional library
 
         self._out = out
-        order = Order(rings=dict(rings), out=str(out), facts=facts(configuration))
+        order = RecordingOrder(rings=dict(rings), out=str(out), facts=facts(configuration))
         # In its own session: Ctrl-C reaches the launcher only; the recorder ends when the rings end.
         self._process = subprocess.Popen(  # noqa: S603
             [sys.executable, "-m", "weberlink.telemetry.recording.recorder", order.to_json()],

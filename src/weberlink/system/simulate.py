@@ -1,4 +1,4 @@
-"""A configuration in virtual time: composed as the daemons are, driven by a simulation instead of a clock."""
+"""Runs a configuration in virtual time, composed as the daemons are."""
 
 from pathlib import Path
 from random import Random
@@ -6,8 +6,7 @@ from time import perf_counter
 from typing import Any
 
 from weberlink.system.composition.channels import banks, measure_of
-from weberlink.system.composition.emulation import build_link
-from weberlink.system.composition.link import build_security
+from weberlink.system.composition.link import build_link, build_security
 from weberlink.system.composition.master import build_master
 from weberlink.system.composition.slave import build_slave
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration, ConfigurationError
@@ -22,7 +21,7 @@ DEFAULT_DURATION = 60.0
 
 
 def build_simulation(configuration: Configuration) -> Simulation:
-    """Both sides and their link, not yet begun. Chance comes from the seed of `link.emulate` alone.
+    """Both sides and their link, not yet begun. All random numbers follow from the seed of `link.emulate`.
 
     Raises:
         ConfigurationError: if a part cannot be made as the file asks.
@@ -32,23 +31,10 @@ def build_simulation(configuration: Configuration) -> Simulation:
     emulation = system.link.emulate or EmulationSettings()
     to_slave, to_master = emulation.directions
     chance = {name: Random(f"{emulation.seed}/{name}") for name in ("master", "slave", "forward", "backward")}  # noqa: S311
-    security = build_security(configuration)
+    common: dict[str, Any] = {"security": build_security(configuration), "epoch": 0.0, "stopwatch": lambda: 0.0}
     return Simulation(
-        master=build_master(
-            configuration,
-            security=security,
-            entropy=chance["master"].randbytes,
-            epoch=0.0,
-            stopwatch=_no_time,
-            peer=SLAVE_ADDRESS,
-        ),
-        slave=build_slave(
-            configuration,
-            security=security,
-            entropy=chance["slave"].randbytes,
-            epoch=0.0,
-            stopwatch=_no_time,
-        ),
+        master=build_master(configuration, entropy=chance["master"].randbytes, peer=SLAVE_ADDRESS, **common),
+        slave=build_slave(configuration, entropy=chance["slave"].randbytes, **common),
         links=(
             build_link(to_slave, chance["forward"].random, 0.0),
             build_link(to_master, chance["backward"].random, 0.0),
@@ -58,7 +44,7 @@ def build_simulation(configuration: Configuration) -> Simulation:
 
 
 def _refuse_hardware(configuration: Configuration) -> None:
-    """What is plugged in has a time of its own."""
+    """Hardware drivers cannot run in virtual time."""
     system = configuration.system
     for where, part, name in (
         ("master.device", configuration.device, system.master.device.driver),
@@ -66,8 +52,8 @@ def _refuse_hardware(configuration: Configuration) -> None:
     ):
         if part is not None and hasattr(part.driver, "plugged"):
             raise ConfigurationError(
-                f"{configuration.path}: {where}.driver: {name} is hardware, and virtual time is not its; "
-                f"run it live, against `weberlink emulate {name}` if need be"
+                f"{configuration.path}: {where}.driver: {name} is a hardware driver and cannot run in "
+                f"virtual time; run it live, against `weberlink emulate {name}` if need be"
             )
 
 
@@ -93,7 +79,7 @@ def simulate(
     simulation = build_simulation(configuration)
     score = SessionScore(system.rate_hz, *banks(system), measure_of(system))
     recorder = TraceRecorder()
-    recording = None if record is None else Recording(configuration, record)
+    recording = None if record is None else VirtualRecording(configuration, record)
     observers: list[Observer] = [score, recorder, *([] if recording is None else [recording])]
     began = perf_counter()
     simulation.run(DEFAULT_DURATION if duration is None else duration, observers)
@@ -114,8 +100,8 @@ def simulate(
     return summary | ({} if recording is None else {"recording": recording.finish()}), recorder
 
 
-class Recording:
-    """What a live session's recorder would write, its clock beginning at 0. A full disk costs the recording alone.
+class VirtualRecording:
+    """Writes the recording of a live session, on a clock that begins at 0. A full disk ends the recording alone.
 
     Raises:
         ConfigurationError: from the constructor, if the file cannot be made.
@@ -156,8 +142,3 @@ class Recording:
             "lost": writer.lost,
             "outcome": self._outcome,
         }
-
-
-def _no_time() -> float:
-    """The stopwatch of virtual time: equal runs must be equal bit for bit."""
-    return 0.0

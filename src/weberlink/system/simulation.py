@@ -1,7 +1,4 @@
-"""The whole system in virtual time: both loops and the faulty link between them, same seed, same run, bit for bit.
-
-Owns the order of events and nothing else; the loops and the link are the ones that the daemons use.
-"""
+"""The whole system in virtual time: both sides and an emulated link. The same seed gives the same run, bit for bit."""
 
 from collections.abc import Iterator, Sequence
 from itertools import islice
@@ -9,22 +6,21 @@ from typing import Protocol
 
 import numpy as np
 
-from weberlink.master.loop import MasterLoop
 from weberlink.protocol.emulation import EmulatedLink
-from weberlink.slave.loop import SlaveLoop
 from weberlink.system.scoring.session import Records
+from weberlink.system.side import Side
 from weberlink.telemetry.record import DESCRIPTION, RECORD, Record
 
 MASTER_ADDRESS = ("master", 1)
 SLAVE_ADDRESS = ("slave", 2)
 CHUNK = 1000
-"""Ticks between two looks of the score at the records."""
+"""Ticks after which the observers get the records."""
 
 Link = EmulatedLink[tuple[str, int]]
 
 
 class Observer(Protocol):
-    """Whoever looks at a run: a score, a recorder."""
+    """Reads the records of a run: a score, a recorder."""
 
     def add(self, master: Records, slave: Records) -> None:
         """Take the next records of both sides."""
@@ -34,9 +30,8 @@ class Observer(Protocol):
 class Simulation:
     """Two sides and a link, stepped tick by tick.
 
-    A datagram arrives at its own time, between ticks if need be. In a tick the master goes first, so over a link
-    without delay a position is acted on in the tick that it was sent, and the force that answers is felt one tick
-    later.
+    A datagram arrives at its own time, also between ticks. In a tick the master goes first: over a link without delay a
+    position is acted on in the tick in which it was sent, and the force is felt one tick later.
 
     Args:
         master: the operator's side; its endpoint's epoch is `epoch`.
@@ -49,8 +44,8 @@ class Simulation:
     def __init__(
         self,
         *,
-        master: MasterLoop,
-        slave: SlaveLoop,
+        master: Side,
+        slave: Side,
         links: tuple[Link, Link],
         tick_period: float,
         epoch: float = 0.0,

@@ -1,4 +1,4 @@
-"""The faults that a record can name, as both sides number them, and the ledger of those a side has met."""
+"""The faults that a telemetry record can name, and the ledger of those that a side has met."""
 
 from collections import Counter
 from enum import IntEnum

@@ -1,7 +1,4 @@
-"""The read side of a ring: every complete record since the last look, as a numpy array.
-
-Owns a read-only mapping and its place in it. Knows nothing of what a record means; it cannot disturb the writer.
-"""
+"""Reads a ring: every complete record since the last read, as a numpy array, without disturbing the writer."""
 
 import os
 from mmap import ACCESS_READ, mmap

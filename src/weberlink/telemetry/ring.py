@@ -1,11 +1,9 @@
-"""The ring file and its writer: records in shared memory, and one counter that publishes them.
-
-Owns the layout of the file and the write side of it. Knows nothing of what a record means, nor of any reader.
+"""The ring file and its writer: records in shared memory, published by one counter.
 
 Record number n lies in slot n modulo capacity. The counter of complete records is stored after the record, as one
-aligned 8-byte word. A reader that copies records and then looks at the counter again knows which of them were
-overwritten meanwhile: with c records complete, record c may be in the making, so that c - capacity and all older ones
-are gone. This needs stores to become visible in order, which x86-64 promises; on ARM64 nothing here enforces it.
+aligned 8-byte word. A reader copies records and reads the counter again: with c records complete, record c may be being
+written, so c - capacity and all older ones may be overwritten. This needs stores to become visible in order, which
+x86-64 guarantees; on ARM64 nothing here enforces it.
 """
 
 import os
@@ -25,7 +23,7 @@ from weberlink.telemetry.runtime_directory import directory, open_file
 
 MAGIC = b"WEBRING\x00"
 VERSION = 1
-# Changes with every change of the table, so that a reader of another release says so instead of reading nonsense.
+# Changes with every change of the table, so that a reader of another release refuses the file.
 SCHEMA = zlib.crc32(repr([(field.name, field.kind, field.axes) for field in FIELDS]).encode())
 
 HEADER = Struct("<8sIIIIQQddd32s")
@@ -38,9 +36,9 @@ LARGEST_FILE = 128 * 2**20
 
 
 class Header(NamedTuple):
-    """What a ring file says about itself; `side` is UTF-8 filled up with zero bytes.
+    """Header of a ring file; `side` is UTF-8 filled up with zero bytes.
 
-    Everything up to `pid_started` keeps its place in later versions: a stale file of any release can be replaced.
+    Fields up to `pid_started` keep their place in later versions, so that a stale file of any release can be replaced.
     """
 
     magic: bytes

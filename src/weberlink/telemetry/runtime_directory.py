@@ -1,11 +1,8 @@
-"""The directory in memory that belongs to one user alone, and how a file in it is opened.
+"""The private in-memory directory of a user for rings, descriptions and control sockets.
 
-The rings, descriptions and control sockets of all sessions of a user lie there. No other user can read, make or
-replace anything in it, so the names of the files may be predictable.
-
-In this order: `$XDG_RUNTIME_DIR/weberlink`, `/run/user/UID/weberlink`, `/dev/shm/weberlink-UID`. The first two need a
-parent directory of this user that is kept in memory (tmpfs). In `/dev/shm` everybody may make files; where another user
-has taken the name, a suffix chosen by chance is added.
+It is the first of `$XDG_RUNTIME_DIR/weberlink`, `/run/user/UID/weberlink` and `/dev/shm/weberlink-UID`. The first two
+need a parent directory of this user on a tmpfs. In `/dev/shm` everybody may create files; where another user has taken
+the name, a random suffix is added.
 """
 
 import os

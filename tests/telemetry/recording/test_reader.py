@@ -1,7 +1,6 @@
 """Reading: files that are cut, damaged, rewritten, of another release, or no recording at all."""
 
 import struct
-import zlib
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from mcap.writer import CompressionType, Writer
 
 from tests.telemetry.recording.records import FACTS, SIDES, frames_of, noise, origin, same, small_file
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT
-from weberlink.telemetry.recording.origin import TOPICS
+from weberlink.telemetry.recording.message import ENCAPSULATION, SCHEMA_NAME, SCHEMA_TEXT, TOPICS
 from weberlink.telemetry.recording.reader import RecordingError, read_recording
 
 
@@ -76,15 +74,6 @@ class TestCutOff:
             steps.add(tuple(map(len, recording.records.values())))
         assert steps == {"nothing", (0,), (0, 0), (1, 1), (2, 2)}
 
-    def test_at_the_end_of_a_chunk_all_of_it_is_there(self, path, tmp_path):
-        written = small_file(path, pieces=3)
-        data = path.read_bytes()
-        sizes = [struct.unpack_from("<Q", data, at + 1)[0] + 9 for at in places(data, Chunk)]
-        for index, (at, size) in enumerate(zip(places(data, Chunk), sizes, strict=True)):
-            path.write_bytes(data[: at + size])
-            for side, records in read_recording(path).records.items():
-                assert same(records, written[side][: 5 * (index + 1)])
-
     def test_messages_that_are_whole_in_a_chunk_that_is_not_are_read_if_it_is_not_compressed(self, path, tmp_path):
         written = {"slave": noise(10, 1)}
         write_elsewhere(path, written)
@@ -113,9 +102,9 @@ def places(data, kind):
 
 
 def dense(data):
-    """Every place in a file, but only one in thirty of the long text of a schema."""
+    """Every fourth place in a file, and every thirtieth of the long text of a schema."""
     schemas = [range(at + 60, at + len(SCHEMA_TEXT)) for at in places(data, Schema)]
-    return [at for at in range(len(data)) if at % 30 == 0 or not any(at in schema for schema in schemas)]
+    return [at for at in range(len(data)) if at % 30 == 0 or (at % 4 == 0 and not any(at in each for each in schemas))]
 
 
 class TestDamaged:
@@ -137,15 +126,6 @@ class TestDamaged:
                 if records.dtype == DTYPE:
                     assert {record.tobytes() for record in records} <= {record.tobytes() for record in written[side]}
 
-    def test_a_changed_index_costs_nothing(self, path):
-        written = small_file(path)
-        data = bytearray(path.read_bytes())
-        data[-200] ^= 1
-        path.write_bytes(data)
-        recording = read_recording(path)
-        assert recording.complete
-        assert same(recording.records["slave"], written["slave"])
-
     def test_what_comes_before_a_changed_chunk_is_kept(self, path):
         written = small_file(path)
         data = bytearray(path.read_bytes())
@@ -157,17 +137,6 @@ class TestDamaged:
         assert "\n" not in recording.outcome
         for side in SIDES:
             assert same(recording.records[side], written[side][:10])
-
-    def test_random_bytes_behind_a_good_beginning_do_no_harm(self, path):
-        written = small_file(path)
-        data = path.read_bytes()
-        at = places(data, Chunk)[1]
-        rng = np.random.default_rng(7)
-        for _ in range(300):
-            path.write_bytes(data[:at] + rng.bytes(500))
-            recording = read_recording(path)
-            assert not recording.complete
-            assert same(recording.records["slave"], written["slave"][:5])
 
     def test_a_chunk_that_claims_to_be_huge_is_damage(self, path):
         small_file(path)
@@ -189,11 +158,6 @@ class TestOfAnotherProgram:
         for side in SIDES:
             assert same(recording.records[side], written[side])
         assert (recording.complete, recording.facts, recording.lost) == (False, {}, {})
-
-    def test_messages_that_are_filled_up_are_the_same(self, path):
-        written = {"master": noise(9, 1)}
-        write_elsewhere(path, written, pad=b"\0\0\0\0")
-        assert same(read_recording(path).records["master"], written["master"])
 
     def test_messages_out_of_order_are_put_in_order(self, path):
         records = noise(50, 1)
@@ -257,13 +221,6 @@ class TestWhatIsNoRecording:
         path.write_bytes(content)
         assert message in error_of(path)
 
-    def test_no_topic_at_all(self, path):
-        with path.open("wb") as file:
-            writer = Writer(file)
-            writer.start("ros1", "x")
-            writer.finish()
-        assert "is an MCAP file without a topic" in error_of(path)
-
     def test_topics_of_something_else_are_named(self, path):
         with path.open("wb") as file:
             writer = Writer(file)
@@ -322,11 +279,3 @@ def test_a_side_that_is_there_twice_is_one_if_it_fits(path):
             writer.add_message(channels[index % 2], index, ENCAPSULATION + record.tobytes(), index)
         writer.finish()
     assert same(read_recording(path).records["slave"], records)
-
-
-def test_the_checksum_of_the_file_is_that_of_the_format(path):
-    small_file(path)
-    data = path.read_bytes()
-    (at,) = places(data, DataEnd)
-    (end,) = [frame for frame in frames_of(data) if isinstance(frame, DataEnd)]
-    assert end.data_section_crc == zlib.crc32(data[:at])

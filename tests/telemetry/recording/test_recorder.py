@@ -17,11 +17,10 @@ from mcap.reader import make_reader
 
 from tests.telemetry.recording.records import FACTS, SIDES, noise, origin
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.record import COLUMNS, FIELDS
+from weberlink.telemetry.record import FIELDS
 from weberlink.telemetry.recording.reader import read_recording
-from weberlink.telemetry.recording.recorder import Order, Source
+from weberlink.telemetry.recording.recorder import RecordingOrder, RingSource
 from weberlink.telemetry.recording.writer import RecordingWriter
-from weberlink.telemetry.ring import RingWriter
 
 ROOT = Path(__file__).parents[3]
 PATIENCE = 120.0
@@ -47,7 +46,7 @@ class Session:
 
     def recorder(self, sides=SIDES, **changes):
         rings = {side: str(self.ring(side)) for side in sides}
-        order = Order(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
+        order = RecordingOrder(**{"rings": rings, "out": str(self.out), "facts": FACTS} | changes)
         return self._start("-m", "weberlink.telemetry.recording.recorder", order.to_json())
 
     def _start(self, *arguments):
@@ -93,11 +92,6 @@ def assert_whole(records, count=None):
         assert np.array_equal(records[field.name], expected if field.axes == 1 else np.repeat(expected[:, None], 3, 1))
 
 
-def test_an_order_survives_its_way():
-    order = Order({"master": "/a"}, "/b", FACTS)
-    assert Order.from_json(order.to_json()) == order
-
-
 def test_every_record_of_both_sides_is_there(session):
     recorder = session.recorder()
     for side in SIDES:
@@ -114,23 +108,16 @@ def test_every_record_of_both_sides_is_there(session):
     for side in SIDES:
         assert_whole(recording.records[side], 2000)
         assert recording.origins[side].rate_hz == 1000.0
+    master, slave = recording.origins.values()
+    assert (master.wall_s, master.monotonic_s) == (slave.wall_s, slave.monotonic_s)
     with session.out.open("rb") as file:
         times = [message.log_time for *_, message in make_reader(file, validate_crcs=True).iter_messages()]
     now = time.time()
     assert now - 60.0 < min(times) / 1e9 < max(times) / 1e9 < now
 
 
-def test_both_sides_of_a_host_are_on_one_axis(session):
-    recorder = session.recorder()
-    for side in SIDES:
-        session.daemon(side, 1500)
-    assert finish(recorder)[0] == 0
-    master, slave = read_recording(session.out).origins.values()
-    assert (master.wall_s, master.monotonic_s) == (slave.wall_s, slave.monotonic_s)
-
-
 @realtime
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_killed_recorder_leaves_all_but_the_last_moment(session, seed):
     daemons = [session.daemon(side, 0) for side in SIDES]
     recorder = session.recorder()
@@ -171,23 +158,9 @@ def test_a_killed_daemon_costs_none_of_its_records(session):
             ring.close()
 
 
-def test_when_all_are_killed_what_was_flushed_is_there(session):
-    daemons = [session.daemon(side, 0) for side in SIDES]
-    recorder = session.recorder()
-    until(lambda: has_written(session.out, 60_000), "the recording to grow")
-    for process in (daemons[0], recorder, daemons[1]):
-        process.kill()
-    recorder.wait()
-    recording = read_recording(session.out)
-    assert not recording.complete
-    for side in SIDES:
-        assert len(recording.records[side]) > 100
-        assert_whole(recording.records[side])
-
-
 def test_it_outlives_whoever_started_it(session):
     session.daemon("slave", 1500)
-    order = Order({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
+    order = RecordingOrder({"slave": str(session.ring("slave"))}, str(session.out), FACTS)
     parent = subprocess.Popen(
         [sys.executable, "-c", "import subprocess, sys, time\n"
          "process = subprocess.Popen([sys.executable, '-m', 'weberlink.telemetry.recording.recorder', sys.argv[1]],"
@@ -213,13 +186,14 @@ def ended(pid):
         return True
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_told_to_stop_it_takes_what_is_there_and_finishes(session, number):
+def test_told_to_stop_it_takes_what_is_there_and_finishes(session):
+    number = signal.SIGTERM
     session.daemon("slave", 0)
     recorder = session.recorder(["slave"])
     until(lambda: has_written(session.out), "the recording to grow")
     with RingReader(session.ring("slave")) as ring:
         written = ring.written
+    recorder.send_signal(signal.SIGHUP)  # of a terminal that closes: ignored
     recorder.send_signal(number)
     status, told = finish(recorder)
     assert (status, told["outcome"]) == (1, f"stopped by {number.name}")
@@ -227,14 +201,6 @@ def test_told_to_stop_it_takes_what_is_there_and_finishes(session, number):
     assert (recording.complete, recording.outcome) == (False, told["outcome"])
     assert len(recording.records["slave"]) >= written
     assert_whole(recording.records["slave"], told["records"]["slave"])
-
-
-def test_a_hangup_is_not_for_it(session):
-    session.daemon("slave", 1500)
-    recorder = session.recorder(["slave"])
-    until(lambda: has_written(session.out), "the recording to grow")
-    recorder.send_signal(signal.SIGHUP)
-    assert finish(recorder)[0] == 0
 
 
 @realtime
@@ -268,18 +234,6 @@ def test_a_side_that_never_began_does_not_hold_it_up(session):
     assert_whole(recording.records["slave"], 1500)
 
 
-@realtime
-def test_a_side_may_begin_later(session):
-    recorder = session.recorder()
-    session.daemon("slave", 2000)
-    until(lambda: has_written(session.out), "the recording to grow")
-    session.daemon("master", 1000)
-    assert finish(recorder)[0] == 0
-    recording = read_recording(session.out)
-    assert_whole(recording.records["slave"], 2000)
-    assert_whole(recording.records["master"], 1000)
-
-
 def catches(pid, number):
     """Whether the process has a handler for the signal."""
     (caught,) = re.findall(r"^SigCgt:\t(\w+)$", Path(f"/proc/{pid}/status").read_text(), re.MULTILINE)
@@ -292,14 +246,6 @@ def test_without_any_telemetry_it_gives_up_and_leaves_no_file(session):
     recorder.send_signal(signal.SIGTERM)
     status, told = finish(recorder)
     assert (status, told["outcome"], told["records"]) == (1, "stopped by SIGTERM", {})
-    assert not session.out.exists()
-
-
-def test_what_is_no_ring_is_named(session):
-    session.ring("slave").write_text("notes")
-    status, told = finish(session.recorder())
-    assert status == 1
-    assert told["outcome"] == f"{session.ring('slave')}: not a telemetry ring"
     assert not session.out.exists()
 
 
@@ -366,7 +312,7 @@ class DyingRing:
 
 
 def test_the_last_record_of_a_writer_that_dies_meanwhile_is_taken(session):
-    source = Source("slave", "")
+    source = RingSource("slave", "")
     source.ring = DyingRing()
     with RecordingWriter.create(session.out, {}) as writer:
         writer.add_side(origin("slave"))
@@ -378,16 +324,6 @@ def test_the_last_record_of_a_writer_that_dies_meanwhile_is_taken(session):
     recording = read_recording(session.out)
     assert recording.records["slave"]["tick"].tolist() == [0, 1, 2, 3]
     assert recording.lost == {"slave": 0}
-
-
-def test_a_ring_that_was_full_before_is_read_to_its_end(session):
-    with RingWriter.create(session.ring("slave"), side="slave", rate_hz=1000.0, capacity=5000) as ring:
-        for i in range(4999):
-            ring.write((i % 251,) * len(COLUMNS))
-        recorder = session.recorder(["slave"])
-        until(lambda: has_written(session.out, 4000), "the recording to grow")
-    status, told = finish(recorder)
-    assert (status, told["records"]) == (0, {"slave": 4999})
 
 
 @pytest.mark.parametrize(

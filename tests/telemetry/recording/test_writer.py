@@ -79,26 +79,6 @@ def test_times_that_are_none_or_out_of_range_cost_nothing(path):
     assert same(read_recording(path).records["slave"], records)
 
 
-def test_records_of_one_moment_stay_in_their_order(path):
-    records = noise(500, 1)
-    records["at"] = MONOTONIC_S + records["tick"] * 7 % 3
-    with RecordingWriter.create(path, {}) as writer:
-        writer.add_side(origin("slave"))
-        writer.write("slave", records)
-    with path.open("rb") as file:
-        messages = [message for *_, message in make_reader(file).iter_messages(log_time_order=False)]
-    assert [message.sequence for message in messages] == sorted(range(500), key=lambda number: number * 7 % 3)
-
-
-def test_a_part_of_an_array_and_a_strided_one_are_written_as_they_are_seen(path):
-    records = noise(100, 3)
-    with RecordingWriter.create(path, {}) as writer:
-        writer.add_side(origin("slave"))
-        writer.write("slave", records[10:20])
-        writer.write("slave", records[20::7])
-    assert same(read_recording(path).records["slave"], np.concatenate([records[10:20], records[20::7]]))
-
-
 def decoded(message, field):
     value = getattr(message, field.name)
     if field.axes == 1:
@@ -128,6 +108,10 @@ def test_the_library_accepts_the_file_with_every_checksum_and_count(path):
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         assert reader.get_header().profile == "ros2"
+        for *_, message in reader.iter_messages():
+            (at,) = np.frombuffer(message.data[len(ENCAPSULATION) :], DTYPE)["at"]
+            expected = round(WALL_S * 1e9) + round((at - MONOTONIC_S) * 1e9)
+            assert message.log_time == message.publish_time == expected
         summary = reader.get_summary()
         assert [message.log_time for *_, message in reader.iter_messages(log_time_order=False)] == sorted(
             message.log_time for *_, message in reader.iter_messages()
@@ -171,16 +155,6 @@ def test_the_message_index_points_at_each_message(path):
                 assert struct.unpack_from("<B8xH", data, place) == (Opcode.MESSAGE_INDEX, channel)
 
 
-def test_log_time_is_the_wall_clock_at_the_deadline_of_the_tick(path):
-    small_file(path)
-    with path.open("rb") as file:
-        for *_, message in make_reader(file).iter_messages():
-            at, tick = np.frombuffer(message.data[len(ENCAPSULATION) :], DTYPE)[["at", "tick"]][0]
-            expected = round(WALL_S * 1e9) + round((at - MONOTONIC_S) * 1e9)
-            assert message.log_time == message.publish_time == expected
-            assert expected == pytest.approx(WALL_S * 1e9 + tick * 1e6, abs=1000)
-
-
 def test_what_is_flushed_is_in_the_file_and_what_waits_is_bounded(path):
     with RecordingWriter.create(path, FACTS) as writer:
         writer.add_side(origin("master"))
@@ -203,11 +177,6 @@ def test_a_file_that_is_there_is_never_overwritten(path):
         RecordingWriter.create(path, {})
     assert str(path) in str(error.value)
     assert path.read_text() == "mine"
-
-
-def test_a_folder_that_is_not_there_is_an_error_of_the_system(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        RecordingWriter.create(tmp_path / "no" / "r.mcap", {})
 
 
 def test_lost_records_are_told(path):
@@ -274,7 +243,7 @@ def check_filled(path, told):
         return reader.get_summary()
 
 
-@pytest.mark.parametrize("limit", range(60_000, 120_000, 7919))
+@pytest.mark.parametrize("limit", [60_000, 83_757, 107_514])
 def test_a_limit_of_size_leaves_a_file_that_is_whole_as_far_as_it_goes(path, limit):
     told = fill(path, limit=limit)
     check_filled(path, told)

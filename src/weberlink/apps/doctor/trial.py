@@ -10,11 +10,11 @@ import select
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, field
+from math import ceil
 from pathlib import Path
 from time import monotonic_ns
 
 from weberlink.realtime import timerfd
-from weberlink.realtime.histogram import Histogram
 from weberlink.realtime.process import prepare
 
 MEASURE_S = 0.5
@@ -32,44 +32,33 @@ IMPORTS = (
 
 @dataclass(frozen=True, slots=True)
 class RightsRequest:
-    """Rights to try, as a configuration asks for them.
-
-    Args:
-        priority: of SCHED_FIFO; 0 for none.
-        lock_memory: whether to lock memory.
-        wakeful: whether to keep processors out of deep idle states.
-        cpu: processor to pin to; None for none.
-        rate_hz: tick rate [Hz].
-        encrypted: whether a daemon loads the encryption library.
-    """
+    """Rights to try, as a configuration asks for them."""
 
     priority: int
     lock_memory: bool
     wakeful: bool
     cpu: int | None
+    """To pin the process to."""
     rate_hz: float
     encrypted: bool = False
+    """Whether a daemon loads the encryption library."""
 
 
 @dataclass(frozen=True, slots=True)
 class RightsTrial:
-    """Result of the trial.
-
-    Args:
-        grants: as a run reports them: name to `granted` and `detail`.
-        memory_bytes: address space of such a process, which a limit on locked memory must allow.
-        lateness_us: from deadline to wake-up: `p50`, `p99`, `max`.
-        wake_ups: number of wake-ups measured.
-        missed: deadlines without a wake-up.
-        failure: why the trial failed; None if it did not.
-    """
+    """Result of the trial."""
 
     grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)
+    """Name to `granted` and `detail`, as in the report of a session."""
     memory_bytes: int = 0
+    """Address space of such a process, which a limit on locked memory must allow."""
     lateness_us: dict[str, float] = field(default_factory=dict)
+    """From deadline to wake-up: `p50`, `p99`, `max`."""
     wake_ups: int = 0
     missed: int = 0
+    """Deadlines without a wake-up."""
     failure: str | None = None
+    """Why there is no result."""
 
 
 def run_trial(request: RightsRequest) -> RightsTrial:
@@ -102,16 +91,17 @@ def main(text: str) -> None:
     answer = RightsTrial(
         grants=grants.as_dict(),
         memory_bytes=address_space_bytes(),
-        lateness_us={"p50": lateness.percentile(50), "p99": lateness.percentile(99), "max": lateness.max},
-        wake_ups=lateness.count,
+        lateness_us={"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)},
+        wake_ups=len(lateness),
         missed=missed,
     )
     sys.stdout.write(json.dumps(asdict(answer)))
 
 
-def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[Histogram, int]:
+def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[list[float], int]:
     """Lateness of wake-ups from a timer at this rate [us], and how many deadlines passed without one."""
-    lateness, missed = Histogram(), 0
+    lateness: list[float] = []
+    missed = 0
     period_ns = round(1e9 / rate_hz)
     start_ns = monotonic_ns() + period_ns
     count = max(2, int(seconds * rate_hz))
@@ -125,10 +115,15 @@ def measure(rate_hz: float, seconds: float = MEASURE_S) -> tuple[Histogram, int]
             passed = timerfd.expirations(fd)
             index += passed
             missed += max(0, passed - 1)
-            lateness.add((now - start_ns - index * period_ns) * 1e-3)
+            lateness.append((now - start_ns - index * period_ns) * 1e-3)
     finally:
         os.close(fd)
     return lateness, missed
+
+
+def nearest_rank(values: list[float], share: float) -> float:
+    """The smallest value that this share of the values does not exceed."""
+    return sorted(values)[max(0, ceil(share * len(values)) - 1)]
 
 
 def address_space_bytes() -> int:

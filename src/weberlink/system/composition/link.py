@@ -1,19 +1,26 @@
-"""What both sides build alike from a configuration: agreement, security, endpoint, emulated faults."""
+"""What both sides build alike from a configuration: agreement, security, endpoint, control, tuning, emulated faults."""
 
 from collections.abc import Callable
 from functools import wraps
 from secrets import token_bytes
-from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
-from weberlink.codec import Channel
-from weberlink.control.contract import Settings as ControlSettings
+from weberlink.codec import Channel, Encoder
+from weberlink.codec.predictors import BANKS
+from weberlink.control.contract import Control, Imposable, SchemeParameters
 from weberlink.control.table import SCHEMES
+from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address
 from weberlink.protocol.security import Security
 from weberlink.realtime.process import forbid_core_dumps
+from weberlink.system.composition.channels import force_deadband
 from weberlink.system.configuration import Configuration, ConfigurationError, System
+from weberlink.system.configuration.model import DirectionFaults
+
+if TYPE_CHECKING:
+    from weberlink.protocol.emulation import EmulatedLink
 
 Entropy = Callable[[int], bytes]
 Stopwatch = Callable[[], float]
@@ -34,9 +41,11 @@ class Identity(NamedTuple):
 
 
 ANONYMOUS = Identity()
+AUTO = "auto"
 
 P = ParamSpec("P")
 R = TypeVar("R")
+ControlEnd = TypeVar("ControlEnd")
 
 
 def located(build: Callable[Concatenate[Configuration, P], R]) -> Callable[Concatenate[Configuration, P], R]:
@@ -120,20 +129,29 @@ def build_endpoint(
     )
 
 
-def control_settings(system: System, force_range: float) -> ControlSettings:
-    """What both sides of the control scheme are built from.
+@located
+def build_control(
+    configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], force_range: float
+) -> ControlEnd:
+    """One end of the control scheme.
 
     Args:
-        system: both sides.
-        force_range: largest force that the wire and the robot can say [N].
+        configuration: of both sides.
+        build: makes the end of a scheme of this name.
+        force_range: largest force that the wire and the robot can represent [N].
+
+    Raises:
+        ConfigurationError: if the scheme is of another distribution and broken.
     """
-    return ControlSettings(
+    system = configuration.system
+    settings = SchemeParameters(
         tick_period=system.tick_period,
         force_range=force_range,
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
         catch_up_speed=system.slave.limits.approach_speed_m_s,
     )
+    return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
 
 
 def construct(where: str, driver: Any, *arguments: Any) -> Any:
@@ -168,3 +186,57 @@ def _flat(tree: dict[str, Any], prefix: str) -> dict[str, object]:
         else:
             leaves[f"{prefix}{key}"] = value
     return leaves
+
+
+def permitted(system: System) -> dict[str, tuple[str, ...]]:
+    """What may be changed in a session of this file, and to which names; k to any number from 0 to 1.
+
+    The bank that was agreed holds every predictor that may be chosen, so an update says by its selector what it needs.
+    Likewise a session of `auto` carries what every control scheme needs.
+    """
+    if not system.control.live_changes:
+        return {}
+    choices: dict[str, tuple[str, ...]] = {"weber": ()}
+    force = system.codec.force
+    if force.predictor in BANKS and len(force.bank) > 1:
+        choices["predictor"] = (*force.bank, force.predictor)
+    if system.control.scheme == AUTO:
+        choices["scheme"] = tuple(SCHEMES)
+    return choices
+
+
+def build_tuning(system: System, control: Control, force_encoder: Encoder | None = None) -> Tuning:
+    """The tuning of a side. The end that encodes the force gives its encoder; a decoder needs no tuning."""
+    force = system.codec.force
+
+    def apply(settings: LiveSettings) -> None:
+        if force_encoder is not None:
+            chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
+            force_encoder.retune(force_deadband(system, settings.weber), chosen if force.predictor in BANKS else [0])
+        if isinstance(control, Imposable):
+            control.impose(None if settings.scheme == AUTO else settings.scheme)
+
+    return Tuning(_of_file(system), permitted(system), apply)
+
+
+def _of_file(system: System) -> LiveSettings:
+    force = system.codec.force
+    return LiveSettings(force.weber, force.predictor, system.control.scheme)
+
+
+def build_link(settings: DirectionFaults, uniform: Callable[[], float], epoch: float) -> "EmulatedLink[Address]":
+    """One direction of an emulated link; `uniform` draws from 0 to 1."""
+    from weberlink.protocol.emulation import EmulatedLink, Emulation  # noqa: PLC0415 - only where a file asks for it
+
+    emulation = Emulation(
+        delay_s=settings.delay_ms * 1e-3,
+        jitter_s=settings.jitter_ms * 1e-3,
+        loss=settings.loss,
+        burst=settings.burst,
+        reorder=settings.reorder,
+        duplicate=settings.duplicate,
+        corrupt=settings.corrupt,
+        rate_bit_s=None if settings.rate_kbit_s is None else settings.rate_kbit_s * 1e3,
+        blackouts=settings.blackouts_s,
+    )
+    return EmulatedLink(emulation, uniform, epoch)

@@ -1,38 +1,35 @@
-"""The operator's side, from device to endpoint."""
+"""Builds the operator's side from a configuration."""
 
 from math import inf
-from typing import TYPE_CHECKING
 
 from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device
-from weberlink.master.loop import MasterLoop
+from weberlink.master.devices.contract import Device, GuardedDevice
+from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
 from weberlink.protocol.liveness import FADE_SHARE, HORIZON_SHARE
 from weberlink.protocol.security import Security
+from weberlink.realtime.stall import Watchdog
+from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
-from weberlink.system.composition.guardian import check_force_ends
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
     Identity,
     Stopwatch,
+    build_control,
     build_endpoint,
+    build_tuning,
     check_axes,
     construct,
-    control_settings,
     located,
 )
-from weberlink.system.composition.live import build_master_tuning
-from weberlink.system.composition.mapping import build_mapping
 from weberlink.system.configuration import Configuration, ConfigurationError, System
-
-if TYPE_CHECKING:
-    from weberlink.master.rotation import HandRotation
+from weberlink.system.side import Side
 
 FASTEST_TOUCH = 1.0
 """Speed of a hand that meets a wall [m/s], from which the default slew limit follows."""
@@ -47,7 +44,7 @@ def build_master(
     stopwatch: Stopwatch,
     peer: Address,
     identity: Identity = ANONYMOUS,
-) -> MasterLoop:
+) -> Side:
     """The operator's side, not yet open.
 
     Raises:
@@ -56,44 +53,51 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_master_control(system.control.scheme, control_settings(system, force_limit))
-    engage = system.master.engage
-    return MasterLoop(
+    control = build_control(configuration, build_master_control, force_limit)
+    endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
+    displays = [Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control)]
+    if system.codec.rotation is not None:
+        displays.append(_torque_display(system, device))
+    limits, silence, engage = system.master.limits, system.link.silence_ms * 1e-3, system.master.engage
+    port = OperatorPort(
         device=device,
-        encoder=Encoder(forward[0]),
-        decoder=Decoder(backward[0]),
+        displays=displays,
         control=control,
-        tuning=build_master_tuning(system, control),
-        endpoint=build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity),
-        gate=ForceGate(
-            ramp=system.master.limits.ramp_ms * 1e-3,
-            silence=system.link.silence_ms * 1e-3,
-            fade_share=FADE_SHARE,
-        ),
-        limiter=ForceLimiter(force_limit),
-        slew=SlewLimiter(_force_slew(system, device)),
-        tick_period=system.tick_period,
-        horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
-        device_limit=system.master.limits.device_ms * 1e-3,
-        stopwatch=stopwatch,
+        endpoint=endpoint,
+        gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
         button=None if engage is None else engage.button,
-        rotation=None if system.codec.rotation is None else _build_rotation(system, device),
+    )
+    outgoing = [OutgoingChannel("position", 0, Encoder(forward[0]), port.hand)]
+    incoming = [IncomingChannel("force", 0, Decoder(backward[0]), port.hand, control)]
+    if system.codec.rotation is not None:
+        from weberlink.master.rotation import HandOrientation  # noqa: PLC0415 - for six degrees of freedom alone
+
+        encoder = Encoder(forward[1])
+        orientation = HandOrientation(on_jump=encoder.reset)
+        outgoing.append(OutgoingChannel("orientation", 1, encoder, orientation))
+        incoming.append(IncomingChannel("torque", 1, Decoder(backward[1]), orientation))
+    return Side(
+        port=port,
+        outgoing=outgoing,
+        incoming=incoming,
+        tuning=build_tuning(system, control),
+        endpoint=endpoint,
+        tick_period=system.tick_period,
+        horizon=HORIZON_SHARE * silence,
+        watchdog=Watchdog(limits.device_ms * 1e-3),
+        stopwatch=stopwatch,
     )
 
 
-def _build_rotation(system: System, device: Device) -> "HandRotation":
-    from weberlink.master.devices.contract import TorqueDevice  # noqa: PLC0415 - for six degrees of freedom alone
-    from weberlink.master.rotation import HandRotation  # noqa: PLC0415
+def _torque_display(system: System, device: Device) -> Display:
+    from weberlink.master.devices.contract import TorqueDevice  # noqa: PLC0415
 
-    (_, orientation), (_, torque) = streams(system)
     displayed = device.spec.torque_n_m
     allowed = system.master.limits.torque_nm / _force_scale(system)
-    return HandRotation(
-        device=device if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
-        encoder=Encoder(orientation),
-        decoder=Decoder(torque),
-        limiter=ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
-        slew=SlewLimiter(_torque_slew(system, device)),
+    return Display(
+        ForceLimiter(min(allowed, displayed) if displayed > 0.0 else allowed),
+        SlewLimiter(_torque_slew(system, device)),
+        device.turn if isinstance(device, TorqueDevice) and displayed > 0.0 else None,
     )
 
 
@@ -109,7 +113,7 @@ def build_device(configuration: Configuration) -> Device:
     device: Device = construct("master.device", part.driver, part.options, system.tick_period)
     check_force_ends(device, system.master.device.driver, system.master.accept_no_watchdog)
     if system.master.mapping is not None:
-        device = build_mapping(system, device)
+        device = _mapped(system, device)
     _check_button(system, device)
     _check_range("master.device", device.spec.workspace_m, device.spec.axes, system, streams(system)[0][0])
     if system.codec.rotation is not None and not device.spec.orientation:
@@ -177,4 +181,55 @@ def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system
         raise ConfigurationError(
             f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
             f"use a step of at least {reach / INT16_MAX:.2g}"
+        )
+
+
+def _mapped(system: System, device: Device) -> Device:
+    """The device in the robot's frame.
+
+    Raises:
+        ConfigurationError: if the device has no such button.
+    """
+    from weberlink.master.mapping import Clutch, FrameMap, MappedDevice, Walls  # noqa: PLC0415
+
+    mapping, limits = system.master.mapping, system.master.limits
+    assert mapping is not None
+    clutch = walls = None
+    if mapping.clutch is not None:
+        button = mapping.clutch.button
+        if button >= device.spec.buttons:
+            raise ConfigurationError(
+                f"master.mapping.clutch.button: {device.spec.name} has {device.spec.buttons} buttons, none is {button}"
+            )
+        clutch = Clutch(button)
+    if mapping.walls is not None:
+        (x0, x1), (y0, y1), (z0, z1) = mapping.walls.box_m or system.slave.limits.workspace_m
+        walls = Walls(((x0, y0, z0), (x1, y1, z1)), mapping.walls.stiffness_n_m)
+    return MappedDevice(
+        device,
+        FrameMap(mapping.rotation_deg, mapping.scale, mapping.force_scale, mapping.offset_m),
+        clutch=clutch,
+        walls=walls,
+        force_limit=limits.force_n,
+        ramp=limits.ramp_ms * 1e-3,
+    )
+
+
+def check_force_ends(device: Device, driver: str, accepted: str | None) -> None:
+    """See that the board of a device removes the force by itself, or that a guardian process does.
+
+    Args:
+        device: not wrapped by a mapping.
+        driver: its name.
+        accepted: `master.accept_no_watchdog`, the driver that may do without either.
+
+    Raises:
+        ConfigurationError: the device has force and neither of the two, and the file does not accept that.
+    """
+    spec = device.spec
+    ends = spec.watchdog_s is not None or (isinstance(device, GuardedDevice) and device.guarded)
+    if spec.force_feedback and not ends and accepted != driver:
+        raise ConfigurationError(
+            f"master.device: if this host stops, {driver} keeps its last force: its driver states no watchdog and has "
+            f"no guardian (see docs/tutorial.md); to accept that, set master.accept_no_watchdog: {driver}"
         )

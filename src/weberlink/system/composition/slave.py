@@ -1,4 +1,4 @@
-"""The teleoperator's side, from endpoint to robot and scene."""
+"""Builds the teleoperator's side, with robot and scene, from a configuration."""
 
 from typing import TYPE_CHECKING
 
@@ -8,28 +8,31 @@ from weberlink.control.table import build_slave_control
 from weberlink.protocol import Role
 from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
-from weberlink.slave.loop import SlaveLoop
+from weberlink.realtime.stall import Watchdog
+from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import Robot
 from weberlink.slave.safety import CommandGuard, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
+from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
     Identity,
     Stopwatch,
+    build_control,
     build_endpoint,
+    build_tuning,
     check_axes,
     construct,
-    control_settings,
     located,
 )
-from weberlink.system.composition.live import build_slave_tuning
 from weberlink.system.configuration import Configuration, ConfigurationError, System
+from weberlink.system.side import Side
 
 if TYPE_CHECKING:
-    from weberlink.slave.rotation import ToolRotation
+    from weberlink.slave.rotation import ToolOrientation
 
 
 def build_slave(
@@ -40,7 +43,7 @@ def build_slave(
     epoch: float,
     stopwatch: Stopwatch,
     identity: Identity = ANONYMOUS,
-) -> SlaveLoop:
+) -> Side:
     """The teleoperator's side, not yet open.
 
     Raises:
@@ -49,15 +52,12 @@ def build_slave(
     system, robot = configuration.system, build_robot(configuration)
     forward, backward = streams(system)
     limits = system.slave.limits
-    encoder = Encoder(backward[0])
-    control = build_slave_control(system.control.scheme, control_settings(system, robot.spec.force_n))
-    return SlaveLoop(
+    force_encoder = Encoder(backward[0])
+    control = build_control(configuration, build_slave_control, robot.spec.force_n)
+    endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
+    orientation = None if system.codec.rotation is None else _tool_orientation(system, robot)
+    port = RobotPort(
         robot=robot,
-        encoder=encoder,
-        decoder=Decoder(forward[0]),
-        control=control,
-        tuning=build_slave_tuning(system, control, encoder),
-        endpoint=build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity),
         guard=CommandGuard(
             workspace=workspace_of(configuration, robot),
             speed=limits.speed_m_s,
@@ -66,27 +66,40 @@ def build_slave(
             retract=limits.retract_m if limits.on_silence == "retract" else 0.0,
             trip_retract=limits.retract_m,
         ),
+        followers=[] if orientation is None else [orientation],
+        control=control,
+        endpoint=endpoint,
+        trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
+        by_button=system.master.engage is not None,
+    )
+    outgoing = [OutgoingChannel("force", 0, force_encoder, port.force)]
+    incoming = [IncomingChannel("position", 0, Decoder(forward[0]))]
+    if orientation is not None:
+        from weberlink.slave.rotation import ToolTorque  # noqa: PLC0415 - for six degrees of freedom alone
+
+        outgoing.append(OutgoingChannel("torque", 1, Encoder(backward[1]), ToolTorque(port, orientation)))
+        incoming.append(IncomingChannel("orientation", 1, Decoder(forward[1])))
+    return Side(
+        port=port,
+        outgoing=outgoing,
+        incoming=incoming,
+        tuning=build_tuning(system, control, force_encoder),
+        endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * system.link.silence_ms * 1e-3,
-        robot_limit=limits.robot_ms * 1e-3,
-        trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
+        watchdog=Watchdog(limits.robot_ms * 1e-3),
         stopwatch=stopwatch,
-        by_button=system.master.engage is not None,
-        rotation=None if system.codec.rotation is None else _build_rotation(system, robot),
     )
 
 
-def _build_rotation(system: System, robot: Robot) -> "ToolRotation":
+def _tool_orientation(system: System, robot: Robot) -> "ToolOrientation":
     from weberlink.slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
-    from weberlink.slave.rotation import ToolRotation  # noqa: PLC0415
+    from weberlink.slave.rotation import ToolOrientation  # noqa: PLC0415
 
-    (_, orientation), (_, torque) = streams(system)
     assert isinstance(robot, OrientedRobot), "build_robot sees to it"
     limits = system.slave.limits
-    return ToolRotation(
-        robot=robot,
-        encoder=Encoder(torque),
-        decoder=Decoder(orientation),
+    return ToolOrientation(
+        robot,
         speed=limits.turn_rad_s,
         approach_speed=limits.approach_turn_rad_s,
         ramp=limits.ramp_ms * 1e-3,
@@ -154,19 +167,12 @@ def _scene(system: System) -> Scene | None:
 @located
 def workspace_of(configuration: Configuration, robot: Robot) -> Workspace:
     """Where the robot may be commanded to: its own workspace within that of the file."""
-    return _intersection(_corners(configuration.system.slave.limits.workspace_m), robot.spec.workspace_m)
-
-
-def _corners(intervals: tuple[tuple[float, float], ...]) -> Workspace:
-    (x0, x1), (y0, y1), (z0, z1) = intervals
-    return (x0, y0, z0), (x1, y1, z1)
-
-
-def _intersection(a: Workspace, b: Workspace) -> Workspace:
-    low, high = (
-        tuple(choose(pair) for pair in zip(mine, theirs, strict=True))
-        for choose, mine, theirs in ((max, a[0], b[0]), (min, a[1], b[1]))
-    )
-    if not all(lowest < highest for lowest, highest in zip(low, high, strict=True)):
+    allowed = configuration.system.slave.limits.workspace_m
+    spans = [
+        (max(low, robot_low), min(high, robot_high))
+        for (low, high), robot_low, robot_high in zip(allowed, *robot.spec.workspace_m, strict=True)
+    ]
+    if not all(low < high for low, high in spans):
         raise ConfigurationError("slave.limits.workspace_m: leaves nothing of the robot's own workspace")
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+    (x0, x1), (y0, y1), (z0, z1) = spans
+    return (x0, y0, z0), (x1, y1, z1)

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 
+from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
 from weberlink.slave.robots.contract import Robot
-from weberlink.system.composition.link import build_security
+from weberlink.system.composition.link import build_security, construct, located
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, workspace_of
 from weberlink.system.configuration import Configuration, ConfigurationError, System
@@ -22,6 +23,7 @@ def try_out(configuration: Configuration) -> list[str]:
             where one side runs alone.
     """
     build_security(configuration)
+    _check_scheme(configuration)
     device = robot = None
     if configuration.device is not None:
         device = build_device(configuration)
@@ -41,6 +43,12 @@ def try_out(configuration: Configuration) -> list[str]:
             "for one side write psk, with key_file (weberlink keygen KEYFILE)"
         )
     return list(lacks(configuration.system, device, robot))
+
+
+@located
+def _check_scheme(configuration: Configuration) -> None:
+    """See that the control scheme can be imported, where another distribution brings it."""
+    construct("control.scheme", SCHEMES.__getitem__, configuration.system.control.scheme)
 
 
 def lacks(system: System, device: Device | None, robot: Robot | None) -> Iterator[str]:

@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
 
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
+from weberlink.control.table import SchemeName
 from weberlink.protocol.conversation import MOST_TICKS
 from weberlink.protocol.handshake import check_name
 from weberlink.protocol.session import LONGEST_SILENCE
@@ -333,7 +334,7 @@ class CodecSettings(Settings):
 class ControlSettings(Settings):
     """What keeps a delayed loop stable."""
 
-    scheme: Literal["none", "tdpa", "mmt", "auto"] = "none"
+    scheme: SchemeName = "none"
     """`tdpa`: time-domain passivity. `mmt`: the operator feels a local model. `auto`: by the measured delay."""
     level_j: float = Field(default=0.05, gt=0, le=10)
     """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""

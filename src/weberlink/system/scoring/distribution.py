@@ -1,8 +1,7 @@
 """Percentiles of any number of durations in bounded memory, added array by array.
 
 Bins grow by half a percent each, so a percentile is right to half a percent from 1 us to 10 minutes, whatever is added.
-The tick's own histogram (`realtime.histogram`) is exact to 1 us and made for single values in a loop; this one is for
-observers, who read many records at once and look at the figures ten times a second.
+It is for observers, which read many records at once and look at the figures ten times a second.
 """
 
 from math import inf, log, nan

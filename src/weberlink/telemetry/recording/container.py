@@ -1,17 +1,18 @@
-"""An MCAP file that grows by whole pieces: what was appended last is either in it or not.
+"""An MCAP file that grows by whole chunks, and how MCAP frames messages.
 
-Owns the file and its index. Knows nothing of what the messages mean. The writer of the library keeps what it has not
-written inside itself and cannot go on after a write that failed; here a failed append cuts the file back to what it
-was, and the index lists only what is there. The records are those of the library.
+The writer of the mcap library keeps unwritten data and cannot go on after a failed write. Here a failed append cuts the
+file back to what it was, and the index lists only what is there. A chunk of messages of one size is one numpy array, so
+neither writing nor reading one costs a Python step per message.
 """
 
 import os
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from struct import pack
+from struct import Struct, pack
 from typing import Self
 
 import numpy as np
@@ -34,8 +35,58 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from weberlink.telemetry.recording.framing import MAGIC
-from weberlink.telemetry.recording.message import Rows
+from weberlink.telemetry.recording.message import ENCAPSULATION, Rows
+
+MAGIC = b"\x89MCAP0\r\n"
+"""Begins a file and ends a complete one."""
+FRAME = Struct("<BQ")
+MESSAGE = Struct("<HIQQ")
+"""What a message begins with: channel, sequence, log time, publish time [ns]."""
+HEAD = FRAME.size + MESSAGE.size + len(ENCAPSULATION)
+
+
+@cache
+def rows_of(body: int) -> np.dtype[np.void]:
+    """The frame of a message whose record has `body` bytes, the record itself as raw bytes."""
+    return np.dtype(
+        [
+            ("opcode", "u1"),
+            ("length", "<u8"),
+            ("channel", "<u2"),
+            ("sequence", "<u4"),
+            ("log_time", "<u8"),
+            ("publish_time", "<u8"),
+            ("encapsulation", f"V{len(ENCAPSULATION)}"),
+            ("body", f"V{body}"),
+        ]
+    )
+
+
+def frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of each frame that is whole; what is left at the end is dropped."""
+    at, size = 0, len(data)
+    while at + FRAME.size <= size:
+        opcode, length = FRAME.unpack_from(data, at)
+        at += FRAME.size
+        if length > size - at:
+            return
+        yield opcode, data[at : at + length]
+        at += length
+
+
+def uniform(data: bytes) -> Rows | None:
+    """All of a chunk as rows, if it holds nothing but messages of one size; else None."""
+    if len(data) < HEAD:
+        return None
+    opcode, length = FRAME.unpack_from(data)
+    size = FRAME.size + length
+    if opcode != Opcode.MESSAGE or size <= HEAD or len(data) % size:
+        return None
+    # One row after the other is where the first says, so that this holds of all or of none.
+    rows: Rows = np.frombuffer(data, rows_of(size - HEAD))
+    same = (rows["opcode"] == Opcode.MESSAGE).all() and (rows["length"] == length).all()
+    return rows if same else None
+
 
 PROFILE, LIBRARY = "ros2", "weberlink"
 

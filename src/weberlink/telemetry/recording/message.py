@@ -1,8 +1,12 @@
-"""The ROS 2 message of a record: its definition as text, and the layout that such a text describes.
+"""The ROS 2 message of a telemetry record, and the channel of a side in a recording.
 
-Owns what a recording says of its own records. Knows no file. The definition follows from the table of fields. As that
-puts wide types first, a packed record is a CDR body as it stands: it lacks only the encapsulation header.
+The message definition follows from the table of fields. As the table puts wide types first, a packed record is a CDR
+body as it stands: it lacks only the encapsulation header.
 """
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,3 +101,64 @@ def _fields(schema_text: str) -> list[tuple[str, str]]:
             raise ValueError(f"{definition!r} is no field")
         fields.append((kind, rest.split()[0]))
     return fields
+
+
+TOPICS = {"master": "/weberlink/master", "slave": "/weberlink/slave"}
+SIDES = {topic: side for side, topic in TOPICS.items()}
+
+_FARTHEST_NS = 9e18
+"""From 1970 to the end of 64-bit nanoseconds with a sign."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """One side of a recording.
+
+    Args:
+        side: "master" or "slave".
+        rate_hz: of the ticks [Hz].
+        wall_s: a moment on the wall clock [s since 1970].
+        monotonic_s: the same moment on the clock of the records [s].
+    """
+
+    side: str
+    rate_hz: float
+    wall_s: float
+    monotonic_s: float
+
+    @property
+    def topic(self) -> str:
+        """Raises ValueError for a side that does not exist."""
+        if self.side not in TOPICS:
+            raise ValueError(f"side must be one of {', '.join(TOPICS)}, got {self.side!r}")
+        return TOPICS[self.side]
+
+    def log_times_ns(self, at: NDArray[np.float64]) -> NDArray[np.uint64]:
+        """The wall clock at moments on the clock of the records [ns since 1970]; NaN is taken for the origin."""
+        wall_ns = round(self.wall_s * 1e9)
+        with np.errstate(over="ignore"):
+            since_ns = np.nan_to_num((at - self.monotonic_s) * 1e9, nan=0.0)
+        since_ns = np.clip(since_ns, -wall_ns, _FARTHEST_NS - wall_ns)
+        return (wall_ns + np.rint(since_ns).astype(np.int64)).astype(np.uint64)
+
+    def to_metadata(self) -> dict[str, str]:
+        numbers = {name: repr(float(getattr(self, name))) for name in _NUMBERS}
+        return {"side": self.side} | numbers | _ROS
+
+    @classmethod
+    def from_metadata(cls, side: str, metadata: Mapping[str, str]) -> "Origin":
+        """Raises ValueError if a number is missing or none."""
+        numbers = {}
+        for name in _NUMBERS:
+            try:
+                numbers[name] = float(metadata[name])
+            except (KeyError, ValueError):
+                numbers[name] = float("nan")
+            if not isfinite(numbers[name]):
+                raise ValueError(f"its channel says {name} = {metadata.get(name)!r}, expected a number")
+        return cls(side, **numbers)
+
+
+_NUMBERS = ("rate_hz", "wall_s", "monotonic_s")
+# Players of ROS 2 ask for this key; without a profile they use their default.
+_ROS = {"offered_qos_profiles": ""}

@@ -1,20 +1,216 @@
-"""Reading a recording: all that is whole in it, of whatever release and however it ended.
-
-Owns the way through the file and the lines that say what is wrong with one. Knows no ring and no figure.
-"""
+"""Reads a recording: all that is intact in it, of whatever release and however it ended."""
 
 import os
+import struct
 import zlib
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from io import BufferedReader
+from io import BufferedReader, BytesIO
 from pathlib import Path
+from struct import pack
+from typing import Any, TypeVar
 
+import numpy as np
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Metadata, Schema
+from mcap.stream_reader import get_chunk_data_stream
 
-from weberlink.telemetry.recording.content import Content, DamagedError, ForeignError
-from weberlink.telemetry.recording.framing import FRAME, MAGIC
-from weberlink.telemetry.recording.message import COMPLETE, END, FACTS, Rows
-from weberlink.telemetry.recording.origin import TOPICS, Origin
+from weberlink.telemetry.recording.container import FRAME, HEAD, MAGIC, MESSAGE, frames, rows_of, uniform
+from weberlink.telemetry.recording.message import (
+    COMPLETE,
+    ENCAPSULATION,
+    END,
+    FACTS,
+    MESSAGE_ENCODING,
+    SCHEMA_ENCODING,
+    SIDES,
+    TOPICS,
+    Origin,
+    Rows,
+    dtype_of,
+)
+
+Parsed = TypeVar("Parsed")
+
+COMPRESSIONS = ("", "lz4", "zstd")
+NEEDED = {"at": np.dtype("<f8"), "tick": np.dtype("<u8")}
+"""Without these a record cannot be placed."""
+LARGEST_CHUNK = 2**30
+"""Above this, a chunk's size is taken for damage [bytes]."""
+
+
+class DamagedError(ValueError):
+    """A frame is not what it was when it was written."""
+
+
+class ForeignError(ValueError):
+    """The file is in order, and no recording that can be read."""
+
+
+# What the library and the decompressors raise over bytes that have changed.
+_DAMAGE = (McapError, ValueError, EOFError, struct.error, RuntimeError, MemoryError, OverflowError, zstandard.ZstdError)
+
+
+class Content:
+    """Takes frames in the order of the file.
+
+    Raises:
+        DamagedError: the frame cannot be read, and nothing of it was taken.
+        ForeignError: what it says is not of a recording.
+    """
+
+    def __init__(self) -> None:
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.origins: dict[str, Origin] = {}
+        self.foreign: list[str] = []
+        """Topics that are none of a recording, with the name of their schema."""
+        self._schemas: dict[int, Schema] = {}
+        self._sides: dict[int, tuple[str, np.dtype[np.void]]] = {}
+        self._layouts: dict[str, np.dtype[np.void]] = {}
+        self._parts: dict[str, list[Rows]] = defaultdict(list)
+
+    def take(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.CHUNK:
+            self._take_chunk(body)
+        elif opcode == Opcode.MESSAGE:
+            self._take_messages([body])
+        elif opcode == Opcode.METADATA:
+            metadata: Metadata = _parsed(Metadata.read, body)
+            self.metadata[metadata.name] = metadata.metadata
+        else:
+            self._take_definition(opcode, body)
+
+    def take_cut(self, opcode: int, body: bytes) -> None:
+        """What is left of the last frame: of a chunk that is not compressed, the messages that are whole."""
+        if opcode != Opcode.CHUNK:
+            return
+        with suppress(DamagedError):
+            chunk: Chunk = _parsed(Chunk.read, body)
+            if not chunk.compression:
+                self._take_frames(chunk.data)
+
+    def records(self, side: str) -> Rows:
+        """All records of a side in order of their ticks; may be asked for once."""
+        parts = self._parts.pop(side, [])
+        records = np.concatenate(parts) if parts else np.empty(0, self._layouts[side])
+        ticks = records["tick"]
+        return records if (ticks[1:] >= ticks[:-1]).all() else records[np.argsort(ticks, kind="stable")]
+
+    def _take_chunk(self, body: bytes) -> None:
+        chunk: Chunk = _parsed(Chunk.read, body)
+        if chunk.compression not in COMPRESSIONS:
+            raise ForeignError(f"is compressed by {chunk.compression!r}, expected lz4, zstd or nothing")
+        if chunk.uncompressed_size > LARGEST_CHUNK:
+            raise DamagedError(f"a chunk of {chunk.uncompressed_size} bytes")
+        try:
+            stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+            data = stream.read(size)
+        except _DAMAGE as error:
+            raise DamagedError(f"a chunk that does not unpack: {error}") from None
+        rows = uniform(data)
+        if rows is None:
+            self._take_frames(data)
+        else:
+            self._take_rows(rows)
+
+    def _take_frames(self, data: bytes) -> None:
+        messages = []
+        for opcode, body in frames(data):
+            if opcode == Opcode.MESSAGE:
+                messages.append(body)
+            else:
+                self._take_definition(opcode, body)
+        self._take_messages(messages)
+
+    def _take_definition(self, opcode: int, body: bytes) -> None:
+        if opcode == Opcode.SCHEMA:
+            schema: Schema = _parsed(Schema.read, body)
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            self._take_channel(_parsed(Channel.read, body))
+
+    def _take_channel(self, channel: Channel) -> None:
+        if channel.id in self._sides:
+            return  # repeated, as each chunk and the index may
+        schema = self._schemas.get(channel.schema_id)
+        side = SIDES.get(channel.topic)
+        if side is None:
+            name = "no schema" if schema is None else schema.name
+            if (known := f"{channel.topic} ({name})") not in self.foreign:
+                self.foreign.append(known)
+            return
+        try:
+            layout = _layout(channel, schema)
+            origin = Origin.from_metadata(side, channel.metadata)
+        except ValueError as error:
+            raise ForeignError(f"{channel.topic}: {error}") from None
+        if self._layouts.setdefault(side, layout) != layout:
+            raise ForeignError(f"{channel.topic}: is there twice, with different fields")
+        self.origins.setdefault(side, origin)
+        self._sides[channel.id] = (side, layout)
+
+    def _take_messages(self, messages: list[bytes]) -> None:
+        """Messages of any channels and sizes."""
+        of_side: dict[int, list[bytes]] = defaultdict(list)
+        for message in messages:
+            if len(message) < MESSAGE.size:
+                raise DamagedError(f"a message of {len(message)} bytes")
+            channel = MESSAGE.unpack_from(message)[0]
+            if channel in self._sides:
+                of_side[channel].append(message)
+        for channel, own in of_side.items():
+            size = self._sides[channel][1].itemsize + HEAD - FRAME.size
+            if min(map(len, own)) < size:
+                raise DamagedError("a message that is shorter than its schema says")
+            # Some writers fill a message up at its end.
+            framed = b"".join(pack("<BQ", Opcode.MESSAGE, size) + message[:size] for message in own)
+            self._take_rows(np.frombuffer(framed, rows_of(size + FRAME.size - HEAD)))
+
+    def _take_rows(self, rows: Rows) -> None:
+        for channel in np.unique(rows["channel"]).tolist():
+            if channel not in self._sides:
+                continue
+            side, layout = self._sides[channel]
+            own = rows[rows["channel"] == channel]
+            if own["body"].dtype.itemsize != layout.itemsize:
+                # Of another channel's size, or filled up at the end.
+                self._take_messages([row.tobytes()[FRAME.size :] for row in own])
+                continue
+            # The last two bytes are options that no one uses.
+            kinds = np.ascontiguousarray(own["encapsulation"]).view("u1").reshape(len(own), -1)[:, :2]
+            if (kinds != np.frombuffer(ENCAPSULATION[:2], "u1")).any():
+                raise ForeignError("holds messages that are not plain little-endian CDR")
+            self._parts[side].append(np.ascontiguousarray(own["body"]).view(layout))
+
+
+def _layout(channel: Channel, schema: Schema | None) -> np.dtype[np.void]:
+    """Raises ValueError if the messages of the channel cannot be read."""
+    if schema is None:
+        raise ValueError("has no schema")
+    if (channel.message_encoding, schema.encoding) != (MESSAGE_ENCODING, SCHEMA_ENCODING):
+        raise ValueError(
+            f"is encoded as {channel.message_encoding!r} with a schema as {schema.encoding!r}, expected "
+            f"{MESSAGE_ENCODING!r} and {SCHEMA_ENCODING!r}"
+        )
+    layout = dtype_of(schema.data.decode())
+    fields: Mapping[str, tuple[Any, ...]] = layout.fields or {}
+    lacks = [name for name, kind in NEEDED.items() if name not in fields or fields[name][0] != kind]
+    if lacks:
+        raise ValueError(f"its schema {schema.name} lacks {' and '.join(lacks)}")
+    return layout
+
+
+def _parsed(read: Callable[[ReadDataStream], Parsed], body: bytes) -> Parsed:
+    try:
+        return read(ReadDataStream(BytesIO(body)))
+    except _DAMAGE as error:
+        raise DamagedError(f"a frame that cannot be read: {error}") from None
+
 
 CUT_OFF = "cut off"
 SHOWN_TOPICS = 3

@@ -1,8 +1,7 @@
-"""The process that records: reads the rings of a session while its daemons run, and writes one MCAP file.
+"""The recorder process: reads the rings of a session while its daemons run, and writes one MCAP file.
 
-Owns the way from rings to file, and when it is over. Started with an `Order` as JSON, beside the daemons and not by
-them; answers with a summary as JSON on standard output. The daemons do not know of it, and it outlives its parent: what
-they leave in their rings is still to be written.
+It starts with a `RecordingOrder` as JSON and answers with a summary as JSON on standard output. It outlives its parent,
+so that what the daemons leave in their rings is still written.
 """
 
 import json
@@ -17,8 +16,7 @@ from time import monotonic, process_time, sleep
 from typing import Any
 
 from weberlink.telemetry.reader import RingReader
-from weberlink.telemetry.recording.message import COMPLETE
-from weberlink.telemetry.recording.origin import Origin
+from weberlink.telemetry.recording.message import COMPLETE, Origin
 from weberlink.telemetry.recording.writer import RecordingWriter
 from weberlink.telemetry.ring import RingFormatError
 
@@ -26,16 +24,16 @@ COMPLETED, FAILED = 0, 1
 STOP_SIGNALS = (SIGINT, SIGTERM)
 
 LOOK_S = 0.2
-"""From one look into the rings to the next, and so what the death of this process can cost [s]."""
+"""Time between two reads of the rings, and so the most that the death of this process can cost [s]."""
 LOOK_FOR_S = 0.02
-"""The same while there is no ring yet."""
+"""The same while there is no ring."""
 APPEAR_S = 10.0
 """How long the first ring may take to appear [s]."""
 NICENESS = 10
 
 
 @dataclass(frozen=True)
-class Order:
+class RecordingOrder:
     """What to record.
 
     Args:
@@ -52,11 +50,11 @@ class Order:
         return json.dumps(asdict(self))
 
     @classmethod
-    def from_json(cls, text: str) -> "Order":
+    def from_json(cls, text: str) -> "RecordingOrder":
         return cls(**json.loads(text))
 
 
-class Source:
+class RingSource:
     """One ring on its way into the file.
 
     Args:
@@ -73,7 +71,7 @@ class Source:
         self._lost = 0
 
     def open(self) -> bool:
-        """Whether the ring is there; looks for it if it was not.
+        """Open the ring if it exists; returns whether it is open.
 
         Raises:
             RingFormatError, OSError: it is there and cannot be read.
@@ -84,7 +82,7 @@ class Source:
         return self.ring is not None
 
     def move(self, writer: RecordingWriter) -> None:
-        """Write what has come since the last time, and count what could not be read any more.
+        """Write the new records, and count those that were overwritten before they could be read.
 
         Raises:
             OSError: by the writer.
@@ -106,16 +104,16 @@ class Source:
             self.ring.close()
 
 
-class Recording:
-    """The sources and the file, which is made when the first ring is there.
+class RingRecorder:
+    """Moves records from the rings to the file, which is created when the first ring appears.
 
     Args:
         order: what to record.
     """
 
-    def __init__(self, order: Order) -> None:
+    def __init__(self, order: RecordingOrder) -> None:
         self._order = order
-        self._sources = [Source(side, path) for side, path in order.rings.items()]
+        self._sources = [RingSource(side, path) for side, path in order.rings.items()]
         self._clock: tuple[float, float] | None = None
         self._told: list[Signals] = []
         self.writer: RecordingWriter | None = None
@@ -144,7 +142,7 @@ class Recording:
         self._told.append(Signals(number))
 
     def close(self, outcome: str) -> None:
-        """Let go of the rings, and of the file if it is not finished yet."""
+        """Close the rings, and the file if it is not finished."""
         for source in self._sources:
             source.close()
         if self.writer is not None:
@@ -160,7 +158,7 @@ class Recording:
                 source.move(self.writer)
             self.writer.flush()
 
-    def _announce(self, source: Source) -> None:
+    def _announce(self, source: RingSource) -> None:
         ring = source.ring
         assert ring is not None
         if self._clock is None:
@@ -184,8 +182,8 @@ class Recording:
 def main(text: str) -> int:
     """Run an order; returns the exit status."""
     began = monotonic()
-    order = Order.from_json(text)
-    recording = Recording(order)
+    order = RecordingOrder.from_json(text)
+    recording = RingRecorder(order)
     signal.signal(SIGHUP, SIG_IGN)
     for number in STOP_SIGNALS:
         signal.signal(number, recording.stop)
@@ -205,7 +203,7 @@ def _words(error: Exception) -> str:
     return error.strerror if isinstance(error, OSError) and error.strerror else str(error)
 
 
-def _summary(order: Order, writer: RecordingWriter | None, outcome: str, began: float) -> Mapping[str, Any]:
+def _summary(order: RecordingOrder, writer: RecordingWriter | None, outcome: str, began: float) -> Mapping[str, Any]:
     return {
         "path": order.out,
         "bytes": 0 if writer is None else writer.size,
@@ -218,12 +216,12 @@ def _summary(order: Order, writer: RecordingWriter | None, outcome: str, began: 
 
 
 def _tell(summary: Mapping[str, Any]) -> None:
-    """Answer whoever started this, if it is still there."""
+    """Print the summary for the parent, if it still runs."""
     try:
         sys.stdout.write(json.dumps(summary))
         sys.stdout.flush()
     except BrokenPipeError:
-        # What could not be written would be tried again, and complained of, at exit.
+        # Or Python would try to write again, and complain, at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

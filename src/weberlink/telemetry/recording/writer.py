@@ -1,7 +1,6 @@
-"""Writing a recording: the records of one or both sides, in order of time, into one MCAP file.
+"""Writes a recording: the records of one or both sides, in order of time, into one MCAP file.
 
-Owns what is in the file and when it gets there. Knows no ring and no process. What was flushed stays readable whatever
-happens next: the file is a row of whole chunks at any moment.
+What was flushed stays readable whatever happens next: at any moment the file is a sequence of whole chunks.
 """
 
 import errno
@@ -18,8 +17,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.recording.container import McapFile
-from weberlink.telemetry.recording.framing import FRAME, rows_of
+from weberlink.telemetry.recording.container import FRAME, McapFile, rows_of
 from weberlink.telemetry.recording.message import (
     COMPLETE,
     ENCAPSULATION,
@@ -29,21 +27,21 @@ from weberlink.telemetry.recording.message import (
     SCHEMA_ENCODING,
     SCHEMA_NAME,
     SCHEMA_TEXT,
+    Origin,
     Rows,
 )
-from weberlink.telemetry.recording.origin import Origin
 
 __all__ = ["Origin", "RecordingExistsError", "RecordingWriter"]
 
 CHUNK_RECORDS = 4096
-"""A chunk is written when it holds so many records, if no one has asked for it before."""
+"""A chunk is written when it holds so many records, or earlier by `flush`."""
 
 _ROW = rows_of(DTYPE.itemsize)
 _SEQUENCES = 2**32
 
 
 class RecordingExistsError(FileExistsError):
-    """There is a file under this name already."""
+    """The file exists already."""
 
 
 @dataclass
@@ -56,8 +54,8 @@ class _Side:
 class RecordingWriter:
     """One new recording; made by `create`.
 
-    Once the disk is full or fails, every call raises that same OSError. By then the file is cut back to its last whole
-    chunk and, where that is possible, finished in order.
+    After a failed write every call raises the same OSError. The file is then cut back to its last whole chunk and, if
+    possible, finished in order.
     """
 
     def __init__(self, path: Path, file: McapFile) -> None:
@@ -126,7 +124,7 @@ class RecordingWriter:
         self._sides[origin.side] = _Side(origin, channel)
 
     def write(self, side: str, records: Rows) -> None:
-        """Take the next records of a side; they are in the file after `flush`, or when enough have come together.
+        """Take the next records of a side; they are in the file after `flush`, or when a chunk is full.
 
         Args:
             side: one that was added.
@@ -149,7 +147,7 @@ class RecordingWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Hand all records so far to the kernel: the death of this process costs none of them.
+        """Hand all records so far to the kernel, so that the death of this process costs none of them.
 
         Raises:
             OSError: as of the class; the records that were not yet in the file are gone.

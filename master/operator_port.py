@@ -1,0 +1,199 @@
+"""The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
+
+from collections.abc import Callable, Sequence
+
+from weberlink.control.contract import LinkQuality, MasterControl
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
+from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
+from weberlink.protocol.endpoint import Endpoint
+
+
+class HandPosition:
+    """The position of the device [m]."""
+
+    def __init__(self) -> None:
+        self.value: Vector = ZERO
+
+    def complaint(self, reading: DeviceReading) -> str | None:
+        position = reading.position
+        return None if is_finite(position) else f"reports the position {position}"
+
+    def take(self, reading: DeviceReading) -> None:
+        self.value = reading.position
+
+    def sample(self) -> tuple[Vector, Vector]:
+        return self.value, ZERO
+
+
+class Display:
+    """Limits a received force [N] or torque [N m] and displays it.
+
+    Args:
+        limiter: bounds the magnitude.
+        slew: bounds the rate of change.
+        write: commands the device; None where it cannot display this, and nothing is felt.
+        control: renders the force that the decoder gives; None to display it as it is.
+
+    Attributes:
+        decoded: before all limits.
+        output: as commanded.
+    """
+
+    def __init__(
+        self,
+        limiter: ForceLimiter,
+        slew: SlewLimiter,
+        write: Callable[[Vector, float], None] | None,
+        control: MasterControl | None = None,
+    ) -> None:
+        self.limiter, self.slew, self._write, self._control = limiter, slew, write, control
+        self.decoded: Vector = ZERO
+        self.output: Vector = ZERO
+
+    def show(self, decoded: Vector, gain: float, step: float | None, now: float) -> bool:
+        """Display a value.
+
+        Args:
+            decoded: the value.
+            gain: the share of it that the gate lets through, 0..1.
+            step: time that the slew limit may go on [s]; None where the gate was closed before this tick.
+            now: [s].
+
+        Returns:
+            Whether the slew limit held it back.
+        """
+        self.decoded = decoded
+        control, slew = self._control, self.slew
+        limited = self.limiter.limit(decoded if control is None else control.render(decoded))
+        slewed = slew.place(limited) if step is None else slew.limit(limited, step)
+        self.output = output = slewed if gain == 1.0 else (slewed[0] * gain, slewed[1] * gain, slewed[2] * gain)
+        if control is not None:
+            control.displayed(output)
+        if self._write is not None:
+            self._write(output, now)
+        return slew.limited
+
+    def halt(self, now: float) -> None:
+        """Display nothing, at once."""
+        if self._write is not None:
+            self._write(ZERO, now)
+
+
+COLUMNS = {
+    "position": "port.hand.value",
+    "decoded": "port.displays[0].decoded",
+    "output": "port.displays[0].output",
+    "slew_ticks": "port.slew_ticks",
+    "clipped": "port.clipped",
+    "ramping": "port.gate.ramping if port.enabled else RELEASED",
+    "buttons": "port.buttons & 0xFF",
+}
+"""Expressions for the telemetry of this end."""
+ROTATION_COLUMNS = {"rotation_decoded": "port.displays[1].decoded", "rotation_output": "port.displays[1].output"}
+
+
+class OperatorPort:
+    """A haptic device; a `weberlink.control.port.Port`.
+
+    Args:
+        device: not yet open.
+        displays: one per incoming channel, the force first.
+        control: the operator's end of the control scheme.
+        endpoint: measures the link.
+        gate: fades all displays in and out.
+        button: only while it is held, the robot follows and force is displayed; None for always.
+    """
+
+    kind = "device"
+    leads = True
+    fault = DeviceFault
+    tripped = False
+
+    def __init__(
+        self,
+        *,
+        device: Device,
+        displays: Sequence[Display],
+        control: MasterControl,
+        endpoint: Endpoint,
+        gate: ForceGate,
+        button: int | None = None,
+    ) -> None:
+        self.device, self.displays, self.control, self.gate = device, displays, control, gate
+        self.hand = HandPosition()
+        self.columns = COLUMNS | (ROTATION_COLUMNS if len(displays) > 1 else {})
+        self.name = device.spec.name
+        self.buttons = 0
+        self.enabled = button is None
+        self.ended = False
+        self.slew_ticks = 0
+        """Ticks in which a slew limit held force or torque back."""
+        self.clipped = False
+        """Whether a limiter changed what was displayed in this tick."""
+        self._endpoint = endpoint
+        self._button = button
+
+    @property
+    def trouble(self) -> str | None:
+        return self.device.trouble if isinstance(self.device, ReportsTrouble) else None
+
+    @property
+    def at_rest(self) -> bool:
+        return self.gate.gain == 0.0
+
+    def open(self, now: float) -> None:
+        self.device.open(now)
+
+    def close(self) -> None:
+        self.device.close()
+
+    def latest(self, now: float) -> DeviceReading:
+        reading = self.device.latest(now)
+        self.ended = reading.ended
+        return reading
+
+    def accept(self, reading: DeviceReading) -> bool:
+        self.buttons = reading.buttons
+        if self._button is not None:
+            self.enabled = bool(reading.buttons >> self._button & 1)
+        return False
+
+    def settle(self, now: float) -> None: ...
+
+    def reset(self) -> None:
+        self.gate.close()
+
+    def restart(self) -> None:
+        self.gate.close()
+
+    def release(self, *, retreat: bool) -> None: ...
+
+    def account(self, elapsed: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
+        endpoint, control = self._endpoint, self.control
+        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
+        control.observe(self.hand.value, elapsed, endpoint.peer_credit, quality)
+        return control.credit
+
+    def actuate(
+        self,
+        values: Sequence[Vector | None],
+        now: float,
+        elapsed: float,  # noqa: ARG002
+        step: float,
+        *,
+        engaged: bool,
+    ) -> None:
+        gate = self.gate
+        slew_step = step if gate.gain > 0.0 else None
+        gain = gate.update(engaged=engaged, age=now - self._endpoint.liveness.in_touch_at, elapsed=step)
+        held_back = clipped = False
+        for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
+            held_back |= display.show(value or ZERO, gain, slew_step, now)
+            clipped |= display.limiter.clipped
+        self.slew_ticks += held_back
+        self.clipped = clipped
+
+    def halt(self, now: float) -> None:
+        for display in self.displays:
+            display.halt(now)

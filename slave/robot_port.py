@@ -1,0 +1,222 @@
+"""The teleoperator's end of the link: the robot follows the operator, and what it feels is sensed."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Protocol
+
+from weberlink.control.contract import LinkQuality, SlaveControl
+from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
+from weberlink.slave.safety import CommandGuard
+
+COLUMNS = {
+    "position": "port.commanded",
+    "decoded": "force.held or ZERO",
+    "output": "port.applied",
+    "clipped": "port.clipped",
+    "ramping": "RELEASED if port.by_button and endpoint.state is ENGAGED and not (side.engaged or side.pace.settling)"
+    " else port.ramping",
+}
+"""Expressions for the telemetry of this end."""
+ROTATION_COLUMNS = {"rotation_decoded": "torque.held or ZERO", "rotation_output": "port.followers[0].applied"}
+
+
+class ChannelFollower(Protocol):
+    """Makes the robot follow an incoming channel other than the position, for example an orientation."""
+
+    @property
+    def applied(self) -> Vector:
+        """What the robot was last commanded, in the form of the channel."""
+
+    @property
+    def clipped(self) -> bool:
+        """Whether the last command was limited."""
+
+    @property
+    def ramping(self) -> bool:
+        """Whether less than all of what is felt may be shown."""
+
+    def shown(self, felt: Vector) -> Vector:
+        """The part of a force or torque that may be shown to the operator now."""
+
+    def move(self, commanded: Vector | None, step: float, now: float) -> None:
+        """Follow the decoded value for `step` more seconds; hold where there is None."""
+
+    def halt(self, now: float) -> None:
+        """Hold, at once."""
+
+    def reset(self) -> None:
+        """Begin anew: approach what is commanded, and show nothing until there."""
+
+    def release(self) -> None:
+        """Nobody leads any more: hold."""
+
+
+class ContactForce:
+    """The force of the environment on the robot [N], as far as it may be shown, at the commanded position."""
+
+    def __init__(self, port: "RobotPort") -> None:
+        self.value: Vector = ZERO
+        self._port = port
+
+    def complaint(self, reading: RobotReading) -> str | None:
+        return None if is_finite(reading.force) else f"reports the force {reading.force}"
+
+    def take(self, reading: RobotReading) -> None:
+        self.value = reading.force
+
+    def sample(self) -> tuple[Vector, Vector]:
+        return self._port.shown(self.value), self._port.applied
+
+
+class RobotPort:
+    """A robot behind its guard; a `weberlink.control.port.Port`.
+
+    Args:
+        robot: not yet open.
+        guard: bounds the commanded position.
+        followers: one per incoming channel beside the position.
+        control: the teleoperator's end of the control scheme.
+        endpoint: measures the link.
+        trip_force: contact force above which the robot stops following and backs off [N].
+        by_button: whether the operator leads only while holding a button; for telemetry.
+    """
+
+    kind = "robot"
+    leads = False
+    fault = RobotFault
+    enabled = at_rest = True
+    ended = False
+
+    def __init__(
+        self,
+        *,
+        robot: Robot,
+        guard: CommandGuard,
+        followers: Sequence[ChannelFollower],
+        control: SlaveControl,
+        endpoint: Endpoint,
+        trip_force: float,
+        by_button: bool = False,
+    ) -> None:
+        self.robot, self.followers, self.control, self.by_button = robot, followers, control, by_button
+        self.name = robot.spec.name
+        self.force = ContactForce(self)
+        self.columns = COLUMNS | (ROTATION_COLUMNS if followers else {})
+        self.commanded: Vector = ZERO
+        """The decoded position that was last followed [m]."""
+        self.applied: Vector = ZERO
+        """The commanded position after control and guard [m]."""
+        self._guard = guard
+        self._endpoint = endpoint
+        # A reading that saturates at the limit is not above it.
+        self._trip_squared = (trip_force * (1.0 + 1e-9)) ** 2
+        self._is_overloaded = False
+        self._where: Vector = ZERO
+
+    @property
+    def trouble(self) -> str | None:
+        return self.robot.trouble if isinstance(self.robot, Explaining) else None
+
+    @property
+    def tripped(self) -> bool:
+        return self._guard.tripped
+
+    @property
+    def clipped(self) -> bool:
+        if self._guard.clipped or not self.followers:  # the quick way for three degrees of freedom
+            return self._guard.clipped
+        return any(follower.clipped for follower in self.followers)
+
+    @property
+    def ramping(self) -> bool:
+        if self._guard.ramping or not self.followers:
+            return self._guard.ramping
+        return any(follower.ramping for follower in self.followers)
+
+    def shown(self, felt: Vector) -> Vector:
+        """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
+        shown = self._guard.shown(felt)
+        for follower in self.followers:
+            shown = follower.shown(shown)
+        return shown
+
+    def open(self, now: float) -> None:
+        self.robot.open(now)
+        self.applied = self._where = self.robot.latest(now).position
+        self._guard.place(self.applied)
+
+    def close(self) -> None:
+        self.robot.close()
+
+    def latest(self, now: float) -> RobotReading:
+        return self.robot.latest(now)
+
+    def accept(self, reading: RobotReading) -> bool:
+        self._where = reading.position
+        x, y, z = reading.force
+        self._is_overloaded = x * x + y * y + z * z > self._trip_squared
+        trips = self._is_overloaded and not self._guard.tripped
+        if trips:
+            self._guard.trip(reading.force, self._where)
+            for follower in self.followers:
+                follower.release()
+        return trips
+
+    def settle(self, now: float) -> None:
+        """Hold the robot where it is now."""
+        with suppress(RobotFault):  # the side meets it in this very tick
+            where = self.robot.latest(now).position
+            if is_finite(where):
+                self._where = where
+                self._guard.place(where)
+        for follower in self.followers:
+            follower.reset()
+
+    def reset(self) -> None:
+        self._guard.reset()
+        for follower in self.followers:
+            follower.reset()
+
+    def restart(self) -> None: ...
+
+    def release(self, *, retreat: bool) -> None:
+        if retreat:
+            self._guard.release(self.force.value, self._where)
+        else:
+            self._guard.release()
+        for follower in self.followers:
+            follower.release()
+
+    def account(self, elapsed: float, *, encodes: bool) -> int:  # noqa: ARG002
+        if encodes:
+            self.control.observe(self.applied, self.force.value)
+        return self.control.credit
+
+    def actuate(
+        self, values: Sequence[Vector | None], now: float, elapsed: float, step: float, *, engaged: bool
+    ) -> None:
+        guard, follows = self._guard, engaged and not self._is_overloaded
+        commanded = values[0] if follows else None
+        if commanded is None:
+            self.applied = guard.hold(step)
+        else:
+            self.commanded = commanded
+            self.applied = guard.follow(self._controlled(commanded, elapsed), step)
+        self.robot.command(self.applied, now)
+        if self.followers:
+            follows = follows and not guard.tripped
+            for follower, value in zip(self.followers, values[1:], strict=True):
+                follower.move(value if follows else None, step, now)
+
+    def _controlled(self, commanded: Vector, elapsed: float) -> Vector:
+        """Where the control scheme lets the robot go."""
+        endpoint = self._endpoint
+        quality = LinkQuality(endpoint.rtt, endpoint.jitter)
+        return self.control.follow(commanded, self.applied, elapsed, endpoint.peer_credit, quality)
+
+    def halt(self, now: float) -> None:
+        self.robot.command(self.applied, now)
+        for follower in self.followers:
+            follower.halt(now)

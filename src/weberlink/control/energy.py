@@ -1,0 +1,145 @@
+"""Energy tanks, the prediction of energy on its way, and the drag that fills an empty tank.
+
+Each side has a tank: energy that its port may spend. Energy travels to the other tank as a sum since the session
+began, so a lost datagram delays energy and never makes or destroys it. While neither tank is negative, the link has
+given out no more energy than it took in. Sources:
+
+- Franken, Stramigioli, Misra, Secchi, Macchelli, "Bilateral telemanipulation with time delays: a two-layer approach
+  combining passivity and transparency", IEEE Trans. Robotics 27(4), 2011: tanks, and the damper that fills them.
+- Artigas, Ryu, Preusche, Hirzinger, "Network representation and passivity of delayed teleoperation systems", IROS
+  2011: the passivity approach over a network.
+- Xu, Cizmeci, Schuwerk, Steinbach, "Energy prediction for teleoperation systems that combine the time domain passivity
+  approach with perceptual deadband-based haptic data reduction", IEEE Trans. Haptics 9(4), 2016: prediction between
+  two updates.
+"""
+
+from weberlink.control.contract import CREDIT_STEP
+from weberlink.geometry.vector import Vector
+
+FORGIVENESS = 10.0
+"""Time constant with which a debt is forgotten that was made while nothing was controlled [s]."""
+LONGEST = 0.05
+"""Nothing is predicted beyond this time after the last news [s]: a heartbeat is due by then."""
+STRONGEST = 1.0
+"""Drag never exceeds this [N]."""
+STABLE_SHARE = 0.5
+"""Part of the damping at which the drag of one tick would throw a light hand back in the next."""
+
+
+class EnergyTank:
+    """Energy of one side [J]. The level falls below 0 where a tick took more than predicted."""
+
+    __slots__ = ("_handed", "_received", "level", "spilled")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        self.level = 0.0
+        self.spilled = 0.0
+        """Energy given up for good."""
+        self._handed = 0.0
+        self._received = 0
+
+    @property
+    def credit(self) -> int:
+        """Handed over so far, in whole units of `CREDIT_STEP`."""
+        return int(self._handed / CREDIT_STEP)
+
+    def receive(self, credit: int) -> None:
+        """Take in what the other side has handed over since the session began, in units."""
+        if credit > self._received:
+            self.level += (credit - self._received) * CREDIT_STEP
+            self._received = credit
+
+    def renounce(self, credit: int) -> None:
+        """Give up the level and all that the other side has handed over; a debt stays."""
+        self.receive(credit)
+        self.spill(0.0)
+
+    def hand_over(self, energy: float) -> None:
+        """Give energy to the other side; a negative amount gives none."""
+        if energy > 0.0:
+            self.level -= energy
+            self._handed += energy
+
+    def spill(self, cap: float) -> None:
+        """Give up what is above the cap: an unbounded store would hide an active loop until it is spent."""
+        if self.level > cap:
+            self.spilled += self.level - cap
+            self.level = cap
+
+    def forgive(self, share: float) -> None:
+        """Give up this share of a debt, 0..1."""
+        if self.level < 0.0:
+            given = self.level * min(1.0, share)
+            self.spilled += given
+            self.level -= given
+
+
+class CreditPrediction:
+    """Extrapolates the credit of the other side at its last rate: with a deadband, most ticks bring no datagram.
+
+    Args:
+        most: the largest prediction beyond what is known, and so the largest error [J].
+    """
+
+    __slots__ = ("_age", "_credit", "_gained", "_most", "_over")
+
+    def __init__(self, most: float) -> None:
+        self._most = most
+        self.reset()
+
+    def reset(self, credit: int = 0) -> None:
+        """Begin anew at a sum, in units of `CREDIT_STEP`."""
+        self._credit = credit
+        self._age = 0.0
+        self._gained = 0.0
+        self._over = 0.0
+
+    def ahead(self, credit: int, elapsed: float) -> float:
+        """Energy beyond the sum that is known [J].
+
+        Args:
+            credit: the sum that is known now, in units of `CREDIT_STEP`.
+            elapsed: since the last call [s].
+        """
+        self._age += elapsed
+        if credit > self._credit:
+            self._gained, self._over = (credit - self._credit) * CREDIT_STEP, self._age
+            self._credit = credit
+            self._age = 0.0
+            return 0.0
+        if self._age > LONGEST or self._over == 0.0:
+            return 0.0
+        # Divided last: the rate between two sums at almost the same time would be infinite or NaN.
+        return min(self._gained * self._age / self._over, self._most)
+
+
+class LevelDrag:
+    """A damper -b v with b = damping * (1 - tank / level), 0 above the level."""
+
+    __slots__ = ("_damping", "_level")
+
+    def __init__(self, damping: float, level: float) -> None:
+        self._damping = damping
+        self._level = level
+
+    def added(self, force: Vector, way: Vector, elapsed: float, tank: float, mobility: float) -> Vector:
+        """A force with the drag.
+
+        Args:
+            force: without it [N].
+            way: of the hand in the last tick [m].
+            elapsed: in which it went there [s].
+            tank: energy that there is [J].
+            mobility: how far the hand gives way in a tick to a change of force [m/N].
+        """
+        lack = 1.0 - max(0.0, tank) / self._level
+        if lack <= 0.0 or elapsed <= 0.0:
+            return force
+        drag = min(self._damping * lack / elapsed, STABLE_SHARE / mobility)
+        squared = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
+        if drag * drag * squared > STRONGEST * STRONGEST:
+            drag = STRONGEST / squared**0.5
+        return (force[0] - drag * way[0], force[1] - drag * way[1], force[2] - drag * way[2])

@@ -1,0 +1,432 @@
+"""The side loop: what either end of a session does in a tick, in real or in virtual time."""
+
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil, inf, nan
+from typing import Any
+
+from weberlink.control.port import Port
+from weberlink.control.table import SCHEMES
+from weberlink.control.tuning import Tuning
+from weberlink.geometry.vector import ZERO
+from weberlink.protocol.endpoint import Endpoint
+from weberlink.protocol.events import (
+    ChangeAnswered,
+    ChangeProposed,
+    Connected,
+    Event,
+    PeerReturned,
+    PeerSilent,
+    Refused,
+    TakenOver,
+    UpdateLost,
+    UpdateReceived,
+)
+from weberlink.protocol.states import State
+from weberlink.realtime.stall import StallDetector, Watchdog
+from weberlink.system.channels import IncomingChannel, OutgoingChannel
+from weberlink.telemetry.fault import Fault, FaultLedger
+from weberlink.telemetry.record import RELEASED, UNKNOWN, Record, compile_row
+from weberlink.update import Update
+
+CONNECT_PATIENCE = 1.0
+"""A run that ends without a session after longer than this has failed, not completed [s]."""
+
+COLUMNS = {
+    "at": "side.deadline",
+    "peer_at": "nan if (peer_at := endpoint.peer_time(side.deadline)) is None else peer_at",
+    "raw": "outgoing[0].sensor.value",
+    "predicted": "outgoing[0].encoder.predicted or UNKNOWN",
+    "bound": "outgoing[0].encoder.bound",
+    "tick": "side.index",
+    "ticks_missed": "missed",
+    "datagrams_sent": "statistics.sent",
+    "datagrams_received": "statistics.received",
+    "datagrams_lost": "statistics.lost",
+    "datagrams_dropped": "statistics.drops",
+    "bytes_sent": "statistics.bytes_sent",
+    "updates_sent": "statistics.updates_sent[0]",
+    "updates_received": "statistics.updates_received[0]",
+    "repeats": "statistics.repeats",
+    "heartbeats": "statistics.heartbeats",
+    "lateness_us": "lateness_us",
+    "work_us": "work_us",
+    "codec_us": "side.codec_time * 1e6",
+    "rtt_us": "nan if statistics.rtt is None else statistics.rtt * 1e6",
+    "one_way_us": "nan if statistics.one_way is None else statistics.one_way * 1e6",
+    "tank": "control.tank",
+    "surface": "force.model.surface",
+    "surface_size": "force.model.size",
+    "surface_stiffness": "force.model.stiffness",
+    "model": "force.model.kind",
+    "state": "endpoint.state.value",
+    "fault": "faults.active",
+    "control": "schemes[control.active]",
+    "selected": "force.selected",
+    "position_selected": "position.selected",
+    "sent": "outgoing[0].update is not None",
+    "received": "incoming[0].received",
+    "settings": "tuning.generation & 0xFF",
+}
+"""Expressions for the telemetry fields that both ends fill alike; a channel is known by its name and by its place."""
+ROTATION_COLUMNS = {
+    "rotation_updates_sent": "statistics.updates_sent[1]",
+    "rotation_updates_received": "statistics.updates_received[1]",
+    "rotation_raw": "outgoing[1].sensor.value",
+    "rotation_bound": "outgoing[1].encoder.bound",
+    "rotation_selected": "torque.selected",
+    "rotation_sent": "outgoing[1].update is not None",
+}
+"""The same for a session of six degrees of freedom."""
+
+
+class Side:
+    """One end of the system: a port, its channels, and the endpoint that links it with the other end.
+
+    Times are on the clock of the caller, which also fetches the endpoint's datagrams.
+
+    Args:
+        port: senses and actuates; not yet open.
+        outgoing: what is sensed here, by stream.
+        incoming: what is actuated here, by stream.
+        tuning: the settings that may change while a session lives.
+        endpoint: this end of the session.
+        tick_period: of both sides, as agreed [s].
+        horizon: how long a model is extrapolated past the last sign of the peer's encoder [s].
+        watchdog: expires when the port gives no usable reading for too long.
+        stopwatch: a clock [s], for the time spent in the codec; a constant in virtual time.
+    """
+
+    def __init__(
+        self,
+        *,
+        port: Port,
+        outgoing: Sequence[OutgoingChannel],
+        incoming: Sequence[IncomingChannel],
+        tuning: Tuning,
+        endpoint: Endpoint,
+        tick_period: float,
+        horizon: float,
+        watchdog: Watchdog,
+        stopwatch: Callable[[], float],
+    ) -> None:
+        self.port = port
+        self.outgoing, self.incoming = outgoing, incoming
+        self._channels: list[OutgoingChannel | IncomingChannel] = [*outgoing, *incoming]
+        self.tuning = tuning
+        self.endpoint = endpoint
+        self.failure: str | None = None
+        """Why the run ends otherwise than by request; None while it does not."""
+        self.stopped = False
+        self.index = 0
+        self.deadline = 0.0
+        self.codec_time = 0.0
+        """Time that the codec took in this tick [s]."""
+        self.engaged = False
+        """Whether the updates of the peer are acted on."""
+        self.pace = StallDetector(tick_period)
+        self._leads = port.leads
+        self._tick_period = tick_period
+        self._horizon = horizon
+        self._watchdog = watchdog
+        self._stopwatch = stopwatch
+        self._stopping: str | None = None
+        self._faults = FaultLedger()
+        self._opened_at = 0.0
+        self._has_connected = False
+        self._encodes = False
+        self._is_fresh = True
+        self._last_reading_at = nan
+        self._peer_tick = 0.0
+        self._row = compile_row(
+            COLUMNS | (ROTATION_COLUMNS if len(outgoing) > 1 else {}) | dict(port.columns), self._names()
+        )
+
+    def _names(self) -> dict[str, Any]:
+        """What the expressions of telemetry can name."""
+        return {channel.name: channel for channel in self._channels} | {
+            "side": self,
+            "port": self.port,
+            "control": self.port.control,
+            "outgoing": self.outgoing,
+            "incoming": self.incoming,
+            "endpoint": self.endpoint,
+            "statistics": self.endpoint.statistics,
+            "tuning": self.tuning,
+            "faults": self._faults,
+            "schemes": {name: code for code, name in enumerate(SCHEMES)},
+            "nan": nan,
+            "UNKNOWN": UNKNOWN,
+            "ZERO": ZERO,
+            "RELEASED": RELEASED,
+            "ENGAGED": State.ENGAGED,
+        }
+
+    @property
+    def outcome(self) -> str | None:
+        """How the run ends, once that is decided: the failure, or the reason given to `stop`."""
+        return self.failure or self._stopping
+
+    @property
+    def faults(self) -> dict[str, int]:
+        """How often each fault occurred, by name."""
+        return self._faults.counts
+
+    def open(self, now: float) -> None:
+        """Open the device or robot, and call the peer or listen.
+
+        Raises:
+            RuntimeError: the device or robot cannot be opened.
+        """
+        self._opened_at = now
+        self.port.open(now)
+        self.endpoint.connect(now)
+
+    def close(self) -> None:
+        self.port.close()
+
+    def tick(self, index: int, deadline: float, now: float) -> None:
+        """Do the work of tick `index`, due at `deadline`, at `now` [s]."""
+        self.index, self.deadline = index, deadline
+        self.codec_time = 0.0
+        elapsed = self.pace.tick(now)
+        if self.pace.settling:
+            self._settle(now)
+        self._hear(now)
+        if self.tuning.pending is not None:
+            peer_time = self.endpoint.peer_time(deadline)
+            self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
+        if self._leads:
+            self._sense(now)
+            self._engage(now)
+            self._send(index, now, elapsed)
+            self._actuate(now, elapsed)
+        else:
+            self._engage(now)
+            self._actuate(now, elapsed)
+            self._sense(now)
+            self._send(index, now, elapsed)
+        if self._stopping is not None and not self.stopped and self.port.at_rest:
+            self._leave(now, self._stopping)
+
+    def propose(self, change: Mapping[str, object], now: float) -> str | None:
+        """Ask the peer for other settings from one tick on; why not, or None and `tuning.result` follows."""
+        complaint = self.tuning.complaint(change)
+        if complaint is not None:
+            return complaint
+        if self.endpoint.state is not State.ENGAGED:
+            return "no session: the other side is not there"
+        tick = self.index + ceil(self.tuning.lead(self.endpoint.rtt) / self._tick_period)
+        if not self.endpoint.propose_change(now, tick, self.tuning.ask(change)):
+            raise AssertionError("the tuning allows one change at a time")
+        return None
+
+    def stop(self, now: float, reason: str) -> None:
+        """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
+        if self._leads and self._stopping is None and reason == "completed" and not self._has_connected:
+            waited = now - self._opened_at
+            if waited > CONNECT_PATIENCE:
+                self.failure = f"the slave did not answer in {waited:.1f} s"
+        self._stopping = self._stopping or reason
+        if not self._leads and not self.stopped:
+            self.port.release(retreat=False)
+            self._leave(now, reason)
+
+    def fail(self, now: float, error: BaseException) -> None:
+        """Zero force or hold, and leave, at once; no tick follows."""
+        self.port.halt(now)
+        self._close(now, f"failed: {error}")
+
+    def record(self, *, lateness_us: float = 0.0, work_us: float = 0.0, missed: int = 0) -> Record:
+        """The telemetry of the tick just done, a `weberlink.telemetry.record.Record`."""
+        return self._row(lateness_us, work_us, missed)
+
+    def _leave(self, now: float, reason: str) -> None:
+        self._close(now, reason)
+        self.stopped = True
+
+    def _close(self, now: float, reason: str) -> None:
+        if self.endpoint.state is not State.CLOSED:  # a refusal has closed it already
+            self.endpoint.close(now, reason)
+
+    # --- what the peer says
+
+    def _hear(self, now: float) -> None:
+        for channel in self.incoming:
+            channel.received = 0
+        while (event := self.endpoint.next_event()) is not None:
+            self._take(event, now)
+
+    def _take(self, event: Event, now: float) -> None:
+        """Other events need nothing: `_engage` sees the state, and the endpoint counts what it drops."""
+        match event:
+            case UpdateReceived():
+                self._apply(event.update, event.stream)
+            case Connected():
+                self._begin()
+            case PeerSilent(is_heard):
+                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
+            case PeerReturned():
+                self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
+                self._forget()
+            case UpdateLost(stream):
+                self.outgoing[stream].encoder.restart()
+            case ChangeProposed(tick, body):
+                self.endpoint.answer_change(self.tuning.hear(tick, body))
+            case ChangeAnswered(tick, body, refusal):
+                self.tuning.settle(tick, body, refusal)
+            case TakenOver(name):
+                self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
+            case Refused(message):
+                self._give_up(Fault.REFUSED, f"refused: {message}", now)
+
+    def _apply(self, update: Update, stream: int) -> None:
+        began = self._stopwatch()
+        try:
+            self.incoming[stream].apply(update)
+        except ValueError:  # from a peer that agreed on this channel and does not keep to it
+            self._faults.note(Fault.UPDATE)
+        self.codec_time += self._stopwatch() - began
+
+    def _begin(self) -> None:
+        """Begin a new session: nothing of the last one holds but a trip, which concerns the robot's contact."""
+        self._has_connected = True
+        self._forget()
+        self._is_fresh = True
+        self.port.control.reset()
+        self.tuning.reset()
+        self._faults.clear(*(fault for fault in Fault if fault is not Fault.TRIPPED))
+
+    def _forget(self) -> None:
+        """Drop all samples and models."""
+        for channel in self._channels:
+            channel.reset()
+        self.port.reset()
+        self._encodes = self.engaged = False
+
+    def _give_up(self, fault: Fault, why: str, now: float) -> None:
+        """The slave does not serve this master: fade out, and end the run as failed."""
+        if not self._leads:  # some other caller was refused; the slave goes on
+            self._faults.note(fault)
+            return
+        self._faults.meet(fault)
+        self.failure = self.failure or why
+        self.stop(now, fault.name.lower().replace("_", " "))
+
+    # --- the parts of a tick
+
+    def _settle(self, now: float) -> None:
+        """After a stall of this process, ask the device or robot anew before it counts as lost."""
+        self._faults.clear(Fault.STALLED)
+        if self.pace.stalled:
+            self._faults.meet(Fault.STALLED)
+            self._watchdog.feed(now)
+        if self._faults.active is not Fault.DEVICE:
+            self.port.settle(now)
+
+    def _sense(self, now: float) -> None:
+        """Read the sensors; the last good samples stay while there are none, until that has lasted too long."""
+        if self._faults.active is Fault.DEVICE:
+            return
+        port = self.port
+        try:
+            reading = port.latest(now)
+        except port.fault as fault:
+            self._lose(str(fault), now)
+            return
+        for channel in self.outgoing:
+            complaint = channel.sensor.complaint(reading)
+            if complaint is not None:
+                break
+        else:
+            complaint = "gives no new sample"
+            if reading.at != self._last_reading_at:
+                self._last_reading_at = reading.at
+                for channel in self.outgoing:
+                    channel.sensor.take(reading)
+                self._watchdog.feed(now)
+                if port.accept(reading):
+                    self._faults.meet(Fault.TRIPPED)
+        if port.ended:
+            self.stop(now, "completed")
+        if self._watchdog.expired(now):
+            why = f": {port.trouble}" if port.trouble else ""
+            self._lose(f"{port.name} {complaint}{why}", now)
+
+    def _lose(self, complaint: str, now: float) -> None:
+        self._faults.meet(Fault.DEVICE)
+        self._encodes = False
+        self.port.restart()
+        self.failure = f"{self.port.kind} fault: {complaint}"
+        self.stop(now, self.failure)
+
+    def _engage(self, now: float) -> None:
+        """Decide whether this tick may encode, and act on the peer's updates; begin afresh when either begins again.
+
+        To begin afresh is to send complete updates and to fade in from zero. A stall ends both for some ticks, so that
+        the peer is told.
+        """
+        pace, port = self.pace, self.port
+        encodes = (
+            self.endpoint.state is State.ENGAGED
+            and port.enabled
+            and not pace.settling
+            and self._faults.active is not Fault.DEVICE
+        )
+        engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
+        encoded, was_engaged = self._encodes, self.engaged
+        self._encodes, self.engaged = encodes, engaged
+        begins = engaged and not was_engaged
+        if self._leads:
+            begins |= encodes and not encoded
+            # Told before energy is booked: what is said now carries the credit of the last tick.
+            self.endpoint.report_encoding(now, is_encoding=encodes)
+        if (pace.stalled and self._leads) or (begins and not self._is_fresh):
+            self._restart()
+        if was_engaged and not engaged and not self._leads and not pace.settling:
+            self._let_go()
+        self._is_fresh = self._is_fresh and not engaged
+
+    def _restart(self) -> None:
+        for channel in self.outgoing:
+            channel.encoder.restart()
+        self.port.control.resume(self.endpoint.peer_credit)
+        self.port.restart()
+
+    def _let_go(self) -> None:
+        """The master no longer leads: whatever it sent is void."""
+        for channel in self.incoming:
+            channel.decoder.reset()
+        self.endpoint.request_full_state()
+        self.port.release(retreat=True)
+
+    def _send(self, index: int, now: float, elapsed: float) -> None:
+        endpoint = self.endpoint
+        if not self._leads:
+            endpoint.report_encoding(now, is_encoding=self._encodes)
+        endpoint.credit = self.port.account(elapsed, encodes=self._encodes)
+        if not self._encodes:
+            for channel in self.outgoing:
+                channel.idle(index)
+            return
+        began = self._stopwatch()
+        for channel in self.outgoing:
+            channel.encode(index)
+        self.codec_time += self._stopwatch() - began
+        for channel in self.outgoing:
+            if channel.update is not None:
+                endpoint.send_update(now, channel.update, stream=channel.stream)
+
+    def _actuate(self, now: float, elapsed: float) -> None:
+        """Decode every channel for this very moment, without waiting for the network, and act on it."""
+        endpoint = self.endpoint
+        encoder_heard_at = endpoint.liveness.encoder_heard_at
+        if encoder_heard_at > -inf:
+            peer_time = endpoint.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
+            if peer_time is not None:  # a session that is over leaves its last force, which fades
+                self._peer_tick = peer_time / self._tick_period
+        began = self._stopwatch()
+        values = [channel.decode(self._peer_tick) for channel in self.incoming]
+        self.codec_time += self._stopwatch() - began
+        self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
+        if self._faults.active is not Fault.NONE and not self.port.tripped:
+            self._faults.clear(Fault.TRIPPED)

@@ -1,0 +1,170 @@
+"""Energy tanks and what travels between them, the prediction of credit, and the drag that fills a tank."""
+
+from math import isfinite
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from pytest import approx
+
+from tests.control.vectors import dot, forces, norm, steps, subtract, vectors
+from tests.examples import examples
+from weberlink.control.contract import CREDIT_STEP
+from weberlink.control.energy import LONGEST, STRONGEST, CreditPrediction, EnergyTank, LevelDrag
+from weberlink.control.force_port import LEAST_STEP, ForcePort
+from weberlink.geometry.vector import ZERO, Vector
+
+LARGEST = 100.0
+"""Of the work in a test [J]."""
+MOST = 1e-3
+"""Of a prediction [J]."""
+LEVEL = 0.05
+TICK = 1e-3
+
+joules = st.floats(-LARGEST, LARGEST)
+sides = st.integers(0, 1)
+operations = st.one_of(
+    st.tuples(st.just("work"), sides, joules),
+    st.tuples(st.just("hand over"), sides, joules),
+    st.tuples(st.just("tell"), sides, st.integers(0, 50)),
+    st.tuples(st.just("spill"), sides, st.floats(0.0, LARGEST)),
+    st.tuples(st.just("forgive"), sides, st.floats(0.0, 2.0)),
+)
+
+
+class TwoTanks:
+    """Both ends, and every sum that one of them ever told: the link delivers any, in any order, or none."""
+
+    def __init__(self) -> None:
+        self.tanks = EnergyTank(), EnergyTank()
+        self.told: tuple[list[int], list[int]] = [0], [0]
+        self.heard = [0, 0]
+        self.work = 0.0
+
+    def do(self, what: str, side: int, amount: float) -> None:
+        tank = self.tanks[side]
+        if what == "work":
+            tank.level += amount
+            self.work += amount
+        elif what == "hand over":
+            tank.hand_over(amount)
+        elif what == "tell":
+            sums = self.told[side]
+            told = sums[int(amount) % len(sums)]
+            self.tanks[1 - side].receive(told)
+            self.heard[1 - side] = max(self.heard[1 - side], told)
+        elif what == "spill":
+            tank.spill(amount)
+        else:
+            tank.forgive(amount)
+        self.told[side].append(tank.credit)
+
+    @property
+    def lacking(self) -> float:
+        """What went in, and is in no tank, not on the way and not spilled [J]."""
+        kept = sum(tank.level + tank.spilled for tank in self.tanks)
+        travelling = sum(tank.credit - self.heard[1 - side] for side, tank in enumerate(self.tanks))
+        return self.work - kept - travelling * CREDIT_STEP
+
+
+@given(st.lists(operations, max_size=60))
+def test_no_loss_order_or_repetition_makes_energy_and_rounding_holds_back_less_than_a_unit_a_side(
+    done: list[tuple[str, int, float]],
+) -> None:
+    both = TwoTanks()
+    for what, side, amount in done:
+        before = [tank.credit for tank in both.tanks]
+        both.do(what, side, amount)
+        assert all(tank.credit >= earlier for tank, earlier in zip(both.tanks, before, strict=True))
+        assert -1e-9 <= both.lacking <= 2.0 * CREDIT_STEP + 1e-9
+
+
+@given(joules, st.floats(0.0, LARGEST), st.floats(0.0, 2.0))
+def test_only_what_is_above_the_cap_is_spilled_and_only_a_debt_is_forgiven(
+    level: float, cap: float, share: float
+) -> None:
+    tank = EnergyTank()
+    tank.level = level
+    tank.spill(cap)
+    assert tank.level == min(level, cap)
+    tank.forgive(share)
+    assert tank.level == (min(level, cap) if level >= 0.0 else pytest.approx(level * (1.0 - min(1.0, share))))
+
+
+@example([(1, 5e-324), (0, 0.0)])
+@given(st.lists(st.tuples(st.integers(0, 1000), st.one_of(st.floats(0.0, 0.1), st.just(5e-324))), max_size=60))
+def test_never_ahead_by_more_than_the_most_and_never_behind(ticks: list[tuple[int, float]]) -> None:
+    prediction, credit = CreditPrediction(MOST), 0
+    for more, elapsed in ticks:
+        credit += more
+        ahead = prediction.ahead(credit, elapsed)
+        assert isfinite(ahead)
+        assert 0.0 <= ahead <= MOST
+
+
+@given(st.lists(st.integers(1, 100), min_size=1, max_size=20), st.integers(0, 200))
+def test_nothing_is_predicted_long_after_the_last_news(news: list[int], ticks: int) -> None:
+    prediction, credit = CreditPrediction(MOST), 0
+    for more in news:
+        credit += more
+        prediction.ahead(credit, TICK)
+    since = 0.0
+    for _ in range(ticks):
+        since += TICK
+        ahead = prediction.ahead(credit, TICK)
+        if since > LONGEST + TICK:
+            assert ahead == 0.0
+
+
+def test_between_news_it_goes_on_at_the_rate_of_the_last_two_sums() -> None:
+    prediction = CreditPrediction(MOST)
+    for _ in range(3):
+        known = prediction.ahead(0, 0.01)
+        assert known == 0.0
+    assert prediction.ahead(3, 0.01) == 0.0
+    rate = 3 * CREDIT_STEP / 0.04
+    assert prediction.ahead(3, 0.002) == approx(rate * 0.002)
+    assert prediction.ahead(3, 0.002) == approx(rate * 0.004)
+
+
+@given(force=forces, way=steps, elapsed=st.floats(0.0, 0.1), tank=st.floats(-1.0, 1.0), mobility=st.floats(1e-9, 1e-2))
+def test_drag_goes_against_the_way_and_is_bounded(
+    force: Vector, way: Vector, elapsed: float, tank: float, mobility: float
+) -> None:
+    drag = subtract(LevelDrag(5.0, LEVEL).added(force, way, elapsed, tank, mobility), force)
+    assert dot(drag, way) <= 1e-12
+    assert norm(drag) <= STRONGEST + 1e-9
+
+
+@given(force=forces, way=steps, tank=st.floats(LEVEL, 1.0))
+def test_a_full_tank_drags_nothing(force: Vector, way: Vector, tank: float) -> None:
+    assert LevelDrag(5.0, LEVEL).added(force, way, TICK, tank, 1e-5) == force
+
+
+@given(
+    force=vectors(1e30),
+    way=vectors(1e30),
+    elapsed=st.floats(0.0, 1e3),
+    tank=st.floats(-1e30, 1e30),
+    mobility=st.floats(1e-30, 1e30),
+)
+def test_nothing_finite_makes_it_raise_or_infinite(
+    force: Vector, way: Vector, elapsed: float, tank: float, mobility: float
+) -> None:
+    assert all(map(isfinite, LevelDrag(5.0, LEVEL).added(force, way, elapsed, tank, mobility)))
+
+
+@given(mass=st.floats(0.001, 0.1), speed=st.floats(0.001, 0.5), damping=st.floats(1.0, 100.0))
+@examples(40)
+def test_a_free_mass_comes_to_rest_and_gains_no_speed(mass: float, speed: float, damping: float) -> None:
+    """From 1 g on, or slow: a drag of less than `LEAST_STEP` does not show how light a hand is. The first tick does."""
+    drag, port = LevelDrag(damping, LEVEL), ForcePort(TICK, LEVEL)
+    at, start, swing = 0.0, speed, STRONGEST * TICK / mass
+    for _ in range(600):
+        port.move((at, 0.0, 0.0))
+        (force, _, _) = drag.added(ZERO, port.way, TICK, 0.0, port.mobility)
+        port.hold((force, 0.0, 0.0))
+        at += speed * TICK + 0.5 * force / mass * TICK * TICK
+        speed += force / mass * TICK
+        assert abs(speed) <= max(start, swing)
+    assert abs(speed) <= max(0.02 * start, LEAST_STEP / damping)
