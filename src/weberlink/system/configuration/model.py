@@ -1,7 +1,6 @@
-"""What a configuration file may say: every key, its unit, its range and its default.
+"""The schema of a configuration file: every key, its unit, its range and its default.
 
-Owns the schema only; reading files and building parts are elsewhere. The options of a device or robot driver belong
-to the driver, and are validated against it once its name is known.
+The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
 from collections.abc import Callable
@@ -88,10 +87,10 @@ class Settings(BaseModel):
 
 
 class PredictedSettings(Settings):
-    """What every channel says of its predictors."""
+    """The predictors of a channel."""
 
     ADAPTIVE_BANK: ClassVar[tuple[str, ...]]
-    """What `adaptive` chooses among where the file does not say."""
+    """The bank of `adaptive` by default."""
 
     predictor: str
     bank: tuple[str, ...]
