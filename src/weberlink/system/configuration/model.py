@@ -262,16 +262,22 @@ class ForceCodecSettings(PredictedSettings):
         return self
 
 
-class PositionCodecSettings(PredictedSettings):
-    """The forward channel."""
+class MotionCodecSettings(PredictedSettings):
+    """What position and orientation have in common."""
 
     ADAPTIVE_BANK = _POSITION.built_in
 
     predictor: PositionPredictor = "linear"
+    """What both ends predict with."""
     bank: PositionBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all three) chooses among."""
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
     weber: float = Field(default=0.10, ge=0, le=1)
-    """Weber factor of velocity."""
+    """Weber factor of velocity, linear or angular."""
+
+
+class PositionCodecSettings(MotionCodecSettings):
+    """The forward channel."""
+
     bound_m: float = Field(default=0.0002, ge=0)
     """Position error at rest that stays unsent [m]."""
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
@@ -297,17 +303,9 @@ class TorqueCodecSettings(PredictedSettings):
     """Wire step [N m]; 16 bits span +-32767 steps."""
 
 
-class OrientationCodecSettings(PredictedSettings):
+class OrientationCodecSettings(MotionCodecSettings):
     """The forward channel of the rotation."""
 
-    ADAPTIVE_BANK = _POSITION.built_in
-
-    predictor: PositionPredictor = "linear"
-    """What both ends predict with."""
-    bank: PositionBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
-    weber: float = Field(default=0.10, ge=0, le=1)
-    """Weber factor of angular velocity."""
     bound_rad: float = Field(default=0.01, ge=0)
     """Error of orientation at rest that stays unsent [rad]."""
     step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
