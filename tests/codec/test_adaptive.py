@@ -9,9 +9,8 @@ from random import Random
 
 import pytest
 
-from tests.codec.contacts import GodObject, contact, rubbing_stream, stroke
 from tests.codec.law import FITTED
-from tests.codec.signals import Stream
+from tests.codec.signals import GodObject, Stream, contact, rubbing_stream, stroke
 from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.adaptive import MEMORY, REST, AdaptiveChoice, Shadow
 from weberlink.codec.deadband import ForceDeadband

@@ -1,5 +1,6 @@
-"""A stiffness matrix and a drift: closed forms, the wire's grid, and the sender's least squares."""
+"""A stiffness matrix and a drift: closed forms, the wire's rounding, and the sender's least squares."""
 
+from collections.abc import Callable
 from itertools import pairwise
 from math import cos, pi, sin
 from random import Random
@@ -14,7 +15,6 @@ from tests.examples import examples
 from weberlink.codec import Decoder, Update, force_channel
 from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
 from weberlink.codec.predictors.contract import EncodeContext, History
-from weberlink.codec.predictors.model import Hold
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
 
@@ -32,68 +32,69 @@ def wall_matrix(normal: Vector, stiffness: float) -> tuple[Vector, Vector, Vecto
 
 @given(normal=normals, probe=vectors, depth=st.floats(1e-4, 0.02))
 def test_with_the_matrix_of_a_wall_it_is_that_wall(normal: Vector, probe: Vector, depth: float) -> None:
-    place = scale(normal, -depth)
-    model = Affine(scale(normal, S * depth), place, 0, wall_matrix(normal, S), ZERO)
+    model = Affine(scale(normal, S * depth), scale(normal, -depth), 0, wall_matrix(normal, S), ZERO)
     expected = scale(normal, S * max(0.0, -dot(normal, probe)))
     assert distance(model.at(5, probe), expected) <= 1e-9
 
 
-def test_it_is_the_sum_of_force_place_and_time() -> None:
+def test_it_is_the_sum_of_force_position_and_time() -> None:
     stiffness = ((-100.0, 20.0, 3.0), (40.0, -200.0, 5.0), (6.0, 10.0, -300.0))
     model = Affine((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), 10, stiffness, (0.01, 0.02, -0.03))
     assert model.at(10, (0.1, 0.2, 0.3)) == (1.0, 2.0, 3.0)
     assert model.at(12.5, (0.1, 0.2, 0.3)) == pytest.approx((1.025, 2.05, 2.925))
     assert model.at(10, (0.101, 0.2, 0.3)) == pytest.approx((0.9, 2.04, 3.006))
-    assert model.at(10, (0.1, 0.201, 0.3)) == pytest.approx((1.02, 1.8, 3.01))
-    assert model.at(10, (0.1, 0.2, 0.301)) == pytest.approx((1.003, 2.005, 2.7))
+    assert model.at(10, (0.1, 0.201, 0.301)) == pytest.approx((1.023, 1.805, 2.71))
 
 
-def test_a_contact_does_not_pull() -> None:
+def test_a_contact_does_not_pull_and_returns_gradually() -> None:
     model = Affine((0.0, 0.0, 1.0), ZERO, 0, wall_matrix((0.0, 0.0, 1.0), S), (0.0, 0.0, -0.1))
     assert model.at(0, (0.0, 0.0, 0.0012))[2] == pytest.approx(0.04)
-    assert model.at(0, (0.0, 0.0, 0.0013)) == ZERO
+    assert model.at(0, (0.0, 0.0, 0.0013)) == model.at(11, ZERO) == ZERO
     assert model.at(9, ZERO)[2] == pytest.approx(0.1)
-    assert model.at(11, ZERO) == ZERO
+    # Sideways stiffness that was noise would throw the probe aside when the contact comes back.
+    model = Affine((0.0, 0.0, 1.0), ZERO, 0, ((2000.0, 0.0, 0.0), (0.0, 2000.0, 0.0), (0.0, 0.0, -500.0)), ZERO)
+    back = [model.at(1, (0.003, -0.002, 0.004 - 1e-6 * step)) for step in range(4000)]
+    assert back[0] == ZERO
+    assert max(norm(force) for force in back) > 1.0
+    assert max(distance(one, other) for one, other in pairwise(back)) < 5e-3
+    assert all(norm((x, y, 0.0)) <= WIDEST * z * (1.0 + 1e-12) for x, y, z in back)
 
 
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
 @given(elements=st.lists(st.floats(-4000.0, 4000.0), min_size=9, max_size=9), slope=vectors)
 @examples(40)
-def test_a_model_survives_the_wire(axes: str, elements: list[float], slope: Vector) -> None:
-    """To one part in 64 of its largest element, towards zero."""
+def test_a_model_survives_the_wire_towards_zero(axes: str, elements: list[float], slope: Vector) -> None:
+    """To one part in 64 of its largest element."""
     channel = force_channel(predictor="affine", axes=axes)
-    used, components = channel.value_quantizer.used, channel.value_quantizer.components
-    keep = [
-        [elements[3 * row + column] if {row, column} <= set(used) else 0.0 for column in range(3)] for row in range(3)
-    ]
-    rows = tuple((row[0], row[1], row[2]) for row in keep)
-    levels = tuple(range(1, 1 + channel.grid.size))
-    newest, decoder = channel.grid.sample(6, levels), Decoder(channel)
-    drift = channel.value_quantizer.vector(components(slope))
-    model = Affine(newest.value, newest.position, 6, (rows[0], rows[1], rows[2]), drift)
-    decoder.apply(Update(6, 0, levels, AFFINE.packed(model, newest, channel.grid)))
-    said = decoder.state[1]
-    assert isinstance(said, Affine)
-    assert (said.value, said.position, said.tick) == (newest.value, newest.position, 6)
-    truth, found = ([element for row in matrix for element in row] for matrix in (rows, said.stiffness))
-    largest, fastest = max(map(abs, truth)), max(map(abs, drift))
-    digit = SOFTEST * channel.value_quantizer.step / 1e-5
+    grid, quantizer, decoder = channel.grid, channel.value_quantizer, Decoder(channel)
+    kept = [float(axis in axes) for axis in "xyz"]
+    rows = tuple(
+        tuple(kept[row] * kept[column] * elements[3 * row + column] for column in range(3)) for row in range(3)
+    )
+    levels = tuple(range(1, 1 + grid.size))
+    newest, drift = grid.sample(6, levels), quantizer.vector(quantizer.components(slope))
+    model = Affine(newest.value, newest.position, 6, rows, drift)  # type: ignore[arg-type]
+    decoder.apply(Update(6, 0, levels, AFFINE.packed(model, newest, grid)))
+    decoded = decoder.model
+    assert isinstance(decoded, Affine)
+    assert (decoded.value, decoded.position, decoded.tick) == (newest.value, newest.position, 6)
+    truth, found = ([element for row in matrix for element in row] for matrix in (rows, decoded.stiffness))
+    digit = SOFTEST * quantizer.step / 1e-5
     for one, other in zip(found, truth, strict=True):
         assert abs(one) <= abs(other) + 1e-12
-        assert abs(one - other) <= max(digit, largest / 64.0) * (1.0 + 1e-9)
-    for one, other in zip(said.slope, drift, strict=True):
-        assert abs(one - other) <= max(SLOWEST * 1e-3, fastest / 64.0) * (1.0 + 1e-9)
+        assert abs(one - other) <= max(digit, max(map(abs, truth)) / 64.0) * (1.0 + 1e-9)
+    for one, other in zip(decoded.slope, drift, strict=True):
+        assert abs(one - other) <= max(SLOWEST * 1e-3, max(map(abs, drift)) / 64.0) * (1.0 + 1e-9)
 
 
-def test_a_stiffness_beyond_trust_is_not_believed() -> None:
+@pytest.mark.parametrize(("stiffness", "accepted"), [(1e5, True), (1e7, False)])
+def test_a_stiffness_beyond_the_limits_is_held(stiffness: float, accepted: bool) -> None:
     channel = force_channel(predictor="affine")
     newest = channel.grid.sample(0, (0, 0, 1000, 0, 0, 0))
-    for stiffness, believed in ((1e5, True), (1e7, False)):
-        model = Affine(newest.value, ZERO, 0, wall_matrix((0.0, 0.0, 1.0), stiffness), ZERO)
-        packed = AFFINE.packed(model, newest, channel.grid)
-        said = AFFINE.decode(packed, newest, channel.grid, channel.fit_limits)
-        assert isinstance(said, Affine) == believed
-        assert isinstance(said, Hold) != believed
+    model = Affine(newest.value, ZERO, 0, wall_matrix((0.0, 0.0, 1.0), stiffness), ZERO)
+    packed = AFFINE.packed(model, newest, channel.grid)
+    decoded = AFFINE.decode(packed, newest, channel.grid, channel.fit_limits)
+    assert isinstance(decoded, Affine) == accepted
 
 
 # Least squares.
@@ -111,81 +112,57 @@ def tremor(tick: int) -> Vector:
     return (1e-3 * sin(0.9 * tick), 1e-3 * cos(1.3 * tick), 1e-3 * sin(2.1 * tick + 1.0))
 
 
-def test_it_recovers_a_field_that_is_affine_but_for_the_ridge() -> None:
-    stiffness = ((-300.0, 50.0, 20.0), (40.0, -500.0, 10.0), (-20.0, 30.0, -400.0))
+SKEW = ((-300.0, 50.0, 20.0), (40.0, -500.0, 10.0), (-20.0, 30.0, -400.0))
+NORMAL = unit((0.3, -0.2, 0.9))
 
-    def force(position: Vector) -> Vector:
-        x, y, z = (dot(row, position) for row in stiffness)
-        return (1.0 + x, 2.0 + y, 5.0 + z)
 
+@pytest.mark.parametrize(
+    ("stiffness", "force"),
+    [
+        (SKEW, lambda p: (1.0 + dot(SKEW[0], p), 2.0 + dot(SKEW[1], p), 5.0 + dot(SKEW[2], p))),
+        (wall_matrix(NORMAL, S), lambda p: scale(NORMAL, S * (4e-3 - dot(NORMAL, p)))),
+    ],
+)
+def test_it_recovers_an_affine_field(stiffness: tuple[Vector, ...], force: Callable[[Vector], Vector]) -> None:
     model = estimated([(force(tremor(tick)), tremor(tick)) for tick in range(40)])
     assert model is not None
     for row, truth in zip(model.stiffness, stiffness, strict=True):
-        assert row == pytest.approx(truth, rel=1e-2, abs=1.0)
+        assert row == pytest.approx(truth, rel=1e-2, abs=2.0)
     assert model.slope == pytest.approx(ZERO, abs=1e-3)
 
 
-def test_in_front_of_a_wall_it_is_the_matrix_of_that_wall() -> None:
-    normal = unit((0.3, -0.2, 0.9))
-    stream: Stream = []
-    for tick in range(40):
-        position = add(scale(normal, -4e-3), tremor(tick))
-        stream.append((scale(normal, -S * dot(normal, position)), position))
-    model = estimated(stream)
-    assert model is not None
-    for row, truth in zip(model.stiffness, wall_matrix(normal, S), strict=True):
-        assert row == pytest.approx(truth, rel=1e-2, abs=2.0)
-
-
-def test_with_a_hand_at_rest_the_noise_is_no_stiffness() -> None:
+def test_with_a_hand_at_rest_noise_is_no_stiffness() -> None:
     """The ridge is that of a hand that moves by 10 um: 2 mN over 1 um would be 2000 N/m."""
     random = Random(4)
-    stream: Stream = []
-    for _ in range(40):
-        a, b, c, d = (random.gauss(0.0, 1.0) for _ in range(4))
-        stream.append(((2e-3 * a, 2e-3 * b, 1.0 + 2e-3 * c), (1e-6 * d, 0.0, 0.0)))
-    model = estimated(stream)
+    draws = [[random.gauss(0.0, 1.0) for _ in range(4)] for _ in range(40)]
+    model = estimated([((2e-3 * a, 2e-3 * b, 1.0 + 2e-3 * c), (1e-6 * d, 0.0, 0.0)) for a, b, c, d in draws])
     assert model is not None
     assert max(norm(row) for row in model.stiffness) < 60.0
 
 
-def test_a_drift_of_time_alone_is_the_slope() -> None:
+def test_a_drift_in_time_alone_is_the_slope() -> None:
     model = estimated([((0.0, 0.0, 1.0 + 0.01 * tick), ZERO) for tick in range(40)])
     assert model is not None
     # With the ridge on time of a fifth of the samples, beside a third, which is the mean square of a window.
     assert 0.5 * 0.01 < model.slope[2] < 0.01
     assert model.stiffness == (ZERO, ZERO, ZERO)
-
-
-def test_too_few_samples_say_nothing() -> None:
     assert estimated([(ZERO, ZERO)] * 2) is None
     assert estimated([(ZERO, ZERO)] * 3) is not None
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e150])
 def test_extreme_samples_make_a_finite_model_or_none(size: float) -> None:
-    stream = [(scale(tremor(tick), size * 1e3), scale(tremor(tick + 7), size * 1e3)) for tick in range(20)]
-    model = estimated([(f, p) for f, p in stream])
+    model = estimated([(scale(tremor(tick), size * 1e3), scale(tremor(tick + 7), size * 1e3)) for tick in range(20)])
     assert model is None or all(abs(each) < 1e300 for row in model.stiffness for each in row)
 
 
-def test_on_a_spring_it_sends_less_than_a_hold() -> None:
-    """Three springs at an angle, and a hand that goes round: no plane, no ball, but affine all the same."""
+def test_on_springs_it_sends_less_than_a_hold() -> None:
+    """Three springs at an angle, and a hand that goes round: no plane, no ball, but affine."""
 
-    def at(tick: int) -> Vector:
-        t = tick * 1e-3
+    def at(t: float) -> Vector:
         return (0.01 * sin(2.0 * pi * t), 0.01 * sin(2.6 * pi * t + 1.0), 0.01 * sin(3.4 * pi * t))
 
-    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), (x, y, z)) for x, y, z in map(at, range(2000))]
+    places = [at(tick * 1e-3) for tick in range(2000)]
+    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), add((x, y, z), ZERO)) for x, y, z in places]
     hold, affine = (sends(force_channel(predictor=predictor), stream) for predictor in ("zoh", "affine"))
     assert affine < 0.5 * hold
-
-
-def test_a_force_that_comes_back_with_the_probe_comes_gradually() -> None:
-    """Sideways stiffness that was noise would throw the probe aside at the moment at which the gate opens."""
-    model = Affine((0.0, 0.0, 1.0), ZERO, 0, ((2000.0, 0.0, 0.0), (0.0, 2000.0, 0.0), (0.0, 0.0, -500.0)), ZERO)
-    back = [model.at(1, (0.003, -0.002, 0.004 - 1e-6 * step)) for step in range(4000)]
-    assert back[0] == ZERO
-    assert max(norm(force) for force in back) > 1.0
-    assert max(distance(one, other) for one, other in pairwise(back)) < 5e-3
-    assert all(norm((x, y, 0.0)) <= WIDEST * z * (1.0 + 1e-12) for x, y, z in back)

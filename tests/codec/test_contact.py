@@ -9,8 +9,7 @@ from math import cos, pi, sin
 
 import pytest
 
-from tests.codec.contacts import GodObject, contact, stroke
-from tests.codec.signals import Stream
+from tests.codec.signals import GodObject, Stream, contact, stroke
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.predictors.contact import ContactEstimator
 from weberlink.codec.predictors.contract import EncodeContext, History

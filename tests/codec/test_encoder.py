@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.contacts import rubbing_stream
 from tests.codec.law import ESTIMATED, FITTED, FORCE_PREDICTORS, POSITION_PREDICTORS, coded, half_step, make_channel
-from tests.codec.signals import contact_stream
+from tests.codec.signals import contact_stream, rubbing_stream
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
 from weberlink.codec.deadband import ForceDeadband, PositionDeadband, Reference

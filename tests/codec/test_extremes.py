@@ -146,7 +146,6 @@ WRAP = 1 << TICK_BITS
 CASES = [
     # Nothing, almost nothing, far too much.
     Case("no force", steady(ZERO), 0, ZERO),
-    Case("1e-300 N", steady(up(1e-300)), 0, ZERO),
     Case("the least number there is, without a floor", steady(up(5e-324)), 0, ZERO, channel=NO_FLOOR),
     Case(
         "from 2 N to a denormal",
@@ -181,16 +180,13 @@ CASES = [
         rejected=1,
     ),
     # The same again.
-    Case("identical samples", steady(up(1.0), up(-0.002)), 1, up(1.0)),
     Case("identical samples between two levels, without a floor", steady(up(0.0034)), 1, up(0.003), channel=NO_FLOOR),
     Case("at rest between two levels, without a bound", steady(up(0.0123456)), 1, up(0.01235), channel=NO_BOUND),
     Case("off by the floor exactly", steady(up(0.5)), 0, ZERO, channel=partial(force_channel, floor=0.5)),
     # Time.
-    Case("each sample twice", [(i // 2, up(1.0), ZERO) for i in range(40)], 1, up(1.0)),
     Case("two forces at one time", [(i // 2, up(1.0 + i % 2), ZERO) for i in range(40)], 40, up(2.0)),
     Case("a ramp from tick 0 on", press(), ON_A_WALL, None, WALL),
     Case("the same ramp while 24 bits of tick wrap", press(start=WRAP - 100), ON_A_WALL, None, WALL),
-    Case("the same ramp after 285,000 years", press(start=2**53 - 100), ON_A_WALL, None, WALL),
     Case("the same ramp past all 64 bits", press(start=2**64 + 1), ON_A_WALL, None, WALL),
     Case(
         "a sender that counts modulo 2^24",
@@ -206,7 +202,6 @@ CASES = [
     ),
     Case("a ball of 50 mm", roll(0.05), ON_A_BALL, None, BALL),
     Case("a plane, seen as a ball of a kilometre", roll(1000.0), {**ON_A_WALL, "zoh": 7, "sphere": 7}, None, WALL),
-    Case("a nanometre apart", [(0, up(1.0), ZERO), (1, (0.2, 0.0, 1.2), up(-1e-9))], 2, (0.2, 0.0, 1.2), LINEAR, EXACT),
     Case(
         "a nanometre apart, on the wire",
         [(0, up(1.0), ZERO), (1, (0.2, 0.0, 1.2), up(-1e-9))],
@@ -231,7 +226,6 @@ CASES = [
     Case("beside the axes that travel", roll(0.05, aside=0.03), ON_A_BALL, None, BALL, TWO_AXES),
     # The range of the wire.
     Case("in a corner of the range", steady((30.0, 30.0, 30.0)), 1, (30.0, 30.0, 30.0)),
-    Case("in a corner of the workspace", steady((0.06, 0.06, 0.06)), 1, (0.06, 0.06, 0.06), channel=FINE),
     Case(
         "out of the workspace",
         steady((1e300, -1.0, 0.06)),

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.contacts import rubbing_stream
 from tests.codec.law import FORCE_PREDICTORS, half_step
-from tests.codec.signals import contact_stream
+from tests.codec.signals import contact_stream, rubbing_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, Update, force_channel
 from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband

@@ -1,7 +1,6 @@
-"""What a configuration file may say: every key, its unit, its range and its default.
+"""The schema of a configuration file: every key, its unit, its range and its default.
 
-Owns the schema only; reading files and building parts are elsewhere. The options of a device or robot driver belong
-to the driver, and are validated against it once its name is known.
+The options of a device or robot driver belong to the driver, and are validated once its name is known.
 """
 
 from collections.abc import Callable
@@ -88,10 +87,10 @@ class Settings(BaseModel):
 
 
 class PredictedSettings(Settings):
-    """What every channel says of its predictors."""
+    """The predictors of a channel."""
 
     ADAPTIVE_BANK: ClassVar[tuple[str, ...]]
-    """What `adaptive` chooses among where the file does not say."""
+    """The bank of `adaptive` by default."""
 
     predictor: str
     bank: tuple[str, ...]
@@ -263,16 +262,22 @@ class ForceCodecSettings(PredictedSettings):
         return self
 
 
-class PositionCodecSettings(PredictedSettings):
-    """The forward channel."""
+class MotionCodecSettings(PredictedSettings):
+    """What position and orientation have in common."""
 
     ADAPTIVE_BANK = _POSITION.built_in
 
     predictor: PositionPredictor = "linear"
+    """What both ends predict with."""
     bank: PositionBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all three) chooses among."""
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
     weber: float = Field(default=0.10, ge=0, le=1)
-    """Weber factor of velocity."""
+    """Weber factor of velocity, linear or angular."""
+
+
+class PositionCodecSettings(MotionCodecSettings):
+    """The forward channel."""
+
     bound_m: float = Field(default=0.0002, ge=0)
     """Position error at rest that stays unsent [m]."""
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
@@ -298,17 +303,9 @@ class TorqueCodecSettings(PredictedSettings):
     """Wire step [N m]; 16 bits span +-32767 steps."""
 
 
-class OrientationCodecSettings(PredictedSettings):
+class OrientationCodecSettings(MotionCodecSettings):
     """The forward channel of the rotation."""
 
-    ADAPTIVE_BANK = _POSITION.built_in
-
-    predictor: PositionPredictor = "linear"
-    """What both ends predict with."""
-    bank: PositionBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
-    weber: float = Field(default=0.10, ge=0, le=1)
-    """Weber factor of angular velocity."""
     bound_rad: float = Field(default=0.01, ge=0)
     """Error of orientation at rest that stays unsent [rad]."""
     step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
