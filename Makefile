@@ -49,17 +49,15 @@ safety: $(DEV)  ## links that fail in one direction, and held datagrams, in virt
 model: $(DEV)  ## every state of the models of the protocol: the new one holds, today's fails, each fault put in is found
 	$(BIN)/python -m tests.protocol.model
 
-soak: $(DEV)  ## an hour of faults, then floods, against a live session; MINUTES=2 for a glance
+soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance
 	$(BIN)/python -m tests.soak --minutes $(MINUTES)
-	for kind in forged replayed truncated random handshake calls; do \
-		$(BIN)/python -m tests.soak.flood --rate 50000 --seconds 5 --kind $$kind --target slave || exit 1; done
 
 bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; then device, MuJoCo and recording beside theirs
-	$(BIN)/weberlink bench
-	$(BIN)/python -m benchmarks.codec_tick
+	$(BIN)/python -m benchmarks
+	$(BIN)/python -m benchmarks.codec_speed
 	$(BIN)/python -m benchmarks.device_round_trip
-	$(BIN)/python -m benchmarks.mujoco_loopback
-	$(BIN)/python -m benchmarks.recording --minutes 1
+	$(BIN)/python -m benchmarks.sessions mujoco
+	$(BIN)/python -m benchmarks.sessions recording --seconds 15 --rounds 4
 
 figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: recordings of people
 	mkdir -p docs/figures docs/paper
@@ -67,7 +65,7 @@ figures: $(DEV)  ## every figure and table of README and docs, with its numbers 
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json
 	$(BIN)/weberlink paper $(TRACES) --plots docs/paper --json docs/paper/paper.json
 	$(BIN)/weberlink adaptive $(TRACES) --docs docs/adaptive
-	$(BIN)/weberlink bench --plots docs/bench --json docs/bench/bench.json
+	$(BIN)/python -m benchmarks --plots docs/bench --json docs/bench/bench.json
 	WEBERLINK_MONITOR_PICTURE=docs/figures/monitor.png $(BIN)/python -m pytest -n 0 tests/apps/monitor/test_page_live.py -k picture
 	$(BIN)/python -m tests.apps.monitor.moving_picture docs/figures/demo.gif
 

@@ -1,39 +1,51 @@
-"""What is measured and for how long: one system, with encryption, hybrid prediction and telemetry, at several rates."""
+"""The system under test, its rights, and the processes of the benchmarks.
+
+A process of this package is started with an order as JSON and prints its answer as JSON. This module is such a process
+too: it asks the kernel for the rights of a real-time process and prints what was granted.
+"""
 
 import json
 import os
+import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from signal import SIGHUP
+from typing import Any
 
+from weberlink.realtime.process import die_with_parent, prepare
 from weberlink.system.configuration import Configuration, load
+from weberlink.system.configuration.model import RealtimeSettings
 
 RATES_HZ = (1000.0, 2000.0, 4000.0)
 MAIN_RATE_HZ = 1000.0
-"""Of CPU time, memory and the latency of an update."""
+"""Rate of the figures on CPU time, memory and latency."""
 DURATION_S = 20.0
+ROOT = str(Path(__file__).parents[1])
+"""The clone of the repository, from which a process imports this package."""
 QUICK_DURATION_S = 1.0
 
 Ports = Callable[[list[str]], list[str]]
-"""Overrides that name a free port, for those that there are."""
+"""Returns overrides that name a free port, for given overrides."""
 
 
 class BenchError(RuntimeError):
-    """A measurement could not be made. One line says which and why."""
+    """A measurement failed; the text is one line."""
 
 
 @dataclass(frozen=True)
 class Arrangement:
-    """The system and the time that each part of the run may take.
+    """The system under test and the duration of each part.
 
     Args:
         file: the configuration.
-        key_file: a key that is good for this run.
-        given: overrides of the user, which come last but for the rate.
+        key_file: a key for this run.
+        given: overrides of the user, applied last but for the rate.
         ports: finds a free port.
-        duration_s: of the live run at one rate [s]; the other parts take their share of it.
-        quick: a glance instead of a measurement.
+        duration_s: of the live run at one rate [s]; other parts take a share of it.
+        quick: measure briefly.
     """
 
     file: Path
@@ -44,7 +56,7 @@ class Arrangement:
     quick: bool = False
 
     def overrides(self, rate_hz: float) -> list[str]:
-        """Of the file, with a port that is free now."""
+        """Overrides of the file, with a port that is free now."""
         overrides = [
             "link.security=psk",
             f"link.key_file={json.dumps(str(self.key_file))}",
@@ -55,15 +67,125 @@ class Arrangement:
         return [*overrides, *self.ports(overrides)]
 
     def configuration(self, overrides: Sequence[str]) -> Configuration:
-        """Raises ConfigurationError for what is wrong with the file or an override."""
+        """Raises ConfigurationError for a wrong file or override."""
         return load(self.file, overrides)
 
 
-def tell(text: str) -> None:
-    """Print an answer of whatever length from a process of this package.
+@dataclass(frozen=True)
+class Rights:
+    """Rights of the daemons and of their limits.
 
-    A kernel may take a part only of a long text, after an event loop on io_uring for one, and Python drops the rest
-    where its output is not buffered.
+    Args:
+        priority: of SCHED_FIFO; 0 for the ordinary scheduler.
+        lock_memory: whether memory is locked.
+        wakeful: whether processors are kept out of deep sleep.
+        cpus: processor of each daemon; None for any.
+    """
+
+    priority: int
+    lock_memory: bool
+    wakeful: bool
+    cpus: tuple[int, int] | None
+
+    def cpu(self, place: int) -> int | None:
+        return None if self.cpus is None else self.cpus[place]
+
+    def take(self, place: int) -> None:
+        """Give this process the rights of the daemon with this place (0 or 1)."""
+        prepare(self.priority, self.lock_memory, self.cpu(place), wakeful=self.wakeful)
+
+    def give(self, pid: int, place: int) -> None:
+        """Give them to a process that has just begun; its later threads inherit them."""
+        if self.priority:
+            os.sched_setscheduler(pid, os.SCHED_FIFO, os.sched_param(self.priority))
+        cpu = self.cpu(place)
+        if cpu is not None:
+            os.sched_setaffinity(pid, {cpu})
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "scheduler": f"SCHED_FIFO {self.priority}" if self.priority else "SCHED_OTHER",
+            "lock_memory": self.lock_memory,
+            "wakeful": self.wakeful,
+            "cpus": None if self.cpus is None else list(self.cpus),
+        }
+
+
+def granted(asked: RealtimeSettings) -> Rights:
+    """Ask the kernel for rights, in a process of its own because they outlive the question.
+
+    Raises:
+        BenchError: if that process fails.
+    """
+    with child("arrangement", {"asked": asked.model_dump()}) as process:
+        answer = answers([process], 30.0, "the kernel's grants")[0]
+    return Rights(
+        priority=asked.priority if answer["priority"] else 0,
+        lock_memory=answer["memory"],
+        wakeful=answer["wakeful"],
+        cpus=asked.cpus if answer["cpus"] else None,
+    )
+
+
+def _grants(order: Mapping[str, Any]) -> dict[str, bool]:
+    asked = RealtimeSettings.model_validate(order["asked"])
+    pinned = asked.cpus is not None and set(asked.cpus) <= os.sched_getaffinity(0)
+    grants = prepare(asked.priority, asked.lock_memory, None, wakeful=asked.wakeful)
+    return {name: bool(getattr(grants, name)) for name in ("priority", "memory", "wakeful")} | {"cpus": pinned}
+
+
+@contextmanager
+def child(module: str, order: Mapping[str, Any], rights: Rights | None = None) -> Iterator[subprocess.Popen[str]]:
+    """Start a module of this package as a process; it is killed at the end of the block."""
+    full = dict(order) | {"parent": os.getpid(), "rights": None if rights is None else asdict(rights)}
+    process = subprocess.Popen(  # noqa: S603
+        [sys.executable, "-m", f"benchmarks.{module}", json.dumps(full)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, (ROOT, os.environ.get("PYTHONPATH"))))},
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        if process.stdout is not None and not process.stdout.closed:
+            process.communicate()
+
+
+def answers(processes: Sequence[subprocess.Popen[str]], timeout_s: float, what: str) -> list[Any]:
+    """The answers of processes that end by themselves.
+
+    Raises:
+        BenchError: if one of them fails, or does not end in time.
+    """
+    try:
+        texts = [process.communicate(timeout=timeout_s)[0] for process in processes]
+    except subprocess.TimeoutExpired:
+        raise BenchError(f"{what}: did not end in time") from None
+    if any(process.returncode for process in processes):
+        raise BenchError(f"{what}: a process failed")
+    return [json.loads(text) for text in texts]
+
+
+def serve(work: Callable[[dict[str, Any]], Any]) -> int:
+    """Main function of such a process: do the work of the order and print its result."""
+    order = json.loads(sys.argv[1])
+    die_with_parent(SIGHUP, order["parent"])
+    tell(json.dumps(work(order)))
+    return 0
+
+
+def rights_of(order: Mapping[str, Any]) -> Rights:
+    """The rights in an order."""
+    return Rights(**order["rights"])
+
+
+def tell(text: str) -> None:
+    """Print a text of any length completely.
+
+    After an event loop on io_uring, for example, the kernel may accept only a part of a long text, and Python drops the
+    rest if its output is not buffered.
     """
     sys.stdout.flush()
     left = text.encode()
@@ -71,6 +193,5 @@ def tell(text: str) -> None:
         left = left[os.write(sys.stdout.fileno(), left) :]
 
 
-def module(name: str, *arguments: str) -> list[str]:
-    """The command line of a module of this package that is a process of its own."""
-    return [sys.executable, "-m", f"weberlink.bench.{name}", *arguments]
+if __name__ == "__main__":
+    sys.exit(serve(_grants))

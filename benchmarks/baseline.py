@@ -1,4 +1,4 @@
-"""An earlier run beside this one: which figures, their ratio, and in what the two runs differ besides."""
+"""Comparison with an earlier run: figures, their ratios, and other differences of the runs."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -8,20 +8,21 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from weberlink.studies.result import plain_table
 from weberlink.system.configuration import ConfigurationError
 
 KIND = "weberlink bench"
 VERSION = 1
-"""Of the document: raised when a figure changes its place or its meaning."""
+"""Version of the document, raised when a figure changes its place or its meaning."""
 
 Document = Mapping[str, Any]
 
 
 def read(path: Path) -> Document:
-    """The document of an earlier run.
+    """Read the document of an earlier run.
 
     Raises:
-        ConfigurationError: if it cannot be read, or is not one.
+        ConfigurationError: if it cannot be read, or is no such document.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -46,7 +47,7 @@ _EXPECTED = "expected what `weberlink bench --json FILE` wrote"
 
 
 def figures(document: Document) -> dict[str, float | None]:
-    """What is compared, by name with its unit, of a document of this version."""
+    """The compared figures of a document, by name with unit."""
     return dict(_figures(document))
 
 
@@ -74,7 +75,7 @@ def _figures(document: Document) -> Iterator[tuple[str, float | None]]:
 
 
 def differences(earlier: Document, now: Document) -> list[str]:
-    """In what two runs differ that is not a figure, a line each."""
+    """Differences of two runs besides the figures, a line each."""
     here, there = _circumstances(now), _circumstances(earlier)
     return [
         f"{name}: {there.get(name)} earlier, {value} now" for name, value in here.items() if there.get(name) != value
@@ -95,7 +96,7 @@ def _circumstances(document: Document) -> dict[str, Any]:
 
 
 def as_json(earlier: Document, now: Document) -> dict[str, Any]:
-    """The comparison for the document: figures that both runs have, and in what they differ besides."""
+    """The comparison for the document."""
     before, after = figures(earlier), figures(now)
     return {
         "figures": [
@@ -108,11 +109,9 @@ def as_json(earlier: Document, now: Document) -> dict[str, Any]:
 
 
 def comparison(compared: Mapping[str, Any], name: str) -> Table:
-    """For people; of `as_json`."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(Text(f"beside {name}"), no_wrap=True, overflow="ellipsis")
-    for heading in ("earlier", "now", "now / earlier"):
-        table.add_column(heading, justify="right", no_wrap=True)
+    """A table of `as_json`."""
+    table = plain_table("", "earlier", "now", "now / earlier")
+    table.columns[0].header, table.columns[0].overflow = Text(f"beside {name}"), "ellipsis"
     for figure in compared["figures"]:
         table.add_row(Text(figure["name"]), *(_number(figure[key]) for key in ("earlier", "now", "ratio")))
     whole = Table.grid()

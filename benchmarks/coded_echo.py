@@ -1,28 +1,23 @@
-"""The way of an update through everything but the tick: encoder, endpoint, security, socket, endpoint, decoder.
+"""One end of an echo through encoder, endpoint, security, socket, endpoint and decoder, as a process.
 
-A process of its own, asking or answering (`benchmarks.echo`). The one that asks is the master of a session and
-sends positions; the one that answers is the slave and sends forces. Both are driven as a daemon drives them: an event
-loop that the socket wakes, its shell, and an endpoint. Only the wait for the next tick is left out: what has arrived is
-decoded at once.
+The asking end is the master of a session and sends positions; the answering end is the slave and sends forces
+(`benchmarks.latency`). Both run as in a daemon: an event loop woken by the socket, its shell and an endpoint. Only the
+wait for the next tick is left out: a received update is decoded at once.
 """
 
 import asyncio
-import json
 import os
 import sys
 from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
-from signal import SIGHUP
 from time import monotonic, monotonic_ns
 from typing import Any
 
 import uvloop
 
-from benchmarks.arrangement import tell
-from benchmarks.bare_echo import HOST, Moments
-from benchmarks.echo import ASK
-from benchmarks.rights import Rights
+from benchmarks.arrangement import rights_of, serve, tell
+from benchmarks.latency import ASK, HOST, Moments
 from weberlink.codec import Decoder, Encoder
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
@@ -32,21 +27,20 @@ from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
-from weberlink.realtime.process import die_with_parent
 from weberlink.realtime.ticker import Ticker
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.link import build_endpoint, build_security
 from weberlink.system.configuration import Configuration, load
 
 OVERRIDES = ("codec.force.weber=0", "codec.force.floor_n=0", "codec.position.weber=0", "codec.position.bound_m=0")
-"""Every sample is sent: it is the way of an update that is timed, not whether there is one."""
+"""Every sample is sent."""
 PATIENCE_S = 10.0
 CONTACT_N = 0.2
 TREMBLE_M, TREMBLE_SHARE = 1e-4, 0.02
 
 
-class End:
-    """One end of the echo: codec, endpoint and shell, and the moments that it saw.
+class EchoEnd:
+    """One end of the echo: codec, endpoint, shell and moments.
 
     Args:
         configuration: of the system.
@@ -76,7 +70,7 @@ class End:
         return self.samples[tick % len(self.samples)][0]
 
     def ask(self, _index: int, deadline: float, now: float) -> None:
-        """As a tick of the daemon: hear first, then encode, send and flush."""
+        """A tick of the daemon: receive, encode, send and flush."""
         self.shell.service(now)
         if self.endpoint.state is State.ENGAGED:
             tick = round((deadline - self._epoch) / self._tick_period)
@@ -106,7 +100,7 @@ class End:
         back = monotonic_ns()
         update = self.encoder.encode(tick, force, position)
         if update is not None:
-            self.endpoint.send_update(monotonic(), update)  # the shell is about to ask for it
+            self.endpoint.send_update(monotonic(), update)  # the shell sends it
             self.moments[tick] = [there, back]
 
     def _end_trip(self, tick: int) -> None:
@@ -115,12 +109,12 @@ class End:
             moment.append(monotonic_ns())
 
     def answered(self) -> Moments:
-        """The moments of the questions that came to their end."""
+        """The moments of the answered questions."""
         return {tick: (pair[0], pair[1]) for tick, pair in self.moments.items() if len(pair) == 2}
 
 
 def attend(endpoint: Endpoint, heard: Callable[[], None]) -> None:
-    """Have an endpoint call back before it is asked for what is to be sent: what it heard may be answered by then."""
+    """Make an endpoint call back before its shell sends, so that received updates are answered at once."""
 
     class Attentive(Endpoint):
         __slots__ = ()
@@ -133,7 +127,7 @@ def attend(endpoint: Endpoint, heard: Callable[[], None]) -> None:
 
 
 def contact() -> list[tuple[Vector, Vector]]:
-    """Positions and forces of the shipped recording where something is touched, in a tremble that nothing predicts."""
+    """Positions and forces of the shipped recording during contact, with an unpredictable tremor."""
     trace = read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))
     rows = zip(trace.position_m.tolist(), trace.force_n.tolist(), strict=True)
     touching = [(position, force) for position, force in rows if max(map(abs, force)) > CONTACT_N]
@@ -147,8 +141,8 @@ def _trembling(position: Vector, force: Vector, sign: int) -> tuple[Vector, Vect
     return (x, y, z + sign * TREMBLE_M), (push * fx, push * fy, push * fz)
 
 
-async def run(end: End, order: dict[str, Any]) -> None:
-    """Until all questions are asked, or the peer has left."""
+async def run(end: EchoEnd, order: dict[str, Any]) -> None:
+    """Run until all questions are asked, or the peer has left."""
     loop = asyncio.get_running_loop()
     await end.shell.open(loop)
     end.endpoint.connect(monotonic())
@@ -163,9 +157,9 @@ async def run(end: End, order: dict[str, Any]) -> None:
         end.shell.close()
 
 
-async def _ask(end: End, order: dict[str, Any]) -> None:
+async def _ask(end: EchoEnd, order: dict[str, Any]) -> None:
     wanted = order["warm_up"] + order["questions"]
-    # Woken as the bare echo is; a lead would let it begin with warm caches, and that one not.
+    # Without a lead, as the plain echo: busy-waiting would warm the caches.
     ticker = Ticker(1.0 / order["rate_hz"], end.ask, leads=False)
     ticker.start()
     try:
@@ -177,19 +171,16 @@ async def _ask(end: End, order: dict[str, Any]) -> None:
     end.endpoint.close(monotonic(), "completed")
 
 
-def main(text: str) -> int:
-    order = json.loads(text)
-    die_with_parent(SIGHUP, order["parent"])
+def _serve(order: dict[str, Any]) -> Moments:
     asks = order["end"] == ASK
     configuration = load(Path(order["file"]), [*order["overrides"], *OVERRIDES])
-    end = End(configuration, Role.INITIATOR if asks else Role.RESPONDER, order.get("port", 0), order["epoch"])
-    Rights(**order["rights"]).take(0 if asks else 1)
+    end = EchoEnd(configuration, Role.INITIATOR if asks else Role.RESPONDER, order.get("port", 0), order["epoch"])
+    rights_of(order).take(0 if asks else 1)
     freeze_garbage()
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         runner.run(run(end, order))
-    tell(json.dumps(end.answered()))
-    return 0
+    return end.answered()
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(serve(_serve))

@@ -1,9 +1,7 @@
-"""An emulated PHANTOM over a pty at 1 kHz: how long an exchange takes, how old a sample is, how soon a fault is zero.
+"""An emulated PHANTOM over a pty at 1 kHz: time of an exchange, age of a sample, time from a fault to zero force.
 
-Beside it a bare echo over a pty, between two processes with the same rights: the limit of this machine at this time.
-
-The emulator is a process of its own, `weberlink emulate polhem_serial`; the driver runs here, in a loop on absolute
-deadlines. On a machine that does other things besides, it is these that are measured. Bounded: ends by itself.
+The limit is a bare echo over a pty between two processes with the same rights. The emulator is a process of its own,
+`weberlink emulate polhem_serial`; the driver runs here, in a loop on absolute deadlines. Ends by itself.
 
     python -m benchmarks.device_round_trip --seconds 30 --faults 20
 """
@@ -23,6 +21,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic, sleep
 from typing import IO, Any
 
+from benchmarks.percentiles import summary
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.polhem.serial_device import PolhemSerialDevice
@@ -31,7 +30,7 @@ from weberlink.system.environment import environment, footer
 
 TICK = 0.001
 WATCHDOG_S = 0.1
-"""Of the device itself."""
+"""Watchdog of the device itself [s]."""
 PUSH: Vector = (0.0, 0.0, 1.0)
 FAULTS = ("garble 100000", "late 0.05", "silent", "unplug")
 
@@ -122,7 +121,7 @@ def exchanges(seconds: float) -> tuple[list[float], list[float], int, int]:
 
 
 def bare_echo(seconds: float) -> list[float]:
-    """Round trips of 16 bytes over a pty that another process gives back at once [us]: what no driver can beat here."""
+    """Round trips of 16 bytes over a pty that another process returns at once [us]."""
     near, far = os.openpty()
     tty.setraw(far)
     child = os.fork()
@@ -168,25 +167,20 @@ def time_to_zero(fault: str) -> float:
         return max(0.0, float(ended) - began)
 
 
-def percentile(values: list[float], share: float) -> float:
-    return sorted(values)[min(len(values) - 1, int(share * len(values)))]
-
-
 def main() -> int:
-    """Run and print; 1 if the 99th percentile is beyond a tick, or a fault leaves force for too long."""
+    """Run and print; returns 1 if the 99th percentile exceeds a tick, or a fault leaves force for too long."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--faults", type=int, default=5, help="times that each is tried")
+    parser.add_argument("--faults", type=int, default=5, help="repetitions of each fault")
     asked = parser.parse_args()
     rights = prepare(50, lock_memory=True, cpu=None)
     trips, ages, samples, count = exchanges(asked.seconds)
     write = sys.stdout.write
     write(f"{count} ticks, {samples} fresh samples ({100 * samples / count:.1f} %); {rights.priority.detail}\n")
-    write("                       p50      p99    p99.9      max us\n")
+    write("                       p50      p90      p99    p99.9      max us\n")
     rows = (("bare echo", bare_echo(asked.seconds)), ("exchange", trips), ("age of a sample", ages))
     for name, values in rows:
-        shares = (percentile(values, share) for share in (0.5, 0.99, 0.999))
-        write(f"{name:17}{''.join(f'{value:9.0f}' for value in (*shares, max(values)))}\n")
+        write(f"{name:17}{''.join(f'{value:9.0f}' for value in summary(values).values())}\n")
     write(f"time to zero force, beside the device's own watchdog of {WATCHDOG_S * 1e3:.0f} ms:\n")
     slowest = 0.0
     for fault in FAULTS:
@@ -194,7 +188,7 @@ def main() -> int:
         slowest = max(slowest, *times)
         write(f"  {fault:14} median {median(times) * 1e3:5.1f} ms, most {max(times) * 1e3:5.1f} ms\n")
     write(f"{os.cpu_count()} processors; {footer(environment())}\n")
-    return 0 if percentile(trips, 0.99) < TICK * 1e6 and slowest < WATCHDOG_S else 1
+    return 0 if (summary(trips)["p99"] or 0.0) < TICK * 1e6 and slowest < WATCHDOG_S else 1
 
 
 if __name__ == "__main__":

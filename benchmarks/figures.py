@@ -1,4 +1,4 @@
-"""The figures of a bench run. Needs matplotlib (extra: plots), which nothing else imports."""
+"""Figures of a run. Needs matplotlib (extra: plots)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,9 +13,9 @@ from benchmarks.lateness import Lateness
 from benchmarks.tick_cost import PARTS, TickCost
 
 COLOURS = {"master": "#0072B2", "slave": "#D55E00"}
-"""Okabe and Ito's, told apart by colour-blind readers; the limit is black and dashed."""
+"""Colours of Okabe and Ito, distinct for colour-blind readers; the limit is black and dashed."""
 PART_COLOURS = ("#0072B2", "#E69F00", "#F0E442", "#56B4E9", "#CC79A7", "#009E73", "#D55E00", "0.55")
-WAKING = "waking up ahead of time, event loop, cold caches"
+WAKING = "waking up early, event loop, cold caches"
 LEAST_US = 1.0
 STEPS_PER_DECADE = 400
 WIDTH_IN = 10.0
@@ -23,12 +23,12 @@ CAPTION_PT, CAPTION_LINE = 7, 150
 
 
 def lateness_figure(rates: Sequence[Lateness], path: Path, caption: str) -> None:
-    """Share of ticks that are later than a lateness, a panel for each rate; daemons beside the limit.
+    """Share of ticks that are later than the abscissa, a panel for each rate; daemons beside the limit.
 
     Args:
         rates: measured.
         path: of the picture; its suffix names the format.
-        caption: where it was measured, printed below.
+        caption: environment of the run, printed below.
     """
     figure = Figure(figsize=(WIDTH_IN, 4.4), layout="constrained")
     panels = figure.subplots(1, len(rates), sharex=True, sharey=True, squeeze=False).ravel().tolist()
@@ -38,7 +38,7 @@ def lateness_figure(rates: Sequence[Lateness], path: Path, caption: str) -> None
     panels[0].set_ylim(top=1.5)
     panels[0].set_ylabel("share of ticks that are later")
     panels[0].legend(fontsize=8, loc="lower left")
-    figure.suptitle("How late a tick is, beside a thread that does nothing but wake", fontsize=11)
+    figure.suptitle("Lateness of a tick, beside a thread that only waits", fontsize=11)
     figure.supxlabel(_wrapped(caption), fontsize=CAPTION_PT, color="0.3")
     figure.savefig(path, dpi=160)
 
@@ -66,9 +66,9 @@ def _note(axes: Axes, text: str, at: tuple[float, float], *, rotation: float) ->
 
 
 def exceedance(values: ArrayLike) -> tuple[list[float], list[float]]:
-    """Of values: each as an abscissa, and the share that is at least as large; the axis begins at `LEAST_US`.
+    """Abscissas, and the shares of values that are at least as large; the axis begins at `LEAST_US`.
 
-    Abscissas are as fine as can be seen: more points would only take time to draw.
+    Values are rounded to what can be seen, because more points would only take time to draw.
     """
     decades = np.log10(np.maximum(np.asarray(values, dtype=np.float64), LEAST_US))
     ordered = 10.0 ** (np.sort(np.round(decades * STEPS_PER_DECADE)) / STEPS_PER_DECADE)
@@ -77,7 +77,7 @@ def exceedance(values: ArrayLike) -> tuple[list[float], list[float]]:
 
 
 def cpu_figure(cost: TickCost, live: Lateness, path: Path, caption: str) -> None:
-    """What a tick costs by part, a bar for each side, up to the CPU time that the live daemon takes for it."""
+    """CPU time of a tick by part, a bar for each side, up to the CPU time of the live daemon."""
     figure = Figure(figsize=(WIDTH_IN, 3.4), layout="constrained")
     axes = figure.subplots()
     sides = list(cost.parts_us)

@@ -1,4 +1,4 @@
-"""The facts of this host that decide how late a process is woken. Reads the kernel's files; changes nothing."""
+"""Facts of this host that influence the wake-up latency, from the files of the kernel."""
 
 import os
 import platform
@@ -22,16 +22,16 @@ WORDS = (
     "tsc",
     "clocksource",
 )
-"""Of the kernel's command line; the others say nothing about time."""
+"""Parameters of the kernel's command line that influence timing."""
 
 CPUS = "sys/devices/system/cpu"
 
 
 def host(root: Path = Path("/")) -> dict[str, Any]:
-    """What a reader needs to judge lateness on this machine; None where the kernel does not say.
+    """The facts; None where the kernel does not tell.
 
     Args:
-        root: of the kernel's files.
+        root: of the files of the kernel.
     """
     return {
         "kernel": platform.release(),
@@ -49,7 +49,7 @@ def host(root: Path = Path("/")) -> dict[str, Any]:
 
 
 def preemption(version: str, root: Path) -> str:
-    """Of the kernel: PREEMPT_RT, PREEMPT_DYNAMIC, PREEMPT or none."""
+    """Preemption model of the kernel: PREEMPT_RT, PREEMPT_DYNAMIC, PREEMPT or none."""
     if _read(root / "sys/kernel/realtime") == "1":
         return "PREEMPT_RT"
     words = [word for word in version.split() if word.startswith("PREEMPT")]
@@ -57,22 +57,22 @@ def preemption(version: str, root: Path) -> str:
 
 
 def in_words(facts: Mapping[str, Any]) -> str:
-    """One line of them."""
+    """The facts as one line."""
     load = "/".join(f"{value:.2f}" for value in facts["load_average"])
-    governors = ", ".join(facts["governors"]) if facts["governors"] else "not said"
+    governors = ", ".join(facts["governors"]) if facts["governors"] else "unknown"
     parts = [
         f"kernel {facts['preemption']}" + (" in a virtual machine" if facts["virtual_machine"] else ""),
         f"governor {governors}",
-        f"idle {facts['idle_driver'] or 'not said'}",
+        f"idle {facts['idle_driver'] or 'unknown'}",
         f"isolated CPUs {facts['isolated_cpus'] or 'none'}",
-        f"clock {facts['clock_source'] or 'not said'}",
+        f"clock {facts['clock_source'] or 'unknown'}",
         f"load before {load}",
     ]
     return "; ".join(parts)
 
 
 def _realtime_share(root: Path) -> float | None:
-    """Of a second that real-time processes may have; None for all of it, or where the kernel does not say."""
+    """Share of time that real-time processes may use; None for all, or if unknown."""
     runtime, period = (_read(root / f"proc/sys/kernel/sched_rt_{name}_us") for name in ("runtime", "period"))
     if not runtime or not period or int(runtime) < 0:
         return None

@@ -1,7 +1,7 @@
-"""A stopwatch around method calls: how much time goes into which part, nested calls taken out of what calls them.
+"""Stopwatch around method calls: the time spent in each part, without the calls that it makes to other parts.
 
-Owns the accounts of time, the methods that it replaces for a while, and what the timing itself costs. Knows nothing of
-the parts. It replaces methods of classes rather than wrapping objects: what a constructor has bound is timed too.
+Methods of classes are replaced for a while, so that methods bound in a constructor are timed too. The cost of the
+timing itself is calibrated.
 """
 
 from collections import defaultdict
@@ -15,7 +15,7 @@ from time import perf_counter_ns
 from typing import Any
 
 OUTSIDE = "outside"
-"""The part that is charged while nobody has said another."""
+"""The part that is charged by default."""
 
 
 def _zeros() -> dict[str, float]:
@@ -24,26 +24,26 @@ def _zeros() -> dict[str, float]:
 
 @dataclass
 class Account:
-    """By part: time spent in it and in nothing timed that it calls [ns], its calls, and the timed calls it made."""
+    """By part: own time [ns], its calls, and the timed calls that it made."""
 
     spent: dict[str, float] = field(default_factory=_zeros)
     calls: dict[str, float] = field(default_factory=_zeros)
     nested: dict[str, float] = field(default_factory=_zeros)
 
     def scaled(self, share: float) -> "Account":
-        """The same calls in a share of the time: what is left where others had the processor for the rest of it."""
+        """The same calls in a share of the time, where other processes had the processor for the rest."""
         return Account({part: share * spent for part, spent in self.spent.items()}, self.calls, self.nested)
 
 
 @dataclass(frozen=True)
 class Overhead:
-    """What one timed call costs by being timed: within its own part, and within the part that calls [ns]."""
+    """Cost of timing one call [ns]: within its own part, and within the calling part."""
 
     inside: float
     outside: float
 
     def cost(self, account: Account) -> float:
-        """Of timing all that was timed [ns]."""
+        """Cost of all timing [ns]."""
         return self.inside * sum(account.calls.values()) + self.outside * sum(account.nested.values())
 
     def corrected(self, account: Account) -> dict[str, float]:
@@ -56,7 +56,7 @@ class Overhead:
 
 
 class Meter:
-    """Charges all time from one boundary between parts to the next, so that no time is counted twice or lost.
+    """Charges all time from one part boundary to the next, so that no time is counted twice or lost.
 
     Args:
         clock: ascending [ns].
@@ -72,7 +72,7 @@ class Meter:
 
     @contextmanager
     def charging(self, account: Account, part: str) -> Iterator[None]:
-        """Within this block time goes to an account, to `part` of it where no timed method is at work."""
+        """In this block, time goes to an account: to `part` where no timed method runs."""
         before = self._account, self._part
         self._switch(part)
         self._account = account
@@ -83,7 +83,7 @@ class Meter:
             self._account = before[0]
 
     def timed(self, part: str, function: Callable[..., Any]) -> Callable[..., Any]:
-        """The function, whose time goes to `part`."""
+        """A wrapper that charges the time of a function to `part`."""
         clock = self._clock
 
         @wraps(function)
@@ -114,7 +114,7 @@ class Meter:
 
 @contextmanager
 def metered(meter: Meter, parts: Mapping[type, str]) -> Iterator[None]:
-    """Within this block every public method of these classes is timed, inherited ones too; properties are not."""
+    """In this block every public method of these classes is timed, inherited ones too; properties are not."""
     replaced: list[tuple[type, str, Any]] = []
     try:
         for owner, part in parts.items():
@@ -134,12 +134,12 @@ def _methods(owner: type) -> dict[str, Callable[..., Any]]:
     found: dict[str, Callable[..., Any]] = {}
     for base in reversed(owner.__mro__[:-1]):
         found |= {name: each for name, each in vars(base).items() if isfunction(each) and not name.startswith("_")}
-    # What a base has as a function, a class may have as something else.
+    # A class may override a function of its base with something else.
     return {name: each for name, each in found.items() if isfunction(owner.__dict__.get(name, each))}
 
 
 def calibrate(rounds: int = 31, calls: int = 1000) -> Overhead:
-    """Time empty methods, with the meter and without: the median of several rounds, as others use the machine too."""
+    """Time empty methods with and without the meter; median of several rounds."""
     inside, outside = [], []
     for _ in range(rounds):
         meter, account = Meter(), Account()
@@ -157,4 +157,4 @@ def calibrate(rounds: int = 31, calls: int = 1000) -> Overhead:
 
 
 def _nothing(_one: object, _other: object) -> None:
-    """As much as an empty method does."""
+    """An empty method."""

@@ -1,4 +1,4 @@
-"""Percentiles of durations, exact: every value is kept. Knows nothing of what was timed."""
+"""Exact percentiles of durations by nearest rank."""
 
 from collections.abc import Mapping
 from math import ceil
@@ -20,13 +20,13 @@ def percentile(ordered: Series, p: float) -> float:
         ordered: ascending, at least one.
         p: percent, in (0, 100].
     """
-    # The last bit of a percentage must not move the rank: 4.4 percent of 750 is rank 33, not 34.
+    # Rounding must not move the rank: 4.4 percent of 750 is rank 33, not 34.
     rank = max(1, ceil(p * len(ordered) / 100.0 * (1.0 - 1e-12)))
     return float(ordered[rank - 1])
 
 
 def summary(values: ArrayLike) -> Summary:
-    """The percentiles that reports name, and the largest, in the unit of the values; None of no values."""
+    """The percentiles of the reports and the maximum, in the unit of the values; None without values."""
     ordered = np.sort(np.asarray(values, dtype=np.float64))
     if not len(ordered):
         return dict.fromkeys(NAMES)
@@ -34,7 +34,7 @@ def summary(values: ArrayLike) -> Summary:
 
 
 def ratio(value: float | None, limit: float | None) -> float | None:
-    """How many times its limit a value is; None where either is not known, or the limit is 0."""
+    """A value over its limit; None if either is unknown, or the limit is 0."""
     return None if value is None or not limit else value / limit
 
 

@@ -1,25 +1,76 @@
-"""What a person reads of a bench run, in 80 columns: the numbers of the document, each beside its limit."""
+"""Report of a run in 80 columns: every figure beside its limit, and the targets."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
 from benchmarks import host
+from benchmarks.arrangement import MAIN_RATE_HZ
+from benchmarks.latency import Latency
+from benchmarks.lateness import Lateness
 from benchmarks.percentiles import NAMES
 from benchmarks.tick_cost import PARTS
+from weberlink.studies.result import plain_table
 from weberlink.system.environment import footer
+
+FASTEST_HZ = 4000.0
+
+
+@dataclass(frozen=True)
+class BenchTarget:
+    """A figure and its bound. A missed target is a finding, no error.
+
+    Args:
+        name: stable, with the unit or kind of the value.
+        value: None if it could not be measured.
+        target: the bound.
+        at_least: whether the bound is a lower one.
+    """
+
+    name: str
+    value: float | None
+    target: float
+    at_least: bool = False
+
+    @property
+    def met(self) -> bool | None:
+        """None without a value."""
+        if self.value is None:
+            return None
+        return self.value >= self.target if self.at_least else self.value <= self.target
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self) | {"met": self.met}
+
+
+def targets(lateness: Mapping[float, Lateness], latency: Latency) -> list[BenchTarget]:
+    """All targets; the worse of the two daemons counts."""
+    main, fastest = lateness.get(MAIN_RATE_HZ), lateness.get(FASTEST_HZ)
+    return [
+        BenchTarget("lateness_p99_ratio_1khz", None if main is None else main.worst_ratio, 2.0),
+        BenchTarget("missed_share_1khz", None if main is None else main.missed_share, 0.001),
+        BenchTarget("missed_share_4khz", None if fastest is None else fastest.missed_share, 0.01),
+        BenchTarget(
+            "cpu_share_1khz",
+            None if main is None else max(side.cpu_s / side.elapsed_s for side in main.sides.values()),
+            0.12,
+        ),
+        BenchTarget("one_way_p50_ratio", latency.worst_ratio, 3.0),
+    ]
+
 
 HEADINGS = ("p50", "p90", "p99", "p99.9", "max")
 
 
 def report(document: Mapping[str, Any], comparison: Table | None = None) -> Table:
-    """All of it, one part below the other.
+    """The whole report.
 
     Args:
         document: of the run.
-        comparison: with an earlier run, if there is one.
+        comparison: with an earlier run.
     """
     whole = Table.grid()
     parts: list[Table | Text] = [_lateness(document), _latency(document), _update(document), _ticks(document)]
@@ -33,7 +84,7 @@ def report(document: Mapping[str, Any], comparison: Table | None = None) -> Tabl
 
 
 def _lateness(document: Mapping[str, Any]) -> Table:
-    table = _table("tick lateness, us", *HEADINGS, "missed")
+    table = plain_table("tick lateness, us", *HEADINGS, "missed")
     for rate in document["lateness"]:
         khz = f"{rate['rate_hz'] / 1e3:g} kHz"
         for side, daemon in rate["daemons"].items():
@@ -47,7 +98,7 @@ def _lateness(document: Mapping[str, Any]) -> Table:
 
 def _latency(document: Mapping[str, Any]) -> Table:
     latency = document["latency"]
-    table = _table("way of an update, us", *HEADINGS)
+    table = plain_table("way of an update, us", *HEADINGS)
     for way, summary in latency["weberlink_us"].items():
         words = way.replace("_", " ")
         table.add_row(words, *_microseconds(summary))
@@ -61,7 +112,7 @@ def _latency(document: Mapping[str, Any]) -> Table:
 
 
 def _update(document: Mapping[str, Any]) -> Table:
-    table = _table("code of an update, us", *HEADINGS)
+    table = plain_table("code of an update, us", *HEADINGS)
     for step, states in document["update_cost_us"].items():
         for caches, summary in states.items():
             table.add_row(f"{step}, caches {caches}", *_microseconds(summary))
@@ -71,7 +122,7 @@ def _update(document: Mapping[str, Any]) -> Table:
 def _ticks(document: Mapping[str, Any]) -> Table:
     cost, live = document["tick_cost"], document["cpu"]
     sides = list(cost["parts_us"])
-    table = _table("cost of a tick, us", *sides)
+    table = plain_table("cost of a tick, us", *sides)
     for part in PARTS:
         table.add_row(part, *(f"{cost['parts_us'][side][part]:.1f}" for side in sides))
     table.add_row("sum", *(f"{cost['total_us'][side]:.1f}" for side in sides), end_section=True)
@@ -95,7 +146,7 @@ def _lines(document: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _targets(document: Mapping[str, Any]) -> Table:
-    table = _table("target", "value", "wanted", "")
+    table = plain_table("target", "value", "wanted", "")
     for target in document["targets"]:
         bound = f"{'>=' if target['at_least'] else '<='} {target['target']:g}"
         said = {True: Text("met", "green"), False: Text("MISSED", "bold red"), None: Text("not measured", "yellow")}
@@ -109,18 +160,10 @@ def _footer(document: Mapping[str, Any]) -> str:
     asked = [rights["scheduler"]]
     asked += ["memory locked"] * rights["lock_memory"] + ["processors awake"] * rights["wakeful"]
     asked += [] if rights["cpus"] is None else [f"CPUs {', '.join(map(str, rights['cpus']))}"]
-    length = f"{document['duration_s']:g} s a part" + (": a glance, not a measurement" if document["quick"] else "")
+    length = f"{document['duration_s']:g} s a part" + (": a quick run, no measurement" if document["quick"] else "")
     return "\n".join(
         [length, "rights: " + ", ".join(asked), host.in_words(document["host"]), footer(document["environment"])]
     )
-
-
-def _table(first: str, *others: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, no_wrap=True)
-    for name in others:
-        table.add_column(name, justify="right", no_wrap=True)
-    return table
 
 
 def _microseconds(summary: Mapping[str, float | None]) -> list[str]:

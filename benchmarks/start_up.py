@@ -1,4 +1,4 @@
-"""How long the program takes from the shell to its first tick in a session, and to its help; beside an interpreter."""
+"""Start-up time of the program to its first engaged tick and to its help, beside a bare interpreter."""
 
 import subprocess
 import sys
@@ -25,7 +25,7 @@ LOOPBACK, HELP, INTERPRETER = "loopback", "help", "interpreter"
 
 @dataclass(frozen=True)
 class StartUp:
-    """Seconds of each start, by what was started."""
+    """Start-up times [s], by program."""
 
     seconds: Mapping[str, list[float]]
 
@@ -47,7 +47,7 @@ class StartUp:
 
 
 def measure(arrangement: Arrangement) -> StartUp:
-    """All in turn, several times.
+    """Start all programs in turn, several times.
 
     Raises:
         BenchError: if one of them fails.
@@ -75,7 +75,7 @@ def _ended(line: list[str]) -> float:
 
 
 def _engaged(line: list[str], overrides: list[str]) -> float:
-    """From the start of the program to the first tick of the later side that is in a session [s]."""
+    """From the start of the program to the first engaged tick of the later side [s]."""
     options = [word for override in overrides for word in ("--set", override)]
     began = monotonic()
     program = subprocess.Popen(  # noqa: S603
@@ -86,7 +86,7 @@ def _engaged(line: list[str], overrides: list[str]) -> float:
         program.send_signal(SIGTERM)
         program.communicate(timeout=PATIENCE_S)
     except subprocess.TimeoutExpired:
-        raise BenchError("weberlink loopback: did not end when it was told to") from None
+        raise BenchError("weberlink loopback: did not end after SIGTERM") from None
     finally:
         program.kill()
         program.communicate()
@@ -94,7 +94,7 @@ def _engaged(line: list[str], overrides: list[str]) -> float:
 
 
 def _first_tick(program: subprocess.Popen[str], ring: Path) -> float:
-    """When the first tick in a session began [s]."""
+    """Time of the first engaged tick [s]."""
     until = monotonic() + PATIENCE_S
     reader: RingReader | None = None
     try:

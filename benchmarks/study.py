@@ -1,7 +1,4 @@
-"""The whole bench run: every measurement in its order, the document of it, the table, and the figures.
-
-Owns what the arguments mean. What is measured, and how, is in the modules beside this one.
-"""
+"""A whole run: every measurement in order, its document, table and figures."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -10,10 +7,8 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from rich.table import Table
-
 from benchmarks import baseline as baseline_
-from benchmarks import codec_rate, latency, lateness, rights, start_up, tick_cost, update_cost
+from benchmarks import codec_speed, latency, lateness, start_up, tick_cost, update_cost
 from benchmarks.arrangement import (
     DURATION_S,
     MAIN_RATE_HZ,
@@ -21,32 +16,33 @@ from benchmarks.arrangement import (
     RATES_HZ,
     Arrangement,
     Ports,
+    Rights,
+    granted,
 )
 from benchmarks.baseline import Document
-from benchmarks.codec_rate import CodecRate
+from benchmarks.codec_speed import CodecSpeed
 from benchmarks.host import host, in_words
 from benchmarks.latency import Latency
 from benchmarks.lateness import Lateness
-from benchmarks.memory import memory
-from benchmarks.report import report
-from benchmarks.rights import Rights
+from benchmarks.live_run import memory
+from benchmarks.report import report, targets
 from benchmarks.start_up import StartUp
-from benchmarks.targets import targets
 from benchmarks.tick_cost import TickCost
 from benchmarks.update_cost import UpdateCost
 from weberlink.protocol.keys import generate
+from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
 PARTS = len(RATES_HZ) + 5
 Progress = Callable[[int, int, str], None]
-"""Told how many of how many parts are done, and which comes next."""
+"""Receives the number of finished parts, of all parts, and the name of the next."""
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What was measured, and under which circumstances.
+    """All measurements, and the circumstances.
 
     Args:
         rates: lateness by rate [Hz].
@@ -64,34 +60,11 @@ class Findings:
     way: Latency
     update: UpdateCost
     cost: TickCost
-    codec: CodecRate
+    codec: CodecSpeed
     start: StartUp
     granted: Rights
     about: Mapping[str, Any]
     run_time_s: float
-
-
-@dataclass(frozen=True)
-class Bench:
-    """A run, and how it is shown."""
-
-    findings: Findings
-    document: dict[str, Any]
-    table: Table
-    caption: str
-
-    def draw(self, folder: Path) -> None:
-        """Write the figures.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
-        from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - heavy, seldom wanted
-
-        folder.mkdir(parents=True, exist_ok=True)
-        rates = self.findings.rates
-        lateness_figure(list(rates.values()), folder / "lateness.png", self.caption)
-        cpu_figure(self.findings.cost, rates[MAIN_RATE_HZ], folder / "cpu.png", self.caption)
 
 
 def run(
@@ -104,22 +77,22 @@ def run(
     baseline: Path | None = None,
     plots: bool = False,
     progress: Progress = lambda *_: None,
-) -> Bench:
+) -> StudyResult:
     """Measure everything.
 
     Args:
-        file: of the system that is measured.
+        file: configuration of the system.
         overrides: of the user.
         ports: finds a free port.
         duration: of the live run at one rate [s]; other parts take their share of it.
-        quick: a glance at everything.
+        quick: measure briefly.
         baseline: document of an earlier run to compare with.
-        plots: whether figures will be wanted.
-        progress: told of it.
+        plots: whether figures will be drawn.
+        progress: called before each part.
 
     Raises:
         ConfigurationError: for an argument that cannot be used; nothing was measured then.
-        BenchError: if a measurement could not be made.
+        BenchError: if a measurement fails.
     """
     if plots:
         need("matplotlib", "plots", "--plots")
@@ -127,7 +100,7 @@ def run(
     for override in overrides:
         if override.partition("=")[0].strip() == "rate_hz":
             rates = ", ".join(f"{rate_hz:g}" for rate_hz in RATES_HZ)
-            raise ConfigurationError(f"--set rate_hz: is not for bench, which measures at {rates} Hz")
+            raise ConfigurationError(f"--set rate_hz: cannot be set for bench, which measures at {rates} Hz")
     length = duration if duration is not None else QUICK_DURATION_S if quick else DURATION_S
     with TemporaryDirectory(prefix="weberlink-bench-") as folder:
         key = Path(folder) / "bench.key"
@@ -139,30 +112,30 @@ def run(
 
 
 def measure(arrangement: Arrangement, progress: Progress) -> Findings:
-    """One part after the other; nothing else of this program runs meanwhile."""
+    """Measure one part after the other."""
     began = monotonic()
-    about = host()  # before: the load that others make, not this run's
-    granted = rights.granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
+    about = host()  # before the run, so that its own load does not count
+    rights = granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
     rates: dict[float, Lateness] = {}
     for done, rate_hz in enumerate(RATES_HZ):
         progress(done, PARTS, f"lateness at {rate_hz / 1e3:g} kHz")
-        rates[rate_hz] = lateness.measure(arrangement, rate_hz, granted)
+        rates[rate_hz] = lateness.measure(arrangement, rate_hz, rights)
     progress(PARTS - 5, PARTS, "way of an update")
-    way = latency.measure(arrangement, granted)
+    way = latency.measure(arrangement, rights)
     progress(PARTS - 4, PARTS, "cost of an update")
-    update = update_cost.measure(arrangement, granted)
+    update = update_cost.measure(arrangement, rights)
     progress(PARTS - 3, PARTS, "cost of a tick")
     cost = tick_cost.measure(arrangement)
     progress(PARTS - 2, PARTS, "codec")
-    codec = codec_rate.measure(quick=arrangement.quick)
+    codec = codec_speed.measure(quick=arrangement.quick)
     progress(PARTS - 1, PARTS, "start")
     start = start_up.measure(arrangement)
     progress(PARTS, PARTS, "")
-    return Findings(rates, way, update, cost, codec, start, granted, about, monotonic() - began)
+    return Findings(rates, way, update, cost, codec, start, rights, about, monotonic() - began)
 
 
-def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> Bench:
-    """What is published of the findings; beside an earlier document, with its name, if there is one."""
+def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> StudyResult:
+    """The run from its findings, compared with an earlier document of a given name if there is one."""
     facts = environment()
     main = findings.rates[MAIN_RATE_HZ]
     document: dict[str, Any] = {
@@ -189,11 +162,19 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
     if earlier is not None:
         document["baseline"] = baseline_.as_json(earlier[0], document)
         comparison = baseline_.comparison(document["baseline"], earlier[1])
-    return Bench(findings, document, report(document, comparison), f"{in_words(findings.about)}\n{footer(facts)}")
+    caption = f"{in_words(findings.about)}\n{footer(facts)}"
+
+    def draw(folder: Path) -> None:
+        from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - slow import
+
+        lateness_figure(list(findings.rates.values()), folder / "lateness.png", caption)
+        cpu_figure(findings.cost, main, folder / "cpu.png", caption)
+
+    return StudyResult(document, report(document, comparison), draw)
 
 
 def cpu(rate: Lateness) -> dict[str, Any]:
-    """Of each daemon, over the live run at one rate: what the kernel booked, start excluded."""
+    """CPU time of each daemon by the kernel, over the live run at one rate without its start."""
     return {
         name: {
             "rate_hz": rate.rate_hz,

@@ -1,8 +1,8 @@
-"""What a tick of each side costs, by part: both loops in this process, in virtual time, on real sockets.
+"""CPU time of a tick of each side by part: both loops in this process, in virtual time, on real sockets.
 
-The sides are composed as the daemons compose them and driven in the order of a daemon's tick; only waking up is left
-out, and the cold caches that come with it. A part is the public methods of its classes (`benchmarks.meter`), so
-encryption is not counted in the protocol that calls it. `rest` is the loop itself: safety and the order of things.
+The sides are composed as in the daemons and run in the order of a daemon's tick; only waking up, and the cold caches
+after it, are left out. A part is the public methods of its classes (`benchmarks.meter`), so encryption is not counted
+in the protocol that calls it. `rest` is the loop itself with its safety.
 """
 
 import os
@@ -24,7 +24,7 @@ from weberlink.control.tuning import Tuning
 from weberlink.master.operator_port import OperatorPort
 from weberlink.protocol.aio.udp import UdpShell
 from weberlink.protocol.endpoint import Endpoint
-from weberlink.protocol.psk import CcmProtection
+from weberlink.protocol.psk import CcmCipher
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage, thaw_garbage
 from weberlink.slave.robot_port import RobotPort
@@ -39,21 +39,21 @@ DEVICE, CODEC, CONTROL, PROTOCOL, SECURITY = "device", "codec", "control", "prot
 SOCKET, TELEMETRY, REST = "socket", "telemetry", "rest"
 PARTS = (DEVICE, CODEC, CONTROL, PROTOCOL, SECURITY, SOCKET, TELEMETRY, REST)
 CHUNK = 250
-"""Ticks of which a mean is taken; of all chunks it is the median that is reported, as others use the machine too."""
+"""Ticks of a mean; the median over all chunks is reported."""
 WARM_UP = 1000
 CONNECT_LIMIT = 5000
 TICKS, QUICK_TICKS = 20_000, 2_500
 TURNS = 5
-"""Runs with a meter and without one, by turns."""
+"""Alternating runs with and without a meter."""
 RING = 1000
 HOST = "127.0.0.1"
 
 Chunks = dict[str, list[Account]]
-"""By side, what was charged in each chunk of ticks."""
+"""Accounts of each chunk of ticks, by side."""
 
 
-class End:
-    """One side as a daemon has it: loop, shell around its endpoint, ring.
+class DaemonEnd:
+    """One side as in a daemon: loop, shell around its endpoint, ring.
 
     Args:
         name: of the side.
@@ -73,7 +73,7 @@ class End:
         self._record = meter.timed(TELEMETRY, loop.record)
 
     def tick(self, index: int, now: float) -> None:
-        """In the order of a daemon's tick, which ends with its telemetry."""
+        """Run one tick in the order of a daemon."""
         with self._meter.charging(self.account, REST):
             self.shell.service(now)
             self.loop.tick(index, now, now)
@@ -81,13 +81,13 @@ class End:
             self._ring.write(self._record(lateness_us=0.0, work_us=0.0, missed=0))
 
 
-class Pair:
-    """Both sides on this host's sockets, and the virtual time that they share.
+class DaemonPair:
+    """Both sides on sockets of this host in shared virtual time.
 
     Args:
         configuration: of the system.
         meter: charged by both.
-        stack: closes what is opened here.
+        stack: closes the opened resources.
     """
 
     def __init__(self, configuration: Configuration, meter: Meter, stack: ExitStack) -> None:
@@ -110,7 +110,7 @@ class Pair:
         self.master = self._end(MASTER, build_master(configuration, peer=peer, **common))
 
     @property
-    def ends(self) -> tuple[End, End]:
+    def ends(self) -> tuple[DaemonEnd, DaemonEnd]:
         return self.master, self.slave
 
     @property
@@ -118,13 +118,13 @@ class Pair:
         return all(end.loop.endpoint.state is State.ENGAGED for end in self.ends)
 
     def step(self) -> None:
-        """One tick of both sides, the master first."""
+        """Run one tick of both sides, the master first."""
         self.now = self._index * self._period
         for end in self.ends:
             end.tick(self._index, self.now)
         self._index += 1
 
-    def _end(self, name: str, loop: Side) -> End:
+    def _end(self, name: str, loop: Side) -> DaemonEnd:
         shell = UdpShell(loop.endpoint, now=lambda: self.now, listen=(HOST, 0))
         loop.open(self.now)
         self._stack.callback(loop.close)
@@ -132,12 +132,12 @@ class Pair:
         self._stack.callback(shell.close)
         ring = RingWriter.create(self._folder / name, side=name, rate_hz=1.0 / self._period, capacity=RING)
         self._stack.enter_context(ring)
-        return End(name, loop, shell, ring, self._meter)
+        return DaemonEnd(name, loop, shell, ring, self._meter)
 
 
 @dataclass(frozen=True)
 class TickCost:
-    """Microseconds of a tick of each side: by part, and as a whole without a meter."""
+    """Run time of a tick of each side [us]: by part, and as a whole without a meter."""
 
     parts_us: Mapping[str, Mapping[str, float]]
     unmetered_us: Mapping[str, float]
@@ -161,7 +161,7 @@ def measure(arrangement: Arrangement) -> TickCost:
     """Run both sides; needs no rights.
 
     Raises:
-        BenchError: if they do not come into a session.
+        BenchError: if they do not connect.
         ConfigurationError: if the file or an override is wrong.
     """
     configuration = arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ))
@@ -170,11 +170,11 @@ def measure(arrangement: Arrangement) -> TickCost:
     bare: Chunks = {MASTER: [], SLAVE: []}
     timed: Chunks = {MASTER: [], SLAVE: []}
     with ExitStack() as stack:
-        plain = Pair(configuration, meter, stack)
+        plain = DaemonPair(configuration, meter, stack)
         parts = {kind: part for end in plain.ends for kind, part in classes(end.loop).items()}
         _connect(plain)
         with metered(meter, parts):
-            watched = Pair(configuration, meter, stack)
+            watched = DaemonPair(configuration, meter, stack)
             _connect(watched)
         for _ in range(TURNS):
             _run(plain, ticks, bare)
@@ -184,10 +184,10 @@ def measure(arrangement: Arrangement) -> TickCost:
 
 
 def assemble(bare: Chunks, timed: Chunks, empty: Overhead, ticks: int) -> TickCost:
-    """The cost by part, corrected so that both sides together cost what they do without a meter.
+    """The cost by part, corrected so that both sides together cost as much as without a meter.
 
-    Timing a call costs more among other code than in a loop of empty calls. From the empty calls it is known how the
-    cost divides between who calls and who is called, from the runs with and without a meter how much it is.
+    Timing a call costs more among other code than in a loop of empty calls. The empty calls tell how the cost divides
+    between caller and callee; the runs with and without a meter tell how much it is.
     """
     extra = sum(_total(timed[side]) - _total(bare[side]) for side in timed)
     expected = sum(_cost(timed[side], empty) - _cost(bare[side], empty) for side in timed)
@@ -202,17 +202,17 @@ def _total(chunks: Sequence[Account]) -> float:
 
 
 def _cost(chunks: Sequence[Account], overhead: Overhead) -> float:
-    """Of timing, in the middle one of the chunks: microseconds of a tick."""
+    """Cost of timing in the median chunk: microseconds of a tick."""
     return median(overhead.cost(account) for account in chunks) * 1e-3 / CHUNK
 
 
 def _medians(chunks: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Of each part, in all chunks: microseconds of a tick."""
+    """Median of each part over the chunks: microseconds of a tick."""
     return {part: median(chunk.get(part, 0.0) for chunk in chunks) * 1e-3 / CHUNK for part in PARTS}
 
 
 def classes(loop: Side) -> dict[type, str]:
-    """The classes of a side's parts."""
+    """The part of each class of a side."""
     port = loop.port
     device = port.device if isinstance(port, OperatorPort) else cast(RobotPort, port).robot
     own = {type(device): DEVICE, type(port.control): CONTROL, Tuning: CONTROL}
@@ -220,26 +220,26 @@ def classes(loop: Side) -> dict[type, str]:
         Encoder: CODEC,
         Decoder: CODEC,
         Endpoint: PROTOCOL,
-        CcmProtection: SECURITY,
+        CcmCipher: SECURITY,
         UdpShell: SOCKET,
         RingWriter: TELEMETRY,
     }
 
 
-def _connect(pair: Pair) -> None:
-    """Bring both sides into a session, and to rest in it."""
+def _connect(pair: DaemonPair) -> None:
+    """Run until both sides are engaged and warm."""
     for _ in range(CONNECT_LIMIT):
         if pair.engaged:
             break
         pair.step()
     else:
-        raise BenchError("the two sides did not come into a session in virtual time")
+        raise BenchError("the two sides did not connect in virtual time")
     for _ in range(WARM_UP):
         pair.step()
 
 
-def _run(pair: Pair, ticks: int, chunks: Chunks) -> None:
-    """Note what was charged to each side in each chunk of ticks, less the share that others had of the processor."""
+def _run(pair: DaemonPair, ticks: int, chunks: Chunks) -> None:
+    """Collect the accounts of each chunk of ticks, without the time that other processes had the processor."""
     freeze_garbage()
     try:
         for _ in range(max(1, ticks // CHUNK)):

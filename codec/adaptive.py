@@ -40,19 +40,6 @@ class Shadow:
         error: of its prediction at the newest sample, in the unit of the values, before any send of its own.
     """
 
-    __slots__ = (
-        "_at",
-        "_model",
-        "_newest",
-        "_remembered",
-        "_sends",
-        "_wakes",
-        "candidate",
-        "doubt",
-        "error",
-        "selector",
-    )
-
     def __init__(self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0) -> None:
         self.selector = selector
         self.candidate = candidate
@@ -110,8 +97,6 @@ class Shadow:
 class AdaptiveChoice:
     """The shadows of all candidates of a bank, and the choice among them."""
 
-    __slots__ = ("_channel", "_followers", "_grid", "_history", "_measure", "_shadows")
-
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
         self._grid = channel.grid
@@ -137,14 +122,7 @@ class AdaptiveChoice:
         self._measure = measure
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
-        """Take in the sample of a tick.
-
-        Args:
-            tick: of the sender.
-            actual: as measured, within the range of the wire.
-            place: where models are evaluated.
-            bound: the deadband now.
-        """
+        """Take in a sample as measured, within the range of the wire; `place` is where models are evaluated."""
         measure, history, grid = self._measure, self._history, self._grid
         follows = history.add(tick, actual, place)
         for follow in self._followers:
@@ -159,14 +137,7 @@ class AdaptiveChoice:
     def choose(
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
     ) -> tuple[int, Model | None]:
-        """The predictor to send now, and its model; None to hold the sample.
-
-        Args:
-            selectors: that may be chosen.
-            newest: the sample to send.
-            earlier: the one sent before; None where it may not be used.
-            bound: the deadband now.
-        """
+        """The best of the allowed selectors for a sample to send, and its model; None to hold the sample."""
         best = min(
             (shadow for shadow in self._shadows if shadow.selector in selectors),
             key=lambda shadow: self._cost(shadow, newest.tick, bound),

@@ -27,20 +27,18 @@ class Channel:
     """One coded direction.
 
     Args:
-        bank: names of the predictors that are built, in the order that selectors count; one unless hybrid or adaptive.
+        bank: names of the predictors, in the order of selectors; one unless hybrid or adaptive.
         deadband: the bound on an unsent error.
         value_quantizer: the wire grid of the coded value.
         position_quantizer: the grid of the position that travels with a force; None where the value is the position.
-        rest: what both ends hold before the first update: no force on the backward channel. None where nothing can be
-            assumed, as for a position, and the first sample is always sent.
+        rest: what both ends hold before the first update; None where nothing can be assumed, and the first sample is
+            always sent.
         fit_limits: the range in which a fitted contact is accepted.
-        adaptive: whether the sender chooses by the record of the predictors (`codec.adaptive`) or as the paper does.
-            The receiver need not know.
+        adaptive: whether the sender chooses as `codec.adaptive` or as the paper does; the receiver need not know.
         smoothing: over which ramp an update changes the value; None for at once.
 
     Raises:
-        ValueError: for an unknown, repeated or missing predictor, a geometry predictor without a position to read, or
-            several with parameters to choose among as the paper does.
+        ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
     """
 
     bank: tuple[str, ...]
@@ -85,18 +83,14 @@ class Channel:
         return SampleGrid(self.value_quantizer, self.position_quantizer)
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
-        """A prediction made safe to display: finite, and saturated as a measured value is.
-
-        Both use the same limits: otherwise a sample in a corner of the range would be predicted elsewhere in the tick
-        after it. An extrapolation that overflowed is replaced by the newest sample.
-        """
+        """A prediction made finite and saturated as a measured value is; the newest sample if it overflowed."""
         quantizer = self.value_quantizer
         if quantizer.says(predicted):
             return predicted
         return quantizer.confine(predicted) if is_finite(predicted) else newest.value
 
     def place(self, position: Vector) -> Vector:
-        """Where a model is evaluated: the position on the axes that travel, saturated as those of its samples are."""
+        """Where a model is evaluated: on the axes that travel, saturated as the positions of samples are."""
         return position if self.position_quantizer is None else self.position_quantizer.confine(position)
 
 

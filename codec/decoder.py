@@ -13,29 +13,14 @@ from weberlink.update import Update
 class Decoder:
     """The mirror of an `Encoder`.
 
-    Its state is a function of the newest update that arrived and of the positions since, so no loss, reordering or late
-    start can leave it in disagreement with the encoder for longer than until the next one. (Where updates are smoothed,
-    the ramp from what was displayed before ends some ticks later: nobody is made to jump because of a loss.) Only the
-    chosen predictor is computed.
+    Its state is a function of the newest update that arrived and of the positions since, so after any loss, reordering
+    or late start it agrees with the encoder from the next update on (with smoothing, when the ramp is over).
 
     Attributes:
         newest: the newest sample received; None before the first.
         model: of that sample; None before the first.
         selected: index in the bank of the predictor in use.
     """
-
-    __slots__ = (
-        "_channel",
-        "_first",
-        "_grid",
-        "_memory",
-        "_noted",
-        "_predictors",
-        "_ramp",
-        "model",
-        "newest",
-        "selected",
-    )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -55,14 +40,12 @@ class Decoder:
 
     @property
     def state(self) -> tuple[int, Model | None, Sample | None, Any]:
-        """All that a prediction depends on but for a ramp: selected predictor, its model, the newest sample, and the
-        model's memory.
-        """
+        """All that a prediction depends on but for a ramp: selector, model, newest sample, and the model's memory."""
         return self.selected, self.model, self.newest, self._memory
 
     @property
     def surface(self) -> ContactSurface | None:
-        """The contact surface that the model in use describes; None if it describes none."""
+        """The contact surface of the model in use; None if it describes none."""
         return None if self.model is None else self.model.surface()
 
     @property
@@ -94,8 +77,7 @@ class Decoder:
 
         Args:
             tick: now on the sender's tick clock; fractional between its ticks.
-            position: the commanded position now [m]; not read on a position channel. A model with a memory,
-                such as a surface with friction, keeps what it needs of it.
+            position: the commanded position now [m]; not read on a position channel. Friction remembers it.
 
         Returns:
             Force [N] or position [m]; before the first update the channel's `rest`.

@@ -15,47 +15,20 @@ from weberlink.update import MAX_GAP, Update
 class Encoder:
     """Closed-loop deadband coding with a bank of predictors.
 
-    The encoder owns a mirror of the decoder and feeds it the very updates it returns: what it compares with is what
-    the other end holds on a lossless link, quantized values and all. The law: at every tick the mirror's value is
-    within the deadband of the actual one, or as near to it as the wire can say: half a step per axis. Where the
-    bound is finer than the grid, an update that would say nothing nearer is not sent. Near is what the deadband says
-    it is.
+    The encoder compares with a mirror of the decoder, to which it applies the updates it returns. The law: on a
+    lossless link, at every tick the mirror's value is within the deadband of the actual one, or as near as the wire can
+    say: half a step per axis. Where the bound is finer than the grid, an update that would not be nearer is not sent.
 
-    A bank of several is the paper's hybrid. It chooses when it sends: the predictor whose value *before* the update
-    comes closest (after it, all would pass through the sample), and holds that choice until the next send. Where the
-    channel asks for it the choice is by the record of the predictors instead, and parameters are estimated from
-    all samples (`weberlink.codec.adaptive`).
-
-    Deadband and choice may be retuned while it runs. The other end needs to know of neither.
+    A bank of several is the paper's hybrid: at a send it chooses the predictor whose value *before* the update is
+    closest (after it, all would pass through the sample) and keeps it until the next send. An adaptive channel chooses
+    by the record of the predictors instead (`weberlink.codec.adaptive`).
 
     Attributes:
         mirror: what the other end holds if nothing was lost.
         bound: the deadband of the sample coded last, in the unit of the values.
-        predicted: what the other end held of that sample before any update of it; None while it held nothing.
+        predicted: what the other end held then, before any update; None while it held nothing.
         rejected: samples that were not finite and so were not coded.
     """
-
-    __slots__ = (
-        "_allowed",
-        "_channel",
-        "_choice",
-        "_confine",
-        "_forced",
-        "_grid",
-        "_last",
-        "_levels",
-        "_measure",
-        "_mirrored",
-        "_newest",
-        "_predictors",
-        "_previous",
-        "_reads_motion",
-        "_selectors",
-        "bound",
-        "mirror",
-        "predicted",
-        "rejected",
-    )
 
     def __init__(self, channel: Channel) -> None:
         self._channel = channel
@@ -71,7 +44,7 @@ class Encoder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal, so that the next sample is sent: the other end started anew. The tuning stays."""
+        """Forget the signal, because the other end started anew. Deadband and selection stay."""
         self.mirror.reset()
         if self._choice is not None:
             self._choice.reset()
@@ -84,22 +57,21 @@ class Encoder:
         self._forced = False
 
     def restart(self) -> None:
-        """Forget the signal and send the next sample whatever it is: it is not known what the other end holds."""
+        """Forget the signal and send the next sample in any case, because the other end's state is unknown."""
         self.reset()
         self._forced = True
 
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
-        """Change what is sent, from the next sample on.
+        """Change deadband and predictors from the next sample on; the other end need not know.
 
-        If the model in use is of a predictor that is no longer chosen, the next sample is sent whatever its error: the
-        change takes effect at that very tick.
+        If the predictor in use is no longer selected, the next sample is sent whatever its error.
 
         Args:
             deadband: the bound on an unsent error.
             selectors: indices in the bank of the predictors to choose among.
 
         Raises:
-            ValueError: if they name none, or one that is not in the bank; nothing is changed then.
+            ValueError: for no selector, or one that is not in the bank; nothing is changed then.
         """
         count = len(self._predictors)
         if not selectors or not all(0 <= selector < count for selector in selectors):
@@ -119,8 +91,8 @@ class Encoder:
             position: commanded position that a force belongs to [m]; not read on a position channel.
 
         Returns:
-            The update to send, or None while the other end's prediction is good enough. A sample that is not finite is
-            counted and otherwise as if it had not come.
+            The update to send, or None while the prediction is good enough. A sample that is not finite is counted
+            and ignored.
         """
         if not (is_finite(value) and is_finite(position)):
             self.rejected += 1
@@ -151,13 +123,11 @@ class Encoder:
         return update
 
     def _measure_with(self, deadband: Deadband) -> None:
-        # Kept as functions: looked up once, not at every tick.
         self._allowed, self._measure, self._reads_motion = deadband.bound, deadband.error, deadband.reads_motion
         if self._choice is not None:
             self._choice.measure_with(deadband.error)
 
     def _update(self, sample: Sample, levels: tuple[int, ...], tick: int, actual: Vector, position: Vector) -> Update:
-        """The sample to send, with what the chosen predictor needs beside it."""
         earlier = self._usable(tick)
         if self._choice is None:
             selector, model = self._choose(tick, actual, position), None
@@ -178,11 +148,6 @@ class Encoder:
             return selectors[0]
         channel, predictors = self._channel, self._predictors
         place, limits = channel.place(position), channel.fit_limits
-        errors = [
-            distance(
-                channel.displayable(predictors[selector].model(newest, previous, limits).at(tick, place), newest),
-                actual,
-            )
-            for selector in selectors
-        ]
+        models = [predictors[selector].model(newest, previous, limits) for selector in selectors]
+        errors = [distance(channel.displayable(model.at(tick, place), newest), actual) for model in models]
         return selectors[errors.index(min(errors))]

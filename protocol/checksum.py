@@ -7,6 +7,7 @@ misnumbered datagram and one of another session fail as they would under a real 
 from hashlib import sha256
 from zlib import crc32
 
+from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
 _TAG = 4
@@ -40,12 +41,12 @@ class OutgoingExchange:
         self._transcript += message
         return message
 
-    def open(self, message: bytes) -> "tuple[bytes, ChecksumProtection] | None":
+    def open(self, message: bytes) -> tuple[bytes, Protection] | None:
         payload = _unwrap(self._transcript, message)
         if payload is None:
             return None
-        forward, backward = _starts(self._transcript + message)
-        return payload, ChecksumProtection(forward, backward)
+        forward, backward = _ciphers(self._transcript + message)
+        return payload, Protection(forward, backward)
 
 
 class IncomingExchange:
@@ -55,10 +56,10 @@ class IncomingExchange:
         self._transcript = transcript
         self.payload = payload
 
-    def answer(self, payload: bytes, private: bytes) -> "tuple[bytes, ChecksumProtection]":
+    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection]:
         message = _wrap(self._transcript, private + payload)
-        forward, backward = _starts(self._transcript + message)
-        return message, ChecksumProtection(backward, forward)
+        forward, backward = _ciphers(self._transcript + message)
+        return message, Protection(backward, forward)
 
 
 def _wrap(before: bytes, content: bytes) -> bytes:
@@ -73,44 +74,25 @@ def _unwrap(before: bytes, message: bytes) -> bytes | None:
     return content[_NONCE:] if len(content) >= _NONCE and _wrap(before, content) == message else None
 
 
-def _starts(transcript: bytes) -> tuple[int, int]:
-    """Start values of the checksums of each direction."""
+def _ciphers(transcript: bytes) -> "tuple[ChecksumCipher, ChecksumCipher]":
+    """Of the direction from the initiator, and of the other."""
     session = sha256(transcript).digest()
-    return int.from_bytes(session[:4], "little"), int.from_bytes(session[4:8], "little")
+    forward, backward = (ChecksumCipher(int.from_bytes(session[at : at + 4], "little")) for at in (0, 4))
+    return forward, backward
 
 
-class ChecksumProtection:
-    """One session's start values of the CRC; a change of keys changes them."""
+class ChecksumCipher:
+    """The start value of the CRC of one direction."""
 
-    def __init__(self, outgoing: int, incoming: int) -> None:
-        self._outgoing = outgoing
-        self._incoming = incoming
-        self._previous: int | None = None
+    def __init__(self, start: int) -> None:
+        self._start = start
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
-        return clear + crc32(clear, (self._outgoing + sequence) & 0xFFFF_FFFF).to_bytes(_TAG, "little")
+        return clear + crc32(clear, (self._start + sequence) & 0xFFFF_FFFF).to_bytes(_TAG, "little")
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        return _open(self._incoming, sequence, datagram)
+        clear = datagram[:-_TAG]
+        return clear[CLEAR_BYTES:] if self.seal(sequence, clear) == datagram else None
 
-    def rekey_outgoing(self) -> None:
-        self._outgoing = _next_start(self._outgoing)
-
-    def rekey_incoming(self) -> None:
-        self._previous, self._incoming = self._incoming, _next_start(self._incoming)
-
-    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
-        return _open(_next_start(self._incoming), sequence, datagram)
-
-    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
-        return None if self._previous is None else _open(self._previous, sequence, datagram)
-
-
-def _open(start: int, sequence: int, datagram: bytes) -> bytes | None:
-    clear = datagram[:-_TAG]
-    expected = crc32(clear, (start + sequence) & 0xFFFF_FFFF)
-    return clear[CLEAR_BYTES:] if expected == int.from_bytes(datagram[-_TAG:], "little") else None
-
-
-def _next_start(start: int) -> int:
-    return crc32(b"weberlink key update", start)
+    def next(self) -> "ChecksumCipher":
+        return ChecksumCipher(crc32(b"weberlink key update", self._start))

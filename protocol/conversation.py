@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf
 
-from weberlink.protocol.events import Address, Connected, Event, UpdateLost
+from weberlink.protocol.events import Address, Connected, Event, PathAnswered, PathAsked, UpdateLost
 from weberlink.protocol.liveness import Liveness
 from weberlink.protocol.mailbox import Mailbox, Statistics
 from weberlink.protocol.path import Path
@@ -58,7 +58,7 @@ class Conversation:
     Attributes:
         role: of this end.
         state: of the conversation.
-        peer: where the peer is, or was last; None for a responder that nobody has called.
+        peer: where the peer is, or was last; None for a responder before the first call.
         liveness: when the ends last heard each other in the session, or in the last one.
         statistics: counters over all sessions, and present measurements.
     """
@@ -99,23 +99,10 @@ class Conversation:
 
     @property
     def silent_at(self) -> float:
-        """When the loop age passes the limit if nothing more is heard [s]; infinite while not engaged."""
+        """Time at which the loop age passes the limit if nothing more is heard [s]; infinite while not engaged."""
         if self._session is None or self.state is not State.ENGAGED:
             return inf
         return self._session.silent_at
-
-    @property
-    def heard_at(self) -> float:
-        """When the newest fresh datagram came from the peer [s]; -inf before the first."""
-        return self.liveness.heard_at
-
-    @property
-    def confirmed_at(self) -> float:
-        """Departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
-
-        The time since then is the loop age.
-        """
-        return self.liveness.confirmed_at
 
     def is_peer_encoding(self, now: float) -> bool:
         """Whether the peer's updates may be executed: each end hears the other, and the peer's encoder runs."""
@@ -246,7 +233,7 @@ class Conversation:
             self._due = None
 
     def _session_due(self) -> float:
-        """When the present session has something to do [s]."""
+        """Time of the next action of the present session [s]; infinite without one."""
         session, is_engaged = self._session, self.state is State.ENGAGED
         if session is None:
             return inf
@@ -295,3 +282,11 @@ class Conversation:
         if (challenge := path.challenge(now)) is not None:
             token, target = challenge
             self._mailbox.post(session.sender.send_path(now, token, is_answer=False), target)
+
+    def _take_path(self, session: Session, outcome: PathAsked | PathAnswered, source: Address, now: float) -> None:
+        """Answer the question whether this end is at an address, or take the answer to ours."""
+        if isinstance(outcome, PathAsked):
+            self._mailbox.post(session.sender.send_path(now, outcome.token, is_answer=True), source)
+        elif self._path is not None:
+            self._path.answer(outcome.token, now)
+            self.peer = self._path.address

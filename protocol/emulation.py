@@ -1,6 +1,6 @@
-"""A faulty link: delay, loss and the rest, from a seed. The same object serves virtual time and real sockets.
+"""Emulate a faulty link, seeded: delay, jitter, loss, reordering, duplicates, bit errors, a rate limit, blackouts.
 
-Knows nothing of what it carries or to whom; randomness is handed in, so the same seed does the same harm.
+The same object serves virtual time and real sockets; random numbers are handed in.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ CAPACITY = 16_384
 
 @dataclass(frozen=True, slots=True)
 class Emulation:
-    """What a link does to datagrams.
+    """Faults of a link.
 
     Args:
         delay_s: least one-way delay [s].
@@ -76,7 +76,7 @@ class Emulation:
 
 @dataclass(slots=True)
 class LinkCounters:
-    """What a link has done so far."""
+    """Counts of the datagrams of a link."""
 
     sent: int = 0
     delivered: int = 0
@@ -132,7 +132,7 @@ class EmulatedLink(Generic[T]):
             self._fly(due, data, tag)
 
     def receive(self, now: float) -> list[tuple[bytes, T]]:
-        """What has arrived by now, in order of arrival."""
+        """Take the datagrams that have arrived by now, in order of arrival."""
         arrived = []
         while self._flights and self._flights[0][0] <= now:
             _, _, data, tag = heappop(self._flights)
@@ -141,7 +141,7 @@ class EmulatedLink(Generic[T]):
         return arrived
 
     def next_due(self) -> float | None:
-        """When the next datagram arrives [s]."""
+        """Arrival of the next datagram [s]; None if none is under way."""
         return self._flights[0][0] if self._flights else None
 
     def _happens(self, probability: float) -> bool:

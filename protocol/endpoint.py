@@ -85,16 +85,14 @@ class Endpoint(Conversation):
             entropy: returns that many random bytes, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
             tick_period: of both ends [s], > 0.
-            silence: loop age beyond which nothing is delivered and the peer counts as gone; alike at both ends [s].
-                At most `LONGEST_SILENCE`, and at most 2^15 ticks.
+            silence: loop age beyond which the peer counts as gone [s]; at most `LONGEST_SILENCE` and 2^15 ticks.
             peer: whom an initiator calls.
             version: of the protocol; another one than this code's only to study a mismatch.
             carries_credit: whether every update and heartbeat, of both ends, carries the sender's `credit`.
             name: of this end, as the other end shows it; "" for that of its role.
             expects: name of the only peer that is accepted; "" for any. An initiator keeps to the first that answers.
             take_over: whether an initiator replaces another master that the slave serves, in its first session.
-            stamp: wall clock [ns] at `now` [s], for the stamps of an initiator's calls, which a responder remembers
-                longer than this process lives; None to count `now`.
+            stamp: wall clock [ns] at `now` [s]; a responder remembers the stamps of calls. None to count `now`.
 
         Raises:
             ValueError: naming the argument.
@@ -124,7 +122,11 @@ class Endpoint(Conversation):
             check_name(expects) if expects else "",
         )
         self._dialer = Dialer(
-            end, entropy(INSTANCE_BYTES), takes_over=take_over, stamp=stamp or _nanoseconds, silence=silence
+            end,
+            entropy(INSTANCE_BYTES),
+            takes_over=take_over,
+            stamp=stamp or (lambda now: max(0, round(now * 1e9))),
+            silence=silence,
         )
         self._listener = Listener(end, self._open_session)
 
@@ -157,7 +159,7 @@ class Endpoint(Conversation):
     # --- time
 
     def next_timer(self) -> float | None:
-        """When `handle_timer` has something to do [s]."""
+        """Time of the next action of `handle_timer` [s]; None if there is none."""
         if self._due is None:
             self._due = min(self._dialer.due, self._session_due())
         return None if self._due == inf else self._due
@@ -180,7 +182,7 @@ class Endpoint(Conversation):
         if now >= self.silent_at:
             self._turn(Trigger.FALL_SILENT)
             self._session.request_full_state()
-            self._mailbox.tell(PeerSilent(now - self.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
+            self._mailbox.tell(PeerSilent(now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
             if self.role is Role.INITIATOR:
                 self._call(now)
         if self.state is State.SILENT and now >= self._session.expires_at:
@@ -284,12 +286,8 @@ class Endpoint(Conversation):
             self._dialer.stop()
             self._tell_encoding()
             self._mailbox.tell(PeerReturned())
-        if isinstance(outcome, PathAsked):
-            self._mailbox.post(session.sender.send_path(now, outcome.token, is_answer=True), address)
-        elif isinstance(outcome, PathAnswered):
-            if self._path is not None:
-                self._path.answer(outcome.token, now)
-                self.peer = self._path.address
+        if isinstance(outcome, PathAsked | PathAnswered):
+            self._take_path(session, outcome, address, now)
         else:
             self._take(outcome, now)
 
@@ -349,8 +347,3 @@ class Endpoint(Conversation):
     def _end_session(self) -> None:
         self._dialer.stop()
         super()._end_session()
-
-
-def _nanoseconds(now: float) -> int:
-    """A stamp from the owner's clock, where there is no other (in virtual time)."""
-    return max(0, round(now * 1e9))

@@ -41,7 +41,7 @@ _NOTHING = object()
 
 
 class LocalEnd(NamedTuple):
-    """What the handshake knows of this end.
+    """This end, for the handshake.
 
     Args:
         security: the suite, with its key.

@@ -19,7 +19,7 @@ ROUND_TRIP_SHARE = 0.4
 """Largest round trip, as a share of the silence limit, that is advised. Two round trips pass before the first echo of a
 session; where these take longer than the limit, it falls silent for some ticks as it begins."""
 LATE_TICKS = 3
-"""How late the two ends together may be with a heartbeat, in ticks."""
+"""Lateness of both ends together with a heartbeat, in ticks."""
 INTRODUCTIONS = 5
 INTRODUCTION_INTERVAL = 0.02
 """Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
@@ -118,7 +118,7 @@ class HeartbeatSchedule:
         return due if due + self._answered_in <= self._confirmed_at + self._silence else inf
 
     def due(self, *, is_engaged: bool) -> float:
-        """When to send the next one, if nothing else goes out [s]."""
+        """Time of the next heartbeat if nothing else is sent [s]."""
         if not is_engaged:
             return min(self._reported_at + REPORT_INTERVAL, self._sent_at + self.interval)
         if self._due_engaged is None:  # read several times a tick, changed by a datagram only

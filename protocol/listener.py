@@ -101,7 +101,7 @@ class Listener:
         return tuple(pending.session for master in self._masters.values() for pending in master.pending)
 
     def origin_of(self, session: Session) -> tuple[Caller, Address]:
-        """Who called for a session that is still pending, and from where."""
+        """Caller and address of a pending session."""
         pending = (each for master in self._masters.values() for each in master.pending)
         return next((each.caller, each.address) for each in pending if each.session is session)
 

@@ -43,7 +43,7 @@ class ParameterNegotiation:
 
     @property
     def due(self) -> float:
-        """When there is something to send [s]."""
+        """Time of the next message [s]."""
         return -inf if self._answer_due else self._due
 
     def propose(self, tick: int, body: bytes, now: float) -> None:

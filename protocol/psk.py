@@ -16,6 +16,7 @@ from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESCCM
 
 from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiator, Responder, Secrets, SharedKey
+from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
 KEY_BYTES = PSK_BYTES
@@ -42,90 +43,49 @@ class PresharedKey:
             raise ValueError(f"a pre-shared key has {KEY_BYTES} bytes, not {len(key)}")
         self._key = SharedKey(key)
 
-    def call(self, prologue: bytes, private: bytes) -> "Initiator[CcmProtection]":
+    def call(self, prologue: bytes, private: bytes) -> Initiator[Protection]:
         return Initiator(self._key, prologue, private, _initiator_keys)
 
-    def hear(self, prologue: bytes, message: bytes) -> "Responder[CcmProtection] | None":
+    def hear(self, prologue: bytes, message: bytes) -> Responder[Protection] | None:
         return Responder.read(self._key, prologue, message, _responder_keys)
 
 
-def _initiator_keys(secrets: Secrets) -> "CcmProtection":
-    return CcmProtection(_traffic_secret(secrets, secrets.forward), _traffic_secret(secrets, secrets.backward))
+def _initiator_keys(secrets: Secrets) -> Protection:
+    return Protection(_first_cipher(secrets, secrets.forward), _first_cipher(secrets, secrets.backward))
 
 
-def _responder_keys(secrets: Secrets) -> "CcmProtection":
-    return CcmProtection(_traffic_secret(secrets, secrets.backward), _traffic_secret(secrets, secrets.forward))
+def _responder_keys(secrets: Secrets) -> Protection:
+    return Protection(_first_cipher(secrets, secrets.backward), _first_cipher(secrets, secrets.forward))
 
 
-def _traffic_secret(secrets: Secrets, key: bytes) -> bytes:
-    """The first secret of a direction, from its key."""
-    return digest(secrets.handshake_hash, key, "sha256")
+def _first_cipher(secrets: Secrets, key: bytes) -> "CcmCipher":
+    """Of the direction with this key."""
+    return CcmCipher(digest(secrets.handshake_hash, key, "sha256"))
 
 
-class CcmProtection:
-    """The keys of one session: a secret per direction, from which key and nonce salt follow, and the next secret.
-
-    Secrets are replaced as in RFC 9001 section 6; sequence numbers go on.
-    """
-
-    def __init__(self, outgoing: bytes, incoming: bytes) -> None:
-        """Take the secret of each direction, of `SECRET_BYTES`."""
-        self._outgoing = outgoing
-        self._incoming = incoming
-        self._encrypt = _Cipher(outgoing)
-        self._decrypt = _Cipher(incoming)
-        self._next: _Cipher | None = None
-        self._previous: _Cipher | None = None
-
-    def seal(self, sequence: int, clear: bytes) -> bytes:
-        encrypt, salt = self._encrypt.encrypt, self._encrypt.salt
-        head = clear[:CLEAR_BYTES]
-        return head + encrypt(salt + sequence.to_bytes(8, "little"), clear[CLEAR_BYTES:], head)
-
-    def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self._decrypt.open(sequence, datagram)
-
-    def rekey_outgoing(self) -> None:
-        self._outgoing = _next_secret(self._outgoing)
-        self._encrypt = _Cipher(self._outgoing)
-
-    def rekey_incoming(self) -> None:
-        self._previous, self._decrypt = self._decrypt, self._following()
-        self._incoming = _next_secret(self._incoming)
-        self._next = None
-
-    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self._following().open(sequence, datagram)
-
-    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
-        return None if self._previous is None else self._previous.open(sequence, datagram)
-
-    def _following(self) -> "_Cipher":
-        if self._next is None:
-            self._next = _Cipher(_next_secret(self._incoming))
-        return self._next
-
-
-class _Cipher:
-    """AES-128-CCM under the key and nonce salt of one secret."""
+class CcmCipher:
+    """AES-128-CCM under the key and nonce salt of one secret, of `SECRET_BYTES`."""
 
     def __init__(self, secret: bytes) -> None:
         material = _expand(secret, b"weberlink key", _CCM_KEY + _SALT)
         cipher = AESCCM(material[:_CCM_KEY], tag_length=_TAG)
-        self.encrypt = cipher.encrypt
-        self._decrypt = cipher.decrypt
-        self.salt = material[_CCM_KEY:]
+        self._encrypt, self._decrypt = cipher.encrypt, cipher.decrypt
+        self._salt = material[_CCM_KEY:]
+        self._secret = secret
+
+    def seal(self, sequence: int, clear: bytes) -> bytes:
+        head = clear[:CLEAR_BYTES]
+        return head + self._encrypt(self._salt + sequence.to_bytes(8, "little"), clear[CLEAR_BYTES:], head)
 
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        nonce = self.salt + sequence.to_bytes(8, "little")
+        nonce = self._salt + sequence.to_bytes(8, "little")
         try:
             return self._decrypt(nonce, datagram[CLEAR_BYTES:], datagram[:CLEAR_BYTES])
         except InvalidTag:
             return None
 
-
-def _next_secret(secret: bytes) -> bytes:
-    return _expand(secret, b"weberlink key update", SECRET_BYTES)
+    def next(self) -> "CcmCipher":
+        return CcmCipher(_expand(self._secret, b"weberlink key update", SECRET_BYTES))
 
 
 def _expand(secret: bytes, info: bytes, length: int) -> bytes:

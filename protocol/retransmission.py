@@ -119,7 +119,7 @@ class Retransmission:
         self._evidence = True
 
     def due_at(self, rtt: float, fallback: float) -> float:
-        """When to send it again [s]; infinity if there is no need.
+        """Time of the next repeat [s]; infinity if there is no need.
 
         Args:
             rtt: measured round trip [s].

@@ -74,7 +74,7 @@ def _header(kind: int, number: int) -> bytes:
 
 
 class StreamTerms(NamedTuple):
-    """What both ends of a stream must have in common.
+    """Terms of a stream that both ends must share.
 
     Args:
         security: the suite, with its key.

@@ -1,4 +1,4 @@
-"""Interfaces of a security suite: the key exchange of the handshake, and the protection of a session.
+"""What a security suite provides, the key exchange of the handshake, and the protection of a session.
 
 There are two suites: `protocol.psk` (default between hosts) and `protocol.checksum` (for loopback). This file imports
 neither, so that a side without a key never loads a crypto library.
@@ -7,8 +7,8 @@ neither, so that a side without a key never loads a crypto library.
 from typing import Protocol
 
 
-class Protection(Protocol):
-    """The keys of both directions of one session."""
+class Cipher(Protocol):
+    """The keys of one direction."""
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
         """The datagram to send; the first `CLEAR_BYTES` stay readable. Never twice for one sequence number."""
@@ -16,17 +16,46 @@ class Protection(Protocol):
     def open(self, sequence: int, datagram: bytes) -> bytes | None:
         """What follows the first `CLEAR_BYTES`; None if the datagram is not authentic under this number."""
 
+    def next(self) -> "Cipher":
+        """The keys that replace these, derived from them one-way."""
+
+
+class Protection:
+    """The keys of both directions of one session, replaced as in RFC 9001 section 6; sequence numbers go on.
+
+    Attributes:
+        seal: as of the outgoing `Cipher`.
+        open: as of the incoming `Cipher`.
+    """
+
+    def __init__(self, outgoing: Cipher, incoming: Cipher) -> None:
+        self._outgoing, self._incoming = outgoing, incoming
+        self._next: Cipher | None = None
+        self._previous: Cipher | None = None
+        self.seal, self.open = outgoing.seal, incoming.open
+
     def rekey_outgoing(self) -> None:
-        """Replace the outgoing keys by the next ones, which are derived from them one-way."""
+        """Replace the outgoing keys by the next ones."""
+        self._outgoing = self._outgoing.next()
+        self.seal = self._outgoing.seal
 
     def rekey_incoming(self) -> None:
         """Replace the incoming keys by the next ones; `open_previous` keeps those used until now."""
+        self._previous, self._incoming, self._next = self._incoming, self._following(), None
+        self.open = self._incoming.open
 
     def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
         """As `open`, under the next incoming keys; changes nothing."""
+        return self._following().open(sequence, datagram)
 
     def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
         """As `open`, under the previous incoming keys; None before the first change of keys."""
+        return None if self._previous is None else self._previous.open(sequence, datagram)
+
+    def _following(self) -> Cipher:
+        if self._next is None:
+            self._next = self._incoming.next()
+        return self._next
 
 
 class Outgoing(Protocol):

@@ -37,7 +37,7 @@ _CHANGE_TICK_MASK = (1 << CHANGE_TICK_BITS) - 1
 
 
 class Parameters(NamedTuple):
-    """What all sessions of an endpoint have in common.
+    """Parameters that all sessions of an endpoint share.
 
     Args:
         outgoing, incoming: layouts of each direction.
@@ -54,7 +54,7 @@ class Parameters(NamedTuple):
 
 
 class Sender:
-    """What one end sends in one session.
+    """Makes the datagrams of one end in one session.
 
     Attributes:
         heartbeats: when one is due.
@@ -212,7 +212,7 @@ class Sender:
         return self._protection.seal(sequence, clear)
 
     def next_timer(self, *, is_engaged: bool, is_encoding: bool) -> float:
-        """When something is due [s]."""
+        """Time of the next datagram [s]."""
         due = self.heartbeats.due(is_engaged=is_engaged)
         if not is_engaged:
             return due

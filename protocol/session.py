@@ -55,7 +55,7 @@ _TICK_MASK = (1 << TICK_BITS) - 1
 
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
-"""What an authentic datagram says, or why it is dropped; None if it concerns nobody else."""
+"""The content of an authentic datagram, or the reason to drop it; None if only the session needs it."""
 
 
 class Opened(NamedTuple):
@@ -128,12 +128,12 @@ class Session:
 
     @property
     def silent_at(self) -> float:
-        """When the loop age passes the limit [s]."""
+        """Time at which the loop age passes the limit [s]."""
         return self.liveness.confirmed_at + self._parameters.silence
 
     @property
     def expires_at(self) -> float:
-        """When the session is over [s]."""
+        """Time at which the session expires [s]."""
         return self.silent_at + EXPIRY
 
     def request_full_state(self) -> None:

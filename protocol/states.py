@@ -32,7 +32,7 @@ class State(Enum):
 
 
 class Trigger(Enum):
-    """What can move an endpoint from one state to another."""
+    """Event that moves an endpoint from one state to another."""
 
     DIAL = auto()
     LISTEN = auto()

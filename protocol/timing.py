@@ -27,7 +27,7 @@ _STAMP_MASK = (1 << STAMP_BITS) - 1
 _STAMPS_PER_S = 1e5
 
 EARLY_LIMIT = 0.05
-"""How much faster than physics allows a datagram may seem before its time stamp is rejected [s]."""
+"""A datagram that seems to arrive this much before it left is rejected [s]."""
 _EARLY_LIMIT_UNMAPPED = 5.0
 LONGEST_RTT = 60.0
 _LEAST_RTT = -0.001  # clocks drift between two reports, and stamps are cut off

@@ -6,7 +6,7 @@ A new one for forces is a file beside these and a line here, or an entry point o
 from typing import Any
 
 from weberlink.codec.deadband.cone import ConeDeadband
-from weberlink.codec.deadband.contract import Deadband, Option, Reference
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, Reference
 from weberlink.codec.deadband.isotropic import ForceDeadband, PositionDeadband
 from weberlink.codec.deadband.level_crossing import LevelCrossingDeadband
 from weberlink.codec.deadband.velocity import VelocityDeadband
@@ -38,6 +38,7 @@ __all__ = [
     "ISOTROPIC",
     "ConeDeadband",
     "Deadband",
+    "DeadbandSetup",
     "ForceDeadband",
     "LevelCrossingDeadband",
     "Option",

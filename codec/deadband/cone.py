@@ -1,10 +1,9 @@
 """Magnitude and direction apart: a shell of Weber's law, cut by a cone around the measured force.
 
-People tell forces of the same magnitude apart by direction from 18.4 degrees on if they see what they touch, 25.6 if
-they do not and 31.9 if what they see misleads them (means; Barbagli, Salisbury, Ho, Spence, Tan, "Haptic discrimination
-of force direction and the influence of visual information", ACM Trans. Applied Perception, 2006). An isotropic deadband
-of k = 0.10 resends from 6 degrees on. A direction beside the magnitude in the deadband: "Limitations of human 3D-force
-discrimination", Technische Universität München, 2006. How surely this is known is in docs/deadbands.md.
+People tell directions of force apart from 18.4 degrees on if they see what they touch, 25.6 if they do not and 31.9 if
+vision misleads them (means; Barbagli, Salisbury, Ho, Spence, Tan, "Haptic discrimination of force direction and the
+influence of visual information", ACM Trans. Applied Perception, 2006). An isotropic deadband of k = 0.10 resends from 6
+degrees on. docs/deadbands.md says how well this is known.
 """
 
 from collections.abc import Mapping
@@ -12,7 +11,7 @@ from dataclasses import dataclass, field
 from math import degrees, pi, radians, sin
 from typing import ClassVar, Self
 
-from weberlink.codec.deadband.contract import Deadband, Option, Reference, check_not_negative
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 DIRECTION_RAD = radians(18.4)
@@ -29,10 +28,8 @@ DIRECTION = Option(
 class ConeDeadband(Deadband):
     """`| |g| - |f| | <= max(k |f|, floor)` and angle(f, g) <= theta, or `|g - f| <= floor`; f measured, g displayed.
 
-    Near no force there is no direction to feel: a difference below the absolute threshold is not felt, however it is
-    turned. A force of exactly 0 has no direction; there the magnitude alone decides.
-
-    The angle is compared by its chord, the distance of the two unit vectors, which takes no trigonometry.
+    A difference below the floor is not felt, whatever its direction; a force of exactly 0 has none. Angles are compared
+    by their chord, the distance of the two unit vectors, which needs no trigonometry.
 
     Args:
         weber: Weber factor k of the magnitude, >= 0.
@@ -61,15 +58,8 @@ class ConeDeadband(Deadband):
         object.__setattr__(self, "widest", chord_of(self.direction))
 
     @classmethod
-    def configured(
-        cls,
-        weber: float,
-        floor: float,
-        reference: Reference,  # noqa: ARG003
-        tick_period: float,  # noqa: ARG003
-        options: Mapping[str, float],
-    ) -> Self:
-        return cls(weber, floor, radians(options["direction_deg"]))
+    def configured(cls, setup: DeadbandSetup) -> Self:
+        return cls(setup.weber, setup.floor, radians(setup.options["direction_deg"]))
 
     def describe(self) -> str:
         return f"cone of {degrees(self.direction):g} deg"

@@ -25,6 +25,24 @@ class Option(NamedTuple):
     most: float | None = None
 
 
+class DeadbandSetup(NamedTuple):
+    """What a configuration file says of a deadband.
+
+    Args:
+        weber: Weber factor k, >= 0.
+        floor: absolute threshold in the unit of the values, >= 0.
+        reference: which value k scales.
+        tick_period: time between ticks [s].
+        options: a number for each of the deadband's own `options`.
+    """
+
+    weber: float
+    floor: float
+    reference: Reference
+    tick_period: float
+    options: Mapping[str, float]
+
+
 class Deadband(ABC):
     """A bound on a vector. A sample is sent when `error` is more than `bound`. The decoder needs none of it.
 
@@ -48,19 +66,14 @@ class Deadband(ABC):
     needs_floor: ClassVar[bool] = False
 
     @classmethod
-    def configured(
-        cls, weber: float, floor: float, reference: Reference, tick_period: float, options: Mapping[str, float]
-    ) -> Self:
-        """The deadband of a configuration file.
-
-        Args:
-            weber: Weber factor k, >= 0.
-            floor: absolute threshold in the unit of the values, >= 0.
-            reference: which value k scales.
-            tick_period: time between ticks [s].
-            options: a number for each of `cls.options`.
-        """
+    def configured(cls, setup: DeadbandSetup) -> Self:
+        """The deadband of a configuration file; needed for those in the registry."""
         raise NotImplementedError
+
+    @classmethod
+    def defaults(cls) -> dict[str, float]:
+        """The options where the file does not give them."""
+        return {name: option.default for name, option in cls.options.items()}
 
     @abstractmethod
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:

@@ -1,10 +1,9 @@
 """The same bound in all directions: a ball around the measured force, or around a position."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
-from weberlink.codec.deadband.contract import Deadband, Reference, check_not_negative, check_reference
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Reference, check_not_negative, check_reference
 from weberlink.geometry.vector import Vector, distance, norm
 
 
@@ -37,15 +36,8 @@ class ForceDeadband(Deadband):
         check_reference(self.reference)
 
     @classmethod
-    def configured(
-        cls,
-        weber: float,
-        floor: float,
-        reference: Reference,
-        tick_period: float,  # noqa: ARG003
-        options: Mapping[str, float],  # noqa: ARG003
-    ) -> Self:
-        return cls(weber, floor, reference)
+    def configured(cls, setup: DeadbandSetup) -> Self:
+        return cls(setup.weber, setup.floor, setup.reference)
 
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:  # noqa: ARG002
         name = self.reference

@@ -1,10 +1,9 @@
 """Level crossing: a sample is sent when the force has crossed a level of a fixed grid, whatever was sent before.
 
 Bhardwaj, Chaudhuri, Dabeer, "Design and Analysis of Predictive Sampling of Haptic Signals", ACM Trans. Applied
-Perception 11(4), 2014: of users' clicks on piecewise constant forces, level crossings predict slightly more than
-Weber's law does. Their forces have one axis. Here the levels are those of the magnitude, and direction is a cone
-(`codec.deadband.cone`): levels on each axis would depend on how the axes lie, and a small component beside a large
-force would cross levels that nobody feels.
+Perception 11(4), 2014: level crossings predict users' clicks on piecewise constant forces slightly better than Weber's
+law. Their forces have one axis. Here the levels are those of the magnitude, and direction is a cone: levels on each
+axis would depend on the choice of axes.
 """
 
 from collections.abc import Mapping
@@ -13,7 +12,7 @@ from math import degrees, radians
 from typing import ClassVar, Self
 
 from weberlink.codec.deadband.cone import DIRECTION, DIRECTION_RAD, chord, chord_of
-from weberlink.codec.deadband.contract import Deadband, Option, Reference, check_not_negative
+from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, check_not_negative
 from weberlink.geometry.vector import Vector, distance, norm
 
 LEAST_WEBER = 1e-4
@@ -27,13 +26,10 @@ POWERS = 24
 class LevelCrossingDeadband(Deadband):
     """No level lies between |g| and |f|, but one that |f| has barely crossed; f measured, g displayed.
 
-    The levels are whole multiples of the floor up to about floor / k, and from there on one Weber fraction apart: each
-    is as far from the next as `max(k |f|, floor)`, so that all forces between two of them are as one to a person. With
-    Weber's law alone down to the floor, a sensor would be asked for a tenth of what nobody feels.
-
-    Barely is by at most `h max(k |f|, floor)`: without hysteresis the noise of a sensor at a level would be sent at
-    every tick, as each sample would be beyond it from the one before. Direction is as in the cone: within theta, and
-    whatever it is where the two are no further apart than the floor.
+    The levels are multiples of the floor up to about floor / k, and from there on one Weber fraction apart: the spacing
+    is `max(k |f|, floor)`. Barely means by at most `h max(k |f|, floor)`: without this hysteresis the noise of a sensor
+    at a level would be sent at every tick. Direction is as in the cone: within theta, or anywhere where the two are no
+    further apart than the floor.
 
     Args:
         weber: Weber factor k, >= 0; less than 1e-4 counts as that.
@@ -87,15 +83,8 @@ class LevelCrossingDeadband(Deadband):
         object.__setattr__(self, "powers", _powers(1.0 + spacing))
 
     @classmethod
-    def configured(
-        cls,
-        weber: float,
-        floor: float,
-        reference: Reference,  # noqa: ARG003
-        tick_period: float,  # noqa: ARG003
-        options: Mapping[str, float],
-    ) -> Self:
-        return cls(weber, floor, radians(options["direction_deg"]), options["hysteresis"])
+    def configured(cls, setup: DeadbandSetup) -> Self:
+        return cls(setup.weber, setup.floor, radians(setup.options["direction_deg"]), setup.options["hysteresis"])
 
     def describe(self) -> str:
         return f"level crossing, hysteresis {self.hysteresis:g}, direction within {degrees(self.direction):g} deg"

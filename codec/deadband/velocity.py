@@ -8,7 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
-from weberlink.codec.deadband.contract import Deadband, Option, Reference, check_not_negative, check_reference
+from weberlink.codec.deadband.contract import (
+    Deadband,
+    DeadbandSetup,
+    Option,
+    Reference,
+    check_not_negative,
+    check_reference,
+)
 from weberlink.geometry.vector import Vector, distance, norm
 
 SLOPE_S_M = 0.5
@@ -19,8 +26,7 @@ MOST_WEBER = 0.25
 class VelocityDeadband(Deadband):
     """`|f_pred - f| <= max(k(v) |f_ref|, floor)` with `k(v) = k + slope |v|`, at most `most` (or k, if that is more).
 
-    The speed is that of the position since the tick before: no filter, no lag, no state. A jump of the position from
-    one tick to the next makes a wide deadband for this one tick, and `most` says how wide.
+    The speed is that of the position since the tick before, without a filter; `most` bounds the effect of a jump.
 
     Args:
         weber: Weber factor k at rest, >= 0.
@@ -62,15 +68,15 @@ class VelocityDeadband(Deadband):
         object.__setattr__(self, "highest", max(self.weber, self.most))
 
     @classmethod
-    def configured(
-        cls,
-        weber: float,
-        floor: float,
-        reference: Reference,
-        tick_period: float,
-        options: Mapping[str, float],
-    ) -> Self:
-        return cls(weber, floor, reference, options["slope_s_m"], options["most_weber"], tick_period)
+    def configured(cls, setup: DeadbandSetup) -> Self:
+        return cls(
+            setup.weber,
+            setup.floor,
+            setup.reference,
+            setup.options["slope_s_m"],
+            setup.options["most_weber"],
+            setup.tick_period,
+        )
 
     def describe(self) -> str:
         return f"velocity-adaptive, k + {self.slope:g} s/m of the speed, at most {self.most:g}"
@@ -79,7 +85,7 @@ class VelocityDeadband(Deadband):
         name = self.reference
         reference = actual if name == "actual" else displayed if name == "displayed" else sent
         grown = self.weber + self.per_metre * moved
-        # Not so where the way is infinite and the slope 0, which is no number.
+        # Also takes `highest` where the distance is infinite and the slope 0, which gives NaN.
         relative = (grown if grown < self.highest else self.highest) * norm(reference)
         return relative if relative > self.floor else self.floor
 

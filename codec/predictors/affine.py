@@ -33,9 +33,7 @@ SOFTEST = 2.0**-10
 SLOWEST = 2.0**-12
 """Last digit of g, in wire steps per tick."""
 WIDEST = 2.0
-"""Tangent of the angle to the newest force up to which a prediction is believed: 63 degrees. Without it a force that
-comes back with the probe would come all at once, and sideways.
-"""
+"""Largest tangent of the angle to the newest force: without it a returning force would come at once, and sideways."""
 NARROWEST = 1.0 + WIDEST * WIDEST
 Rows = list[list[float]]
 
@@ -79,8 +77,6 @@ def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
 class LocalAffine:
     """Ridge least squares over the latest samples: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1), each axis by itself."""
 
-    __slots__ = ()
-
     def model(self, context: EncodeContext) -> Affine | None:
         history, newest = context.history, context.newest
         count = min(WINDOW, len(history) - 1)
@@ -89,13 +85,10 @@ class LocalAffine:
         solution = _solve(*_system(history.values[-count - 1 :], history.places[-count - 1 :]))
         if solution is None:
             return None
-        by_x, by_y, by_z, by_time = solution
-        slope = (by_time[0] / count, by_time[1] / count, by_time[2] / count)
-        rows = (
-            (by_x[0], by_y[0], by_z[0]),
-            (by_x[1], by_y[1], by_z[1]),
-            (by_x[2], by_y[2], by_z[2]),
-        )
+        *by_place, (a, b, c) = solution
+        slope = (a / count, b / count, c / count)
+        x, y, z = zip(*by_place, strict=True)
+        rows = (x, y, z)
         if not (all(map(is_finite, rows)) and is_finite(slope)):
             return None
         return Affine(newest.value, newest.position, newest.tick, rows, slope)
@@ -122,15 +115,12 @@ class AffinePredictor(Predictor):
         return stiffness.levels(elements) + slope.levels(components(model.slope))
 
     def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Affine | None:
-        """None where the stiffness is more than is accepted."""
         stiffness, slope = _blocks(grid)
         first = len(stiffness.widths)
         size, vector = grid.value.size, grid.value.vector
         elements = stiffness.numbers(fields[:first])
-        rows = [vector(elements[start : start + size]) for start in range(0, size * size, size)]
-        placed = iter(rows)
-        used = grid.value.used
-        x, y, z = (next(placed) if axis in used else ZERO for axis in range(3))
+        rows = iter([vector(elements[start : start + size]) for start in range(0, size * size, size)])
+        x, y, z = (next(rows) if axis in grid.value.used else ZERO for axis in range(3))
         if norm((norm(x), norm(y), norm(z))) > limits.stiffness[1]:
             return None
         return Affine(newest.value, newest.position, newest.tick, (x, y, z), vector(slope.numbers(fields[first:])))
@@ -189,7 +179,7 @@ def _system(values: list[Vector], places: list[Vector]) -> tuple[Rows, Rows]:
 
 
 def _solve(left: Rows, right: Rows) -> Rows | None:
-    """By elimination; positive definite but for rounding, so no pivot is looked for. None where one is lost."""
+    """By elimination without pivoting, as the matrix is positive definite; None where rounding made it singular."""
     for row in range(SIZE):
         pivot = left[row][row]
         if not pivot > 0.0:

@@ -11,7 +11,7 @@ With c = 1/s the point where the surface holds the probe is q = p + c f. Each of
 Curvature is how much the normal turns per displacement of q. The frequency w of a motion follows from second
 differences of n.q over longer times, which are -4 sin^2(w T / 2) of n.q less its middle.
 
-Which hypothesis is true is not decided here: `weberlink.codec.adaptive` measures which of them saves updates.
+`weberlink.codec.adaptive` measures which hypothesis saves updates.
 """
 
 from math import asin, exp, sqrt
@@ -20,7 +20,7 @@ from weberlink.codec.predictors.contract import History
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 STEP = 10
-"""Ticks over which ways and changes of force are taken."""
+"""Ticks over which displacements and changes of force are taken."""
 HALF = STEP // 2
 TURN = 30
 """Ticks over which the normal turns."""
@@ -33,23 +33,23 @@ EVERY = 4
 FORGET_STIFFNESS = exp(-1.0 / 2000.0)
 FORGET_CURVATURE = exp(-EVERY / 300.0)
 FORGET_THIRD = exp(-EVERY / 2000.0)
-FORGET_PULSE = 0.9997**EVERY
+FORGET_FREQUENCY = 0.9997**EVERY
 SLOW = 1.0 / 50.0
 """Share of a new difference in the slow part."""
-TURNING = 0.1
-"""Share of a new normal in the average, after a way of 1 mm or more."""
-RUBBING = 0.05
+NORMAL_SHARE = 0.1
+"""Share of a new normal in the average, after 1 mm or more."""
+FRICTION_SHARE = 0.05
 """Share of a new coefficient of friction in the average."""
 LEAST_WAY = 3e-5
-"""[m] over `STEP`; less is standing still."""
+"""[m] over `STEP`; less counts as standing still."""
 LEAST_CHANGE = 1e-4
-"""Sum of squares of changes of force [N^2] from which on they say something."""
+"""Smallest sum of squared changes of force that gives an estimate [N^2]."""
 LEAST_THIRD = 1e-2 / EVERY
 MOST_COMPLIANT, STIFFEST = 1e-1, 1e-6
-"""Compliance that is believed [m/N]."""
+"""Range of accepted compliance [m/N]."""
 LARGEST_FRICTION = 1.5
 LEAST_NORMAL_SHARE = 0.5
-"""Of the force, when it is freed of what is along the way: less is a press, not a slide."""
+"""Of the force without its part along the motion: less is a press, not a slide."""
 SAME_SURFACE = 0.9
 """Cosine between an old normal and the force of a new contact, up to which the old one is kept."""
 
@@ -98,10 +98,10 @@ class FrequencyEstimator:
     def __init__(self) -> None:
         self._count = self._x = self._y = self._xx = self._xy = 0.0
         self.value = 0.0
-        """[rad/tick]; 0 where the motion does not swing."""
+        """[rad/tick]; 0 where the motion does not oscillate."""
 
     def add(self, place: float, second: float) -> None:
-        forget = FORGET_PULSE
+        forget = FORGET_FREQUENCY
         self._count = self._count * forget + 1.0
         self._x = self._x * forget + place
         self._y = self._y * forget + second
@@ -126,29 +126,7 @@ class ContactEstimator:
         threshold: smallest force that counts as one [N].
     """
 
-    __slots__ = (
-        "_directions",
-        "_normals",
-        "_slow_force",
-        "_slow_way",
-        "age",
-        "curvature",
-        "frequency",
-        "friction",
-        "frictional",
-        "frictional_curvature",
-        "frictionless",
-        "moving",
-        "normal",
-        "threshold",
-    )
-
     def __init__(self, threshold: float) -> None:
-        """Begin without a contact.
-
-        Args:
-            threshold: smallest force that counts as one [N].
-        """
         self.threshold = threshold
         self.age = 0
         self.normal = ZERO
@@ -156,17 +134,14 @@ class ContactEstimator:
         self.frictionless = ComplianceEstimator(FORGET_STIFFNESS, LEAST_CHANGE)
         self.frictional = ComplianceEstimator(FORGET_STIFFNESS, LEAST_CHANGE)
         self.moving = ComplianceEstimator(FORGET_THIRD, LEAST_THIRD)
-        self.curvature, self.frictional_curvature, self.frequency = (
-            CurvatureEstimator(),
-            CurvatureEstimator(),
-            FrequencyEstimator(),
-        )
+        self.curvature, self.frictional_curvature = CurvatureEstimator(), CurvatureEstimator()
+        self.frequency = FrequencyEstimator()
         self._slow_way = self._slow_force = 0.0
         self._directions: list[Vector] = []
         self._normals: list[Vector] = []
 
     def follow(self, history: History, follows: bool) -> None:
-        """Take in the newest sample, which follows the one before it or not."""
+        """Take in the newest sample; `follows`: whether it is one tick after the one before."""
         value = history.values[-1]
         size = norm(value)
         if not size > self.threshold:
@@ -174,7 +149,11 @@ class ContactEstimator:
             return
         direction = (value[0] / size, value[1] / size, value[2] / size)
         if self.age == 0 or not follows:
-            self._begin(direction)
+            self.age = 0
+            if dot(direction, self.normal) < SAME_SURFACE:
+                self.normal = direction
+            self._slow_way = self._slow_force = 0.0
+            self._directions, self._normals = [], []
         self.age += 1
         self._directions.append(direction)
         if self.age > STEP:
@@ -182,13 +161,6 @@ class ContactEstimator:
         self._normals.append(self.normal)
         if self.age % EVERY == 0 and self.age > STEP + TURN:
             self._look_back(history)
-
-    def _begin(self, direction: Vector) -> None:
-        self.age = 0
-        if dot(direction, self.normal) < SAME_SURFACE:
-            self.normal = direction
-        self._slow_way = self._slow_force = 0.0
-        self._directions, self._normals = [], []
 
     def _compare(self, history: History, value: Vector, size: float) -> None:
         """With the sample `STEP` ago."""
@@ -209,7 +181,8 @@ class ContactEstimator:
         if slid > LEAST_WAY:
             self._slide(value, size, (x / slid, y / slid, z / slid), slid)
         else:
-            self._stick(value)
+            # While it sticks, the ratio is a lower bound of the coefficient.
+            self.friction = max(self.friction, self._ratio(value))
 
     def _slide(self, value: Vector, size: float, way: Vector, slid: float) -> None:
         x, y, z = way
@@ -218,27 +191,21 @@ class ContactEstimator:
         across = sqrt(u * u + v * v + w * w)
         if not across > LEAST_NORMAL_SHARE * size:
             return
-        share = TURNING * min(1.0, slid / 1e-3)
+        share = NORMAL_SHARE * min(1.0, slid / 1e-3)
         a, b, c = self.normal
         self.normal = unit((a + share * (u / across - a), b + share * (v / across - b), c + share * (w / across - c)))
         ratio = self._ratio(value)
-        if ratio is not None:
-            self.friction += RUBBING * (min(ratio, LARGEST_FRICTION) - self.friction)
+        if ratio >= 0.0:
+            self.friction += FRICTION_SHARE * (ratio - self.friction)
 
-    def _stick(self, value: Vector) -> None:
-        """It holds at least so much."""
-        ratio = self._ratio(value)
-        if ratio is not None and ratio > self.friction:
-            self.friction = min(ratio, LARGEST_FRICTION)
-
-    def _ratio(self, value: Vector) -> float | None:
-        """Tangential over normal force; None where the surface would pull."""
+    def _ratio(self, value: Vector) -> float:
+        """Tangential over normal force, at most `LARGEST_FRICTION`; -1 where the surface would pull."""
         a, b, c = self.normal
         push = value[0] * a + value[1] * b + value[2] * c
         if not push > 0.0:
-            return None
+            return -1.0
         u, v, w = value[0] - push * a, value[1] - push * b, value[2] - push * c
-        return sqrt(u * u + v * v + w * w) / push
+        return min(sqrt(u * u + v * v + w * w) / push, LARGEST_FRICTION)
 
     def _look_back(self, history: History) -> None:
         """Curvature and motion, which need more than a few ticks."""

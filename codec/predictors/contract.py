@@ -15,14 +15,7 @@ KEPT = 128
 
 
 class History:
-    """The latest samples of a signal at the sender's full rate; the newest is the last of each list.
-
-    Attributes:
-        values: as measured, within the range of the wire [N or m].
-        places: position of each [m].
-    """
-
-    __slots__ = ("_tick", "places", "values")
+    """The latest samples of a signal at the sender's full rate, the newest last: `values`, and `places` [m]."""
 
     def __init__(self) -> None:
         self.values: list[Vector] = []
@@ -33,10 +26,7 @@ class History:
         return len(self.values)
 
     def add(self, tick: int, value: Vector, place: Vector) -> bool:
-        """Append the sample of a tick; returns whether it follows the one before.
-
-        A gap clears the history: estimates assume that samples are one tick apart.
-        """
+        """Append a sample; returns whether it follows the one before. A gap in the ticks clears the history."""
         follows = tick == self._tick + 1 and bool(self.values)
         if not follows:
             self.values, self.places = [], []
@@ -68,17 +58,15 @@ class Candidate(Protocol):
     """One way to make a model for a predictor; a predictor may have several."""
 
     def model(self, context: EncodeContext) -> Model | None:
-        """The model to send, finite; None where this candidate has none, and the sample is held."""
-        ...
+        """The model to send, finite; None to hold the sample."""
 
 
 class Candidates(NamedTuple):
-    """The candidates of one predictor for one signal.
+    """The candidates of one predictor for one signal, the simplest first.
 
     Args:
-        each: the simplest first.
-        follow: to be called with the history after every sample, and whether it follows the one before; None if the
-            candidates need only the history.
+        each: the candidates.
+        follow: called after every sample with the history and whether the sample follows the one before; or None.
     """
 
     each: Sequence[Candidate]
@@ -110,7 +98,7 @@ class Predictor(ABC):
     doubt: ClassVar[float] = 1.0
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model | None:  # noqa: ARG002
-        """The model of the two newest samples sent; None where none can be trusted. Never raises."""
+        """The model of the two newest samples sent, or None where none can be trusted; never raises."""
         return None
 
     def needs_previous(self, newest: Sample, previous: Sample) -> bool:  # noqa: ARG002
@@ -118,12 +106,7 @@ class Predictor(ABC):
         return False
 
     def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
-        """The ways to make its model from all samples.
-
-        Args:
-            limits: the range in which a fitted contact is accepted.
-            least_force: smallest force that counts as contact [N].
-        """
+        """The ways to make its model from all samples; `least_force` is the smallest that counts as contact [N]."""
         return Candidates([FittedCandidate(self, limits)])
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
@@ -150,10 +133,10 @@ class Predictor(ABC):
         earlier_levels: tuple[int, ...],
         grid: SampleGrid,
     ) -> Payload:
-        """What the update of a sample must carry for this predictor.
+        """What the update of a sample must carry.
 
         Args:
-            model: of an estimated predictor, made by a candidate; None to hold the sample.
+            model: made by a candidate of an estimated predictor; None to hold the sample.
             newest: the sample to send.
             earlier: the sample sent before; None if it may not be used.
             earlier_levels: its wire levels.
@@ -187,14 +170,11 @@ class Predictor(ABC):
         return self.model(newest, grid.sample(newest.tick - payload.gap, payload.levels), limits)
 
     def packed(self, model: Model, newest: Sample, grid: SampleGrid) -> ModelParameters:
-        """The parameters of a model."""
         return ModelParameters(pack(self.levels(model, newest, grid), self.widths(grid)))
 
 
 class FittedCandidate:
     """The model that both ends fit to the two newest samples sent."""
-
-    __slots__ = ("_limits", "_predictor")
 
     def __init__(self, predictor: Predictor, limits: FitLimits) -> None:
         self._predictor = predictor

@@ -23,13 +23,13 @@ class ModelKind(IntEnum):
 
 
 class ModelRecord(NamedTuple):
-    """A model in numbers that telemetry records.
+    """A model in numbers that telemetry records; NaN where it describes no surface.
 
     Args:
         kind: a patch of surface counts as the plane or sphere that it was at its newest sample.
-        surface: unit normal of a plane, centre of a sphere [m]; NaN of anything else.
-        size: d of a plane [m], radius of a sphere [m], negative where it is concave; NaN of anything else.
-        stiffness: of plane and sphere [N/m]; NaN of anything else.
+        surface: unit normal of a plane, centre of a sphere [m].
+        size: d of a plane [m], radius of a sphere [m], negative where it is concave.
+        stiffness: [N/m].
     """
 
     kind: ModelKind
@@ -43,42 +43,31 @@ _EXTRAPOLATION = ModelRecord(ModelKind.LINE)
 
 
 class ContactSurface(Protocol):
-    """An elastic surface at rest: its force depends on the position alone, and pressing it in stores energy."""
+    """An elastic surface at rest: its force [N] depends on the position alone, and pressing it in stores energy."""
 
     @property
     def stiffness(self) -> float:
         """[N/m]: half the square of the force divided by this is the energy stored."""
-        ...
 
-    def at(self, tick: float, position: Vector) -> Vector:
-        """The force [N] at a position [m]; the tick does not matter."""
-        ...
+    def at(self, tick: float, position: Vector) -> Vector: ...
 
-    def record(self) -> ModelRecord:
-        """Plane or sphere, and its numbers."""
-        ...
+    def record(self) -> ModelRecord: ...
 
 
 class Model(ABC):
-    """Predicts a value from tick and position. Equal to another with the same parameters, bit for bit; never changed.
+    """Predicts a value from tick and position; never changed, and equal to another with the same parameters.
 
-    A model is a pure function of what one update carries, so that the two ends agree again after any loss. What it
-    must remember of the positions since then is `memory`, which the decoder keeps.
+    A model is a function of what one update carries, so that the two ends agree again after any loss. What it must
+    remember of the positions since then is `memory`, which the decoder keeps.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def at(self, tick: float, position: Vector) -> Vector:
-        """Predict.
+        """The value at a tick of the sender, fractional between its ticks, and a commanded position [m].
 
-        Args:
-            tick: now, on the sender's tick clock; fractional where the reader's clock does not tick with the sender's.
-            position: the commanded position now [m].
-
-        Returns:
-            The predicted value in the unit of the samples. May leave every bound or be non-finite for wild inputs; the
-            channel confines it.
+        May be out of range or not finite for extreme inputs; the channel confines it.
         """
 
     @property
@@ -87,17 +76,13 @@ class Model(ABC):
         return None
 
     def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
-        """Predict with a memory; returns the value and the memory from now on. Only called where `memory` is not None.
-
-        The same call with the returned memory gives the same value, but for rounding.
-        """
+        """Predict with a memory; returns value and new memory. Not called where `memory` is None."""
         return self.at(tick, position), memory
 
     def first(self, newest: Sample) -> Vector:
         """The value at the tick of the newest sample.
 
-        By default the sample itself: a stiff model evaluated at the exact position would miss it by up to stiffness
-        times half a position step.
+        By default the sample itself, which a stiff model misses by up to stiffness times half a position step.
         """
         return newest.value
 
@@ -106,7 +91,6 @@ class Model(ABC):
         return None
 
     def record(self) -> ModelRecord:
-        """The model in numbers."""
         return _EXTRAPOLATION
 
 
@@ -148,11 +132,10 @@ class FitLimits:
     Args:
         stiffness: contact stiffness [N/m], lowest and highest, > 0.
         radius: radius of a sphere [m], lowest and highest, > 0.
-        least_angle_sine: sine of the angle below which two directions count as one, 0 to 1: those of the two forces
-            (1 mN across 1 N is the noise of the wire), and the columns of the sphere's system of equations.
-        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. A least-squares fit of
-            two samples that do not lie on a sphere misses them: it may put the sample beyond its centre, and push the
-            wrong way.
+        least_angle_sine: sine of the angle below which two directions count as one, 0 to 1: of the two forces (1 mN
+            across 1 N is the noise of the wire), and of the columns of the sphere's equations.
+        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. The least-squares sphere
+            of two samples that lie on none may push the wrong way.
 
     Raises:
         ValueError: for an invalid range.

@@ -1,19 +1,19 @@
 """A patch of a contact surface with stiffness, curvature, Coulomb friction and motion, estimated by the sender.
 
 Both ends compute the force as a god-object does: the point where the surface holds the probe stays on the surface and
-pulls with the stiffness. It sticks while the pull is inside the friction cone, and otherwise slides after the probe.
-Both ends know from the position alone whether it slides, and where to. The cone on the displacement of that point is
-that of Harwin and Melder, "Improved haptic rendering for multi-finger manipulation using friction cone based
-god-objects", Eurohaptics 2002.
+pulls with the stiffness. It sticks while the pull is inside the friction cone and otherwise slides after the probe, so
+both ends know its place from the position alone. The cone on the displacement of that point is that of Harwin and
+Melder, "Improved haptic rendering for multi-finger manipulation using friction cone based god-objects", Eurohaptics
+2002.
 
 The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) / w^2, which is v t + a t^2 / 2 where
 w is 0.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import NamedTuple
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
@@ -128,16 +128,7 @@ class SurfacePatch(Model):
 def patch(
     newest: Sample, normal: Vector, compliance: float, curvature: float, limits: FitLimits, **motion: float
 ) -> SurfacePatch | None:
-    """The patch through a sample, or None where it is not accepted.
-
-    Args:
-        newest: the sample.
-        normal: unit vector.
-        compliance: 1/s [m/N].
-        curvature: [1/m].
-        limits: the range that is accepted.
-        motion: friction and motion, as the fields of a patch.
-    """
+    """The patch through a sample, with a unit normal and 1/s [m/N]; None where the limits do not accept it."""
     if not limits.accepts_compliance(compliance):
         return None
     if curvature != 0.0 and not limits.accepts_radius(1.0 / curvature):
@@ -147,20 +138,19 @@ def patch(
     return SurfacePatch(normal, point, newest.tick, 1.0 / compliance, curvature, **motion)
 
 
-class SurfaceHypothesis:
+class SurfaceHypothesis(ABC):
     """A candidate that assumes one kind of surface."""
-
-    __slots__ = ("_contact", "_limits")
 
     def __init__(self, contact: ContactEstimator, limits: FitLimits) -> None:
         self._contact = contact
         self._limits = limits
 
+    @abstractmethod
+    def model(self, context: EncodeContext) -> SurfacePatch | None: ...
+
 
 class FrictionlessHypothesis(SurfaceHypothesis):
     """At rest, without friction: the normal is the direction of the force."""
-
-    __slots__ = ()
 
     def model(self, context: EncodeContext) -> SurfacePatch | None:
         contact, newest = self._contact, context.newest
@@ -173,89 +163,51 @@ class FrictionlessHypothesis(SurfaceHypothesis):
 class FrictionalHypothesis(SurfaceHypothesis):
     """At rest, with friction."""
 
-    __slots__ = ()
-
     def model(self, context: EncodeContext) -> SurfacePatch | None:
         contact, newest = self._contact, context.newest
-        compliance, normal = contact.frictional.compliance, contact.normal
-        if (
-            contact.age == 0
-            or compliance == 0.0
-            or contact.friction < LEAST_FRICTION
-            or dot(normal, newest.value) <= 0.0
-        ):
+        compliance, normal, friction = contact.frictional.compliance, contact.normal, contact.friction
+        if contact.age == 0 or compliance == 0.0 or friction < LEAST_FRICTION or dot(normal, newest.value) <= 0.0:
             return None
-        return patch(
-            newest,
-            normal,
-            compliance,
-            _curved(contact.frictional_curvature.value),
-            self._limits,
-            friction=contact.friction,
-        )
+        curvature = _curved(contact.frictional_curvature.value)
+        return patch(newest, normal, compliance, curvature, self._limits, friction=friction)
 
 
 class MovingHypothesis(SurfaceHypothesis):
     """Moving along its normal, without friction, and flat."""
-
-    __slots__ = ()
 
     def model(self, context: EncodeContext) -> SurfacePatch | None:
         contact, newest = self._contact, context.newest
         compliance, frequency = contact.moving.compliance, contact.frequency.value
         if contact.age == 0 or compliance == 0.0 or norm(newest.value) == 0.0:
             return None
-        normal = unit(newest.value)
+        normal, motion = unit(newest.value), {}
         window = min(MOTION_WINDOW, contact.age - 1, len(context.history) - 1)
-        if window <= LEAST_WINDOW:
-            return patch(newest, normal, compliance, 0.0, self._limits)
-        velocity, acceleration = _motion(context.history, normal, compliance, frequency, window)
-        return patch(
-            newest,
-            normal,
-            compliance,
-            0.0,
-            self._limits,
-            velocity=velocity,
-            acceleration=acceleration,
-            frequency=frequency,
-        )
+        if window > LEAST_WINDOW:
+            motion = _motion(context.history, normal, compliance, frequency, window) | {"frequency": frequency}
+        return patch(newest, normal, compliance, 0.0, self._limits, **motion)
 
 
-class _Layout(NamedTuple):
-    """Fields of the parameters, by the axes that travel: 111, 79 and 47 bits are there."""
-
-    normal: Uniform
-    stiffness: Float
-    curvature: Float | None
-    friction: Uniform | None
-    velocity: Float
-    acceleration: Float
-    frequency: Uniform
-
-    @property
-    def rest(self) -> list[tuple[str, Float | Uniform]]:
-        """Those of one number each, and of which."""
-        each = [(name, field) for name, field in zip(self._fields, self, strict=True) if name != "normal"]
-        return [(name, field) for name, field in each if field is not None]
+def _layout(normal: Uniform, frequency: Uniform, *, curved: bool) -> tuple[Uniform, dict[str, Float | Uniform]]:
+    """The field of each component of the normal, and those of the other parameters, by name."""
+    fields: dict[str, Float | Uniform] = {
+        "stiffness": Float(1.0, 5, 7),
+        "curvature": Float(1e-2, 5, 6, signed=True),
+        "friction": Uniform(0.0, 2.0**-7, 8),
+        "velocity": Float(1e-8, 5, 6, signed=True),
+        "acceleration": Float(1e-12, 6, 5, signed=True),
+        "frequency": frequency,
+    }
+    if not curved:
+        del fields["curvature"], fields["friction"]
+    return normal, fields
 
 
-_STIFFNESS = Float(1.0, 5, 7)
-_CURVATURE = Float(1e-2, 5, 6, signed=True)
-_FRICTION = Uniform(0.0, 2.0**-7, 8)
-_VELOCITY = Float(1e-8, 5, 6, signed=True)
-_ACCELERATION = Float(1e-12, 6, 5, signed=True)
 _LAYOUTS = {
-    1: _Layout(Uniform(-1.0, 1.0, 2), _STIFFNESS, None, None, _VELOCITY, _ACCELERATION, Uniform(0.0, 2.0**-13, 9)),
-    2: _Layout(
-        Uniform(-1.0, 2.0**-7, 8), _STIFFNESS, _CURVATURE, _FRICTION, _VELOCITY, _ACCELERATION,
-        Uniform(0.0, 2.0**-11, 7),
-    ),
-    3: _Layout(
-        Uniform(-1.0, 2.0**-9, 10), _STIFFNESS, _CURVATURE, _FRICTION, _VELOCITY, _ACCELERATION,
-        Uniform(0.0, 2.0**-16, 12),
-    ),
-}  # fmt: skip
+    1: _layout(Uniform(-1.0, 1.0, 2), Uniform(0.0, 2.0**-13, 9), curved=False),
+    2: _layout(Uniform(-1.0, 2.0**-7, 8), Uniform(0.0, 2.0**-11, 7), curved=True),
+    3: _layout(Uniform(-1.0, 2.0**-9, 10), Uniform(0.0, 2.0**-16, 12), curved=True),
+}
+"""By the axes that travel, for which there are 47, 79 and 111 bits."""
 
 
 class SurfacePredictor(Predictor):
@@ -269,22 +221,21 @@ class SurfacePredictor(Predictor):
         return Candidates([hypothesis(contact, limits) for hypothesis in hypotheses], contact.follow)
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        layout = _LAYOUTS[grid.value.size]
-        return (layout.normal.width,) * grid.value.size + tuple(field.width for _, field in layout.rest)
+        normal, others = _LAYOUTS[grid.value.size]
+        return (normal.width,) * grid.value.size + tuple(field.width for field in others.values())
 
     def levels(self, model: SurfacePatch, newest: Sample, grid: SampleGrid) -> list[int]:  # noqa: ARG002
-        layout = _LAYOUTS[grid.value.size]
-        normal = [layout.normal.level(each) for each in grid.value.components(model.normal)]
-        return normal + [field.level(getattr(model, name)) for name, field in layout.rest]
+        normal, others = _LAYOUTS[grid.value.size]
+        levels = [normal.level(each) for each in grid.value.components(model.normal)]
+        return levels + [field.level(getattr(model, name)) for name, field in others.items()]
 
     def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> SurfacePatch | None:
-        """None where the bits are of no surface, or of one that is not accepted."""
-        layout, size = _LAYOUTS[grid.value.size], grid.value.size
-        x, y, z = grid.value.vector([layout.normal.number(field) for field in fields[:size]])
+        (each, others), size = _LAYOUTS[grid.value.size], grid.value.size
+        x, y, z = grid.value.vector([each.number(field) for field in fields[:size]])
         length = sqrt(x * x + y * y + z * z)
         if not length > 0.0:
             return None
-        numbers = {name: field.number(level) for (name, field), level in zip(layout.rest, fields[size:], strict=True)}
+        numbers = {name: others[name].number(level) for name, level in zip(others, fields[size:], strict=True)}
         normal = (x / length, y / length, z / length)
         return patch(newest, normal, 1.0 / numbers.pop("stiffness"), numbers.pop("curvature", 0.0), limits, **numbers)
 
@@ -296,7 +247,7 @@ def _curved(curvature: float) -> float:
     return curvature if abs(curvature) > LEAST_CURVATURE else 0.0
 
 
-def _motion(history: History, normal: Vector, compliance: float, frequency: float, window: int) -> tuple[float, float]:
+def _motion(history: History, normal: Vector, compliance: float, frequency: float, window: int) -> dict[str, float]:
     """Velocity and acceleration of the surface, by least squares over where it held the probe."""
     values, places = history.values, history.places
     a, b, c = normal
@@ -317,5 +268,5 @@ def _motion(history: History, normal: Vector, compliance: float, frequency: floa
         zq += second * q
     determinant = xx * zz - xz * xz
     if not determinant > 0.0:
-        return 0.0, 0.0
-    return (xq * zz - zq * xz) / determinant, (xx * zq - xz * xq) / determinant
+        return {}
+    return {"velocity": (xq * zz - zq * xz) / determinant, "acceleration": (xx * zq - xz * xq) / determinant}

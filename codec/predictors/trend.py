@@ -38,8 +38,6 @@ class TrendFilter:
         slope: likewise per tick; None for a line that holds.
     """
 
-    __slots__ = ("_slope", "_value")
-
     def __init__(self, value: Filter, slope: Filter | None = None) -> None:
         self._value = value
         self._slope = slope
@@ -52,7 +50,7 @@ class TrendFilter:
         offset, slope = _filtered(self._value, differences), (0.0, 0.0, 0.0)
         if self._slope is not None:
             slope = _filtered(self._slope, differences)
-        # The sample is off by the wire's rounding already, which a deadband of a few steps has no room for.
+        # The rounding of the wire takes part of a deadband of a few steps.
         rounding = distance(newest.value, history.values[-1])
         longest, length = max(0.0, min(NEAREST * context.bound, context.bound - rounding)), norm(offset)
         if length > longest:
@@ -82,7 +80,6 @@ class Trend(Predictor):
         return offset.widths + slope.widths
 
     def levels(self, model: Line, newest: Sample, grid: SampleGrid) -> list[int]:
-        """Offset from the sample, rounded towards it, and slope."""
         offset, slope = _blocks(grid)
         components = grid.value.components
         return offset.levels(components(subtract(model.value, newest.value))) + slope.levels(components(model.slope))

@@ -1,4 +1,4 @@
-"""What every haptic device driver offers: the mirror of `weberlink.slave.robots.contract`."""
+"""The contract of every haptic device driver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 class DeviceFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
-    """The device cannot go on; says why. The loop leaves the session with force at zero."""
+    """The device cannot continue; the message says why. The loop ends the session with the force at zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class Device(Protocol):
     def open(self, now: float) -> None: ...
 
     def latest(self, now: float) -> DeviceReading:
-        """The newest reading; asked twice with the same `now`, the same answer."""
+        """The newest reading; the same one for the same `now`."""
         ...
 
     def command(self, force: Vector, now: float) -> None:
@@ -92,7 +92,7 @@ class Device(Protocol):
 
 @runtime_checkable
 class TorqueDevice(Device, Protocol):
-    """A haptic device that can turn the hand. `spec.torque_n_m` says how strongly; one that says 0 is not to be told.
+    """A haptic device that displays torque. `spec.torque_n_m` is the limit; with 0, `turn` must not be called.
 
     `turn` never blocks, has no effect outside of `open` and `close`, and raises ValueError for a torque that is not
     finite. `close` leaves the torque at zero.
@@ -105,17 +105,17 @@ class TorqueDevice(Device, Protocol):
 
 @runtime_checkable
 class ReportsTrouble(Protocol):
-    """A device that knows more about samples that do not come than that they do not come."""
+    """A device that can say why samples are missing."""
 
     @property
     def trouble(self) -> str | None:
-        """What was wrong with the last attempt; None if nothing."""
+        """The error of the last attempt; None if there was none."""
         ...
 
 
 @runtime_checkable
 class GuardedDevice(Protocol):
-    """A device that says whether another process takes its force off when this one stops."""
+    """A device that says whether a guardian process takes its force off when this process stops."""
 
     @property
     def guarded(self) -> bool:
@@ -124,7 +124,7 @@ class GuardedDevice(Protocol):
 
 
 class DeviceDriver(Protocol):
-    """A driver class as the table names it: its options, and how a device is built from them and `tick_period` [s]."""
+    """A driver class: its options, and a device built from them and `tick_period` [s]."""
 
     Options: ClassVar[type[BaseModel]]
     __call__: Callable[[Any, float], Device]

@@ -97,7 +97,7 @@ COMPONENTS = 4
 
 
 class Tremor:
-    """What is added to the intended position so that the free hand trembles by `rms` along each axis.
+    """Displacement of the intended position that makes the free hand tremble by `rms` along each axis.
 
     A few sinusoids between 8 and 12 Hz (the band of the neural component; Elble, "Physiologic and enhanced
     physiologic tremor", Handbook of Clinical Neurophysiology 1, 2003) with drawn frequencies and phases: a pure
@@ -130,7 +130,7 @@ class Tremor:
 
 
 def _sum(waves: list[Vector], time: float) -> float:
-    """Written out, since this is done three times a tick."""
+    """Written out for speed: it runs three times a tick."""
     (a, w, p), (b, x, q), (c, y, r), (d, z, s) = waves
     return a * sin(w * time + p) + b * sin(x * time + q) + c * sin(y * time + r) + d * sin(z * time + s)
 
@@ -142,7 +142,7 @@ def gain(hand: Oscillator, omega: float) -> float:
 
 
 class WristOptions(BaseModel):
-    """Rotational impedance of hand and handle about the tip, alike about every axis; and what turns it unasked.
+    """Rotational impedance of hand and handle about the tip, the same about every axis, with tremor and wobble.
 
     The defaults are an assumption, not a measurement: natural frequency (5 Hz) and damping ratio (0.42) are those of
     the hand that moves, and 2 N m/rad is meant for a hand that holds on. A real wrist is stiffer in some directions

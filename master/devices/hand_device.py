@@ -1,7 +1,4 @@
-"""A haptic device with a modelled hand on it: what `operator` and `replay` share. Knows no scripts and no traces.
-
-What turns the handle is imported only where the hand has a wrist.
-"""
+"""The device of `operator` and `replay`: a modelled hand on a handle, moved by an intention."""
 
 from collections.abc import Callable
 from math import ceil
@@ -21,7 +18,7 @@ LONGEST_GAP = 0.1  # [s] of model time per call; a longer silence makes the hand
 
 
 class HandDeviceOptions(BaseModel):
-    """The device and the hand, whatever moves it."""
+    """Options of the device and of the hand."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -53,7 +50,7 @@ class HandDeviceOptions(BaseModel):
 
 
 class HandDevice:
-    """Moves a `Hand` after an intention, against the force that is commanded; and turns it where it has a wrist.
+    """Moves a `Hand` toward an intention, against the commanded force; with a wrist, turns it too.
 
     Time is that of the model: it goes on with `now`, in equal steps no longer than a tick, by at most 0.1 s a call.
     The handle stays within the workspace, as on a device with end stops.
@@ -136,7 +133,7 @@ class HandDevice:
         self._felt = force if length <= limit else scale(force, limit / length)
 
     def turn(self, torque: Vector, now: float) -> None:  # noqa: ARG002
-        """Without a wrist nothing is displayed, as the spec says."""
+        """Has no effect without a wrist."""
         if not is_finite(torque):
             raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
         length, limit = norm(torque), self.spec.torque_n_m

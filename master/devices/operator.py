@@ -1,4 +1,4 @@
-"""A scripted operator: reaches, turns, slides, taps, presses, circles and rests; its hand yields and trembles."""
+"""A scripted operator: a modelled hand that reaches, turns, slides, taps, presses, circles and rests."""
 
 from collections.abc import Sequence
 from itertools import pairwise

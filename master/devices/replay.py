@@ -1,4 +1,4 @@
-"""A recorded hand: the intended position follows a trace, and still yields to what it feels."""
+"""A recorded hand: the intended position follows a trace, and the hand still yields to forces."""
 
 from math import isfinite
 from pathlib import Path
@@ -41,7 +41,7 @@ class ReplayDevice(HandDevice):
     Options = ReplayOptions
 
     def __init__(self, options: ReplayOptions, tick_period: float) -> None:
-        """Raises TraceError (a ValueError) where the file is not a trace."""
+        """Raises TraceError (a ValueError) if the file is not a trace."""
         samples = placed(read_motion(options.trace), options)
         super().__init__("replay", options, TraceFollower(samples, options).at, tick_period)
 

@@ -1,6 +1,7 @@
 """A blocking device behind the non-blocking `Device` contract: its exchange runs in a thread."""
 
 from hashlib import sha256
+from typing import Protocol, runtime_checkable
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.hardware.fault import HardwareFault
@@ -8,23 +9,32 @@ from weberlink.hardware.worker import Exchange, Worker
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec
 
 STALE_S = 0.01
-"""A force is not held for longer than this, or than three ticks, where no other is commanded."""
+"""A force ends this long, or three ticks, after the last command [s]."""
 RAMP_S = 0.05
-"""How long the force takes to come up after an interruption: a connection, a bad reply, commands that did not come."""
+"""Duration of the force ramp after an interruption (connection, bad reply, missing commands) [s]."""
+
+
+@runtime_checkable
+class SessionExchange(Protocol):
+    """An exchange with state that lasts over reconnections, but not over sessions."""
+
+    def start_afresh(self) -> None:
+        """Forget the last session; called before the first `open` of the next one."""
+        ...
 
 
 class ThreadedDevice:
     """A `Device` on a `Worker`. Times are of `time.monotonic` [s].
 
-    A tick's command starts an exchange at once. Without commands the exchange goes on with zero force, which keeps a
-    device's own watchdog content. After every interruption the force comes up again from zero, over `RAMP_S`.
+    A command starts an exchange at once. Without commands the exchange continues with zero force, which feeds the
+    device's own watchdog. After every interruption the force ramps up from zero over `RAMP_S`.
 
     Args:
         spec: of the device.
-        exchange: takes a force [N], along the axes and within the limit of the spec, and gives a reading; what it may
-            raise is said in `weberlink.hardware.worker.Exchange`.
+        exchange: takes a force [N] along the axes and within the limit of the spec, and gives a reading; see
+            `weberlink.hardware.worker.Exchange` for its exceptions.
         tick_period: [s].
-        bad_replies: how many in a row end the session; there is no force from the first.
+        bad_replies: number in a row that ends the session; there is no force from the first.
         reconnect: how long to look for the device when it is gone [s].
     """
 
@@ -38,10 +48,11 @@ class ThreadedDevice:
         reconnect: float = 0.0,
     ) -> None:
         self.spec = spec
+        self._exchange = exchange
         self._worker = Worker(
             exchange,
             rest=ZERO,
-            period=2.0 * tick_period,  # or the pause would end now and then just before the command comes
+            period=2.0 * tick_period,  # else the pause could end just before the command comes
             on_command=True,
             stale=max(STALE_S, 3.0 * tick_period),
             bad_replies=bad_replies,
@@ -56,7 +67,7 @@ class ThreadedDevice:
 
     @property
     def guarded(self) -> bool:
-        """Whether another process takes the force off when this one stops."""
+        """Whether a guardian process takes the force off when this process stops."""
         return self._worker.guarded
 
     @property
@@ -70,6 +81,8 @@ class ThreadedDevice:
 
     def open(self, now: float) -> None:  # noqa: ARG002
         self.close()
+        if isinstance(self._exchange, SessionExchange):
+            self._exchange.start_afresh()
         try:
             self._worker.start()
         except HardwareFault as fault:
@@ -99,13 +112,13 @@ class ThreadedDevice:
         self._worker.stop()
 
     def _fault(self, why: str) -> DeviceFault:
-        """With the name in front, once."""
+        """The fault with the driver's name in front, once."""
         name = f"{self.spec.name}: "
         return DeviceFault(name + why.removeprefix(name))
 
 
 def fingerprint(settings: str) -> str:
-    """Eight hexadecimal digits of settings, put in words by a driver.
+    """Eight hexadecimal digits for a text of settings.
 
     The first is a letter, so that a YAML file takes it for a text and not for a number.
     """

@@ -1,4 +1,4 @@
-"""A model of how the operator's hand turns the handle; knows nothing of where the hand is, nor of time of day."""
+"""A model of how the operator's hand turns the handle."""
 
 from collections.abc import Callable
 from math import pi, radians, sin
@@ -42,7 +42,7 @@ class Wrist:
 
 
 class Turning:
-    """A wrist and what it means to do: the script, a slow wobble and the tremor on top of it.
+    """A wrist that follows a script, with a slow wobble and tremor added.
 
     Args:
         options: of the wrist.
@@ -60,11 +60,11 @@ class Turning:
 
     @property
     def orientation(self) -> Quaternion:
-        """Of the handle in the device's frame."""
+        """Orientation of the handle in the device's frame."""
         return self._wrist.orientation
 
     def begin(self) -> None:
-        """At rest and level, whatever was."""
+        """Reset to rest and level."""
         self._wrist = Wrist(self._oscillator)
 
     def advance(self, time: float, felt: Vector, step: float) -> None:

@@ -1,7 +1,4 @@
-"""The handle of an emulated master device, and the hand that holds it; knows neither motors nor encoders.
-
-The hand is that of the `operator` driver: it follows its script, yields to the force on it, and trembles.
-"""
+"""The handle of an emulated haptic device in the modelled hand of the `operator` driver."""
 
 from pydantic import Field
 
@@ -12,11 +9,11 @@ STEP = 0.001
 """Longest step of the hand's model [s]."""
 
 CARRY_M_S = 0.25
-"""How fast a handle is carried elsewhere and back."""
+"""Speed at which a handle is carried [m/s]."""
 
 
 class HandleOptions(OperatorOptions):
-    """Who holds the handle: the options of `operator`, and where in the device's workspace that person works."""
+    """Options of the hand: those of `operator`, and the origin of its script in the device's workspace."""
 
     force_n: float = Field(
         default=100.0, gt=0.0, description="what the hand still yields to; far beyond what the device is to display"
@@ -27,7 +24,7 @@ class HandleOptions(OperatorOptions):
 
 
 class Handle:
-    """A handle in a hand, in the frame of the device. Where it goes depends on the calls made, and on nothing else.
+    """A handle in a hand, in the frame of the device; deterministic for the same calls.
 
     Args:
         options: who holds it.
@@ -42,10 +39,10 @@ class Handle:
         self.position = add(options.home_m, options.origin_m)
         """[m]"""
         self.force = ZERO
-        """That it was last moved under [N]."""
+        """Force of the last move [N]."""
 
     def advance(self, force: Vector, now: float) -> Vector:
-        """Where it is at `now` [s], having been under `force` [N] since the last call.
+        """Move on to `now` [s] under `force` [N] since the last call; gives the position.
 
         Nothing moves in the first call, which only sets the clock, nor where `now` goes back. After more than 0.1 s
         without a call the hand pauses, as that of `operator` does; it never jumps.
@@ -71,13 +68,13 @@ class Handle:
         return self.position
 
     def carry(self, to: Vector | None) -> None:
-        """Carry it to a place and hold it there whatever the force; None: back to the script, which has waited."""
+        """Carry the handle to a place and hold it there; None: back to the script, which has paused."""
         self._carried_to = to
         self._carried = True
 
     @property
     def arrived(self) -> bool:
-        """Whether it is where it was carried to; True too for a hand that follows its script."""
+        """Whether a carried handle has arrived; True also while the hand follows its script."""
         return not self._carried or self.position == self._carried_to
 
     def _carry(self, goal: Vector, elapsed: float) -> Vector:

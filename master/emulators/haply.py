@@ -1,7 +1,4 @@
-"""An emulated Haply 2DIY: the board with the firmware's ways, and the linkage between its motors and a hand.
-
-Owns what the board makes of bytes, encoder counts and torques. What the hand does is the business of the handle.
-"""
+"""An emulated Haply 2DIY: the board as its firmware behaves, and the linkage between its motors and a hand."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -27,7 +24,7 @@ from weberlink.master.devices.operator import CircleStep, ReachStep, RestStep, S
 from weberlink.master.emulators.handle import Handle, HandleOptions
 
 PATIENCE_S = 1.0
-"""How long the firmware waits for the rest of a message before it takes it for done."""
+"""Longest wait of the firmware for the rest of a message [s]."""
 STEP_S = 0.001
 PORTS = 4
 ANALOG_PINS = range(54, 66)
@@ -43,11 +40,11 @@ AROUND: tuple[Script, ...] = (
     SlideStep(motion="slide", points_m=((0.025, -0.04, 0.0), (0.025, 0.04, 0.0)), depth_m=0.0, passes=2),
     RestStep(motion="rest", duration_s=0.5),
 )
-"""Stays in the plane."""
+"""A script in the plane."""
 
 
 class PlanarHandleOptions(HandleOptions):
-    """The same in the plane: what the hand does along z has no effect. It begins at the device's starting place."""
+    """Options of a hand in the plane, without effect along z; it begins at the device's starting place."""
 
     script: tuple[Script, ...] = Field(default=AROUND, min_length=1)
     home_m: Vector = Field(default=ZERO, description="where it rests at first; the starting place if not given")
@@ -66,7 +63,7 @@ class HaplyEmulatorOptions(BaseModel):
 
 @dataclass
 class _Counter:
-    """An encoder as it was set up: the angle that counted then, and what was shown for it."""
+    """An encoder: the true angle at the setup, and the count shown for it."""
 
     sign: int
     counts_per_turn: float
@@ -80,7 +77,7 @@ class _Counter:
 
 @dataclass
 class _Setup:
-    """What the board was told to be. Signs and counters by port."""
+    """The setup of the board, with signs and counters by port."""
 
     id: int
     motors: dict[int, int]
@@ -90,7 +87,7 @@ class _Setup:
 
 
 class HaplyEmulator:
-    """Answers like the board, moves like the linkage.
+    """The emulated board and linkage.
 
     The torque of a motor stays until another comes: not even a reset or a new setup takes it away, and there is no
     watchdog. The handle is at its starting place until the board has been set up.
@@ -111,13 +108,13 @@ class HaplyEmulator:
         self.handle = Handle(self._held(options.handle))
         self._angles: Pair = self._version.bar.angles(self._frame.tip(self.handle.position))
         self.torques: Pair = (0.0, 0.0)
-        """Of motors 1 and 2 now [N m]."""
+        """Present torques of motors 1 and 2 [N m]."""
         self.most_torque = 0.0
-        """The largest there has been [N m]."""
+        """Largest torque so far [N m]."""
         self.force: Vector = ZERO
-        """On the hand [N]."""
+        """Force on the hand [N]."""
         self.setups = 0
-        """How often it has been set up."""
+        """Number of setups."""
         self._answer = options.answer_ms * 1e-3
         self._setup: _Setup | None = None
         self._waiting = b""
@@ -129,7 +126,7 @@ class HaplyEmulator:
         self._slips = 0
 
     def inject(self, name: str, value: float) -> None:
-        """Cause one of its own faults; raises ValueError for another."""
+        """Cause one of `OWN_FAULTS`; raises ValueError for another name."""
         match name:
             case "stuck_encoder":
                 self._stuck, self._stuck_deg = int(value), degrees(self._angles)
@@ -170,7 +167,7 @@ class HaplyEmulator:
         return min(moves, self._replies[0][0]) if self._replies else moves
 
     def _length(self, message: bytes) -> int:
-        """How many bytes the message that begins here has; one more than there are where that is not known yet."""
+        """Length of the message that begins here [bytes]; one more than there are while it is unknown."""
         setup, more = self._setup, len(message) + 1
         if len(message) < 2:
             return more
@@ -178,24 +175,14 @@ class HaplyEmulator:
             case 0:
                 return 2
             case 1:
-                return self._setup_length(message, more)
+                sections, end = _sections(message)
+                return end + _ENCODER.size * len(_ports(sections[1][0])) if len(sections) == 4 else more
             case 2 if setup is not None and setup.id == message[1]:
                 return 2 + setup.pwms + 4 * len(setup.motors)
             case 2:
                 return 2
             case _:
                 return 1
-
-    @staticmethod
-    def _setup_length(message: bytes, more: int) -> int:
-        at, encoders = 2, 0
-        for part in ("motors", "encoders", "analogs", "pwms"):
-            if at >= len(message):
-                return more
-            items = message[at] if part in ("analogs", "pwms") else len(_ports(message[at]))
-            encoders = items if part == "encoders" else encoders
-            at += 1 + items
-        return at + _ENCODER.size * encoders
 
     def _take(self, message: bytes, now: float) -> None:
         match message[0]:
@@ -208,15 +195,9 @@ class HaplyEmulator:
                 self._replies.append((now + self._answer, self._reply(message[1])))
 
     def _set_up(self, message: bytes) -> None:
-        motors = _ports(message[2])
-        at = 3 + len(motors)
-        encoders = _ports(message[at])
-        turns, spins = message[3:at], message[at + 1 : at + 1 + len(encoders)]
-        at += 1 + len(encoders)
-        analogs = message[at + 1 : at + 1 + message[at]]
-        at += 1 + len(analogs)
-        pwms = message[at + 1 : at + 1 + message[at]]
-        at += 1 + len(pwms)
+        sections, at = _sections(message)
+        (motor_bits, turns), (encoder_bits, spins), (_, analogs), (_, pwms) = sections
+        motors, encoders = _ports(motor_bits), _ports(encoder_bits)
         board, true_deg = self._version.board, degrees(self._angles)
         wired = {each.port: each.direction for each in board.motors}
         counters = {}
@@ -269,7 +250,7 @@ class HaplyEmulator:
         return reply[:middle] + reply[middle + 1 :]
 
     def _follow(self, position: Vector) -> None:
-        """The arms go where the hand is, as far as they reach."""
+        """Move the arms to the hand, as far as they reach."""
         try:
             self._angles = self._version.bar.angles(self._frame.tip(position))
         except Unreachable:
@@ -285,10 +266,23 @@ class HaplyEmulator:
             self.force = ZERO
 
 
+def _sections(message: bytes) -> tuple[list[tuple[int, bytes]], int]:
+    """Head and items of the sections of a setup (motors, encoders, analog inputs, PWM outputs), and where they end."""
+    sections, at = [], 2
+    for is_count in (False, False, True, True):
+        if at >= len(message):
+            break
+        head = message[at]
+        size = head if is_count else len(_ports(head))
+        sections.append((head, message[at + 1 : at + 1 + size]))
+        at += 1 + size
+    return sections, at
+
+
 def _ports(bits: int) -> list[int]:
     return [port for port in range(1, PORTS + 1) if bits >> (port - 1) & 1]
 
 
 def _limited(torque: float) -> float:
-    """As the firmware cuts; what is no number becomes nothing."""
+    """The torque within the limits of the firmware; 0 if it is not finite."""
     return min(MOST_TORQUE_N_M, max(-MOST_TORQUE_N_M, torque)) if isfinite(torque) else 0.0

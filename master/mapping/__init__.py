@@ -1,7 +1,7 @@
-"""The map between the frame of a haptic device and the frame of the robot: rotation, scale, clutch, virtual walls.
+"""The map between the frames of a haptic device and of the robot: rotation, scale, clutch and virtual walls.
 
-Everything beyond this package is in the robot's frame: what is encoded, sent, displayed and recorded. `MappedDevice`
-is a device like any other, so that no loop knows whether there is a map.
+Everything outside this package uses the robot's frame. `MappedDevice` implements the device contract, so the loop does
+not depend on the map.
 """
 
 from weberlink.master.mapping.frame import FrameMap, Walls

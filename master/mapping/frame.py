@@ -36,7 +36,7 @@ class FrameMap:
         self._offset = offset
 
     def position(self, device: Vector) -> Vector:
-        """Of the robot [m], for a position of the device [m]."""
+        """Position of the robot [m] for a position of the device [m]."""
         return add(self._offset, scale(_times(self._rows, device), self.motion_scale))
 
     def way(self, robot: Vector) -> Vector:
@@ -44,15 +44,15 @@ class FrameMap:
         return scale(_times(self._columns, robot), 1.0 / self.motion_scale)
 
     def force(self, robot: Vector) -> Vector:
-        """On the hand [N], for a force on the robot [N]."""
+        """Force on the hand [N] for a force on the robot [N]."""
         return scale(_times(self._columns, robot), self.force_scale)
 
     def torque(self, robot: Vector) -> Vector:
-        """On the hand [N m], for a torque on the robot's tool about its tip [N m]."""
+        """Torque on the hand [N m] for a torque on the robot's tool about its tip [N m]."""
         return scale(_times(self._columns, robot), self.force_scale)
 
     def orientation(self, device: Quaternion) -> Quaternion:
-        """Of the tool in the robot's frame, for that of the handle in the device's."""
+        """Orientation of the tool in the robot's frame for that of the handle in the device's."""
         return product(self._quaternion, product(device, inverse(self._quaternion)))
 
     def box(self, device: Box) -> Box:
@@ -67,7 +67,7 @@ class FrameMap:
         return (lowest[0], lowest[1], lowest[2]), (highest[0], highest[1], highest[2])
 
     def axes(self, device: str) -> str:
-        """The robot's axes on which a device with these axes moves anything."""
+        """The axes of the robot that a device with these axes can move."""
         columns = ["xyz".index(axis) for axis in device]
         return "".join(
             axis
@@ -86,7 +86,7 @@ def _matrix(rotation_deg: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
-    """Exact at multiples of a right angle, which is what most files say."""
+    """Exact at multiples of a right angle."""
     quarter, rest = divmod(degrees, 90.0)
     if rest == 0.0:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]
@@ -111,7 +111,7 @@ def _times(rows: tuple[Vector, Vector, Vector], v: Vector) -> Vector:
 
 
 class Walls:
-    """A box in the robot's frame. The position that is sent stays inside; the hand beyond it is pushed back.
+    """A box in the robot's frame: sent positions stay inside, and a hand beyond it is pushed back.
 
     Args:
         box: lowest and highest corner [m].
@@ -138,7 +138,7 @@ class Walls:
         )
 
     def force(self, way: Vector) -> Vector:
-        """On the hand [N], which is this displacement [m, device frame] away from where the wall holds it."""
+        """Force on the hand [N] at a displacement [m, device frame] beyond the wall."""
         return scale(way, -self._stiffness)
 
     def beyond(self, position: Vector) -> Vector:

@@ -9,7 +9,7 @@ from weberlink.master.mapping.frame import FrameMap, Walls
 
 
 class Clutch:
-    """Keeps what the hand and the robot are apart by.
+    """Keeps the offset between hand and robot.
 
     Args:
         button: which one disengages, from 0.
@@ -25,7 +25,7 @@ class Clutch:
         self._held_turn: Quaternion | None = None
 
     def reset(self) -> None:
-        """Engaged, with nothing between hand and robot."""
+        """Engage, without an offset between hand and robot."""
         self._index, self._held = ZERO, None
         self._turn, self._held_turn = IDENTITY, None
 
@@ -35,7 +35,7 @@ class Clutch:
         return self._held is None
 
     def pass_through(self, position: Vector, buttons: int, keep: Vector | None) -> Vector:
-        """Where the robot is to be.
+        """The position for the robot.
 
         Args:
             position: of the hand, mapped, without any indexing [m].
@@ -53,7 +53,7 @@ class Clutch:
         return add(position, self._index)
 
     def pass_orientation(self, orientation: Quaternion, keep: Quaternion | None) -> Quaternion:
-        """The orientation that the tool is to have; asked after `pass_through`, which knows the button.
+        """The orientation for the tool; call after `pass_through`, which evaluates the button.
 
         Args:
             orientation: of the handle, mapped, without any indexing.
@@ -71,12 +71,12 @@ class Clutch:
 
 
 LONGEST_PAUSE = 0.1
-"""After a longer pause between two commands [s] the hand may be anywhere: walls and force fade in anew."""
+"""After a longer pause between two commands [s], walls and force fade in again."""
 
 
 @dataclass
 class _Session:
-    """What happened since the device was opened."""
+    """State since the device was opened."""
 
     read: DeviceReading | None = None
     mapped: DeviceReading | None = None
@@ -87,11 +87,11 @@ class _Session:
 
 
 class MappedDevice:
-    """Maps what another device reads and what it is told.
+    """Maps the readings and the commands of another device.
 
-    While the clutch is held the force of the robot fades out, and after it in again. The walls fade in after `open`,
-    so that a hand that starts beyond one is not hit; they are the operator's own and stand without a peer too. All of
-    it together never exceeds `force_limit`.
+    The force of the robot fades out while the clutch is held, and in again after it. The walls fade in after `open`, so
+    that they do not hit a hand that starts beyond one; they act without a peer too. The sum never exceeds
+    `force_limit`.
 
     Args:
         device: in its own frame.
@@ -175,7 +175,7 @@ class MappedDevice:
         self._device.command(on_hand if length <= self._limit else scale(on_hand, self._limit / length), now)
 
     def turn(self, torque: Vector, now: float) -> None:
-        """Faded by the clutch as the force is, by the share of the last `command`; nothing on a device without it."""
+        """Fades with the clutch like the force of the last `command`; no effect on a device without torque."""
         if not is_finite(torque):
             raise ValueError(f"{self.spec.name}: commanded a torque that is not finite: {torque}")
         if self._turns is not None:

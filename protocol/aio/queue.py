@@ -1,23 +1,59 @@
-"""One socket's incoming datagrams, taken in bounded time however many there are.
+"""Read the datagrams of one socket in bounded processor time, however many arrive.
 
-Owns the socket, and the share of a processor that it may cost. While the budget is used up the loop is not woken for
-it: what comes meanwhile waits in the kernel, and is dropped there when its buffer is full. Knows no protocol.
+While the budget is used up, the event loop is not woken for this socket: datagrams wait in the kernel, and are dropped
+there when its buffer is full.
 """
 
 import asyncio
 import socket
 from collections.abc import Callable
 
-from weberlink.protocol.aio.budget import WorkBudget
 from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 SLICE_S = 2e-4
-"""Longest piece of work before the loop sees to other things; a single datagram may take longer [s]."""
+"""Longest piece of work before the loop does other things; a single datagram may take longer [s]."""
 MOST_S = 2e-3
-"""Work that can be saved up in quiet times [s]: some fifty datagrams of a peer after a stall."""
+"""Work that can be saved up in quiet times [s]: about fifty datagrams of a peer after a stall."""
 
 Take = Callable[[bytes, Address, float], None]
+
+
+class WorkBudget:
+    """Processor time that may be spent: a share of the time that passes, saved up to a limit (token bucket).
+
+    It counts time and not datagrams, because one of the peer costs ten times a foreign one. The debt is bounded too:
+    otherwise the peer would not be heard for several times as long as this process had stood still.
+
+    Args:
+        share: of one processor, in (0, 1].
+        most: that can be saved up, and owed [s].
+        now: [s].
+    """
+
+    def __init__(self, share: float, most: float, now: float) -> None:
+        self._share = share
+        self._most = most
+        self._left = most
+        self._updated_at = now
+
+    def left(self, now: float) -> float:
+        """Balance [s]; negative after a piece of work that took longer than was left."""
+        self._left = min(self._most, self._left + self._share * max(0.0, now - self._updated_at))
+        self._updated_at = now
+        return self._left
+
+    def spend(self, seconds: float, now: float) -> None:
+        """Subtract a piece of work that ended now [s]."""
+        self._left = max(self.left(now) - seconds, -self._most)
+
+    def limit(self, share: float) -> None:
+        """Change the share from now on."""
+        self._share = share
+
+    def wait(self) -> float:
+        """Time until the balance is positive [s]."""
+        return max(0.0, -self._left / self._share)
 
 
 class ReceiveQueue:

@@ -1,13 +1,12 @@
-"""A UDP port and an event loop around one endpoint. Decides nothing about the protocol.
+"""Run one endpoint on a UDP port and an asyncio event loop.
 
-The owner ticks: it calls `service(now)` before its work and `flush(now)` after it. Between ticks the sockets wake the
-loop by themselves, and one timer covers whatever is due first, so an owner that ticks slowly, or not at all, loses
-nothing.
+The owner calls `service(now)` before the work of a tick and `flush(now)` after it. Between ticks the sockets and one
+timer wake the loop, so an owner that ticks slowly, or not at all, loses nothing.
 
 Once a peer has proved itself, a second socket on the same port is connected to its address. The kernel puts the peer's
-datagrams into that one's buffer and everybody else's into the other, so a flood from elsewhere neither pushes out what
-the peer sends nor is worth more than a small share of the processor. Everything is sent from the first socket, whose
-own address may change under way.
+datagrams into the buffer of that socket and all others into the first one, so a flood from elsewhere cannot push out
+the peer's datagrams, and gets only a small share of the processor. Everything is sent from the first socket, whose own
+address may change meanwhile.
 """
 
 import asyncio
@@ -23,9 +22,9 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.states import State
 
 PEER_SHARE = 0.3
-"""Of a processor, for what comes from the peer's address, or from anywhere while there is no peer."""
+"""Share of a processor for datagrams from the peer's address, or from anywhere while there is no peer."""
 STRANGER_SHARE = 0.05
-"""Of a processor, for what comes from elsewhere while there is a peer: it may have moved, or started anew."""
+"""Share of a processor for other datagrams while there is a peer: it may have moved or restarted."""
 _ANY_PORT: Address = ("", 0)
 
 
@@ -47,7 +46,7 @@ class UdpShell:
         """Prepare; nothing is claimed before `open`.
 
         Args:
-            now: the clock that the endpoint lives by [s], such as `time.monotonic`.
+            now: the clock of the endpoint [s], such as `time.monotonic`.
             listen: own host and port; "" for all interfaces, 0 for any port.
             link: faults to put on what is sent; None for none.
         """
@@ -76,7 +75,7 @@ class UdpShell:
     def socket_errors(self) -> int:
         """Sends and reads that the system refused (peer not there, buffer full, no route).
 
-        Each is as good as a lost datagram, which the protocol stands.
+        Each counts as a lost datagram, which the protocol tolerates.
         """
         return self._send_errors + sum(queue.errors for queue in (self._open, self._peer) if queue is not None)
 
@@ -146,12 +145,12 @@ class UdpShell:
         self._open = None
 
     def service(self, now: float) -> None:
-        """Take what has arrived, and let the endpoint do what is due."""
+        """Receive datagrams, and run expired timers."""
         self._read()
         self._endpoint.handle_timer(now)
 
     def flush(self, now: float) -> None:
-        """Send what the endpoint and the emulated link have ready, and be woken when more is due."""
+        """Send what the endpoint and the emulated link have ready, and set the timer for what is due next."""
         datagrams = self._endpoint.datagrams_to_send()
         if self._link is None:
             for data, address in datagrams:
@@ -186,10 +185,10 @@ class UdpShell:
         self.flush(self._now())
 
     def _read(self) -> None:
-        """Take what has come from the peer; the loop is woken for what others send.
+        """Receive from the peer; the loop wakes by itself for other datagrams.
 
-        A slice of it, or, before the peer is taken for silent, as much as may be: after a stall of this end the oldest
-        datagrams come first, which are too old to count.
+        Reads one slice, or, before the peer counts as silent, as much as the budget allows: after a stall of this
+        process the oldest datagrams come first, which are too old to count.
         """
         queue = self._peer or self._open
         while queue is not None and queue.read():
@@ -201,7 +200,7 @@ class UdpShell:
         self._endpoint.receive_datagram(data, self._names.get(source, source), now)
 
     def _follow_peer(self) -> None:
-        """See that the peer has a socket of its own, connected to where it is."""
+        """Keep a socket connected to the present address of the peer."""
         peer = self._endpoint.peer
         if peer is None or self._endpoint.state is not State.ENGAGED or self._open is None:
             return

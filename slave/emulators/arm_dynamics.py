@@ -25,7 +25,6 @@ from weberlink.slave.robots.dynamixel.arm import (
 from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene
 
-Jacobian = tuple[Joints, Joints, Joints]
 Symmetric = list[float]
 """The lower triangle of a symmetric 4 x 4 matrix, row by row."""
 
@@ -139,29 +138,29 @@ class TipContact:
 
     Args:
         touches: Of the scene at the beginning of the step.
-        jacobian: At the beginning of the step [m/rad].
+        pose: Of the arm at the beginning of the step.
         step: Its length [s].
     """
 
-    __slots__ = ("_jacobian", "_step", "_touching")
+    __slots__ = ("_jacobian", "_pose", "_step", "_touching")
 
-    def __init__(self, touches: Sequence[Touch], jacobian: Jacobian, step: float) -> None:
-        self._jacobian = jacobian
+    def __init__(self, touches: Sequence[Touch], pose: ArmPose, step: float) -> None:
+        self._pose, self._jacobian = pose, pose.jacobian()
         self._step = step
-        self._touching = [(touch, along(jacobian, touch.normal)) for touch in touches]
+        self._touching = [(touch, pose.torques(touch.normal)) for touch in touches]
 
     def added(self, a: Symmetric, r: Sequence[float]) -> tuple[Symmetric, list[float]]:
         """Inertia and momentum of the step with these contacts."""
-        h, jacobian = self._step, self._jacobian
+        h, pose = self._step, self._pose
         a, (r0, r1, r2, r3) = a.copy(), r
         for touch, row in self._touching:
             n, (x, y, z), push = touch.normal, touch.drag, touch.stiffness * touch.depth
-            f = along(jacobian, (push * n[0] + x, push * n[1] + y, push * n[2] + z))
+            f = pose.torques((push * n[0] + x, push * n[1] + y, push * n[2] + z))
             r0, r1, r2, r3 = r0 + h * f[0], r1 + h * f[1], r2 + h * f[2], r3 + h * f[3]
             grip = h * h * touch.grip
             _add(a, row, h * (h * touch.stiffness + touch.damping) - grip)
             if grip > 0.0:
-                for axis in jacobian:
+                for axis in self._jacobian:
                     _add(a, axis, grip)
         return a, [r0, r1, r2, r3]
 
@@ -187,18 +186,6 @@ class TipContact:
 
     def _push(self, touch: Touch, row: Joints, w: Joints) -> float:
         return touch.stiffness * touch.depth - (self._step * touch.stiffness + touch.damping) * dot4(row, w)
-
-
-def along(jacobian: Jacobian, vector: Vector) -> Joints:
-    """J^T of a vector."""
-    x, y, z = jacobian
-    a, b, c = vector
-    return (
-        x[0] * a + y[0] * b,
-        x[1] * a + y[1] * b + z[1] * c,
-        x[2] * a + y[2] * b + z[2] * c,
-        x[3] * a + y[3] * b + z[3] * c,
-    )
 
 
 def dot4(a: Joints, b: Joints) -> float:
@@ -241,7 +228,7 @@ class EmulatedArm:
         viscous: Joints = VISCOUS_N_M_S,
         rotor_inertia: float = ROTOR_INERTIA_KG_M2,
     ) -> None:
-        self._scene = scene
+        self._scene = scene or Scene([])
         self._rotor = rotor_inertia
         self._coulomb = [each * STEP for each in coulomb]
         self._viscous = [each * STEP for each in viscous]
@@ -268,9 +255,9 @@ class EmulatedArm:
         a[5] += d2
         a[9] += d3
         self._stop(a, r)
-        touches = () if self._scene is None else self._scene.touch(pose.tip)
+        touches = self._scene.touch(pose.tip)
         if touches:
-            w = self._pressed(TipContact(touches, pose.jacobian(), STEP), a, r)
+            w = self._pressed(TipContact(touches, pose, STEP), a, r)
         else:
             w, self.force = with_dry_friction(a, r, self._coulomb, v), ZERO
         self.velocities = w

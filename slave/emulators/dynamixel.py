@@ -32,26 +32,26 @@ from weberlink.slave.scenes.settings import SceneSettings, build
 GAP_STEPS = round(1.0 / STEP)
 """Most steps per call; the rest of a longer silence is skipped."""
 OVERLOAD = 1 << 5
-FrictionValue = Annotated[float, Field(ge=0.0, le=100.0)]
-JointValues = tuple[FrictionValue, FrictionValue, FrictionValue, FrictionValue]
+EmulatedFriction = Annotated[float, Field(ge=0.0, le=100.0)]
+EmulatedJointFriction = tuple[EmulatedFriction, EmulatedFriction, EmulatedFriction, EmulatedFriction]
 
 
 class DynamixelEmulatorOptions(BaseModel):
-    """Options of the emulated arm: by default as shipped, held by hand in ROBOTIS' home pose until all torque is on."""
+    """Options of the emulated arm: by default as shipped, held by a person in the home pose until all torque is on."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     ids: tuple[int, int, int, int, int] = Field(
         default=(11, 12, 13, 14, 15), description="of joints 1 to 4 and of the gripper"
     )
-    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]; requests and replies take that long")
+    baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]")
     start_rad: Joints = Field(default=(0.0, -1.05, 0.35, 0.70), description="joint angles when power comes on")
     held: bool = Field(
-        default=True, description="somebody holds the arm until torque is on in all four joints; else it falls"
+        default=True, description="a person holds the arm until torque is on in all four joints; otherwise it falls"
     )
     scene: SceneSettings = Field(default=(), description="what the tip touches, in the frame of the foot")
-    coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
-    viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
+    coulomb_n_m: EmulatedJointFriction = Field(default=COULOMB_N_M, description="dry friction of the joints")
+    viscous_n_m_s: EmulatedJointFriction = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
     torque_constant_n_m_a: float = Field(
         default=TORQUE_N_M_PER_A, gt=0.0, le=10.0, description="of the motors with their gears"
     )
@@ -98,12 +98,12 @@ class DynamixelEmulator:
     Options = DynamixelEmulatorOptions
     transport: ClassVar[str] = "serial"
     OWN_FAULTS: ClassVar[Mapping[str, str]] = {
-        "overload": "a joint raises its alarm and lets go; 1 to 4, 5 for the gripper",
-        "trip_watchdog": "every motor with its torque on stops as if it had heard nothing for too long; any value",
-        "stuck_encoder": "a joint measures the same angle from now on; 1 to 5, 0 for none",
-        "dead": "a joint neither hears nor answers, its motor goes on as it is; 1 to 5, 0 for none",
-        "restart": "the power goes and comes back, and who was dead lives; any value",
-        "wrong_model": "every motor says to be this model, 1060 is an XL430-W250; 0: what it is",
+        "overload": "a joint raises its alarm and goes limp; 1 to 4, 5 for the gripper",
+        "trip_watchdog": "the bus watchdog of every motor with its torque on trips; any value",
+        "stuck_encoder": "a joint measures a constant angle from now on; 1 to 5, 0 for none",
+        "dead": "a joint does not receive or answer, its motor keeps its order; 1 to 5, 0 for none",
+        "restart": "power cycle, which also ends `dead`; any value",
+        "wrong_model": "every motor reports this model number, 1060 is an XL430-W250; 0: its own",
     }
 
     def __init__(self, options: DynamixelEmulatorOptions | None = None) -> None:

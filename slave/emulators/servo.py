@@ -2,7 +2,7 @@
 
 Where the manual is silent, the stricter of the plausible behaviours is taken: goals written while the torque is off are
 kept, and a tripped bus watchdog accepts nothing but 0. Not emulated: velocity and PWM mode (refused as out of range),
-profiles, indirect addressing, shadow id, factory reset, clear.
+profiles, indirect addressing, shadow id, factory reset, clear, reg write.
 
 The motor is described by the manual at 12 V: stall torque 4.1 N m at 2.3 A, 46 rpm without load. Torque is proportional
 to current by the ratio of the first two; losses are part of the friction of the joint.
@@ -15,14 +15,12 @@ from typing import NamedTuple
 
 from weberlink.slave.emulators.register_table import RegisterTable
 from weberlink.slave.robots.dynamixel.packet import (
-    ACTION,
     ALERT,
     DATA_LENGTH_ERROR,
     INSTRUCTION_ERROR,
     PING,
     READ,
     REBOOT,
-    REG_WRITE,
     SYNC_READ,
     WRITE,
     Packet,
@@ -126,7 +124,6 @@ class Servo:
         self.registers = RegisterTable()
         self.registers["id"] = id_
         self.registers["baud_rate"] = BAUD_RATES.index(baud)
-        self._registered: bytes | None = None
         self._turns = 0
         self._sign, self._middle = 1, CENTRE
         self._deaf_until = -inf
@@ -175,7 +172,7 @@ class Servo:
             if len(packet.parameters) != 4:
                 return self.status(READ, DATA_LENGTH_ERROR)
             return self.status(READ, *self.read(word(packet.parameters, 0), word(packet.parameters, 2)))
-        return self.status(packet.instruction, self._changed(packet))
+        return self.status(packet.instruction, self._written(packet))
 
     def status(self, instruction: int, error: int, data: bytes = b"") -> StatusPacket | None:
         """The answer to an instruction; None if the status return level suppresses it."""
@@ -234,9 +231,8 @@ class Servo:
             self._steer()
 
     def reboot(self, now: float) -> None:
-        """As a power cycle: RAM as delivered, EEPROM kept, alarms and registered instructions cleared."""
+        """As a power cycle: RAM as delivered, EEPROM kept, alarms cleared."""
         self.registers.clear_ram()
-        self._registered = None
         self._deaf_until = now + REBOOT_S
         self._start()
 
@@ -244,31 +240,12 @@ class Servo:
         """Report another model."""
         self.registers["model_number"] = model_number
 
-    def _changed(self, packet: Packet) -> int:
-        """Carry out a write, reg write or action; returns the error number."""
+    def _written(self, packet: Packet) -> int:
+        """Carry out a write; returns the error number."""
         parameters = packet.parameters
-        if packet.instruction == ACTION:
-            return self._act()
-        if packet.instruction not in (WRITE, REG_WRITE):
+        if packet.instruction != WRITE:
             return INSTRUCTION_ERROR
-        if len(parameters) < 3:
-            return DATA_LENGTH_ERROR
-        address, data = word(parameters, 0), parameters[2:]
-        if packet.instruction == WRITE:
-            return self.write(address, data)
-        error = self.registers.unwritable(address, data)
-        if not error:
-            self._registered = parameters
-            self.registers["registered_instruction"] = 1
-        return error
-
-    def _act(self) -> int:
-        """Carry out a registered write."""
-        if self._registered is None:
-            return INSTRUCTION_ERROR
-        parameters, self._registered = self._registered, None
-        self.registers["registered_instruction"] = 0
-        return self.write(word(parameters, 0), parameters[2:])
+        return DATA_LENGTH_ERROR if len(parameters) < 3 else self.write(word(parameters, 0), parameters[2:])
 
     def _start(self) -> None:
         """After power on: the position is within one turn, and is the goal."""

@@ -37,7 +37,7 @@ class Integrator(Protocol):
 
 
 class IntegratorClass(Protocol):
-    def __call__(self, body: ControlledMass, scene: Scene | None) -> Integrator: ...
+    def __call__(self, body: ControlledMass, scene: Scene) -> Integrator: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,4 +59,4 @@ class IntegrationScheme:
     def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
         """The integrator for `body`; without a scene it moves freely."""
         module, _, attribute = self.where.partition(":")
-        return cast(IntegratorClass, getattr(import_module(module), attribute))(body, scene)
+        return cast(IntegratorClass, getattr(import_module(module), attribute))(body, scene or Scene([]))

@@ -27,22 +27,20 @@ class Exact:
 
     __slots__ = ("_linear", "_oscillators", "_scene")
 
-    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._oscillators = Oscillators(body)
         self._scene = scene
         self._linear: LinearContact | None = None
-        if scene is None or (scene.flat and not scene.rubs):
-            self._linear = LinearContact(self._oscillators, () if scene is None else scene.facing(ZERO), ZERO)
+        if scene.flat and not scene.rubs:
+            self._linear = LinearContact(self._oscillators, scene.facing(ZERO), ZERO)
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         position, velocity, _ = motion
         scene = self._scene
         if self._linear is not None:
             position, velocity = self._linear.flow(position, velocity, goal, step)
-        elif scene is not None:
+        else:
             position, velocity = self._midpoint(scene, position, velocity, goal, step)
-        if scene is None:
-            return MassState(position, velocity, ZERO)
         return MassState(position, velocity, contact_force(scene.touch(position), velocity))
 
     def _midpoint(

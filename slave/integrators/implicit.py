@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import sqrt
 from typing import NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, add, dot, scale
+from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, pressing
 from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.scenes.contact import Touch
@@ -50,7 +50,9 @@ class Equation:
     ) -> None:
         self._scene, self._state, self._rubs = scene, state, rubs
         self._origin, self._step = origin, step
-        self._drive, self._inertia = linear_part(body, origin, driven, goal, step)
+        pull = step * body.stiffness
+        self._drive = add(scale(driven, body.mass), scale(subtract(goal, origin), pull))
+        self._inertia = body.mass + step * (body.damping + pull)
 
     def solved(self, near: Stage) -> Stage:
         """The solution by Newton's method from the guess `near`; not solved after 24 evaluations.
@@ -58,13 +60,12 @@ class Equation:
         The force at the first guess is that of `near` and its derivative, so flat contact takes one evaluation. A
         step that increases the residual is halved, three times at most.
         """
-        (x, y, z), velocity, force = near.motion
-        origin, step = self._origin, self._step
+        position, velocity, force = near.motion
+        step = self._step
         resistance = ContactResistance(near.touches, velocity, self._inertia, step, trial=self._rubs)
-        u, v, w = velocity
-        moved = (origin[0] + step * u - x, origin[1] + step * v - y, origin[2] + step * w - z)
+        moved = subtract(add(self._origin, scale(velocity, step)), position)
         change = resistance.solved(self._residual(velocity, resistance.force(moved, force)))
-        stage = self._at((u + change[0], v + change[1], w + change[2]))
+        stage = self._at(add(velocity, change))
         residual = self._residual(stage.motion.velocity, stage.motion.force)
         evaluations = 1
         while evaluations < EVALUATIONS:
@@ -74,22 +75,17 @@ class Equation:
                 return stage
             size = dot(residual, residual)
             for _ in range(HALVINGS + 1):
-                stage = self._at((velocity[0] + change[0], velocity[1] + change[1], velocity[2] + change[2]))
+                stage = self._at(add(velocity, change))
                 residual = self._residual(stage.motion.velocity, stage.motion.force)
                 evaluations += 1
                 if dot(residual, residual) < size:
                     break
-                change = (0.5 * change[0], 0.5 * change[1], 0.5 * change[2])
+                change = scale(change, 0.5)
         return stage._replace(solved=False)
 
     def _at(self, velocity: Vector) -> Stage:
-        """The scene evaluated where `velocity` leads."""
-        origin, step = self._origin, self._step
-        position = (
-            origin[0] + step * velocity[0],
-            origin[1] + step * velocity[1],
-            origin[2] + step * velocity[2],
-        )
+        """The scene evaluated at the position that `velocity` leads to."""
+        position = add(self._origin, scale(velocity, self._step))
         self._scene.restore(self._state)
         touches = self._scene.touch(position)
         if not self._rubs:
@@ -98,30 +94,11 @@ class Equation:
 
     def _residual(self, velocity: Vector, force: Vector) -> Vector:
         """Residual of the equation [N s]."""
-        drive, inertia, step = self._drive, self._inertia, self._step
-        return (
-            drive[0] + step * force[0] - inertia * velocity[0],
-            drive[1] + step * force[1] - inertia * velocity[1],
-            drive[2] + step * force[2] - inertia * velocity[2],
-        )
+        return subtract(add(self._drive, scale(force, self._step)), scale(velocity, self._inertia))
 
     def _is_rounding(self, change: Vector, motion: MassState) -> bool:
         tolerance = STILL + CONVERGED * max(map(abs, motion.velocity))
         return max(map(abs, change)) <= tolerance + ROUNDING * max(map(abs, motion.position)) / self._step
-
-
-def linear_part(
-    body: ControlledMass, origin: Vector, driven: Vector, goal: Vector, step: float
-) -> tuple[Vector, float]:
-    """Without contact: drive = inertia v, with inertia = m + h c + h^2 k and drive = m driven + h k (goal - origin)."""
-    mass, control, brake = body
-    pull = step * control
-    drive = (
-        mass * driven[0] + pull * (goal[0] - origin[0]),
-        mass * driven[1] + pull * (goal[1] - origin[1]),
-        mass * driven[2] + pull * (goal[2] - origin[2]),
-    )
-    return drive, mass + step * (brake + pull)
 
 
 class Implicit:
@@ -153,35 +130,35 @@ class Implicit:
 
     __slots__ = ("_body", "_end", "_scene")
 
-    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._body = body
         self._scene = scene
         self._end: Stage | None = None
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
-        scene, start = self._scene, self._end
+        start = self._end
         if start is None or start.motion != motion:
-            start = Stage(motion, () if scene is None else scene.touch(motion.position))
-        state = None if scene is None else scene.state
+            start = Stage(motion, self._scene.touch(motion.position))
+        state = self._scene.state
         first, end = self._sdirk(start, state, goal, step)
         held = pressing(start.touches, motion.velocity)
         if not (first.solved and end.solved) or not (
             held == pressing(first.touches, first.motion.velocity) == pressing(end.touches, end.motion.velocity)
         ):
-            end = self._solved(start, state, motion.position, motion.velocity, goal, step)
-            if not end.solved and scene is not None and state is not None:
-                end = self._braked(scene, start, state, goal, step)
+            end = self._equation(state, motion.position, motion.velocity, goal, step).solved(start)
+            if not end.solved:
+                end = self._braked(start, state, goal, step)
         self._end = end
         return end.motion
 
-    def _braked(self, scene: Scene, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage:
+    def _braked(self, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage:
         """Backward Euler without friction; then friction reduces the velocity, at most to zero.
 
         The anchor of friction is dropped: it did not hold, and its spring must not return energy that it never stored.
         """
+        scene = self._scene
         position, velocity, _ = start.motion
-        equation = Equation(self._body, scene, state, position, velocity, goal, step, rubs=False)
-        smooth = equation.solved(start)
+        smooth = self._equation(state, position, velocity, goal, step, rubs=False).solved(start)
         if smooth.solved:
             position, velocity, _ = smooth.motion
         else:
@@ -197,23 +174,17 @@ class Implicit:
         touches = scene.touch(position)
         return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches)
 
-    def _sdirk(self, start: Stage, state: SceneState | None, goal: Vector, step: float) -> tuple[Stage, Stage]:
-        (x, y, z), (u, v, w), _ = start.motion
+    def _sdirk(self, start: Stage, state: SceneState, goal: Vector, step: float) -> tuple[Stage, Stage]:
+        position, velocity, _ = start.motion
         inner, rest, share = GAMMA * step, (1.0 - GAMMA) * step, (1.0 - GAMMA) / GAMMA
-        first = self._solved(start, state, (x, y, z), (u, v, w), goal, inner)
+        first = self._equation(state, position, velocity, goal, inner).solved(start)
         if not first.solved:
             return first, first
-        p, q, r = first.motion.velocity
-        moved = (x + rest * p, y + rest * q, z + rest * r)
-        driven = (u + share * (p - u), v + share * (q - v), w + share * (r - w))  # g h a_1 is v_1 - v
-        return first, self._solved(first, state, moved, driven, goal, inner)
+        moved = add(position, scale(first.motion.velocity, rest))
+        driven = add(velocity, scale(subtract(first.motion.velocity, velocity), share))  # g h a_1 is v_1 - v
+        return first, self._equation(state, moved, driven, goal, inner).solved(first)
 
-    def _solved(
-        self, near: Stage, state: SceneState | None, origin: Vector, driven: Vector, goal: Vector, step: float
-    ) -> Stage:
-        """x = origin + h v, v = driven + h a(x, v), begun at a stage `near` by, from the scene's `state`."""
-        if self._scene is not None and state is not None:
-            return Equation(self._body, self._scene, state, origin, driven, goal, step).solved(near)
-        drive, inertia = linear_part(self._body, origin, driven, goal, step)
-        velocity = scale(drive, 1.0 / inertia)
-        return Stage(MassState(add(origin, scale(velocity, step)), velocity, ZERO), ())
+    def _equation(
+        self, state: SceneState, origin: Vector, driven: Vector, goal: Vector, step: float, *, rubs: bool = True
+    ) -> Equation:
+        return Equation(self._body, self._scene, state, origin, driven, goal, step, rubs=rubs)

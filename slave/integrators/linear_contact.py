@@ -33,8 +33,7 @@ class Coordinate(NamedTuple):
     offset: float
 
     def of(self, x: Vector) -> float:
-        vector = self.vector
-        return vector[0] * x[0] + vector[1] * x[1] + vector[2] * x[2] + self.offset
+        return dot(self.vector, x) + self.offset
 
 
 class Face(NamedTuple):
@@ -220,11 +219,8 @@ class LinearContact:
         if control + grip == 0.0:
             grip = WEIGHTLESS * self._body.mass / (step * step)
         share, yielding = grip / (control + grip), 1.0 / (control + grip)
-        return self._oscillators.held(grip, 0.0), (
-            goal[0] + share * (at[0] - goal[0]) + yielding * force[0],
-            goal[1] + share * (at[1] - goal[1]) + yielding * force[1],
-            goal[2] + share * (at[2] - goal[2]) + yielding * force[2],
-        )
+        centre = add(add(goal, scale(subtract(at, goal), share)), scale(force, yielding))
+        return self._oscillators.held(grip, 0.0), centre
 
     def _press(
         self,
@@ -283,24 +279,15 @@ def moved(
 ) -> tuple[Vector, Vector]:
     """Position and velocity after `time` [s] without an event: the motion of `base`, corrected for each depth."""
     a, b, c, d = base.transition(time)
-    gx, gy, gz = goal
-    x, y, z = position[0] - gx, position[1] - gy, position[2] - gz
-    u, v, w = velocity
-    x, y, z, u, v, w = (
-        gx + (a * x + b * u),
-        gy + (a * y + b * v),
-        gz + (a * z + b * w),
-        c * x + d * u,
-        c * y + d * v,
-        c * z + d * w,
-    )
+    away = subtract(position, goal)
+    there = add(goal, add(scale(away, a), scale(velocity, b)))
+    speed = add(scale(away, c), scale(velocity, d))
     for press in presses:
         rest, offset, rate = press.coordinate.of(goal), press.value, press.rate
         e, f, g, h = press.oscillation.transition(time)
         own = offset - press.rest
         deeper = (press.rest + e * own + f * rate) - (rest + a * (offset - rest) + b * rate)
         faster = (g * own + h * rate) - (c * (offset - rest) + d * rate)
-        n = press.plane.normal
-        x, y, z = x - deeper * n[0], y - deeper * n[1], z - deeper * n[2]
-        u, v, w = u - faster * n[0], v - faster * n[1], w - faster * n[2]
-    return (x, y, z), (u, v, w)
+        there = subtract(there, scale(press.plane.normal, deeper))
+        speed = subtract(speed, scale(press.plane.normal, faster))
+    return there, speed

@@ -1,4 +1,4 @@
-"""One coordinate of a linear motion in closed form, and when it next falls to zero. Knows no contact."""
+"""A damped oscillator in closed form, and the time at which it falls to zero."""
 
 from math import atan2, cos, exp, expm1, inf, log1p, pi, sin, sqrt
 
@@ -10,7 +10,7 @@ Transition = tuple[float, float, float, float]
 
 
 class Oscillation:
-    """m y'' = -k (y - rest) - c y', for any k, c >= 0: under-, over- and critically damped, or not held at all.
+    """m y'' = -k (y - rest) - c y', for any k, c >= 0: under-, over- and critically damped, or free.
 
     With s = c / 2m and w^2 = k/m - s^2 the transition is that of exp(A t):
 
@@ -18,7 +18,7 @@ class Oscillation:
         else, with the rates p = s + |w| and q = (k/m) / p:
                   b = exp(-q t) (1 - exp(-(p - q) t)) / (p - q),  a = exp(-q t) + q b,  d = exp(-p t) - q b
 
-    and c = -(k/m) b. Written so that nothing overflows, and no digits cancel where one rate is far above the other.
+    and c = -(k/m) b. This form avoids overflow, and cancellation where one rate is far above the other.
     """
 
     __slots__ = ("_cached", "_fast", "_frequency", "_half_period", "_slow", "decay", "squared")
@@ -36,7 +36,7 @@ class Oscillation:
         self._cached: tuple[float, Transition] = (0.0, (1.0, 0.0, 0.0, 1.0))
 
     def transition(self, time: float) -> Transition:
-        """Over `time` [s], at least 0; the last one asked for is remembered."""
+        """Over `time` [s], at least 0; the last result is cached."""
         if time != self._cached[0]:
             self._cached = (time, self._transition(time))
         return self._cached[1]
@@ -54,10 +54,10 @@ class Oscillation:
         return faded + slow * b, b, -self.squared * b, exp(-fast * time) - slow * b
 
     def first_fall(self, value: float, rate: float, rest: float, horizon: float) -> float | None:
-        """When the coordinate first reaches zero from above, or is at or below it and falls [s].
+        """Time at which the coordinate first reaches zero from above, or is at or below it and falls [s].
 
-        Successive swings never grow, so the first stretch on which the coordinate falls goes at least as low as any
-        later one: only that stretch is looked at, and a zero that is merely grazed is found by its lowest point.
+        Successive swings never grow, so the first minimum is the lowest: only the motion up to it is searched, and a
+        grazed zero is found by that minimum.
 
         Args:
             value, rate, rest: y, dy/dt and the resting point now.
@@ -81,10 +81,10 @@ class Oscillation:
         return min(end, self._zero(value - rest, rate, rest, start, end))  # which may pass it by a rounding
 
     def _turn(self, offset: float, rate: float) -> float:
-        """When the rate next changes its sign [s], after now; infinite if never."""
+        """Time to the next change of sign of the rate [s]; infinite if never."""
         if self._frequency > 0.0:
             angle = atan2(self._frequency * rate, self.squared * offset + self.decay * rate)
-            # The product of a rate that hardly rises may be 0, and yet it turns at once and not after half a swing.
+            # The product with a tiny positive rate may underflow to 0; it turns at once, not after half a swing.
             return (angle if angle > 0.0 or rate > 0.0 else angle + pi) / self._frequency
         backward = self.squared * offset + self._slow * rate
         if backward == 0.0 or (rate > 0.0) != (backward > 0.0) or rate == 0.0:
@@ -93,7 +93,7 @@ class Oscillation:
         return log1p(spread * rate / backward) / spread if spread > 0.0 else rate / backward
 
     def _zero(self, offset: float, rate: float, rest: float, low: float, high: float) -> float:
-        """Where the coordinate, falling all the way from `low` to `high`, passes zero: Newton, kept in the bracket."""
+        """Zero of the coordinate, which falls from `low` to `high`, by bracketed Newton iteration."""
         a, b, _, _ = self._transition(low)
         above = rest + a * offset + b * rate
         if above <= 0.0:

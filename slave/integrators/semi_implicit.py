@@ -1,6 +1,6 @@
 """Semi-implicit (symplectic) Euler: the cheapest step, for contacts that the step resolves."""
 
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import Vector
 from weberlink.slave.integrators.contact_force import contact_force
 from weberlink.slave.integrators.contract import ControlledMass, MassState
 from weberlink.slave.scenes.scene import Scene
@@ -15,7 +15,7 @@ class SemiImplicit:
 
     __slots__ = ("_body", "_scene")
 
-    def __init__(self, body: ControlledMass, scene: Scene | None) -> None:
+    def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._body = body
         self._scene = scene
 
@@ -27,6 +27,4 @@ class SemiImplicit:
         v += gain * (stiffness * (goal[1] - y) - damping * v + force[1])
         w += gain * (stiffness * (goal[2] - z) - damping * w + force[2])
         position, velocity = (x + step * u, y + step * v, z + step * w), (u, v, w)
-        if self._scene is None:
-            return MassState(position, velocity, ZERO)
         return MassState(position, velocity, contact_force(self._scene.touch(position), velocity))

@@ -1,4 +1,4 @@
-"""What every robot driver offers: the mirror of `weberlink.master.devices.contract`."""
+"""The interface of every robot driver."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,27 +13,27 @@ Quaternion = tuple[float, float, float, float]
 """(w, x, y, z)."""
 
 
-class RobotFault(RuntimeError):  # noqa: N818 - a fault is what the operator meets, an error is ours
-    """The robot cannot go on; says why. The loop stops sending force and leaves the session."""
+class RobotFault(RuntimeError):  # noqa: N818 - a fault of a device, not an error of the program
+    """The robot cannot go on, with the reason. The loop stops sending force and leaves the session."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """What a robot can do, known before it is opened.
+    """Properties of a robot, readable before it is opened.
 
     Args:
-        name: As the driver calls it.
+        name: Name of the driver.
         axes: The axes that move, for example "xyz" or "z"; the others stay at 0.
-        force_n: Largest force that it measures or stands [N].
+        force_n: Largest force that it measures or withstands [N].
         stiffness_n_m: Stiffness of its position control, infinite for an ideal one [N/m].
-        workspace_m: Lower and upper corner of where it may be commanded to [m].
+        workspace_m: Lower and upper corner for commands [m].
         rate_hz: Rate at which it takes commands [Hz].
-        force_sensing: Whether `RobotReading.force` is measured; without it the reading holds zero.
-        lag_s: How much older than `now` a reading is meant to be, for a robot that runs at a rate of its own [s].
-        force_error: Uncertainty of the force, as a part in newtons and a share of the force; (0, 0) for an exact one.
-        torque_n_m: Largest torque that it measures or stands [N m]; 0 where its tool has no orientation to command.
-        watchdog_s: Time after which the robot itself removes the force or holds when its host stops [s]; None for
-            never, and for a robot that is only computed.
+        force_sensing: Whether `RobotReading.force` is measured; otherwise it is zero.
+        lag_s: Nominal age of a reading, for a robot that runs at its own rate [s].
+        force_error: Uncertainty of the force: newtons, and a share of the force; (0, 0) for an exact one.
+        torque_n_m: Largest torque that it measures or withstands [N m]; 0 if its tool cannot be turned.
+        watchdog_s: Time after which the robot itself stops when its host does [s]; None for never, and for a computed
+            robot.
         note: What a person should know before a run; empty if nothing.
     """
 
@@ -52,10 +52,10 @@ class RobotSpec:
 
 
 class RobotReading(NamedTuple):
-    """Measured at `at` [s]: position of the tip [m], and the force of the environment on the robot [N].
+    """Measured at `at` [s]: position of the tip [m], force [N] and torque about the tip [N m] of the environment on
+    the robot, robot frame.
 
-    `torque` is that of the environment on the tool about the tip [N m], axes of the robot's frame as for the force.
-    `sampled_at` is when the newest sample behind an interpolated reading was measured [s]; None where `at` says it.
+    `sampled_at` is the time of the newest sample behind an interpolated reading [s]; None if it is `at`.
     """
 
     at: float
@@ -66,15 +66,7 @@ class RobotReading(NamedTuple):
 
 
 class Robot(Protocol):
-    """A robot under position control. `latest` and `command` never block, `open` and `close` not without end.
-
-    `spec` is readable before `open`.
-
-    `latest` raises `RobotFault` outside of `open` and `close`, and where the robot cannot go on. `command` has no
-    effect outside of them, so that whoever makes the robot safe need not ask; it raises ValueError for a position
-    that is not finite, which is a fault of our own. `close` may be called at any time, any number of times, and
-    leaves the robot safe.
-    """
+    """A robot under position control. `latest` and `command` never block; `open` and `close` end in bounded time."""
 
     @property
     def spec(self) -> RobotSpec: ...
@@ -82,32 +74,44 @@ class Robot(Protocol):
     def open(self, now: float) -> None: ...
 
     def command(self, position: Vector, now: float) -> None:
-        """Where to go [m]; holds until the next command."""
+        """Go to a position [m]; it holds until the next command. No effect unless the robot is open.
+
+        Raises:
+            ValueError: the position is not finite.
+        """
         ...
 
     def latest(self, now: float) -> RobotReading:
-        """The newest reading; asked twice with the same `now`, the same answer."""
+        """The newest reading; the same for the same `now`.
+
+        Raises:
+            RobotFault: the robot is not open, or cannot go on.
+        """
         ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Leave the robot safe; may be called at any time, any number of times."""
+        ...
 
 
 @runtime_checkable
 class OrientedRobot(Robot, Protocol):
-    """A robot whose tool can be turned about its tip. `spec.torque_n_m` is more than 0 where it is set up for that.
-
-    `point` never blocks, has no effect outside of `open` and `close`, and raises ValueError for an orientation that is
-    not finite or has no length. After `open` the tool is as it is at home until the first orientation.
-    """
+    """A robot whose tool can be turned about its tip; `spec.torque_n_m` is more than 0 if it is set up for that."""
 
     def point(self, orientation: Quaternion, now: float) -> None:
-        """The orientation to hold, from that at home, axes of the robot's frame; holds until the next."""
+        """Turn to an orientation, relative to that at home, robot frame; it holds until the next one.
+
+        After `open` the tool is as at home. Never blocks; no effect unless the robot is open.
+
+        Raises:
+            ValueError: the orientation is not finite or has no length.
+        """
         ...
 
 
 @runtime_checkable
 class Explaining(Protocol):
-    """A robot that knows more about samples that do not come than that they do not come."""
+    """A robot that can say why samples are missing."""
 
     @property
     def trouble(self) -> str | None:
@@ -116,7 +120,7 @@ class Explaining(Protocol):
 
 
 class RobotDriver(Protocol):
-    """A driver class as the table names it: its options, and how a robot is built from them.
+    """A driver class: its options, and how a robot is built.
 
     `scene` is what a simulated robot touches (None for a real one), `tick_period` the time between two ticks [s].
     """

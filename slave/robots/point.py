@@ -14,21 +14,23 @@ if TYPE_CHECKING:
 
 
 class ToolOptions(BaseModel):
-    """What is held by the tip, at most 32 points of it; a stick is two of them."""
+    """A rigid tool at the tip, as up to 32 points; two points make a stick."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     points_m: tuple[Vector, ...] = Field(
-        min_length=1, max_length=32, description="where it touches, from the tip, as it is held level"
+        min_length=1, max_length=32, description="points of contact from the tip, in the initial orientation"
     )
-    torque_n_m: float = Field(default=2.0, gt=0.0, description="range of its torque sensor; more is cut to it")
+    torque_n_m: float = Field(
+        default=2.0, gt=0.0, description="range of its torque sensor; larger torques are limited to it"
+    )
 
 
 class PointOptions(VirtualOptions):
     """Options of `point`."""
 
     tool: ToolOptions | None = Field(
-        default=None, description="a rigid tool of several points, which can be turned; without it, the tip alone"
+        default=None, description="a rigid tool of several points that can be turned; without it, the tip alone"
     )
 
 
@@ -41,8 +43,8 @@ class PointRobot(ComputedRobot):
         tool = options.tool
         torque = 0.0 if tool is None else tool.torque_n_m
         super().__init__(virtual_spec("point", options, float("inf"), tick_period, torque), options.home_m)
-        self._scene = scene
-        self._tool = None if tool is None else _tool(tool, scene)
+        self._scene = Scene([]) if scene is None else scene
+        self._tool = None if tool is None else _tool(tool, self._scene)
         self._description = (
             "the ideal point"
             if tool is None
@@ -61,16 +63,16 @@ class PointRobot(ComputedRobot):
     def _reset(self) -> None:
         if self._tool is not None:
             self._tool.reset()
-        elif self._scene is not None:
+        else:
             self._scene.reset()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
         if self._tool is not None:
             return (commanded, *self._tool.wrench(commanded, elapsed))
-        return commanded, ZERO if self._scene is None else self._scene.force(commanded, elapsed), ZERO
+        return commanded, self._scene.force(commanded, elapsed), ZERO
 
 
-def _tool(options: ToolOptions, scene: Scene | None) -> "Tool":
+def _tool(options: ToolOptions, scene: Scene) -> "Tool":
     from weberlink.slave.robots.tool import Tool  # noqa: PLC0415 - for six degrees of freedom alone
 
-    return Tool(options.points_m, Scene([]) if scene is None else scene)
+    return Tool(options.points_m, scene)

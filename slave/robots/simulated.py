@@ -6,7 +6,7 @@ from typing import Annotated
 from pydantic import AfterValidator, Field, WithJsonSchema
 
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.slave.integrators import INTEGRATORS, ControlledMass, Integrator, MassState, integration_scheme
+from weberlink.slave.integrators import BUILT_IN, INTEGRATORS, ControlledMass, Integrator, MassState
 from weberlink.slave.integrators.choice import AUTO, SUBSTEPS_MOST, chosen
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.slave.robots.virtual import LONGEST_GAP, ComputedRobot, VirtualOptions, virtual_spec
@@ -14,13 +14,11 @@ from weberlink.slave.scenes.scene import Scene
 
 
 def _check_integrator(name: str) -> str:
-    if name != AUTO:
-        integration_scheme(name)
-    return name
+    return name if name == AUTO else INTEGRATORS.check_known(name)
 
 
 IntegratorName = Annotated[
-    str, AfterValidator(_check_integrator), WithJsonSchema({"enum": [AUTO, *INTEGRATORS], "type": "string"})
+    str, AfterValidator(_check_integrator), WithJsonSchema({"enum": [AUTO, *BUILT_IN], "type": "string"})
 ]
 
 
@@ -33,10 +31,10 @@ class SimulatedOptions(VirtualOptions):
     )
     damping_n_s_m: float | None = Field(default=None, gt=0.0, description="derivative gain; critical if not given")
     integrator: IntegratorName = Field(
-        default="auto", description="how its motion is solved; auto picks by stiffness, mass, damping and scene"
+        default="auto", description="scheme of integration; auto chooses by stiffness, mass, damping and scene"
     )
     substeps: int | None = Field(
-        default=None, ge=1, le=SUBSTEPS_MOST, description="integration steps per tick; worked out if not given"
+        default=None, ge=1, le=SUBSTEPS_MOST, description="integration steps per tick; computed if not given"
     )
 
 
@@ -61,7 +59,7 @@ class SimulatedRobot(ComputedRobot):
         self._restart()
 
     def _restart(self) -> None:
-        self._solver = integration_scheme(self.integrator).build(self._body, self._scene)
+        self._solver = INTEGRATORS[self.integrator].build(self._body, self._scene)
         self._motion = MassState(self._home, ZERO, ZERO)
 
     def _reset(self) -> None:

@@ -17,8 +17,10 @@ class VirtualOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     workspace_m: float = Field(default=0.06, gt=0.0, le=1.0, description="half an edge of the cube about the origin")
-    home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="where it is until the first command")
-    force_n: float = Field(default=30.0, gt=0.0, description="range of its force sensor; more is cut to it")
+    home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="position until the first command")
+    force_n: float = Field(
+        default=30.0, gt=0.0, description="range of its force sensor; larger forces are limited to it"
+    )
 
     @model_validator(mode="after")
     def check_home(self) -> Self:
@@ -46,7 +48,7 @@ def virtual_spec(
 
 
 class ComputedRobot:
-    """A robot that advances when its reading is asked for, with the command held constant since the last reading.
+    """A robot that advances at each reading, with the command held constant since the last one.
 
     A subclass gives `_reset` and `_advance`.
     """

@@ -1,10 +1,10 @@
-"""The smallest push that satisfies a few half-spaces: the inner problem of the proxy, solved exactly.
+"""The smallest displacement out of a few half-spaces, solved exactly: the inner problem of the proxy.
 
     min |d|^2  subject to  n_i . d >= v_i
 
-Strictly convex, so whatever satisfies the KKT conditions, d = sum lambda_i n_i with lambda_i >= 0 and every
-constraint met, is the solution. In three dimensions at most three independent constraints bind, so all candidates can
-be tried.
+It is strictly convex, so a point that satisfies the KKT conditions, d = sum lambda_i n_i with lambda_i >= 0 and every
+constraint met, is the solution. In three dimensions at most three independent constraints are active, so all
+candidates are tried.
 """
 
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ from itertools import combinations
 from weberlink.geometry.vector import Vector, dot
 
 Push = tuple[int, float]
-"""Which constraint, and its multiplier lambda [m]: how far it pushes along its normal."""
+"""Index of a constraint, and its multiplier lambda [m], the length of its push along the normal."""
 
 PARALLEL = 1e-9  # determinant below which normals count as dependent
 CONSTRAINTS_TRIED = 7
 
 
 def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tuple[Push, ...]:
-    """The binding constraints and their multipliers; none if no constraint is violated.
+    """The active constraints and their multipliers; none if no constraint is violated.
 
-    Where constraints contradict each other (a slot narrower than nothing) the most violated one alone is obeyed. Of
-    more than seven constraints the most violated seven are considered.
+    Where constraints contradict each other, only the most violated one is satisfied. Of more than seven constraints,
+    the seven most violated ones are considered.
 
     Args:
         violations: v_i [m]: how far the target lies behind each plane; negative in front of it.

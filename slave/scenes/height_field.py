@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from weberlink.geometry.vector import Vector
 from weberlink.slave.scenes.derived import CarvedShape
 from weberlink.slave.scenes.plane import PlaneShape
-from weberlink.slave.scenes.shape import SceneModel, Shape, ShapeSettings, Tangent
+from weberlink.slave.scenes.shape import SceneModel, SceneShapeSettings, Shape, Tangent
 
 T = TypeVar("T")
 
@@ -152,16 +152,16 @@ class BumpSettings(SceneModel):
         return self
 
 
-class HeightFieldSettings(ShapeSettings):
+class HeightFieldSettings(SceneShapeSettings):
     """Heights over a grid, smoothly interpolated: exactly one of `heights_m`, `csv` or `bumps`."""
 
     shape: Literal["height_field"]
     center_m: Vector = Field(default=(0.0, 0.0, 0.0), description="middle of the grid; heights count from its z")
     heights_m: tuple[tuple[float, ...], ...] | None = Field(default=None, description="rows along y, columns along x")
-    csv: Path | None = Field(default=None, description="the same in a file: numbers with commas, no header")
+    csv: Path | None = Field(default=None, description="file of the heights: numbers with commas, no header")
     bumps: BumpSettings | None = None
     spacing_m: float | None = Field(default=None, gt=0.0, description="between samples; not with `bumps`")
-    bounded: bool = Field(default=False, description="solid under the grid only; otherwise its border goes on for ever")
+    bounded: bool = Field(default=False, description="solid under the grid only; otherwise its border continues")
 
     @model_validator(mode="after")
     def check_source(self) -> Self:

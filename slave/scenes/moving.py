@@ -1,4 +1,4 @@
-"""A scene with objects that move to and fro, each computed in its own frame."""
+"""A scene with objects that oscillate, each computed in its own frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -36,7 +36,7 @@ class PlaneSettings(CarvableSettings):
 
     shape: Literal["plane"]
     point_m: Vector = (0.0, 0.0, 0.0)
-    normal: UnitVector = Field(default=(0.0, 0.0, 1.0), description="outward; any length, it is normalised")
+    normal: UnitVector = Field(default=(0.0, 0.0, 1.0), description="outward, of any length; it is normalised")
 
     def solid(self) -> Shape:
         return PlaneShape(self.point_m, self.normal)

@@ -1,7 +1,7 @@
 """The proxy (god-object): where the probe would be if the solids were rigid.
 
 Zilles and Salisbury, "A constraint-based god-object method for haptic display", IROS 1995: it stays outside every
-solid and moves to the locally closest point to the probe. Its only state is its position; it knows nothing of forces.
+solid and moves to the locally closest point to the probe.
 """
 
 from collections.abc import Sequence
@@ -12,10 +12,10 @@ from weberlink.slave.scenes.active_set import displacement, smallest_push
 from weberlink.slave.scenes.shape import Shape
 
 ShapePress = tuple[int, float, Vector]
-"""Which shape the probe is pressed into, how deep [m], and the unit direction out of it."""
+"""Index of the shape that the probe is in, depth [m], and unit direction out of it."""
 
 ProxyStep = tuple[Vector, Vector, ShapePress]
-"""From where, to where, and what was pressed."""
+"""Start, end, and the press at the start."""
 
 TOUCHING = 1e-7  # [m] closer than this counts as on the surface
 CONVERGED = 1e-10  # [m]
@@ -28,10 +28,9 @@ FARTHEST_SHARE = 20.0
 class Proxy:
     """Follows the probe over `shapes` and reports what holds it back.
 
-    Two things happen on the way. A shape that the proxy does not touch is looked for along the straight path (sphere
-    tracing), so a thin solid cannot be jumped over. A shape that it touches is linearised at the current candidate,
-    the smallest push out of all tangent planes gives the next candidate, and so on until it rests: one step on a
-    plane, two or three on smooth surfaces.
+    Shapes that the proxy does not touch are searched along the straight path (sphere tracing), so a thin solid cannot
+    be jumped over. A shape that it touches is linearised at the current candidate, the smallest push out of all tangent
+    planes gives the next candidate, and so on until it rests: one step on a plane, two or three on smooth surfaces.
     """
 
     __slots__ = ("_shapes", "at", "parts")
@@ -39,19 +38,19 @@ class Proxy:
     def __init__(self, shapes: Sequence[Shape]) -> None:
         self._shapes = tuple(shapes)
         self.at: Vector | None = None
-        """Position of the proxy; None until the first target, which it adopts even inside a solid."""
+        """Position; None until the first target, which it adopts even inside a solid."""
         self.parts: Sequence[ShapePress] = ()
-        """The last presses plane by plane: what holds it in the concave corner of one shape is several planes."""
+        """The last presses, one for each plane; a concave corner of one shape has several."""
 
     def follow(self, target: Vector) -> tuple[Vector, Sequence[ShapePress]]:
-        """Moves toward the probe at `target` as far as the solids allow; nothing holds it back where it arrives."""
+        """Move toward the probe at `target` as far as the solids allow; no presses if it arrives."""
         shapes = self._shapes
         here = target if self.at is None else self.at
         clear = [shape.clearance(here) for shape in shapes]
         self.parts = ()
         nearest = min(clear, default=inf)
         if nearest >= TOUCHING and nearest >= distance(here, target):
-            self.at = target  # nothing is as near as the target: most ticks of a session
+            self.at = target  # the usual case: nothing is as near as the target
             return target, ()
         touching = [index for index, clearance in enumerate(clear) if clearance < TOUCHING]
         presses: Sequence[ShapePress] = ()
@@ -71,7 +70,7 @@ class Proxy:
                 hit = self._first_hit(here, goal, touching)
                 if hit is not None:
                     index, here = hit
-                    touching.append(index)  # not an iteration: it happens at most once per shape
+                    touching.append(index)  # not counted as an iteration: at most once per shape
                     last = None
                     continue
             here = goal
@@ -125,10 +124,10 @@ class Proxy:
 
 
 def extrapolated(last: ProxyStep, step: ProxyStep) -> Vector:
-    """Where two steps on one smooth patch of surface are heading (Anderson acceleration of depth one).
+    """Limit of two steps on one smooth patch of surface (Anderson acceleration of depth one).
 
-    Tangent planes alone converge at the rate depth / radius of curvature, alternating in a hollow: slowly where the
-    probe is deep. Steps across an edge are left alone.
+    Tangent planes alone converge at the rate depth / radius of curvature, which is slow where the probe is deep. Steps
+    across an edge are not extrapolated.
     """
     (before, reached, pressed), (here, goal, press) = last, step
     if pressed[0] != press[0] or dot(pressed[2], press[2]) < SAME_PATCH:
@@ -152,10 +151,9 @@ def along(start: Vector, end: Vector, share: float) -> Vector:
 
 
 def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | None:
-    """How far [m] toward `end` the path is free of `shape`; None if it is free up to `limit`.
+    """Length [m] of the path toward `end` that is free of `shape`; None if it is free up to `limit`.
 
-    A path that grazes the shape for more steps than allowed counts as touching where it got to: its tangent plane there
-    decides.
+    A path that grazes the shape for too many steps counts as touching where the search ends.
     """
     length = distance(start, end)
     travelled = 0.0
@@ -170,7 +168,7 @@ def traced(shape: Shape, start: Vector, end: Vector, limit: float) -> float | No
 
 
 def merged(presses: list[ShapePress]) -> Sequence[ShapePress]:
-    """One press per shape: in a concave corner the pushes of its faces add up to one displacement."""
+    """One press per shape: in a concave corner the sum of the pushes of its faces."""
     if len({index for index, _, _ in presses}) == len(presses):
         return presses
     sums: dict[int, Vector] = {}

@@ -12,7 +12,7 @@ FARTHEST = 1e12  # [m] beyond it squares of distances are too coarse for a conta
 
 
 class Facing(NamedTuple):
-    """A tangent plane of an object: `gap` [m] from the point it was asked for (negative inside), `normal` out of it."""
+    """A tangent plane of an object: `gap` [m] from the given point (negative inside), `normal` out of it."""
 
     owner: int
     gap: float

@@ -10,12 +10,12 @@ from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.derived import CarvedShape
 from weberlink.slave.scenes.moving import MovingScene, Sway, Wave
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.shape import SHAPES, CarvableSettings, SceneModel, ShapeSettings, UnitVector
+from weberlink.slave.scenes.shape import SHAPES, CarvableSettings, SceneModel, SceneShapeSettings, UnitVector
 
 FASTEST_M_S = 10.0
 """Peak speed of a moving object: a centimetre per tick, faster than any robot or hand."""
 
-Kind = TypeVar("Kind", bound=ShapeSettings)
+ShapeModel = TypeVar("ShapeModel", bound=SceneShapeSettings)
 
 
 class FrictionSettings(SceneModel):
@@ -32,12 +32,14 @@ class FrictionSettings(SceneModel):
 
 
 class MotionSettings(SceneModel):
-    """The object moves to and fro about where it is written, whatever the probe does. Time is that of the robot."""
+    """The object oscillates about its configured position, independent of the probe. Time is that of the robot."""
 
-    direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="any length, it is normalised")
+    direction: UnitVector = Field(default=(0.0, 0.0, 1.0), description="of any length; it is normalised")
     amplitude_m: float = Field(gt=0.0, le=10.0, description="from the middle to either end")
     frequency_hz: float = Field(gt=0.0, le=50.0)
-    phase_deg: float = Field(default=0.0, ge=-360.0, le=360.0, description="at 0 it begins in the middle, going along")
+    phase_deg: float = Field(
+        default=0.0, ge=-360.0, le=360.0, description="at 0 it begins in the middle, moving along the direction"
+    )
     wave: Wave = Field(
         default="sine",
         description="sine: at most 2 pi frequency amplitude fast; triangle: always 4 frequency amplitude",
@@ -56,7 +58,7 @@ class MotionSettings(SceneModel):
         return Sway(self.direction, self.amplitude_m, self.frequency_hz, self.phase_deg / 360.0, self.wave)
 
 
-def by_shape(built_in: Mapping[str, type[Kind]], find: Callable[[str], type[Kind]]) -> Any:
+def by_shape(built_in: Mapping[str, type[ShapeModel]], find: Callable[[str], type[ShapeModel]]) -> Any:
     """The type of a field: one of the built-in settings, told apart by `shape`, or those that `find` gives."""
 
     def validate(value: object, validate_built_in: ValidatorFunctionWrapHandler) -> object:
@@ -85,7 +87,7 @@ else:
     Cavity = by_shape({name: each for name, each in BUILT_IN.items() if issubclass(each, CarvableSettings)}, carvable)
 
 
-class ObjectSettings(ShapeSettings):
+class ObjectSettings(SceneShapeSettings):
     """The properties of an object's surface. What is not given is not computed."""
 
     stiffness_n_m: float = Field(gt=0.0, le=1e7)

@@ -40,7 +40,7 @@ class SceneModel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class ShapeSettings(SceneModel):
+class SceneShapeSettings(SceneModel):
     """Keys of a shape in a configuration file. A subclass narrows `shape` to a `Literal` of its name."""
 
     shape: str
@@ -49,7 +49,7 @@ class ShapeSettings(SceneModel):
         raise NotImplementedError
 
 
-class CarvableSettings(ShapeSettings):
+class CarvableSettings(SceneShapeSettings):
     """Settings of a shape that can also be cut out of another one."""
 
     def hollow(self) -> Shape:
@@ -66,7 +66,7 @@ def unit(vector: Vector) -> Vector:
 
 UnitVector = Annotated[Vector, AfterValidator(unit)]
 
-SHAPES: Registry[type[ShapeSettings]] = Registry(
+SHAPES: Registry[type[SceneShapeSettings]] = Registry(
     "shape",
     {
         "plane": "weberlink.slave.scenes.plane:PlaneSettings",

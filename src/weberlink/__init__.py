@@ -1,0 +1,82 @@
+"""Bilateral haptic teleoperation over UDP with perceptual coding; docs/library.md shows how to use it as a library.
+
+Every name is imported when it is first used: `import weberlink` alone loads no other package.
+"""
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from weberlink.codec import Channel, Decoder, Encoder, force_channel, position_channel
+    from weberlink.codec.deadband import DEADBANDS, Deadband
+    from weberlink.codec.predictors import PREDICTORS, Predictor
+    from weberlink.codec.replay import CodedTick, code
+    from weberlink.master.trace import Trace, read_trace
+    from weberlink.protocol import Endpoint, Role, UpdateLost, UpdateReceived
+    from weberlink.protocol.checksum import Checksum
+    from weberlink.protocol.psk import PresharedKey
+    from weberlink.system.configuration import Configuration, ConfigurationError, load
+    from weberlink.system.simulate import simulate
+    from weberlink.update import ModelParameters, PreviousSample, Update
+
+    __version__: str
+
+__all__ = [
+    "DEADBANDS",
+    "PREDICTORS",
+    "Channel",
+    "Checksum",
+    "CodedTick",
+    "Configuration",
+    "ConfigurationError",
+    "Deadband",
+    "Decoder",
+    "Encoder",
+    "Endpoint",
+    "ModelParameters",
+    "Predictor",
+    "PresharedKey",
+    "PreviousSample",
+    "Role",
+    "Trace",
+    "Update",
+    "UpdateLost",
+    "UpdateReceived",
+    "__version__",
+    "code",
+    "force_channel",
+    "load",
+    "position_channel",
+    "read_trace",
+    "simulate",
+]
+
+_PLACES = {
+    "weberlink.codec": "Channel Decoder Encoder force_channel position_channel",
+    "weberlink.codec.deadband": "DEADBANDS Deadband",
+    "weberlink.codec.predictors": "PREDICTORS Predictor",
+    "weberlink.codec.replay": "CodedTick code",
+    "weberlink.master.trace": "Trace read_trace",
+    "weberlink.protocol": "Endpoint Role UpdateLost UpdateReceived",
+    "weberlink.protocol.checksum": "Checksum",
+    "weberlink.protocol.psk": "PresharedKey",
+    "weberlink.system.configuration": "Configuration ConfigurationError load",
+    "weberlink.system.simulate": "simulate",
+    "weberlink.update": "ModelParameters PreviousSample Update",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name == "__version__":
+        from importlib.metadata import version  # noqa: PLC0415
+
+        return version("weberlink")
+    for module, names in _PLACES.items():
+        if name in names.split():
+            from importlib import import_module  # noqa: PLC0415
+
+            value = globals()[name] = getattr(import_module(module), name)
+            return value
+    raise AttributeError(f"module 'weberlink' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,4 +1,4 @@
-"""What stands between a person and a device is one line that says what to do, from the program itself.
+"""Every problem with a device is one line of the program that says what to do.
 
 Hardware is emulated: serial ports are pseudo terminals, HID devices those of umockdev, which hides the real ones.
 """
@@ -33,7 +33,7 @@ NO_OVERRIDE = "-dac_override,-dac_read_search"
 
 @dataclass(frozen=True)
 class Trouble:
-    """A command that meets what stands in the way.
+    """A command that fails because of a device.
 
     Args:
         arguments: of the program.

@@ -17,14 +17,16 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from tests.apps.packages import add_drivers
 from tests.system.packages import install
 from tests.system.systems import CONFIGS
 from weberlink.apps import rules
-from weberlink.apps.devices import DeviceAccess, DriverFamily, DriverStatus, Survey, survey
+from weberlink.apps.devices import DeviceAccess, DriverStatus, Survey, survey
 from weberlink.apps.rules import RulesError
 from weberlink.cli import app
 from weberlink.hardware.discovery import UDEV_RULES, PluggedDevice, UsbId
 from weberlink.master import devices
+from weberlink.registry import Registry
 from weberlink.slave import robots
 
 RULES = (CONFIGS / UDEV_RULES).read_text(encoding="utf-8")
@@ -36,27 +38,10 @@ def driver(*found: PluggedDevice, **attributes: Any) -> Any:
     return type("Driver", (), {"USB": (), "plugged": classmethod(lambda cls: list(found)), **attributes})
 
 
-class Table:
-    """Drivers of one side; an exception stands for a driver that cannot be loaded."""
-
-    def __init__(self, **drivers: Any) -> None:
-        self.BUILT_IN = dict.fromkeys(drivers, "module:Class")
-        self._drivers = drivers
-
-    def drivers(self) -> dict[str, str]:
-        return dict(self.BUILT_IN)
-
-    def load(self, name: str) -> Any:
-        found = self._drivers[name]
-        if isinstance(found, Exception):
-            raise found
-        return found
-
-
 def surveyed(access: DeviceAccess | None = None, **drivers: Any) -> Survey:
     """A survey of a master's drivers, on a host without rules where everything may be opened by default."""
     here = access or DeviceAccess(accessible=lambda path: True, rules=())
-    return survey(here, {"master": DriverFamily(Table(**drivers), "weberlink.none", "master.device")})
+    return survey(here, {"master": Registry("device", drivers)})
 
 
 def status(access: DeviceAccess | None = None, **drivers: Any) -> DriverStatus:
@@ -80,22 +65,18 @@ def test_all_drivers_are_listed_and_virtual_ones_ready() -> None:
 
 
 def test_document_is_json_with_the_content_of_the_table() -> None:
-    found = surveyed(paddle=driver(PORT), broken=RuntimeError("no"))
+    found = surveyed(paddle=driver(PORT), broken="weberlink.missing:Driver")
+    why = "cannot be loaded: ModuleNotFoundError: No module named 'weberlink.missing'"
+    common = {"side": "master", "package": None, "extra": None}
+    port = {"path": "/dev/ttyACM0", "name": "Paddle", "serial_number": "17", "problem": None}
     assert json.loads(json.dumps(found.document)) == {
         "drivers": [
-            {
-                "side": "master", "driver": "broken", "package": None, "kind": None, "extra": None, "state": "broken",
-                "plugged": [], "advice": ["cannot be loaded: RuntimeError: no"],
-            },
-            {
-                "side": "master", "driver": "paddle", "package": None, "kind": "hardware", "extra": None,
-                "state": "ready", "advice": [],
-                "plugged": [{"path": "/dev/ttyACM0", "name": "Paddle", "serial_number": "17", "problem": None}],
-            },
+            {**common, "driver": "broken", "kind": None, "state": "broken", "plugged": [], "advice": [why]},
+            {**common, "driver": "paddle", "kind": "hardware", "state": "ready", "plugged": [port], "advice": []},
         ],
         "rules_installed": False,
-        "advice": [{"line": "cannot be loaded: RuntimeError: no", "drivers": ["broken"]}],
-    }  # fmt: skip
+        "advice": [{"line": why, "drivers": ["broken"]}],
+    }
     assert "/dev/ttyACM0 Paddle" in "\n".join(shown(found))
 
 
@@ -108,7 +89,7 @@ def test_drivers_of_other_packages_name_their_package(tmp_path: Path, monkeypatc
         "operator = others_things_bad:Bad\n"
         "[weberlink.robots]\nothers_none = others_things_good:None_\nothers_odd = others_things_good\n",
     )
-    monkeypatch.syspath_prepend(str(tmp_path))
+    add_drivers(tmp_path, monkeypatch)
     found = survey()
     others = {each.driver: each for each in found.drivers if each.driver.startswith("others")}
     assert {each.package for each in others.values()} == {"others-things"}
@@ -222,7 +203,7 @@ def test_rules_are_not_advised_for_other_packages(node: Path, tmp_path: Path, mo
         f"        return [PluggedDevice({str(node)!r})]\n"
     )
     install(tmp_path, "odd-device", {"odd_device": source}, "[weberlink.devices]\nodd_device = odd_device:Odd\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
+    add_drivers(tmp_path, monkeypatch)
     (found,) = (each for each in survey(refused(tmp_path, None)).drivers if each.driver == "odd_device")
     assert found.state == "no permission"
     assert found.advice == (f"no permission to open {node}; odd-device documents the udev rule that it needs",)

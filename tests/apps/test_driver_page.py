@@ -1,4 +1,4 @@
-"""The page on drivers of one's own: its very code is installed as a package of somebody else, and run."""
+"""The tutorial's driver: its code is installed as another package, and run."""
 
 import os
 import re
@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from tests.apps.packages import add_drivers
 from tests.master.devices import test_contract as contract
 from tests.master.devices.benches import TICK, Bench, real_time
 from tests.system.packages import install
@@ -88,7 +89,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def driver(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
-    monkeypatch.syspath_prepend(str(folder))
+    add_drivers(folder, monkeypatch)
     yield devices.load("paddle")
     sys.modules.pop("paddle", None)
 
@@ -116,33 +117,27 @@ def bench(driver: Any, wire: PtyDevice) -> Iterator[Bench]:
 # --- the driver
 
 
-def test_spec_is_known_before_opening(bench: Bench) -> None:
+def test_driver_fulfils_the_contract_of_devices(bench: Bench) -> None:
     contract.test_the_spec_is_there_before_opening("paddle", bench)
+    contract.test_only_open_device_is_read_close_is_idempotent("paddle", bench)
 
 
-def test_only_an_open_device_is_read(bench: Bench) -> None:
-    contract.test_only_an_open_device_is_read_and_closing_is_idempotent("paddle", bench)
-
-
-def test_readings_advance_without_jumps(bench: Bench) -> None:
-    contract.test_readings_move_on_in_time_and_do_not_jump(bench)
-
-
-def test_force_that_is_no_number_is_refused(bench: Bench) -> None:
-    contract.test_a_force_that_is_no_number_is_our_own_error(bench)
-
-
-def test_motor_follows_commands_within_the_limit(bench: Bench) -> None:
-    contract.test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(bench)
-
-
-def test_silent_loop_ends_the_force(bench: Bench) -> None:
-    contract.test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench)
+@pytest.mark.parametrize(
+    "check",
+    [
+        contract.test_readings_advance_without_jumps,
+        contract.test_force_that_is_not_finite_raises,
+        contract.test_motors_follow_commands_within_limit_until_close,
+        contract.test_silent_loop_ends_the_force,
+    ],
+)
+def test_open_driver_fulfils_the_contract(check: Callable[[Bench], None], bench: Bench) -> None:
+    check(bench)
 
 
 @pytest.mark.parametrize("fault", ["unplug", "silent", "late", "garbled"])
 def test_fault_ends_the_session_without_force(fault: str, bench: Bench) -> None:
-    contract.test_a_fault_ends_it_with_a_reason_and_without_force("paddle", fault, bench)
+    contract.test_fault_ends_session_with_reason_without_force("paddle", fault, bench)
 
 
 def test_driver_is_listed_with_its_package(driver: Any) -> None:

@@ -1,4 +1,4 @@
-"""Real drivers on both ends against emulated hardware, the two daemons between: each of them a process of its own."""
+"""Live sessions of real drivers on both sides with emulated hardware."""
 
 import signal
 import subprocess

@@ -210,7 +210,7 @@ class TestWhatIsNoRecording:
         one_line(status, errors, "taken.mcap exists")
         assert taken.read_text() == "mine"
         status, _, errors = weberlink(command, LOOPBACK, "--duration", 0.1, "--record", tmp_path / "no" / "r.mcap")
-        one_line(status, errors, "make it first")
+        one_line(status, errors, "is not a folder")
 
 
 @pytest.mark.realtime
@@ -229,61 +229,17 @@ class TestOfALiveSession:
             assert numbers(found[key]) == pytest.approx(numbers(summary[key]), rel=1e-9, nan_ok=True), key
         assert found["energy"] == pytest.approx(summary["energy"], rel=1e-9, abs=1e-12)
 
-    def test_a_killed_recorder_costs_the_recording_alone(self, tmp_path):
-        path = tmp_path / "live.mcap"
-        with Program("loopback", "--record", path, "--json", "-") as program:
-            recorder = program.recorder()
-            telemetry = program.engaged("slave")
-            until(lambda: path.exists() and path.stat().st_size > 20_000, "the recording to grow")
-            os.kill(recorder, signal.SIGKILL)
-            killed_at = int(telemetry.last["tick"])
-            until(lambda: telemetry.last["tick"] > killed_at + 100, "the session to go on")
-            program.send(signal.SIGTERM)
-            status, output, _ = program.finish()
-        summary = document(output)
-        assert (status, summary["outcome"]) == (0, "terminated")
-        assert "killed by signal 9" in summary["recording"]["outcome"]
-        assert summary["ticks"]["slave"]["count"] > killed_at
-        recording = read_recording(path)
-        assert not recording.complete
-        ticks = recording.records["slave"]["tick"]
-        assert killed_at - 1500 < ticks[-1] <= killed_at + 500
-        assert (np.diff(ticks) >= 1).all()
-        assert info(path)["outcome"] == "cut off"
-
-    def test_a_killed_daemon_leaves_a_whole_file(self, tmp_path):
-        path = tmp_path / "live.mcap"
-        with Program("loopback", "--record", path, "--json", "-") as program:
-            telemetry = program.engaged("slave")
-            sleep(0.5)
-            os.kill(telemetry.pid, signal.SIGKILL)
-            status, output, _ = program.finish()
-            last = telemetry.records[-1]
-        assert status == 1
-        assert document(output)["recording"]["outcome"] == "complete"
-        recording = read_recording(path)
-        assert recording.complete
-        assert recording.records["slave"][-1].tobytes() == last.tobytes()
-
-    def test_a_killed_command_leaves_a_whole_file(self, tmp_path):
-        path = tmp_path / "live.mcap"
-        with Program("loopback", "--record", path) as program:
-            telemetry = {side: program.engaged(side) for side in ("master", "slave")}
-            recorder = program.recorder()
-            sleep(0.3)
-            program.send(signal.SIGKILL)
-            until(lambda: not Path(f"/proc/{recorder}").exists() or b"Z" in status_of(recorder), "the recorder to end")
-            last = {side: each.records[-1] for side, each in telemetry.items()}
-        recording = read_recording(path)
-        assert recording.complete
-        for side, record in last.items():
-            assert recording.records[side][-1].tobytes() == record.tobytes()
-
-    def test_a_full_disk_ends_the_recording_and_not_the_session(self, small_disk):
-        path = small_disk / "live.mcap"
-        (small_disk / "other").write_bytes(bytes(150_000))
+    @pytest.mark.parametrize("fault", ["killed", "full disk"])
+    def test_a_recorder_that_ends_early_costs_the_recording_alone(self, fault, request, tmp_path):
+        folder = tmp_path if fault == "killed" else request.getfixturevalue("small_disk")
+        path = folder / "live.mcap"
+        if fault == "full disk":
+            (folder / "other").write_bytes(bytes(150_000))
         with Program("loopback", "--record", path, "--json", "-") as program:
             recorder, telemetry = program.recorder(), program.engaged("slave")
+            if fault == "killed":
+                until(lambda: path.exists() and path.stat().st_size > 20_000, "the recording to grow")
+                os.kill(recorder, signal.SIGKILL)
             until(lambda: status_of(recorder) == b"Z", "the recorder to end")
             ended_at = int(telemetry.last["tick"])
             until(lambda: telemetry.last["tick"] > ended_at + 100, "the session to go on")
@@ -291,10 +247,38 @@ class TestOfALiveSession:
             status, output, _ = program.finish()
         summary = document(output)
         assert (status, summary["outcome"]) == (0, "terminated")
-        assert "No space left" in summary["recording"]["outcome"]
+        said = "killed by signal 9" if fault == "killed" else "No space left"
+        assert said in summary["recording"]["outcome"]
         recording = read_recording(path)
         assert not recording.complete
         assert 100 < len(recording.records["slave"]) < summary["ticks"]["slave"]["count"]
+        if fault == "killed":
+            ticks = recording.records["slave"]["tick"]
+            assert ended_at - 1500 < ticks[-1] <= ended_at + 500
+            assert (np.diff(ticks) >= 1).all()
+            assert info(path)["outcome"] == "cut off"
+
+    @pytest.mark.parametrize("victim", ["daemon", "command"])
+    def test_a_kill_leaves_a_whole_file(self, victim, tmp_path):
+        path = tmp_path / "live.mcap"
+        with Program("loopback", "--record", path, "--json", "-") as program:
+            telemetry = {side: program.engaged(side) for side in ("master", "slave")}
+            recorder = program.recorder()
+            sleep(0.3)
+            if victim == "daemon":
+                os.kill(telemetry["slave"].pid, signal.SIGKILL)
+                status, output, _ = program.finish()
+                assert (status, document(output)["recording"]["outcome"]) == (1, "complete")
+            else:
+                program.send(signal.SIGKILL)
+                until(
+                    lambda: not Path(f"/proc/{recorder}").exists() or status_of(recorder) == b"Z", "the recorder to end"
+                )
+            last = {side: each.records[-1] for side, each in telemetry.items()}
+        recording = read_recording(path)
+        assert recording.complete
+        for side, record in last.items():
+            assert recording.records[side][-1].tobytes() == record.tobytes()
 
     def test_two_hosts_files_make_one_session(self, tmp_path):
         port = free_port()

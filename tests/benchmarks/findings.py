@@ -1,4 +1,4 @@
-"""Findings of a run that nobody made: numbers that a test knows."""
+"""Findings of a run with known numbers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -6,15 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.arrangement import RATES_HZ, Arrangement
-from benchmarks.codec_rate import CodecRate
-from benchmarks.echo import Trips
-from benchmarks.latency import Latency
-from benchmarks.lateness import Lateness, Limit
-from benchmarks.live_run import Side
+from benchmarks.arrangement import RATES_HZ, Arrangement, Rights
+from benchmarks.codec_speed import CodecSpeed
+from benchmarks.latency import Latency, Trips
+from benchmarks.lateness import Lateness, LatenessLimit
+from benchmarks.live_run import LiveSide, Resources
 from benchmarks.meter import Overhead
-from benchmarks.resources import Resources
-from benchmarks.rights import Rights
 from benchmarks.start_up import StartUp
 from benchmarks.study import Findings
 from benchmarks.tick_cost import PARTS, TickCost
@@ -38,13 +35,13 @@ HOST: Mapping[str, Any] = {
 }
 
 
-def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> Side:
+def side(rate_hz: float, *, late_us: float, missed: int, cpu_s: float) -> LiveSide:
     """A daemon over 10 s, every tick equally late, all its missed deadlines at once in the middle."""
     records = np.zeros(int(10.0 * rate_hz) - missed, DTYPE)
     records["lateness_us"], records["work_us"], records["codec_us"] = late_us, 50.0, 5.0
     records["ticks_missed"][len(records) // 2 :] = missed
     used = [(0.0, Resources(1.0, 40_000, 12)), (10.0, Resources(1.0 + cpu_s, 40_004, 12))]
-    return Side(records, rate_hz, used, {"realtime": None, "faults": {}})
+    return LiveSide(records, rate_hz, used, {"realtime": None, "faults": {}})
 
 
 def lateness(rate_hz: float, *, late_us: float = 30.0, missed: int = 0, cpu_s: float = 1.0) -> Lateness:
@@ -53,7 +50,7 @@ def lateness(rate_hz: float, *, late_us: float = 30.0, missed: int = 0, cpu_s: f
         "master": side(rate_hz, late_us=late_us / 2.0, missed=0, cpu_s=cpu_s / 2.0),
         "slave": side(rate_hz, late_us=late_us, missed=missed, cpu_s=cpu_s),
     }
-    return Lateness(rate_hz, sides, Limit("cyclictest 2.40", np.full(1000, 20.0)))
+    return Lateness(rate_hz, sides, LatenessLimit("cyclictest 2.40", np.full(1000, 20.0)))
 
 
 def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool = True) -> Latency:
@@ -63,12 +60,12 @@ def latency(position_us: float = 100.0, force_us: float = 120.0, *, fast: bool =
     return Latency(coded, plain, np.full(10, 40.0) if fast else None, "sockperf 3.7" if fast else None)
 
 
-def codec() -> CodecRate:
-    return CodecRate(2e5, np.full(10, 5.0))
+def codec() -> CodecSpeed:
+    return CodecSpeed(2e5, np.full(10, 5.0))
 
 
 def findings(
-    *, rates: Mapping[float, Lateness] | None = None, way: Latency | None = None, rate: CodecRate | None = None
+    *, rates: Mapping[float, Lateness] | None = None, way: Latency | None = None, rate: CodecSpeed | None = None
 ) -> Findings:
     parts = {side: {part: 1.0 + place for place, part in enumerate(PARTS)} for side in ("master", "slave")}
     return Findings(

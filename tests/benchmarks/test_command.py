@@ -1,12 +1,14 @@
 """The command as its user runs it."""
 
 import socket
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks import cyclictest, sockperf
+from benchmarks import programs
 from benchmarks.percentiles import NAMES
 from benchmarks.tick_cost import PARTS
 from tests.system.processes import Program, document
@@ -19,11 +21,11 @@ from weberlink.system.configuration import SIDES
     [
         (("--baseline", "nothing.json"), "--baseline: nothing.json: cannot be read: No such file"),
         (("--duration", "0.5"), "--duration"),
-        (("--set", "rate_hz=500"), "--set rate_hz: is not for bench"),
+        (("--set", "rate_hz=500"), "--set rate_hz: cannot be set for bench"),
         (("--set", "nonsense=1"), "nonsense"),
     ],
 )
-def test_what_is_wrong_is_one_line_before_anything_is_measured(arguments: tuple[str, ...], complaint: str) -> None:
+def test_wrong_arguments_are_one_line(arguments: tuple[str, ...], complaint: str) -> None:
     ended = CliRunner().invoke(app, ["bench", *arguments])
     assert ended.exit_code == 2
     assert complaint in ended.stderr
@@ -32,7 +34,7 @@ def test_what_is_wrong_is_one_line_before_anything_is_measured(arguments: tuple[
 
 
 @pytest.mark.realtime
-def test_a_measurement_that_cannot_be_made_is_one_line_and_status_1() -> None:
+def test_a_failed_measurement_has_status_1() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{taken.getsockname()[1]}"
@@ -45,7 +47,7 @@ def test_a_measurement_that_cannot_be_made_is_one_line_and_status_1() -> None:
 
 
 @pytest.mark.realtime
-def test_a_glance_at_everything(tmp_path: Path) -> None:
+def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     out = tmp_path / "bench.json"
     with Program("bench", "--quick", "--json", out, "--plots", tmp_path / "figures") as program:
         status, said, complaints = program.finish()
@@ -54,7 +56,7 @@ def test_a_glance_at_everything(tmp_path: Path) -> None:
     assert found["quick"] is True
     assert [rate["rate_hz"] for rate in found["lateness"]] == [1000.0, 2000.0, 4000.0]
     for rate in found["lateness"]:
-        assert rate["limit"]["name"] == (cyclictest.version() or "timerfd in Python")
+        assert rate["limit"]["name"] == (programs.cyclictest_version() or "timerfd in Python")
         assert rate["limit"]["cycles"] > 0
         assert 0.0 <= rate["limit"]["missed_share"] < 1.0
         for side in SIDES:
@@ -64,14 +66,21 @@ def test_a_glance_at_everything(tmp_path: Path) -> None:
             assert daemon["cpu_share"] > 0.0
     for way in ("position", "force", "round_trip"):
         assert all(found["latency"]["weberlink_us"][way][name] > 0.0 for name in NAMES)
-    assert (found["latency"]["sockperf"] is None) is (sockperf.version() is None)
+    assert (found["latency"]["sockperf"] is None) is (programs.sockperf_version() is None)
     for step in ("send", "receive"):
         assert all(found["update_cost_us"][step][caches]["p50"] > 0.0 for caches in ("warm", "cold"))
     assert list(found["tick_cost"]["parts_us"]["master"]) == list(PARTS)
     assert found["cpu"]["slave"]["cpu_us_per_tick"] > 0.0
     assert found["memory"]["master"]["first_kib"] > 1000
     assert found["start_up"]["loopback"]["median_s"] > found["start_up"]["interpreter"]["median_s"]
-    assert len(found["targets"]) == 6
-    assert "a glance, not a measurement" in said
+    assert len(found["targets"]) == 5
+    assert "a quick run, no measurement" in said
     assert max(map(len, said.splitlines())) <= 80
     assert {path.name for path in (tmp_path / "figures").iterdir()} == {"lateness.png", "cpu.png"}
+
+
+def test_without_the_clone_the_command_names_make_bench(tmp_path: Path) -> None:
+    command = [sys.executable, "-P", "-m", "weberlink", "bench"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout) == (2, "")
+    assert ended.stderr == "weberlink: bench runs from a clone of the repository: make bench\n"

@@ -1,16 +1,25 @@
-"""What a person reads: 80 columns, limits and ratios beside figures, and what was missed."""
+"""The report, its targets, the comparison with an earlier run, and the figures."""
 
 import json
+from dataclasses import replace
 from io import StringIO
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from rich.console import Console
 
-from benchmarks.study import Bench, assemble
+from benchmarks.baseline import as_json, differences, read
+from benchmarks.figures import exceedance
+from benchmarks.report import BenchTarget, targets
+from benchmarks.study import assemble
 from tests.benchmarks.findings import ARRANGEMENT, findings, latency, lateness
+from weberlink.studies.result import StudyResult
+from weberlink.system.configuration import ConfigurationError
 
 
-def printed(bench: Bench) -> list[str]:
+def printed(bench: StudyResult) -> list[str]:
     screen = StringIO()
     Console(width=80, file=screen).print(bench.table)
     return screen.getvalue().splitlines()
@@ -45,7 +54,7 @@ def test_every_figure_stands_beside_its_limit() -> None:
         assert said in text, said
 
 
-def test_it_fits_80_columns_and_no_number_is_cut() -> None:
+def test_the_report_fits_80_columns() -> None:
     late = {hz: lateness(hz, late_us=123_456.0, missed=500) for hz in (1000.0, 4000.0)}
     way = latency(1_234_567.0, 1_234_567.0)
     lines = printed(assemble(ARRANGEMENT, findings(rates=late, way=way)))
@@ -53,13 +62,15 @@ def test_it_fits_80_columns_and_no_number_is_cut() -> None:
     assert not [line for line in lines if "…" in line]
 
 
-def test_missed_targets_are_said_aloud_and_what_is_missing_too() -> None:
+def test_missed_targets_are_marked() -> None:
     missed = {hz: lateness(hz, missed=900) for hz in (1000.0, 4000.0)}
     lines = printed(assemble(ARRANGEMENT, findings(rates=missed, way=latency(fast=False))))
     assert row(lines, "missed_share_1khz")[-1] == "MISSED"
     assert row(lines, "lateness_p99_ratio_1khz")[-1] in ("MISSED", "met")
     assert row(lines, "one_way_p50_ratio")[-1] == "met"
     assert not [line for line in lines if "sockperf" in line]
+    (unknown,) = [one for one in targets({1000.0: lateness(1000.0)}, latency()) if one.name == "missed_share_4khz"]
+    assert unknown.met is None
 
 
 def test_the_document_is_json_and_keeps_its_units() -> None:
@@ -73,3 +84,129 @@ def test_the_document_is_json_and_keeps_its_units() -> None:
     assert document["start_up"]["loopback"]["ratio_to_interpreter"] == pytest.approx(40.0)
     assert {"machine", "commit"} <= document["environment"].keys()
     assert all(key == key.lower() and " " not in key for key in document)
+
+
+def judged(**values: BenchTarget) -> dict[str, tuple[float | None, bool | None]]:
+    return {name: (target.value, target.met) for name, target in values.items()}
+
+
+def test_targets_judge_the_worse_side() -> None:
+    rates = {
+        1000.0: lateness(1000.0, late_us=40.0, missed=10, cpu_s=1.199),
+        4000.0: lateness(4000.0, missed=400),
+    }
+    found = {target.name: target for target in targets(rates, latency(120.0, 150.0))}
+    assert judged(**found) == {
+        "lateness_p99_ratio_1khz": (pytest.approx(2.0), True),
+        "missed_share_1khz": (pytest.approx(0.001), True),
+        "missed_share_4khz": (pytest.approx(0.01), True),
+        "cpu_share_1khz": (pytest.approx(0.1199), True),
+        "one_way_p50_ratio": (pytest.approx(3.0), True),
+    }
+
+
+def test_targets_beyond_the_bound_are_missed() -> None:
+    rates = {
+        1000.0: lateness(1000.0, late_us=40.1, missed=11, cpu_s=1.21),
+        4000.0: lateness(4000.0, missed=401),
+    }
+    found = targets(rates, latency(120.0, 150.1))
+    assert [target.met for target in found] == [False] * 5
+
+
+@pytest.fixture
+def document() -> dict[str, Any]:
+    """As it comes back from a file."""
+    whole: dict[str, Any] = json.loads(json.dumps(assemble(ARRANGEMENT, findings()).document))
+    return whole
+
+
+def save(folder: Path, content: object) -> Path:
+    path = folder / "earlier.json"
+    path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+    return path
+
+
+def test_a_run_compared_with_itself(document: dict[str, Any], tmp_path: Path) -> None:
+    compared = as_json(read(save(tmp_path, document)), document)
+    assert compared["differences"] == []
+    assert len(compared["figures"]) > 30
+    assert len({figure["name"] for figure in compared["figures"]}) == len(compared["figures"])
+    assert {figure["ratio"] for figure in compared["figures"]} <= {1.0, None}
+
+
+def test_each_figure_is_now_over_earlier(document: dict[str, Any]) -> None:
+    rates = {hz: lateness(hz, late_us=60.0, cpu_s=2.0) for hz in (1000.0, 2000.0)}
+    bench = assemble(ARRANGEMENT, findings(rates=rates), (document, "earlier.json"))
+    found = {figure["name"]: figure for figure in bench.document["baseline"]["figures"]}
+    assert found["1 kHz lateness p99 [us]"] == {
+        "name": "1 kHz lateness p99 [us]", "earlier": 30.0, "now": 60.0, "ratio": 2.0,
+    }  # fmt: skip
+    assert found["slave CPU, share of a core [%]"]["ratio"] == pytest.approx(2.0)
+    assert found["1 kHz slave missed [%]"]["ratio"] is None  # 0 earlier
+    assert not [name for name in found if name.startswith("4 kHz")]  # not measured now
+    screen = StringIO()
+    Console(width=80, file=screen).print(bench.table)
+    text = screen.getvalue()
+    assert "beside earlier.json" in text
+    assert "1 kHz lateness p99 [us]" in text
+    assert "the runs differ" not in text
+
+
+def test_another_machine_is_reported(document: dict[str, Any]) -> None:
+    other = json.loads(json.dumps(document))
+    other["environment"]["machine"] = "Abacus"
+    other["environment"]["packages"]["numpy"] = "1.0"
+    other["lateness"][0]["limit"]["name"] = "timerfd in Python"
+    other["host"]["preemption"] = "none"
+    other["duration_s"] = 5.0
+    lines = differences(other, document)
+    assert [line.partition(":")[0] for line in lines] == [
+        "machine", "numpy", "preemption", "duration_s", "limit of lateness",
+    ]  # fmt: skip
+    assert lines[0].startswith("machine: Abacus earlier, ")
+    assert differences(document, document) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        ("not json", "is not JSON"),
+        ("\udcff".encode("utf-8", "surrogatepass").decode("latin-1"), "is not JSON"),
+        ([1, 2], "is not of a bench run"),
+        ({"rows": []}, "is not of a bench run"),
+        ({"kind": "weberlink bench", "version": 99}, "is of version 99"),
+        ({"kind": "weberlink bench", "version": 1}, "lacks figures"),
+        ({"kind": "weberlink bench", "version": 1, "lateness": 3}, "lacks figures"),
+    ],
+)
+def test_a_wrong_file_is_one_line(content: object, complaint: str, tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=complaint) as caught:
+        read(save(tmp_path, content))
+    assert str(caught.value).startswith(f"--baseline: {tmp_path}")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"cannot be read: No such file"):
+        read(tmp_path / "nothing.json")
+    with pytest.raises(ConfigurationError, match=r"cannot be read: Is a directory"):
+        read(tmp_path)
+
+
+def test_exceedance_of_known_values() -> None:
+    values, shares = exceedance([5.0, 2.0, 2.0, 9.0])
+    assert values == pytest.approx([2.0, 5.0, 9.0], rel=0.003)
+    assert shares == pytest.approx([1.0, 0.5, 0.25])
+
+
+def test_both_figures_are_drawn(tmp_path: Path) -> None:
+    made = findings()
+    generator = np.random.default_rng(3)
+    for rate in made.rates.values():
+        for side in rate.sides.values():
+            side.records["lateness_us"] = generator.lognormal(3.0, 0.7, side.ticks)
+    bench = assemble(ARRANGEMENT, replace(made))
+    bench.draw(tmp_path / "figures")
+    for name in ("lateness.png", "cpu.png"):
+        assert (tmp_path / "figures" / name).read_bytes().startswith(b"\x89PNG")

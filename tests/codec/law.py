@@ -2,31 +2,32 @@
 
 from collections.abc import Iterator, Sequence
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from weberlink.codec import Channel, Decoder, Encoder, Update
-from weberlink.codec.predictors import PARAMETRIC
+from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
+from weberlink.codec.predictors import PREDICTORS
 from weberlink.geometry.vector import Vector, distance
 
-FORCE_PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid", *PARAMETRIC, "adaptive")
+FITTED = tuple(name for name, predictor in PREDICTORS.items() if not predictor.estimated)
+ESTIMATED = tuple(name for name, predictor in PREDICTORS.items() if predictor.estimated)
+FORCE_PREDICTORS = (*FITTED, "hybrid", *ESTIMATED, "adaptive")
 POSITION_PREDICTORS = ("zoh", "linear", "hybrid", "trend", "adaptive")
 POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "trend")}
 
 
 class Tick(NamedTuple):
-    """What became of a sample.
-
-    Args:
-        update: that was sent.
-        shown: what the other end displays then.
-        bound: the deadband.
-        error: distance of what is displayed from the sample, within the range of the wire.
-    """
+    """What became of a sample: the update sent, what is displayed then, the deadband, and the error in its measure."""
 
     update: Update | None
     shown: Vector
     bound: float
     error: float
+
+
+def make_channel(predictor: str, *, position: bool = False, **options: Any) -> Channel:
+    if position:
+        return position_channel(predictor=predictor, bank=POSITION_BANKS.get(predictor, ()), **options)
+    return force_channel(predictor=predictor, **options)
 
 
 def half_step(channel: Channel) -> float:
@@ -38,7 +39,7 @@ def half_step(channel: Channel) -> float:
 def coded(
     channel: Channel, samples: Sequence[tuple[Vector, Vector]], encoder: Encoder | None = None, start: int = 0
 ) -> Iterator[Tick]:
-    """Code finite samples, one a tick, with what must hold of each asserted.
+    """Code finite samples, one a tick: both ends hold the same state, and the error is within the deadband.
 
     The sample that is sent is displayed as near as the wire can say it. A line of `trend` begins within the deadband
     of it instead, or as near as the wire can say it where that is further.
@@ -48,16 +49,15 @@ def coded(
     for tick, (value, position) in enumerate(samples, start):
         update = encoder.encode(tick, value, position)
         if update is not None:
-            decoder.apply(Update(*update))
+            decoder.apply(update)
         shown = decoder.value(tick, position)
         assert shown is not None
         assert decoder.state == encoder.mirror.state
-        # Asked once a tick, as a loop does: a surface with friction takes note of the way.
+        # Asked once a tick, as a loop does: a surface with friction remembers where the probe was.
         assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
         error = distance(shown, channel.value_quantizer.confine(value))
-        begins_aside = update is not None and channel.bank[update.selector] == "trend" and update.previous
-        allowed = max(encoder.bound * (1.0 + 1e-12), near) if update is None or begins_aside else near
-        assert error <= allowed
+        aside = update is not None and channel.bank[update.selector] == "trend" and update.payload is not None
+        assert error <= (max(encoder.bound * (1.0 + 1e-12), near) if update is None or aside else near)
         yield Tick(update, shown, encoder.bound, error)
 
 

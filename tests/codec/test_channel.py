@@ -1,53 +1,124 @@
-import pytest
+"""Channels and the integers of their samples."""
 
+from math import inf, isnan, nan
+from operator import eq
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.codec.law import ESTIMATED
 from weberlink.codec import force_channel, position_channel
-from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PARAMETRIC, PREDICTORS
+from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS
+from weberlink.codec.quantizer import Quantizer
+
+values = st.floats(-30.0, 30.0)
+anything = st.floats()
+axes_sets = st.sampled_from(["xyz", "xz", "z"])
 
 
 def test_only_the_named_predictors_are_in_the_bank() -> None:
     assert force_channel(predictor="plane").bank == ("plane",)
     assert force_channel(bank=["zoh", "sphere"]).bank == ("zoh", "sphere")
     assert force_channel(predictor="linear").predictors == (PREDICTORS["linear"],)
+    assert force_channel(predictor="adaptive").bank == ADAPTIVE_BANK
+    assert force_channel(predictor="hybrid").bank == force_channel().bank == HYBRID_BANK
 
 
-@pytest.mark.parametrize("bank", [[], ["zoh", "zoh"], ["zoh", "spline"], ["hybrid"]])
-def test_refuses_a_bank_that_is_none(bank: list[str]) -> None:
+@pytest.mark.parametrize("bank", [[], ["zoh", "zoh"], ["zoh", "spline"], ["hybrid"], list(PREDICTORS) * 2])
+def test_refuses_an_invalid_bank(bank: list[str]) -> None:
     with pytest.raises(ValueError, match="bank"):
         force_channel(bank=bank)
 
 
-@pytest.mark.parametrize("predictor", ["plane", "sphere", "affine", "surface"])
+@pytest.mark.parametrize("predictor", [name for name, each in PREDICTORS.items() if each.geometric])
 def test_geometry_does_not_predict_positions(predictor: str) -> None:
     with pytest.raises(ValueError, match=predictor):
         position_channel(predictor=predictor)
 
 
-@pytest.mark.parametrize(("axes", "force_levels", "position_levels"), [("z", 2, 1), ("xz", 4, 2), ("xyz", 6, 3)])
-def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_levels: int) -> None:
-    assert force_channel(axes=axes).level_count == force_levels
-    assert position_channel(axes=axes).level_count == position_levels
-
-
-def test_two_builds_from_the_same_numbers_code_alike() -> None:
-    levels = force_channel().levels((1.0, 2.0, 3.0), (0.01, 0.02, 0.03))
-    assert force_channel().sample(4, levels) == force_channel().sample(4, levels)
-
-
-@pytest.mark.parametrize("predictor", list(PARAMETRIC))
-def test_a_hybrid_chooses_among_no_parameters(predictor: str) -> None:
+@pytest.mark.parametrize("predictor", ESTIMATED)
+def test_a_hybrid_takes_no_estimated_predictor(predictor: str) -> None:
     with pytest.raises(ValueError, match=f"{predictor}.*adaptive"):
         force_channel(predictor="hybrid", bank=["zoh", predictor])
-    assert force_channel(predictor="adaptive", bank=["zoh", predictor]).bank == ("zoh", predictor)
-
-
-def test_the_banks_by_default_are_those_of_the_name() -> None:
-    assert force_channel(predictor="adaptive").bank == ADAPTIVE_BANK
-    assert force_channel(predictor="hybrid").bank == force_channel().bank == HYBRID_BANK
+    channel = force_channel(predictor="adaptive", bank=["zoh", predictor])
+    assert (channel.bank, channel.parametric) == (("zoh", predictor), (1,))
 
 
 @pytest.mark.parametrize(
     ("predictor", "estimates"),
     [("zoh", False), ("hybrid", False), ("trend", True), ("surface", True), ("adaptive", True)],
 )
-def test_the_sender_looks_at_all_samples_where_it_estimates(predictor: str, estimates: bool) -> None:
+def test_the_sender_reads_all_samples_where_it_estimates(predictor: str, estimates: bool) -> None:
     assert force_channel(predictor=predictor).estimates == estimates
+
+
+@pytest.mark.parametrize(("axes", "force_levels", "position_levels"), [("z", 2, 1), ("xz", 4, 2), ("xyz", 6, 3)])
+def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_levels: int) -> None:
+    assert force_channel(axes=axes).grid.size == force_levels
+    assert position_channel(axes=axes).grid.size == position_levels
+
+
+# Quantizers.
+
+
+@given(value=st.tuples(values, values, values), step=st.floats(1e-3, 1.0))
+def test_round_trip_is_within_half_a_step(value: tuple[float, float, float], step: float) -> None:
+    quantizer = Quantizer(step)
+    for original, decoded in zip(value, quantizer.value(quantizer.levels(value)), strict=True):
+        assert abs(original - decoded) <= 0.5 * step * (1.0 + 1e-9)
+
+
+@given(levels=st.tuples(*[st.integers(-32_767, 32_767)] * 3))
+def test_levels_are_fixed_points(levels: tuple[int, int, int]) -> None:
+    quantizer = Quantizer(1e-5)
+    assert quantizer.levels(quantizer.value(levels)) == levels
+
+
+def test_values_saturate_at_the_wire_range() -> None:
+    assert Quantizer(1e-3).limit == pytest.approx(32.767)
+    assert Quantizer(1e-3).levels((40.0, -40.0, 0.0)) == (32_767, -32_767, 0)
+    # A level that no encoder sends counts as the limit.
+    assert Quantizer(0.5).value((-32_768, 0, 99_999)) == (-16_383.5, 0.0, 16_383.5)
+
+
+def test_only_the_named_axes_travel() -> None:
+    quantizer = Quantizer(0.5, "xz")
+    assert quantizer.size == 2
+    assert quantizer.levels((1.0, 7.0, 2.0)) == (2, 4)
+    assert quantizer.value((2, 4)) == quantizer.confine((1.0, 7.0, 2.0)) == (1.0, 0.0, 2.0)
+    x, y, z = quantizer.confine((nan, 3.0, inf))
+    assert isnan(x)
+    assert (y, z) == (0.0, 16_383.5)
+
+
+def test_without_a_range_any_finite_value_has_a_level() -> None:
+    quantizer = Quantizer(1e-12, largest_level=inf)
+    assert quantizer.value(quantizer.levels((1e6, 0.0, -3.5)))[0] == pytest.approx(1e6)
+    assert quantizer.value(quantizer.levels((1e300, 0.0, -1e308))) == (quantizer.limit, 0.0, -quantizer.limit)
+
+
+@pytest.mark.parametrize(
+    ("step", "axes", "named"),
+    [
+        *((step, "xyz", "step") for step in (0.0, -1.0, nan, inf)),
+        *((1.0, axes, "axes") for axes in ("", "w", "zx", "xx")),
+    ],
+)
+def test_refuses_an_invalid_step_or_axes(step: float, axes: str, named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        Quantizer(step, axes)
+
+
+@given(value=st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 3), axes=axes_sets)
+def test_rounded_is_the_value_of_the_levels(value: tuple[float, float, float], axes: str) -> None:
+    for quantizer in (Quantizer(1e-3, axes), Quantizer(1e-9, axes, largest_level=inf)):
+        assert quantizer.rounded(value) == quantizer.value(quantizer.levels(value))
+
+
+@given(value=st.tuples(anything, anything, anything), axes=axes_sets)
+def test_confine_keeps_exactly_what_the_wire_can_say(value: tuple[float, float, float], axes: str) -> None:
+    for quantizer in (Quantizer(1e-3, axes), Quantizer(1e200, axes, largest_level=inf)):
+        assert quantizer.says(value) == all(map(eq, quantizer.confine(value), value))
+        if quantizer.says(value):
+            assert all(component - component == 0.0 for component in value)

@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.codec.law import ESTIMATED
 from tests.examples import examples
 from weberlink.codec import force_channel, position_channel
-from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, room, unpack
-from weberlink.codec.predictors import PARAMETRIC
-from weberlink.codec.predictors.hold import Hold
-from weberlink.codec.update import MAX_GAP
+from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pack, unpack
+from weberlink.codec.predictors import PREDICTORS
+from weberlink.codec.predictors.model import Hold
 from weberlink.protocol.wire import UpdateLayout
+from weberlink.update import ModelParameters, Update, parameter_bits
 
 finite = st.floats(-1e300, 1e300)
 samples = st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6)
@@ -24,77 +25,54 @@ def fields(draw: st.DrawFn) -> tuple[int, list[int], list[int]]:
     """Levels of a sample, widths that just fit or leave room, and a value of each width."""
     levels = draw(st.sampled_from([1, 2, 3, 4, 6]))
     widths: list[int] = []
-    while sum(widths) < room(levels) and draw(st.integers(0, 9)):
-        widths.append(draw(st.integers(1, min(20, room(levels) - sum(widths)))))
+    while sum(widths) < parameter_bits(levels) and draw(st.integers(0, 9)):
+        widths.append(draw(st.integers(1, min(20, parameter_bits(levels) - sum(widths)))))
     return levels, widths, [draw(st.integers(0, 2**width - 1)) for width in widths]
 
 
 @given(fields=fields())
-def test_fields_come_back_from_what_fits_where_a_sample_goes(fields: tuple[int, list[int], list[int]]) -> None:
+def test_fields_come_back(fields: tuple[int, list[int], list[int]]) -> None:
     levels, widths, values = fields
-    gap, words = pack(values, widths, levels)
-    assert 1 <= gap <= MAX_GAP
-    assert len(words) == levels
-    assert all(-(2**15) <= word < 2**15 for word in words)
-    assert unpack(gap, words, widths) == values
+    bits = pack(values, widths)
+    assert 0 <= bits < 2 ** parameter_bits(levels)
+    assert unpack(bits, widths) == values
 
 
-@given(
-    gap=st.integers(0, MAX_GAP),
-    words=st.lists(st.integers(-(2**15), 2**15 - 1), min_size=6, max_size=6),
-    widths=st.lists(st.integers(1, 20), max_size=10),
-)
-def test_any_bits_are_fields_within_their_widths(gap: int, words: list[int], widths: list[int]) -> None:
-    values = unpack(gap, words, widths)
-    assert len(values) == len(widths)
+@given(bits=st.integers(0, 2**111 - 1), widths=st.lists(st.integers(1, 20), max_size=10))
+def test_any_bits_are_fields_within_their_widths(bits: int, widths: list[int]) -> None:
+    values = unpack(bits, widths)
     assert all(0 <= value < 2**width for value, width in zip(values, widths, strict=True))
 
 
-def test_all_of_the_room_is_used() -> None:
-    assert [room(levels) for levels in (1, 2, 3, 4, 6)] == [31, 47, 63, 79, 111]
-    gap, words = pack([2**111 - 1], [111], 6)
-    assert (gap, words) == (MAX_GAP, (-1,) * 6)
-    assert unpack(gap, words, [111]) == [2**111 - 1]
-    assert pack([0], [111], 6) == (0x8000, (0,) * 6)
-
-
-def test_as_many_widths_as_values() -> None:
-    with pytest.raises(ValueError, match="zip"):
-        pack([1, 2], [4], 1)
-
-
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
-@pytest.mark.parametrize("name", list(PARAMETRIC))
+@pytest.mark.parametrize("name", ESTIMATED)
 def test_the_parameters_of_every_predictor_fit_into_an_update(name: str, axes: str) -> None:
-    predictor = PARAMETRIC[name]
+    predictor = PREDICTORS[name]
     channels = [force_channel(predictor=name, axes=axes)]
     if not predictor.geometric:
         channels.append(position_channel(predictor=name, axes=axes))
     for channel in channels:
-        widths = predictor.widths(channel.grids)
+        size, widths = channel.grid.size, predictor.widths(channel.grid)
         assert min(widths) >= 1
-        assert sum(widths) <= room(channel.level_count)
+        assert sum(widths) <= parameter_bits(size)
         for values in ([2**width - 1 for width in widths], [0] * len(widths)):
-            gap, previous = pack(values, widths, channel.level_count)
-            assert unpack(gap, previous, widths) == values
-            UpdateLayout(channel.level_count).check(0, (0,) * channel.level_count, gap, previous)
+            UpdateLayout(size).check(Update(0, 0, (0,) * size, ModelParameters(pack(values, widths))))
 
 
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
-@pytest.mark.parametrize("name", list(PARAMETRIC))
-@given(newest=samples, gap=st.integers(1, MAX_GAP), previous=samples)
+@pytest.mark.parametrize("name", ESTIMATED)
+@given(newest=samples, bits=st.integers(0, 2**111 - 1))
 @examples(40)
 def test_any_bits_are_a_model_that_could_have_been_sent(
-    name: str, axes: str, newest: tuple[int, ...], gap: int, previous: tuple[int, ...]
+    name: str, axes: str, newest: tuple[int, ...], bits: int
 ) -> None:
-    predictor, channel = PARAMETRIC[name], force_channel(predictor=name, axes=axes)
-    count, grids = channel.level_count, channel.grids
-    sample = channel.sample(100, newest[:count])
-    model = predictor.model(gap, previous[:count], sample, grids, channel.trust)
-    if isinstance(model, Hold):
-        return
-    widths, levels = predictor.widths(grids), predictor.levels(model, sample, grids)
-    assert all(isinstance(level, int) and 0 <= level < 2**width for level, width in zip(levels, widths, strict=True))
+    predictor, channel = PREDICTORS[name], force_channel(predictor=name, axes=axes)
+    grid = channel.grid
+    sample = grid.sample(100, newest[: grid.size])
+    model = predictor.decode(ModelParameters(bits), sample, grid, channel.fit_limits)
+    if not isinstance(model, Hold):
+        widths, levels = predictor.widths(grid), predictor.levels(model, sample, grid)
+        assert all(0 <= level < 2**width for level, width in zip(levels, widths, strict=True))
 
 
 # Numbers.

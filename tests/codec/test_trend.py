@@ -8,11 +8,9 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Update, force_channel, position_channel
-from weberlink.codec.adaptive.candidate import Occasion
-from weberlink.codec.adaptive.history import History
-from weberlink.codec.adaptive.trend import HOLD_20, LAGS, LINE_40, NEAREST, Trend
-from weberlink.codec.predictors.linear import Line
-from weberlink.codec.predictors.trend import FINEST, SLOWEST, TREND
+from weberlink.codec.predictors.contract import EncodeContext, History
+from weberlink.codec.predictors.model import Line
+from weberlink.codec.predictors.trend import FINEST, HOLD_20, LAGS, LINE_40, NEAREST, SLOWEST, TREND, TrendFilter
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, subtract
 
@@ -31,13 +29,13 @@ def test_a_line_survives_the_wire_towards_the_sample(axes: str, offset: Vector, 
     """To half a percent of the largest component, in steps of a sixteenth of the wire's."""
     for channel in channels(axes):
         step, components = channel.value_quantizer.step, channel.value_quantizer.components
-        levels = tuple(range(7, 7 + channel.level_count))
-        newest, decoder = channel.sample(40, levels), Decoder(channel)
+        levels = tuple(range(7, 7 + channel.grid.size))
+        newest, decoder = channel.grid.sample(40, levels), Decoder(channel)
         begin = channel.value_quantizer.vector(
             [a + b * step for a, b in zip(components(newest.value), components(offset), strict=True)]
         )
         line = Line(begin, channel.value_quantizer.vector([each * step for each in components(slope)]), 40)
-        decoder.apply(Update(40, 0, levels, *TREND.packed(line, newest, channel.grids)))
+        decoder.apply(Update(40, 0, levels, TREND.packed(line, newest, channel.grid)))
         said = decoder.state[1]
         assert isinstance(said, Line)
         assert said.tick == 40
@@ -53,9 +51,9 @@ def test_a_line_survives_the_wire_towards_the_sample(axes: str, offset: Vector, 
 def test_at_the_tick_of_the_sample_the_line_begins_beside_it() -> None:
     channel = force_channel(predictor="trend", axes="z")
     decoder = Decoder(channel)
-    newest = channel.sample(3, (1000, 0))
+    newest = channel.grid.sample(3, (1000, 0))
     line = Line((0.0, 0.0, 1.0625), (0.0, 0.0, -(2.0**-8)), 3)
-    decoder.apply(Update(3, 0, (1000, 0), *TREND.packed(line, newest, channel.grids)))
+    decoder.apply(Update(3, 0, (1000, 0), TREND.packed(line, newest, channel.grid)))
     assert decoder.value(3) == pytest.approx((0.0, 0.0, 1.0625), abs=1e-3)
     assert decoder.value(19) == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
 
@@ -67,20 +65,20 @@ def history_of(values: Sequence[Vector]) -> History:
     return history
 
 
-def occasion(values: Sequence[Vector], bound: float, rounding: Vector = ZERO) -> Occasion:
+def occasion(values: Sequence[Vector], bound: float, rounding: Vector = ZERO) -> EncodeContext:
     newest = (values[-1][0] + rounding[0], values[-1][1] + rounding[1], values[-1][2] + rounding[2])
-    return Occasion(Sample(len(values) - 1, newest, ZERO), None, bound, history_of(values))
+    return EncodeContext(Sample(len(values) - 1, newest, ZERO), None, bound, history_of(values))
 
 
 @pytest.mark.parametrize("trend", [HOLD_20, LINE_40])
-def test_a_constant_is_held_and_one_sample_says_nothing(trend: Trend) -> None:
+def test_a_constant_is_held_and_one_sample_says_nothing(trend: TrendFilter) -> None:
     assert trend.model(occasion([(1.0, 2.0, 3.0)], 0.3)) is None
     line = trend.model(occasion([(1.0, 2.0, 3.0)] * 50, 0.3))
     assert line == Line((1.0, 2.0, 3.0), ZERO, 49)
 
 
 @pytest.mark.parametrize("trend", [HOLD_20, LINE_40])
-def test_it_is_linear_in_the_signal_until_the_deadband_confines_it(trend: Trend) -> None:
+def test_it_is_linear_in_the_signal_until_the_deadband_confines_it(trend: TrendFilter) -> None:
     values = [(0.01 * tick, -0.02 * tick, 0.001 * tick * tick) for tick in range(40)]
     line = trend.model(occasion(values, 1e9))
     double = trend.model(occasion([(2.0 * x, 2.0 * y, 2.0 * z) for x, y, z in values], 1e9))
@@ -104,7 +102,7 @@ def test_a_filter_reads_the_newest_sample_less_those_before(index: int) -> None:
     weights[index] = 0.5
     one = (weights[0], weights[1], weights[2], weights[3], weights[4], weights[5])
     values = [(0.0, 0.1 * tick, 0.001 * tick * tick) for tick in range(60)]
-    line = Trend(one, one).model(occasion(values, 1e9))
+    line = TrendFilter(one, one).model(occasion(values, 1e9))
     before = values[-1 - LAGS[index]]
     half = tuple(0.5 * (a - b) for a, b in zip(values[-1], before, strict=True))
     assert line is not None
@@ -137,7 +135,7 @@ def test_before_the_earliest_sample_it_stands_for_all() -> None:
 
 
 @pytest.mark.parametrize("trend", [HOLD_20, LINE_40])
-def test_extreme_samples_are_filtered_to_what_is_finite(trend: Trend) -> None:
+def test_extreme_samples_are_filtered_to_what_is_finite(trend: TrendFilter) -> None:
     line = trend.model(occasion([(1e150, -1e150, 5e-324), (-1e150, 1e150, 0.0)], 1e149))
     assert line is not None
     assert all(abs(each) < 1e152 for each in (*line.value, *line.slope))

@@ -53,7 +53,7 @@ def wire() -> Iterator[Wire]:
     assert descriptors() == before
 
 
-def test_a_force_that_is_not_renewed_is_taken_off(wire: Wire) -> None:
+def test_unrenewed_force_is_taken_off(wire: Wire) -> None:
     began = monotonic()
     wire.push(LEASE_S / 2.0)
     assert wire.heard(PATIENCE_S) == FORCE
@@ -94,7 +94,7 @@ def test_a_parent_that_is_back_is_left_alone(wire: Wire) -> None:
     assert wire.heard(PATIENCE_S).startswith(ZERO), "and watched again"
 
 
-def test_a_force_whose_command_is_old_is_not_written(wire: Wire) -> None:
+def test_stale_force_is_not_written(wire: Wire) -> None:
     wire.guardian.given(monotonic() - 0.02, 0.01)
     with pytest.raises(BadReply, match=r"held up for \d+ ms"):
         wire.port.write(FORCE)
@@ -121,7 +121,7 @@ def test_a_guardian_that_died_means_no_force(wire: Wire) -> None:
     assert wire.heard(PATIENCE_S) == ZERO, "which is written all the same"
 
 
-def test_a_guardian_that_does_not_run_means_no_force(wire: Wire) -> None:
+def test_stopped_guardian_means_no_force(wire: Wire) -> None:
     assert wire.guardian.pid is not None
     os.kill(wire.guardian.pid, signal.SIGSTOP)
     until = monotonic() + PATIENCE_S
@@ -131,7 +131,7 @@ def test_a_guardian_that_does_not_run_means_no_force(wire: Wire) -> None:
             sleep(0.01)
 
 
-def test_signals_to_the_parents_group_do_not_reach_it(wire: Wire) -> None:
+def test_guardian_ignores_signals_to_the_parent(wire: Wire) -> None:
     pid = wire.guardian.pid
     assert pid is not None
     assert os.getsid(pid) == os.getpgid(pid) == pid
@@ -141,7 +141,7 @@ def test_signals_to_the_parents_group_do_not_reach_it(wire: Wire) -> None:
     wait_for(wire.guardian.has_written)
 
 
-def test_force_that_is_left_at_the_end_is_taken_off(wire: Wire) -> None:
+def test_closing_takes_remaining_force_off(wire: Wire) -> None:
     wire.push()
     wire.port.close()
     heard = b""
@@ -150,16 +150,7 @@ def test_force_that_is_left_at_the_end_is_taken_off(wire: Wire) -> None:
     assert heard.startswith(FORCE + ZERO)
 
 
-def test_there_is_no_force_before_it_watches() -> None:
-    guardian = Guardian(ZERO)
-    guardian.given(monotonic(), LONG_S)
-    with pytest.raises(HardwareFault, match="guardian"):
-        guardian.before(FORCE)
-    guardian.before(ZERO)
-    guardian.after(ZERO)
-
-
-def test_a_device_that_takes_nothing_loses_what_waits_and_not_the_zero(wire: Wire) -> None:
+def test_blocked_device_still_gets_the_zero(wire: Wire) -> None:
     wire.push(LEASE_S / 2.0)
     with pytest.raises(HardwareFault, match="takes no more data"):
         while True:

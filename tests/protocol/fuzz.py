@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from random import Random
 from time import perf_counter
+from types import SimpleNamespace
 from typing import Any
 
 from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, sample_update
@@ -18,7 +19,7 @@ from weberlink.protocol import Endpoint, State
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.security import Incoming, Outgoing, Protection, Security
+from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of
 
 STRANGER = ("203.0.113.9", 9)
@@ -31,77 +32,48 @@ class Meddler:
         self.inner, self.random, self.rate = inner, random, rate
         self.tag_size, self.overhead, self.private_size = inner.tag_size, inner.overhead, inner.private_size
 
-    def call(self, prologue: bytes, private: bytes) -> Outgoing:
-        return MeddledCall(self, self.inner.call(prologue, private))
+    def call(self, prologue: bytes, private: bytes) -> Any:
+        exchange = self.inner.call(prologue, private)
+        return SimpleNamespace(
+            hello=lambda payload: exchange.hello(self.meddle(payload)),
+            open=lambda message: self.keys(exchange.open(message)),
+        )
 
-    def hear(self, prologue: bytes, message: bytes) -> Incoming | None:
+    def hear(self, prologue: bytes, message: bytes) -> Any:
         heard = self.inner.hear(prologue, message)
-        return None if heard is None else MeddledAnswer(self, heard)
+        return heard and SimpleNamespace(
+            payload=heard.payload,
+            answer=lambda payload, private: self.keys(heard.answer(self.meddle(payload), private)),
+        )
 
     def meddle(self, payload: bytes) -> bytes:
         """Now and then another payload."""
         return mutate(payload, self.random) if self.random.random() < self.rate else payload
 
-
-class MeddledCall:
-    """The key exchanges of a `Meddler` that calls."""
-
-    def __init__(self, owner: Meddler, inner: Outgoing) -> None:
-        self.owner, self.inner = owner, inner
-
-    def hello(self, payload: bytes) -> bytes:
-        return self.inner.hello(self.owner.meddle(payload))
-
-    def open(self, message: bytes) -> tuple[bytes, Protection] | None:
-        opened = self.inner.open(message)
-        return None if opened is None else (opened[0], Meddled(self.owner, opened[1]))
+    def keys(self, result: tuple[bytes, Protection] | None) -> tuple[bytes, Any] | None:
+        """The result of an exchange, whose keys then meddle too."""
+        return None if result is None else (result[0], MeddledProtection(self, result[1]))
 
 
-class MeddledAnswer:
-    """The key exchanges of a `Meddler` that is called."""
-
-    def __init__(self, owner: Meddler, inner: Incoming) -> None:
-        self.owner, self.inner, self.payload = owner, inner, inner.payload
-
-    def answer(self, payload: bytes, private: bytes) -> tuple[bytes, Protection] | None:
-        answered = self.inner.answer(self.owner.meddle(payload), private)
-        return None if answered is None else (answered[0], Meddled(self.owner, answered[1]))
-
-
-class Meddled:
-    """The sessions of a `Meddler`."""
+class MeddledProtection:
+    """The keys of a session of a `Meddler`."""
 
     def __init__(self, owner: Meddler, inner: Protection) -> None:
-        self.owner, self.inner = owner, inner
+        self._owner, self._inner = owner, inner
 
     def seal(self, sequence: int, clear: bytes) -> bytes:
-        random = self.owner.random
-        if random.random() < self.owner.rate:
+        random = self._owner.random
+        if random.random() < self._owner.rate:
             changed = bytearray(clear)
             for _ in range(random.randint(1, 4)):
                 changed[random.choice([0, *range(4, len(clear))])] = random.choice(
                     [0, 0x7F, 0x80, 0xFF, random.getrandbits(8)]
                 )
             clear = bytes(changed)
-        return self.inner.seal(sequence, clear)
-
-    def open(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open(sequence, datagram)
-
-    def open_next(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open_next(sequence, datagram)
-
-    def open_previous(self, sequence: int, datagram: bytes) -> bytes | None:
-        return self.inner.open_previous(sequence, datagram)
-
-    def rekey_outgoing(self) -> None:
-        self.inner.rekey_outgoing()
-
-    def rekey_incoming(self) -> None:
-        self.inner.rekey_incoming()
+        return self._inner.seal(sequence, clear)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.inner, name)
+        return getattr(self._inner, name)
 
 
 def mutate(data: bytes, random: Random) -> bytes:

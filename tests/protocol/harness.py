@@ -17,6 +17,7 @@ from weberlink.protocol import (
     Endpoint,
     Event,
     PeerReturned,
+    Refused,
     Role,
     UpdateLost,
     UpdateReceived,
@@ -66,6 +67,17 @@ class Side:
             self.renewals += isinstance(event, Connected | PeerReturned | UpdateLost)
             if isinstance(event, UpdateReceived):
                 self.received_at.append((world, event))
+
+    def send(self, world: float, tick: int, stream: int = 0) -> int:
+        """Send the update of a tick; returns the tick."""
+        assert self.endpoint.send_update(self.local(world), sample_update(tick), stream)
+        return tick
+
+    def refusal(self) -> str:
+        """The message of the one refusal that it was told."""
+        (refused,) = self.of(Refused)
+        assert isinstance(refused, Refused)
+        return refused.message
 
     def of(self, kind: type[Event]) -> list[Event]:
         return [event for event in self.events if isinstance(event, kind)]

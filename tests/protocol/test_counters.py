@@ -81,17 +81,6 @@ def test_reordering_leaves_no_trace(seed: int, reach: int) -> None:
     assert made.fraction == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_swap_of_neighbours_is_never_seen_as_loss() -> None:
-    made = LossMeter()
-    for number in [0, 2, 1, 3, 5, 4, 6]:
-        made.record(number)
-        assert made.fraction == 0.0
-
-
-def test_numbers_before_the_first_are_not_held_against_the_link() -> None:
-    assert meter([1000, 1001, 998, 1002]).lost == 0
-
-
 @pytest.mark.parametrize("loss", [0.01, 0.1, 0.5])
 def test_the_estimate_follows_the_loss(loss: float) -> None:
     random = Random(3)
@@ -109,7 +98,7 @@ def test_the_estimate_follows_the_loss(loss: float) -> None:
     assert made.fraction < 1e-4
 
 
-def test_a_burst_is_noticed_at_once_and_a_single_loss_is_remembered() -> None:
+def test_burst_is_noticed_and_single_loss_remembered() -> None:
     made = meter([*range(100), *range(120, 124)])
     assert made.lost == 20
     assert made.fraction > 0.4
@@ -117,7 +106,7 @@ def test_a_burst_is_noticed_at_once_and_a_single_loss_is_remembered() -> None:
     assert 1e-4 < single.fraction < 2e-3
 
 
-def test_a_very_long_gap_costs_no_time_and_stays_in_range() -> None:
+def test_very_long_gap_stays_in_range() -> None:
     made = meter([0, 2**40, 2**40 + 1, 2**40 + 2, 2**40 + 3])
     assert made.lost == 2**40 - 1
     assert 0.9 < made.fraction <= 1.0

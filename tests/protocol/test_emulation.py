@@ -32,7 +32,7 @@ def test_a_perfect_link_delivers_at_once_and_in_order() -> None:
     assert made.counters.sent == made.counters.delivered == 10
 
 
-def test_delay_and_jitter_are_within_their_bounds_and_keep_the_order() -> None:
+def test_delay_and_jitter_keep_bounds_and_order() -> None:
     made = link(delay_s=0.1, jitter_s=0.05)
     waits = []
     for number in range(2000):
@@ -94,7 +94,7 @@ def test_duplicates_come_twice_and_corruption_flips_one_bit() -> None:
     assert len({data for data, _ in arrived}) == 65
 
 
-def test_a_rate_spaces_datagrams_and_drops_what_waits_too_long() -> None:
+def test_rate_spaces_datagrams_and_drops_long_queues() -> None:
     made = link(rate_bit_s=80_000.0)
     size = 100 - HEADER_BYTES  # 10 ms each
     for number in range(100):
@@ -164,12 +164,6 @@ def test_every_datagram_is_accounted_for() -> None:
 def test_a_fault_that_cannot_be_is_named(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         Emulation(**{field: value})  # type: ignore[arg-type]
-
-
-def test_a_loss_too_high_for_its_bursts_is_named() -> None:
-    with pytest.raises(ValueError, match="burst"):
-        Emulation(loss=0.9, burst=2.0)
-    Emulation(loss=1.0, burst=2.0)
 
 
 def test_a_periodic_blackout_repeats_from_its_start() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import INTERVAL, SILENCE, Pair, Side, sample_update
+from tests.protocol.harness import INTERVAL, SILENCE, Pair, Side
 from weberlink.protocol import PeerSilent, State
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.heartbeat import ASK_PACE
@@ -21,12 +21,6 @@ heartbeats for the evidence, and the longest pace between two repeats [s]."""
 _MARK = 0b1000
 
 
-def send(pair: Pair, side: Side) -> int:
-    update = sample_update(pair.ticks)
-    assert side.endpoint.send_update(side.local(pair.now), update)
-    return update.tick
-
-
 @examples(15)
 @given(
     st.integers(0, 2**32),
@@ -35,7 +29,7 @@ def send(pair: Pair, side: Side) -> int:
     st.integers(1, 30),
     st.sampled_from([0.0, 0.001, 0.02, 0.045]),
 )
-def test_after_any_pattern_of_losses_the_newest_update_is_there_soon(
+def test_newest_update_arrives_after_any_pattern_of_losses(
     seed: int, forward: list[bool], backward: list[bool], gap: int, delay: float
 ) -> None:
     """Any of the datagrams of each direction are lost for 80 ms, in which updates go out at any pace."""
@@ -44,10 +38,10 @@ def test_after_any_pattern_of_losses_the_newest_update_is_there_soon(
     ends_at = pair.now + 0.08
     fates = {id(pair.master): iter(forward), id(pair.slave): iter(backward)}
     pair.swallow = lambda side, data: pair.now < ends_at and next(fates[id(side)], True)
-    newest = send(pair, pair.master)
+    newest = pair.master.send(pair.now, pair.ticks)
     while pair.now < ends_at - 0.001 * gap:
         pair.run(0.001 * gap)
-        newest = send(pair, pair.master)
+        newest = pair.master.send(pair.now, pair.ticks)
     pair.run(ends_at - pair.now)
     pair.run(MENDED_WITHIN + 2.0 * delay)
     if not (pair.master.of(PeerSilent) or pair.slave.of(PeerSilent)):  # else owners are told, and begin anew
@@ -62,7 +56,7 @@ def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         if now > 3.0:
-            sent[send(pair, pair.slave)] = now
+            sent[pair.slave.send(pair.now, pair.ticks)] = now
 
     changes = {"incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, every=300, seed=1)
@@ -74,12 +68,12 @@ def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
 
 
 @pytest.mark.parametrize("burst", [1.0, 20.0])
-def test_early_repeats_keep_to_their_allowance_however_many_updates_there_are(burst: float) -> None:
+def test_early_repeats_keep_to_their_allowance(burst: float) -> None:
     lossy = Emulation(delay_s=0.045, loss=0.2, burst=burst)
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         if now > 0.2 and pair.master.endpoint.state is State.ENGAGED:
-            send(pair, pair.master)
+            pair.master.send(pair.now, pair.ticks)
 
     pair = Pair(forward=lossy, backward=Emulation(delay_s=0.045), on_tick=on_tick, every=20, seed=2)
     pair.connect().run(10.0)
@@ -94,7 +88,7 @@ def test_no_storm_follows_a_blackout(seed: int, darkness: float) -> None:
     lossy = Emulation(delay_s=0.001, loss=0.1)
     pair = Pair(seed=seed, forward=lossy, backward=lossy).engage().run(5.0)
     pair.swallow = lambda side, data: True
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     start = len(pair.tap)
     pair.run(darkness)
     in_the_dark = len(pair.tap) - start
@@ -106,7 +100,7 @@ def test_no_storm_follows_a_blackout(seed: int, darkness: float) -> None:
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_a_peer_that_is_overdue_is_asked_and_answers_over_a_short_path() -> None:
+def test_overdue_peer_is_asked_and_answers() -> None:
     """The one heartbeat that is lost would otherwise take the loop age beyond the limit."""
     random = Random(3)
     pair = Pair().engage().run(1.0)
@@ -123,7 +117,7 @@ def test_a_peer_that_is_overdue_is_asked_and_answers_over_a_short_path() -> None
         pair.swallow = swallow
         for _ in range(300):
             pair.run(0.001)
-            ages.append(pair.now - pair.master.endpoint.confirmed_at)
+            ages.append(pair.now - pair.master.endpoint.liveness.confirmed_at)
     assert FADE_SHARE * SILENCE < max(ages) < SILENCE
     assert not pair.master.of(PeerSilent)
     asks = [data for _, _, data in pair.tap if kind_of(data) == Kind.HEARTBEAT and data[0] & _MARK]

@@ -1,8 +1,6 @@
 """A session in good and bad weather: updates, silence, return, restarts, roaming, time."""
 
-from dataclasses import replace
 from itertools import pairwise
-from random import Random
 
 import pytest
 
@@ -19,7 +17,6 @@ from weberlink.protocol import (
     UpdateReceived,
 )
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.heartbeat import REPORT_INTERVAL
 from weberlink.protocol.security import Security
 from weberlink.protocol.session import EXPIRY
 from weberlink.protocol.wire import Kind, kind_of
@@ -29,12 +26,6 @@ DARK = Emulation(loss=1.0)
 STORM = Emulation(
     delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.1, duplicate=0.1, corrupt=0.05, rate_bit_s=2e6
 )
-
-
-def send(pair: Pair, side: Side, tick: int | None = None) -> int:
-    update = sample_update(pair.ticks if tick is None else tick)
-    assert side.endpoint.send_update(side.local(pair.now), update)
-    return update.tick
 
 
 def patient(delay: float) -> dict[str, dict[str, float]]:
@@ -53,7 +44,7 @@ def test_what_is_sent_arrives_once_and_as_it_was(security: Security) -> None:
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         if tick > 200 and tick % 7 == 0 and tick < 2000:
-            sent.append(send(pair, pair.master))
+            sent.append(pair.master.send(pair.now, pair.ticks))
 
     pair = Pair(master={"security": security}, slave={"security": security}, on_tick=on_tick).engage().run(2.0)
     received = pair.slave.updates()
@@ -68,7 +59,7 @@ def test_what_is_sent_arrives_once_and_as_it_was(security: Security) -> None:
     )
 
 
-def test_updates_are_dated_soon_even_if_the_first_reports_are_lost() -> None:
+def test_updates_are_dated_although_first_reports_are_lost() -> None:
     """The master floods updates from the first moment; its first three heartbeats never arrive."""
     heartbeats = 0
 
@@ -93,7 +84,7 @@ def test_no_update_without_a_session() -> None:
     assert pair.master.endpoint.statistics.updates_sent[0] == 0
 
 
-def test_what_cannot_be_sent_is_a_fault_of_the_caller() -> None:
+def test_invalid_updates_raise_and_send_nothing() -> None:
     endpoint = Pair().engage().master.endpoint
     sent = endpoint.statistics.sent
     for update, message in (
@@ -123,7 +114,7 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
             is_new = side.renewals > renewals[role]  # what the peer held is void or old: the owner sends anew
             renewals[role] = side.renewals
             if is_new or (tick % 10 == 0 and 200 < tick < 5_000 and side.sessions):
-                sent[role].append(send(pair, side))
+                sent[role].append(side.send(pair.now, pair.ticks))
 
     changes = {"security": security, "incoming_values": (3,), "outgoing_values": (3,)}
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=changes, slave=changes, on_tick=on_tick)
@@ -146,51 +137,10 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
         assert receiver.endpoint.statistics.dropped[DropReason.BAD_TAG] > 0
 
 
-@pytest.mark.parametrize("loss", [0.05, 0.3])
-def test_a_lost_update_is_replaced_within_a_few_round_trips(loss: float) -> None:
-    """One update every half second; whatever is lost, the receiver holds it long before the next one."""
-    lossy = Emulation(delay_s=0.005, loss=loss)
-    sent: list[tuple[float, int]] = []
-
-    def on_tick(pair: Pair, now: float, tick: int) -> None:
-        if tick >= 1000:
-            sent.append((now, send(pair, pair.slave)))
-
-    changes = {"incoming_values": (3,), "outgoing_values": (3,)}
-    pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, every=500, seed=11)
-    pair.engage().run(20.0)
-    first = {event.update.tick: at for at, event in reversed(pair.master.received_at)}
-    waits = sorted(first[tick] - at for at, tick in sent[:-1])
-    assert waits[len(waits) // 2] == pytest.approx(0.005, abs=1e-3)
-    assert waits[-1] < 0.2
-    assert pair.slave.endpoint.statistics.repeats > 0
-
-
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize("loss", [0.3, 1.0])
-def test_repeats_are_bounded(loss: float, seed: int) -> None:
-    """The stated bound: one state is repeated at most 7 + T / 0.1 times in T seconds, and never within 5 ms."""
-    pair = Pair(seed=seed).engage()
-    pair.swallow = lambda side, data: side is pair.master and kind_of(data) == Kind.UPDATE and random.random() < loss
-    random = Random(seed)
-    send(pair, pair.master)
-    start = pair.now
-    pair.run(10.0)
-    times = [at for at, side, data in pair.tap if side is pair.master and kind_of(data) == Kind.UPDATE and at >= start]
-    assert len(times) - 1 <= 7 + SILENCE / 0.1
-    assert all(later - earlier >= 0.005 - 1e-9 for earlier, later in pairwise(times))
-    if loss == 1.0:
-        assert len(times) > 3
-        assert UpdateLost(0) in pair.master.of(UpdateLost)
-        assert times[-1] - start <= SILENCE
-    else:
-        assert pair.slave.updates()
-
-
 def test_repeats_end_in_a_blackout_and_resume_after_it() -> None:
     pair = Pair().engage()
     pair.forward, pair.backward = pair.link(DARK), pair.link(DARK)
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.3)
     repeats = pair.master.endpoint.statistics.repeats
     assert pair.master.endpoint.state is State.SILENT
@@ -198,14 +148,14 @@ def test_repeats_end_in_a_blackout_and_resume_after_it() -> None:
     assert pair.master.endpoint.statistics.repeats == repeats <= 20
 
 
-def test_after_a_short_blackout_the_session_goes_on_and_the_newest_state_is_restored() -> None:
+def test_short_blackout_keeps_session_and_restores_newest_state() -> None:
     last = renewals = 0
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         nonlocal last, renewals
         is_new, renewals = pair.master.renewals > renewals, pair.master.renewals
         if is_new or (300 < tick < 700 and tick % 5 == 0):
-            last = send(pair, pair.master)
+            last = pair.master.send(pair.now, pair.ticks)
 
     dark = Emulation(delay_s=0.001, blackouts=((0.4, 0.4),))
     pair = Pair(forward=dark, backward=dark, on_tick=on_tick).engage().run(1.3)
@@ -218,7 +168,7 @@ def test_after_a_short_blackout_the_session_goes_on_and_the_newest_state_is_rest
 
 
 @pytest.mark.parametrize("toward", ["slave", "master"])
-def test_a_one_way_cut_ends_both_sides_within_the_limit(toward: str) -> None:
+def test_one_way_cut_silences_both_within_the_limit(toward: str) -> None:
     """Both fall silent within the limit of the last datagram heard, each knows why, and both return together."""
     pair = Pair().engage().run(0.5)
     deaf, heard = pair.sides[::-1] if toward == "slave" else pair.sides
@@ -240,7 +190,7 @@ def test_a_one_way_cut_ends_both_sides_within_the_limit(toward: str) -> None:
         assert side.of(PeerReturned) or len(side.of(Connected)) == 2
 
 
-def test_a_session_is_over_after_seconds_of_silence_and_another_follows() -> None:
+def test_session_expires_after_silence_and_another_follows() -> None:
     pair = Pair().engage()
     clear = pair.forward, pair.backward
     pair.forward = pair.link(DARK)
@@ -254,33 +204,9 @@ def test_a_session_is_over_after_seconds_of_silence_and_another_follows() -> Non
     assert [len(side.of(Connected)) for side in pair.sides] == [2, 2]
 
 
-def test_the_first_update_after_every_fault_is_the_newest_state() -> None:
-    """Whatever was lost meanwhile, nothing older than the newest arrives after the link is clear again."""
-    for seed in range(3):
-        pair = Pair(seed=seed).engage()
-        clear = pair.forward
-        pair.forward = pair.link(replace(STORM, loss=0.6))
-        for _ in range(30):
-            send(pair, pair.master)
-            pair.run(0.003)
-        pair.forward = pair.link(DARK)
-        newest = send(pair, pair.master)
-        pair.run(0.03)
-        pair.forward = clear
-        before = len(pair.slave.updates())
-        for _ in range(300):
-            renewals = pair.master.renewals
-            pair.run(0.001)
-            if pair.master.renewals > renewals:
-                newest = send(pair, pair.master)
-        after = pair.slave.updates()[before:]
-        assert after, f"seed {seed}"
-        assert matches(after[-1], newest), f"seed {seed}"
-
-
 def test_a_stale_update_is_never_delivered() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     held = pair.master.endpoint.datagrams_to_send()
     pair.run(0.11)
     for data, _ in held:
@@ -294,20 +220,20 @@ def test_a_stale_update_is_never_delivered() -> None:
 
 def test_a_stale_datagram_does_not_count_as_being_heard() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     held = pair.master.endpoint.datagrams_to_send()
     pair.forward = pair.link(DARK)
     pair.run(0.5)
-    heard = pair.slave.endpoint.heard_at
+    heard = pair.slave.endpoint.liveness.heard_at
     for data, _ in held:
         pair.slave.endpoint.receive_datagram(data, ("203.0.113.9", 9), pair.now)
     pair.run(0.001)
     assert pair.slave.endpoint.state is State.SILENT
-    assert pair.slave.endpoint.heard_at == heard
+    assert pair.slave.endpoint.liveness.heard_at == heard
     assert pair.slave.endpoint.peer == MASTER
 
 
-def test_a_delay_beyond_the_limit_is_seen_from_the_first_update_on() -> None:
+def test_delay_beyond_the_limit_prevents_a_session() -> None:
     slow = Emulation(delay_s=0.15)
     pair = Pair(forward=slow, backward=slow).connect().run(2.0)
     assert not pair.master.of(Connected)
@@ -316,7 +242,7 @@ def test_a_delay_beyond_the_limit_is_seen_from_the_first_update_on() -> None:
 
 
 @pytest.mark.parametrize("toward", ["slave", "master"])
-def test_a_path_slow_in_one_direction_alone_does_not_halve_the_age(toward: str) -> None:
+def test_asymmetric_path_does_not_halve_the_age(toward: str) -> None:
     """152 ms one way and nothing back is 76 ms by the mapped clocks, which believe in halves."""
     pair = Pair().engage()
     slow = pair.link(Emulation(delay_s=0.152))
@@ -335,21 +261,9 @@ def test_a_path_slow_in_one_direction_alone_does_not_halve_the_age(toward: str) 
     assert not any(side.endpoint.state is State.ENGAGED for side in pair.sides)
 
 
-def test_an_older_update_is_superseded() -> None:
-    pair = Pair().engage()
-    send(pair, pair.master)
-    (held, _) = pair.master.endpoint.datagrams_to_send()[0]
-    newest = send(pair, pair.master, pair.ticks + 1)
-    pair.run(0.01)
-    pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
-    pair.run(0.01)
-    assert [event.update.tick for event in pair.slave.updates()] == [newest]
-    assert pair.slave.faults() == [DropReason.SUPERSEDED]
-
-
 def test_a_replayed_datagram_is_dropped() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.01)
     for _, side, data in pair.tap:
         if side is pair.master and kind_of(data) != Kind.HELLO:
@@ -384,7 +298,7 @@ def test_the_master_may_roam() -> None:
     pair.slave.endpoint.receive_datagram(bytes(40), elsewhere, pair.now)
     assert pair.slave.endpoint.peer == MASTER, "anyone can send from anywhere"
     pair.master.address = elsewhere
-    tick = send(pair, pair.master)
+    tick = pair.master.send(pair.now, pair.ticks)
     pair.run(0.3)
     assert pair.slave.endpoint.peer == elsewhere
     assert matches(pair.slave.updates()[-1], tick)
@@ -392,13 +306,13 @@ def test_the_master_may_roam() -> None:
     assert len(pair.slave.of(Connected)) == 1
 
 
-def test_an_overtaken_datagram_from_the_old_address_does_not_move_the_peer_back() -> None:
+def test_overtaken_datagram_does_not_move_the_peer_back() -> None:
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     (held, _) = pair.master.endpoint.datagrams_to_send()[0]
     pair.master.address = ("198.51.100.7", 1234)
     for step in range(10):
-        send(pair, pair.master, pair.ticks + step)
+        pair.master.send(pair.now, pair.ticks + step)
         pair.run(0.01)
     assert pair.slave.endpoint.peer == pair.master.address
     pair.slave.endpoint.receive_datagram(held, MASTER, pair.now)
@@ -410,13 +324,13 @@ def test_a_restarted_slave_drops_data_until_it_is_called() -> None:
     pair.slave.endpoint = make_endpoint(Role.RESPONDER, seed=50)
     pair.slave.endpoint.connect(pair.now)
     for _ in range(20):
-        send(pair, pair.master)
+        pair.master.send(pair.now, pair.ticks)
         pair.run(0.005)
     assert set(pair.slave.faults()) == {DropReason.NO_SESSION}
     pair.run(0.5)
     assert len(pair.master.of(Connected)) == 2
     assert pair.slave.endpoint.state is State.ENGAGED
-    tick = send(pair, pair.master)
+    tick = pair.master.send(pair.now, pair.ticks)
     pair.run(0.1)
     assert matches(pair.slave.updates()[-1], tick)
 
@@ -438,10 +352,10 @@ def test_a_restarted_master_takes_the_session_over() -> None:
 
 def test_silence_and_the_heartbeats_of_a_clean_link() -> None:
     pair = Pair().engage()
-    heard = pair.slave.endpoint.heard_at
+    heard = pair.slave.endpoint.liveness.heard_at
     start, before = pair.now, len(pair.tap)
     pair.run(10.0)
-    assert pair.slave.endpoint.heard_at > heard
+    assert pair.slave.endpoint.liveness.heard_at > heard
     for side in pair.sides:
         times = [at for at, sender, _ in pair.tap[before:] if sender is side]
         assert len(times) == pytest.approx(10.0 / INTERVAL, rel=0.05)
@@ -451,18 +365,6 @@ def test_silence_and_the_heartbeats_of_a_clean_link() -> None:
     pair.run(0.3)
     assert pair.slave.of(PeerSilent) == [PeerSilent(is_heard=False)]
     assert pair.now > start
-
-
-def test_updates_take_the_place_of_heartbeats_but_for_one_a_second() -> None:
-    def on_tick(pair: Pair, now: float, tick: int) -> None:
-        if tick > 200:
-            send(pair, pair.master)
-
-    pair = Pair(on_tick=on_tick, every=20).engage()
-    before = pair.master.endpoint.statistics.heartbeats
-    pair.run(20.0)
-    assert pair.master.endpoint.statistics.heartbeats - before == pytest.approx(20.0 / REPORT_INTERVAL, abs=1)
-    assert pair.master.endpoint.statistics.repeats == 0
 
 
 @pytest.mark.parametrize(("loss", "delay"), [(0.01, 0.045), (0.1, 0.005), (0.3, 0.0005)])
@@ -479,22 +381,6 @@ def test_no_alarm_is_false_however_long_the_path(loss: float, delay: float) -> N
     assert pair.slave.endpoint.statistics.lost == pytest.approx(pair.forward.counters.lost, abs=20)
 
 
-def test_the_heartbeats_calm_down_when_the_link_is_clean_again() -> None:
-    lossy = Emulation(delay_s=0.045, loss=0.3)
-    pair = Pair(forward=lossy, backward=lossy, seed=4, **patient(0.045)).connect().run(4.0)
-
-    def rate(duration: float) -> float:
-        before = pair.master.endpoint.statistics.heartbeats
-        pair.run(duration)
-        return (pair.master.endpoint.statistics.heartbeats - before) / duration
-
-    dense = rate(2.0)
-    clean = Emulation(delay_s=0.045)
-    pair.forward, pair.backward = pair.link(clean), pair.link(clean)
-    pair.run(60.0)
-    assert rate(5.0) < 0.6 * dense
-
-
 @pytest.mark.parametrize(("offset", "drift"), [(0.0, 0.0), (5000.0, 100e-6), (-77.7, -100e-6)])
 def test_the_clocks_are_mapped_with_offset_drift_and_jitter(offset: float, drift: float) -> None:
     jittery = Emulation(delay_s=0.01, jitter_s=0.005)
@@ -507,7 +393,7 @@ def test_the_clocks_are_mapped_with_offset_drift_and_jitter(offset: float, drift
             assert mapped is not None
             errors.append(abs(mapped - now))
         if now > 0.5 and tick % 20 == 0:
-            send(pair, pair.master)
+            pair.master.send(pair.now, pair.ticks)
 
     pair = Pair(
         forward=jittery,
@@ -537,7 +423,7 @@ def test_a_machine_that_slept_is_found_again(sleeper: int, asleep: float) -> Non
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
     for side, other in (pair.sides, pair.sides[::-1]):
         assert side.endpoint.peer_time(side.local(pair.now)) == pytest.approx(other.local(pair.now), abs=1e-3)
-    tick = send(pair, pair.master, int(pair.master.local(pair.now) * 1000))
+    tick = pair.master.send(pair.now, int(pair.master.local(pair.now) * 1000))
     pair.run(0.1)
     assert matches(pair.slave.updates()[-1], tick)
 
@@ -549,7 +435,7 @@ def test_time_stamps_and_ticks_go_on_past_their_wrap() -> None:
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         if tick > 200 and tick % 10 == 0 and tick < 2900:
-            sent.append(send(pair, pair.master, round((now + age) * 1000)))
+            sent.append(pair.master.send(pair.now, round((now + age) * 1000)))
 
     pair = Pair(master={"epoch": -age}, slave={"epoch": 1000 - 2**24 * 1e-5}, on_tick=on_tick).engage().run(3.0)
     assert sent[0] < 2**24 < sent[-1]
@@ -559,16 +445,7 @@ def test_time_stamps_and_ticks_go_on_past_their_wrap() -> None:
     assert not pair.master.faults()
 
 
-def test_a_tick_that_cannot_be_is_dropped() -> None:
-    pair = Pair().engage()
-    send(pair, pair.master, pair.ticks + 100_000)
-    pair.run(0.01)
-    assert pair.slave.faults()
-    assert set(pair.slave.faults()) == {DropReason.IMPLAUSIBLE}
-    assert not pair.slave.updates()
-
-
-def test_a_peer_whose_clock_jumps_for_one_datagram_does_not_move_the_mapping() -> None:
+def test_one_wrong_stamp_does_not_move_the_mapping() -> None:
     for jump in (-60.0, -0.3, 0.3, 5.0, 60.0, 1e7):
         pair = Pair().engage()
         before = pair.slave.endpoint.peer_time(pair.now)
@@ -607,7 +484,7 @@ def test_each_bad_datagram_has_its_reason(data: bytes, reason: DropReason) -> No
 def test_a_peer_that_forgets_asks_for_a_complete_update() -> None:
     """One end alone lets go, as after a lapse that the other end never saw; nothing tells the other but the acks."""
     pair = Pair().engage()
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.1)
     pair.slave.endpoint.report_encoding(pair.now, is_encoding=True)
     assert not pair.master.of(UpdateLost)
@@ -616,6 +493,6 @@ def test_a_peer_that_forgets_asks_for_a_complete_update() -> None:
     pair.run(SILENCE + 0.05)
     assert UpdateLost(0) in pair.master.of(UpdateLost)
     assert not pair.slave.endpoint.is_peer_encoding(pair.now)
-    send(pair, pair.master)
+    pair.master.send(pair.now, pair.ticks)
     pair.run(0.05)
     assert pair.slave.endpoint.is_peer_encoding(pair.now)

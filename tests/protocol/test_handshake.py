@@ -140,7 +140,7 @@ def test_an_agreement_is_the_same_after_travel(agreement: dict[str, object]) -> 
     assert read_map(pack_agreement(agreement)) == agreement
 
 
-def test_a_bank_of_predictors_given_as_tuple_or_list_is_the_same() -> None:
+def test_tuple_and_list_agree() -> None:
     ours, theirs = (
         read_map(pack_agreement({"bank": ("zoh", "plane")})),
         read_map(pack_agreement({"bank": ["zoh", "plane"]})),

@@ -7,7 +7,7 @@ from tests.strangers import NOBODY, needs_root
 from weberlink.protocol.keys import KEY_BYTES, KeyFileError, generate, load
 
 
-def test_a_generated_key_can_be_read_by_its_owner_only(tmp_path: Path) -> None:
+def test_generated_key_is_readable_by_its_owner_only(tmp_path: Path) -> None:
     path = tmp_path / "link.key"
     generate(path)
     assert path.stat().st_mode & 0o777 == 0o600

@@ -75,26 +75,6 @@ def exchange(
     return ours, hello, Responder.read(PSK, prologues[1], hello, as_they_are)
 
 
-def test_every_flipped_bit_of_either_message_is_found() -> None:
-    ours, hello, answering = exchange()
-    assert answering is not None
-    written = answering.answer(b"answer", bytes([8] * PRIVATE_BYTES))
-    assert written is not None
-    for message, read in (
-        (hello, lambda data: Responder.read(PSK, PROLOGUE, data, as_they_are)),
-        (written[0], ours.open),
-    ):
-        for bit in range(0, 8 * len(message), 5):
-            if bit == 255:  # RFC 7748 section 5 has receivers ignore this bit of a key; Noise hashes it all the same
-                continue
-            damaged = bytearray(message)
-            damaged[bit // 8] ^= 1 << bit % 8
-            assert read(bytes(damaged)) is None
-        for size in (0, 1, 31, 32, 47, len(message) - 1):
-            assert read(message[:size]) is None
-    assert ours.open(written[0]) is not None, "a bad answer spoils nothing"
-
-
 def test_another_prologue_or_key_is_not_authentic() -> None:
     _, hello, answering = exchange((PROLOGUE, b"other"))
     assert answering is None

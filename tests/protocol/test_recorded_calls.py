@@ -73,7 +73,7 @@ def test_a_repeated_hello_is_dropped_before_any_cryptography() -> None:
     assert not answers(pair.slave.endpoint)
 
 
-def test_recordings_of_a_known_master_are_opened_at_a_pace_of_their_own() -> None:
+def test_recordings_of_known_master_are_opened_rarely() -> None:
     key = CountingKey(KEY)
     slave = make_endpoint(Role.RESPONDER, security=key)
     slave.connect(0.0)
@@ -99,7 +99,7 @@ def test_what_is_dropped_leaves_the_pace_to_others(flood: list[bytes]) -> None:
 
 
 @pytest.mark.parametrize(("is_engaged", "pace"), [(False, EXCHANGE_PACE), (True, EXCHANGE_PACE_ENGAGED)])
-def test_keys_are_exchanged_at_a_pace_however_many_calls_come(is_engaged: bool, pace: float) -> None:
+def test_key_exchanges_are_rate_limited(is_engaged: bool, pace: float) -> None:
     pair = Pair(master={"name": "ann"}).connect()
     if is_engaged:
         pair.run(0.2)
@@ -113,7 +113,7 @@ def test_keys_are_exchanged_at_a_pace_however_many_calls_come(is_engaged: bool, 
     assert slave.statistics.dropped[DropReason.OVERLOADED] == 400 - answered
 
 
-def test_sessions_on_paper_are_bounded_for_each_master_and_in_all() -> None:
+def test_pending_sessions_are_bounded() -> None:
     slave = listening()
     calls = [recorded(8, name=f"user{number}@host") for number in range(2 * KNOWN_MASTERS)]
     for step, hello in enumerate(hello for row in zip(*calls, strict=True) for hello in row):
@@ -140,7 +140,7 @@ def test_a_forgotten_master_does_not_reopen_its_recordings() -> None:
 
 
 @pytest.mark.parametrize("back", [1e-9, 1.0, 1e9])
-def test_a_master_whose_clock_went_back_goes_on_from_its_newest_stamp(back: float) -> None:
+def test_master_with_stepped_clock_continues_from_newest_stamp(back: float) -> None:
     def clock(ahead: float) -> Callable[[float], int]:
         return lambda now: round((2e9 + ahead + now) * 1e9)
 
@@ -215,7 +215,7 @@ RISING: list[bytes] = []
 
 
 @pytest.mark.parametrize("kind", FLOODS)
-def test_the_master_gets_in_while_20000_calls_a_second_arrive(kind: str) -> None:
+def test_master_connects_under_20000_calls_a_second(kind: str) -> None:
     if not RISING:
         RISING.extend(recorded(6_000))
     flood = FLOODS[kind]()

@@ -15,7 +15,7 @@ from weberlink.protocol.retransmission import (
 )
 
 
-def test_nothing_is_due_without_an_update_or_once_it_is_acknowledged() -> None:
+def test_nothing_is_due_without_a_pending_update() -> None:
     retransmission = Retransmission()
     assert retransmission.due_at(0.01, 0.1) == inf
     retransmission.begin(7, 1.0)
@@ -34,7 +34,7 @@ def test_evidence_is_worth_more_than_waiting() -> None:
     assert retransmission.due_at(0.0, 0.1) == 1.0 + SHORTEST_PACE
 
 
-def test_any_transmission_of_the_state_acknowledges_it_and_no_older_one() -> None:
+def test_acknowledgement_of_any_repeat_counts_but_no_older_one() -> None:
     retransmission = Retransmission()
     retransmission.begin(6, 0.9)
     retransmission.begin(7 + 2**16, 1.0)
@@ -98,7 +98,7 @@ def test_early_repeats_are_bounded_by_their_allowance(steps: list[tuple[float, s
     assert repeats <= EARLY_PER_S * (1.0 + now) + 1e-9
 
 
-def test_an_early_repeat_needs_no_evidence_and_ends_with_the_acknowledgement_or_a_newer_update() -> None:
+def test_early_repeats_end_with_acknowledgement_or_newer_update() -> None:
     retransmission = Retransmission()
     retransmission.begin(7, 1.0, copies=2)
     assert retransmission.due_at(0.3, 9.0) == 1.0 + SHORTEST_PACE
@@ -119,7 +119,3 @@ def test_copies_leave_little_lost(loss: float) -> None:
     assert 0 <= copies <= MOST_COPIES
     assert loss <= LOSSY or copies == MOST_COPIES or loss ** (1 + copies) <= RESIDUAL * (1.0 + 1e-6)
     assert copies == 0 or loss**copies > RESIDUAL * (1.0 - 1e-6)
-
-
-def test_a_clean_link_needs_no_copies() -> None:
-    assert [copies_needed(loss) for loss in (0.0, LOSSY, 0.01, 0.1, 0.3, 1.0)] == [0, 0, 0, 1, 3, 3]

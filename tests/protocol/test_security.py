@@ -73,7 +73,7 @@ def test_every_rekeying_gives_new_keys(security: Security) -> None:
 
 
 @pytest.mark.parametrize("security", suites())
-def test_a_handshake_message_is_bound_to_its_prologue_and_question(security: Security) -> None:
+def test_handshake_message_is_bound_to_prologue_and_call(security: Security) -> None:
     private = bytes(range(security.private_size))
     outgoing, other = (security.call(b"head", private[:-2] + bytes((number, 0))) for number in (1, 2))
     hello = outgoing.hello(b"payload")

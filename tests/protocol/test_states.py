@@ -16,10 +16,6 @@ def test_every_state_can_be_reached_and_left() -> None:
     assert all(State.CLOSED in TABLE[state].values() for state in State if state is not State.CLOSED)
 
 
-def test_every_trigger_is_used() -> None:
-    assert {trigger for row in TABLE.values() for trigger in row} == set(Trigger)
-
-
 @pytest.mark.parametrize("state", State)
 @pytest.mark.parametrize("trigger", Trigger)
 def test_a_move_is_in_the_table_or_refused(state: State, trigger: Trigger) -> None:
@@ -28,8 +24,3 @@ def test_a_move_is_in_the_table_or_refused(state: State, trigger: Trigger) -> No
     else:
         with pytest.raises(StateError, match=f"{trigger.name} .* {state.name}"):
             next_state(state, trigger)
-
-
-def test_only_a_session_can_fall_silent_and_only_the_silent_can_be_heard_again() -> None:
-    assert [state for state in State if Trigger.FALL_SILENT in TABLE[state]] == [State.ENGAGED]
-    assert [state for state in State if Trigger.HEAR in TABLE[state]] == [State.SILENT]

@@ -15,7 +15,7 @@ def mapped(offset: float = 100.0, delay: float = 0.01) -> Clock:
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 3.0), st.floats(-1e6, 1e6)), min_size=1, max_size=60))
-def test_the_minimum_covers_its_window_give_or_take_a_bucket(steps: list[tuple[float, float]]) -> None:
+def test_minimum_covers_its_window_within_a_bucket(steps: list[tuple[float, float]]) -> None:
     minimum = SlidingMinimum()
     now, samples = 1e6, []
     for step, value in steps:
@@ -67,7 +67,7 @@ def test_a_stamp_is_expanded_near_the_mapped_clock(now: float, offset: float, de
     assert departure <= now - delay + offset + 1e-9, "cut off, so that no delay is ever too short"
 
 
-def test_what_left_after_it_came_is_not_believed_until_the_window_has_passed() -> None:
+def test_departure_after_arrival_is_implausible_within_the_window() -> None:
     clock = mapped(0.0, 0.01)
     assert clock.is_plausible(0.99, 1.0)
     assert clock.is_plausible(-50.0, 1.0), "late, but possible"
@@ -86,7 +86,7 @@ def test_a_report_that_no_link_can_give_changes_nothing(minimum: float) -> None:
     assert clock.late == 0.0
 
 
-def test_a_step_of_the_peers_clock_unmaps_rather_than_misleads() -> None:
+def test_step_of_the_peers_clock_removes_the_mapping() -> None:
     clock = mapped(0.0, 0.01)
     clock.record(1.0 + 30.0 + WINDOW, 1.0 + WINDOW)
     assert clock.peer_time(5.0) is None

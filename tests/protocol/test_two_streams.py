@@ -21,12 +21,6 @@ def two(**changes: object) -> Pair:
     return Pair(**arguments)  # type: ignore[arg-type]
 
 
-def send(pair: Pair, side: Side, stream: int, tick: int | None = None) -> int:
-    update = sample_update(pair.ticks if tick is None else tick)
-    assert side.endpoint.send_update(side.local(pair.now), update, stream=stream)
-    return update.tick
-
-
 def of(side: Side, stream: int) -> list[UpdateReceived]:
     return [event for event in side.updates() if event.stream == stream]
 
@@ -38,7 +32,7 @@ def test_each_arrives_once_and_as_it_was(security: object) -> None:
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for stream, pace in ((0, 7), (1, 11)):
             if 200 < tick < 2000 and tick % pace == 0:
-                sent[stream].append(send(pair, pair.master, stream))
+                sent[stream].append(pair.master.send(pair.now, pair.ticks, stream))
 
     ends = {**BOTH, "security": security}
     pair = two(master=ends, slave=ends, on_tick=on_tick).engage().run(2.0)
@@ -66,15 +60,15 @@ def test_streams_may_differ_in_size() -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 1])
-def test_what_one_stream_lacks_is_not_hidden_by_the_other(missing: int) -> None:
+def test_loss_of_one_stream_is_not_hidden_by_the_other(missing: int) -> None:
     """The update of one is lost and that of the other, later, arrives: only the lost one is sent again."""
     pair = two().engage().run(1.0)
     kind = (Kind.UPDATE, Kind.SECOND_UPDATE)[missing]
     pair.swallow = lambda side, data: kind_of(data) == kind
-    lost = send(pair, pair.master, missing)
+    lost = pair.master.send(pair.now, pair.ticks, missing)
     pair.run(0.001)
     pair.swallow = lambda side, data: False
-    send(pair, pair.master, 1 - missing)
+    pair.master.send(pair.now, pair.ticks, 1 - missing)
     pair.run(MENDED_WITHIN)
     assert [event.update.tick for event in of(pair.slave, missing)] == [lost]
     assert len(of(pair.slave, 1 - missing)) == 1
@@ -82,15 +76,15 @@ def test_what_one_stream_lacks_is_not_hidden_by_the_other(missing: int) -> None:
 
 
 @pytest.mark.parametrize("missing", [0, 1])
-def test_evidence_that_one_stream_lacks_its_update_brings_the_repeat_forward(missing: int) -> None:
+def test_evidence_of_one_stream_brings_its_repeat_forward(missing: int) -> None:
     pair = two().engage().run(1.0)
     pair.swallow = lambda side, data: side is pair.master
-    lost = send(pair, pair.master, missing)
+    lost = pair.master.send(pair.now, pair.ticks, missing)
     pair.run(0.004)
     pair.swallow = lambda side, data: False
-    send(pair, pair.master, 1 - missing)
+    pair.master.send(pair.now, pair.ticks, 1 - missing)
     pair.run(0.002)
-    send(pair, pair.slave, 0)  # which acknowledges the one and not the other
+    pair.slave.send(pair.now, pair.ticks, 0)  # which acknowledges the one and not the other
     pair.run(0.01)
     assert [event.update.tick for event in of(pair.slave, missing)] == [lost]
 
@@ -120,7 +114,7 @@ def test_neither_supersedes_the_other(first: int) -> None:
     st.sampled_from([0.0, 0.001, 0.02, 0.045]),
     st.booleans(),
 )
-def test_after_any_pattern_of_losses_the_newest_update_of_both_is_there_soon(
+def test_newest_updates_arrive_after_any_pattern_of_losses(
     seed: int, forward: list[bool], backward: list[bool], gaps: tuple[int, int], delay: float, doubled: bool
 ) -> None:
     """Any of the datagrams of each direction are lost for 80 ms; the rest are late, swapped or there twice."""
@@ -131,7 +125,7 @@ def test_after_any_pattern_of_losses_the_newest_update_of_both_is_there_soon(
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for stream, gap in enumerate(gaps):
             if 0.2 <= now < ends_at and tick % gap == 0:
-                newest[stream] = send(pair, pair.master, stream)
+                newest[stream] = pair.master.send(pair.now, pair.ticks, stream)
 
     pair = two(seed=seed, forward=link, backward=link, on_tick=on_tick).engage()
     fates = {id(pair.master): iter(forward), id(pair.slave): iter(backward)}
@@ -150,7 +144,7 @@ def test_an_end_of_one_stream_refuses_the_other_kind() -> None:
         slave={"outgoing_values": (3,), "incoming_values": (3,)},
     )
     pair.engage()
-    send(pair, pair.master, 0)
+    pair.master.send(pair.now, pair.ticks, 0)
     ((data, _),) = pair.master.endpoint.datagrams_to_send()
     pair.slave.endpoint.receive_datagram(
         bytes([data[0] | Kind.SECOND_UPDATE]) + data[1:], pair.master.address, pair.now

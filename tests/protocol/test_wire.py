@@ -70,9 +70,7 @@ def test_the_table_is_the_code(values: int, carries_credit: bool, streams: int) 
 @pytest.mark.parametrize(
     ("streams", "carries_credit", "plain", "paired"), [(1, False, 32, 46), (1, True, 34, 48), (2, False, 34, 48)]
 )
-def test_a_three_axis_force_update_with_tag_fits_the_budget(
-    streams: int, carries_credit: bool, plain: int, paired: int
-) -> None:
+def test_three_axis_update_fits_the_budget(streams: int, carries_credit: bool, plain: int, paired: int) -> None:
     """A force is not made longer by a torque; what ends its datagram is the acknowledgement of the other stream."""
     acks = (1,) * (streams - 1)
     for layout in DirectionLayout((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:

@@ -3,19 +3,24 @@
 import pytest
 
 from tests.safety.cases import TO_MASTER, TO_SLAVE
-from tests.safety.held import ALL, ALONE, SILENCE_S, WRAP_S, delay, every, hold
+from tests.safety.held import ALL, ALONE, WRAP_S, delay, hold
 
 
 @pytest.mark.parametrize(
     ("direction", "mode", "age"),
     [
         (TO_SLAVE, ALL, 0.105),
-        (TO_MASTER, ALL, 0.105),
-        (TO_SLAVE, ALONE, 0.4),
-        (TO_MASTER, ALL, 1.2),
-        (TO_SLAVE, ALL, 3.1),
-        (TO_SLAVE, ALL, WRAP_S),
         (TO_MASTER, ALL, WRAP_S),
+        *(
+            pytest.param(*row, marks=pytest.mark.hunt)
+            for row in (
+                (TO_MASTER, ALL, 0.105),
+                (TO_SLAVE, ALONE, 0.4),
+                (TO_MASTER, ALL, 1.2),
+                (TO_SLAVE, ALL, 3.1),
+                (TO_SLAVE, ALL, WRAP_S),
+            )
+        ),
     ],
 )
 def test_a_held_batch_is_executed_only_within_the_limit(direction: str, mode: str, age: float) -> None:
@@ -26,16 +31,10 @@ def test_a_held_batch_is_executed_only_within_the_limit(direction: str, mode: st
 
 
 @pytest.mark.parametrize(("to_slave", "to_master"), [(0.152, 0.001), (0.001, 0.152)])
-def test_a_path_that_is_slow_in_one_direction_executes_nothing_too_old(to_slave: float, to_master: float) -> None:
+def test_asymmetric_path_executes_nothing_too_old(to_slave: float, to_master: float) -> None:
     assert delay(to_slave, to_master).too_old == 0
 
 
 def test_a_batch_that_is_delivered_in_time_is_executed() -> None:
     row = hold(TO_SLAVE, ALONE, 0.03)
     assert row.oldest_ms == pytest.approx(30.0)
-
-
-def test_the_table_has_the_ages_at_which_stamps_repeat() -> None:
-    ages = {age for _, _, age in every()}
-    assert {WRAP_S, 2.0 * WRAP_S} <= ages
-    assert {round(age, 6) for age in ages} >= {round(4.0 * SILENCE_S * factor, 6) for factor in (1, 2, 3)}

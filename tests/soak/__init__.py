@@ -1,5 +1,4 @@
-"""Live sessions under every fault at once, for as long as one likes, and under floods: run by hand, not by the suite.
+"""Live sessions under every fault at once, for as long as one likes: `python -m tests.soak` (docs/soak.md).
 
-`python -m tests.soak` and `python -m tests.soak.flood`; docs/soak.md says what they do and how to read them. The tests
-beside them are of their parts, and one short run of each.
+The tests beside it are of its parts, and one short run.
 """

@@ -301,6 +301,7 @@ FAULTS: dict[str, Fault] = {
     "second_master": Fault(intruders.second_master, keeps=True),
     "take_over": Fault(intruders.take_over, keeps=False, limit_s=RESTART_S, rare=True),
     "stolen_path": Fault(intruders.stolen_path, keeps=True),
+    "flood": Fault(intruders.flood, keeps=True),
     "many_calls": Fault(intruders.many_calls, keeps=False, limit_s=RESTART_S, rare=True),
     "killed_master": Fault(_killed(MASTER), keeps=False, limit_s=RESTART_S, rare=True),
     "killed_slave": Fault(_killed(SLAVE), keeps=False, limit_s=RESTART_S, rare=True),

@@ -1,6 +1,7 @@
 """Faults caused by others: a second master, an attacker who copies datagrams, recorded calls."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -8,8 +9,10 @@ from contextlib import suppress
 from time import monotonic, time_ns
 from typing import Self
 
-from tests.soak.ammunition import load
+from tests.soak import laws
+from tests.soak.ammunition import KINDS, load
 from tests.soak.conditions import Field
+from tests.soak.processes import cpu_seconds
 from tests.soak.rig import LINK, Rig
 from tests.soak.volley import volley
 from weberlink.protocol.emulation import Emulation
@@ -26,6 +29,9 @@ NEW_SESSION_S = 3.0
 RECORDED, CALLS_PER_S = 10_000, 20_000
 """Calls in a long recording."""
 CALLS_S = 5.0
+FLOOD_PER_S = 50_000
+MOST_CORE = 0.75
+"""Of a core that a daemon may take during a flood."""
 THIEF, CALLER = "127.0.0.4", ("127.0.0.3", 0)
 
 
@@ -152,6 +158,32 @@ def stolen_path(at: Field) -> list[str]:
     at.notes["probes to the thief"] = probed
     at.notes["datagrams sent meanwhile"] = int(sent[-1] - sent[0])
     return [f"{stolen} of {sent[-1] - sent[0]} datagrams went to who copied the master's"] * (stolen > 0)
+
+
+def flood(at: Field) -> list[str]:
+    """Somebody sends 50,000 datagrams a second of one kind to one end, as root also in the name of the other end."""
+    rig, wire = at.rig, at.rig.wire
+    kind = "forged" if at.short else at.random.choice(KINDS)
+    side, way = at.random.choice(((SLAVE, "forward"), (MASTER, "backward")))
+    spoof = os.geteuid() == 0 and not at.short and at.random.random() < 0.5
+    at.watch.wait(1.0)
+    books = wire.books()
+    genuine = wire.recorded_calls() if kind in ("handshake", "calls") else wire.recall(way, RECORDED)
+    if books.master is None or not genuine:
+        at.notes["left out, nothing genuine was recorded"] = 1
+        return []
+    datagrams = load(kind, genuine, at.random, load_key(rig.folder / "soak.key"))
+    target = rig.slave_address if side == SLAVE else books.master
+    source = (books.back if side == SLAVE else wire.front) if spoof else CALLER
+    pid, began = rig.lives[side].pid, monotonic()
+    spent = cpu_seconds(pid)
+    with volley(rig.folder, datagrams, target, source, FLOOD_PER_S, at.lasting(1.0, 2.0, 5.0), spoof=spoof) as gun:
+        at.watch.until(lambda: gun.poll() is not None, START_S)
+        output, _ = gun.communicate(timeout=START_S)
+    core = (cpu_seconds(pid) - spent) / (monotonic() - began)
+    at.notes[f"% of a core of the {side} during {kind}"] = round(100 * core)
+    found = [f"the {side} took {100 * core:.0f} % of a core during {kind}"] * (core > MOST_CORE)
+    return found + laws.answers_little(json.loads(output), is_proven=kind == "calls")
 
 
 def _stamp(call: bytes) -> int:

@@ -1,6 +1,6 @@
 """Laws that must hold whatever is done to a session; each looks at telemetry and returns a line for each violation."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -195,6 +195,24 @@ def same_session(calls: int, answers: int) -> list[str]:
     if calls or answers:
         return [f"the session was not kept: {calls} HELLOs and {answers} WELCOMEs"]
     return []
+
+
+def answers_little(shots: Mapping[str, Any], *, is_proven: bool) -> list[str]:
+    """A flood gets at most one answer to a question, no longer than that, and none without proof of the key.
+
+    Args:
+        shots: figures of `tests.soak.volley`.
+        is_proven: whether the datagrams hold a proof of the key.
+    """
+    if not shots["answers"]:  # none, or nobody could hear them
+        return []
+    found = [] if is_proven else [f"{shots['answers']} answers to who has not proved the key"]
+    if shots["answers"] > shots["sent"] or shots["answered_bytes"] > shots["sent_bytes"]:
+        asked = f"{shots['sent']} questions of {shots['sent_bytes']} B"
+        found.append(f"{asked} had {shots['answers']} answers of {shots['answered_bytes']} B")
+    if shots["longest_answer"] > shots["shortest_question"]:
+        found.append(f"an answer of {shots['longest_answer']} B, a question of {shots['shortest_question']} B")
+    return found
 
 
 def holds_no_more(first: Footprint, now: Footprint) -> list[str]:

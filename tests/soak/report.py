@@ -5,6 +5,8 @@ from dataclasses import asdict, dataclass, field
 from math import inf, isfinite, sqrt
 from typing import Any
 
+import numpy as np
+
 from tests.soak.rig import SIDES
 from tests.soak.watch import Samples
 
@@ -40,38 +42,25 @@ def fit(lives: Sequence[Sequence[tuple[float, float]]], *, warm_up: float = WARM
     Args:
         lives: (time [s], value) of each, in order of time; the first sample of a life is its beginning.
     """
-    square = product = 0.0
-    centred: list[tuple[float, float]] = []
-    groups = 0
+    centred = []
     for life in lives:
-        blocks = _blocks(life, warm_up)
-        if len(blocks) < 2:
+        if not life:
             continue
-        groups += 1
-        at, level = (sum(column) / len(blocks) for column in zip(*blocks, strict=True))
-        centred += [(when - at, value - level) for when, value in blocks]
-    freedom = len(centred) - groups - 1
-    if len(centred) < _FEWEST_BLOCKS or freedom < 1:
+        samples = np.array(life, dtype=np.float64)
+        since = samples[:, 0] - samples[0, 0] - warm_up
+        samples, since = samples[since >= 0.0], since[since >= 0.0]
+        numbers = since // BLOCK_S
+        blocks = np.array([samples[numbers == number].mean(axis=0) for number in np.unique(numbers)])
+        if len(blocks) >= 2:
+            centred.append(blocks - blocks.mean(axis=0))
+    points = np.concatenate([np.empty((0, 2)), *centred])
+    freedom = len(points) - len(centred) - 1
+    if len(points) < _FEWEST_BLOCKS or freedom < 1:
         return None
-    for when, value in centred:
-        square += when * when
-        product += when * value
-    slope = product / square
-    residual = sum((value - slope * when) ** 2 for when, value in centred)
-    return Growth(slope * _HOUR, sqrt(residual / freedom / square) * _HOUR, len(centred))
-
-
-def _blocks(life: Sequence[tuple[float, float]], warm_up: float) -> list[tuple[float, float]]:
-    """Means of time and value of each `BLOCK_S` after the warm-up."""
-    began = life[0][0] if life else inf
-    gathered: dict[int, list[tuple[float, float]]] = {}
-    for when, value in life:
-        if when >= began + warm_up:
-            gathered.setdefault(int((when - began - warm_up) / BLOCK_S), []).append((when, value))
-    return [
-        (sum(when for when, _ in block) / len(block), sum(value for _, value in block) / len(block))
-        for block in gathered.values()
-    ]
+    at, values = points.T
+    slope = float(at @ values / (at @ at))
+    residual = float(np.sum((values - slope * at) ** 2))
+    return Growth(slope * _HOUR, sqrt(residual / freedom / float(at @ at)) * _HOUR, len(points))
 
 
 @dataclass

@@ -1,8 +1,4 @@
-"""Two daemons, the key that they share, and the relay between them: what a soak and a flood torment.
-
-Owns the files and the processes, as the launcher makes them; nothing of them is left at the end. Decides nothing about
-faults.
-"""
+"""Two daemons, their key and the relay between them, as the launcher makes them; nothing is left at the end."""
 
 import os
 import signal
@@ -11,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from tempfile import mkdtemp
-from time import monotonic, sleep
+from time import monotonic
 from types import TracebackType
 from typing import Any, Self
 
@@ -20,7 +16,6 @@ import yaml
 from tests.soak.wallclock import WallClock, wall_clock
 from tests.soak.wire import Wire
 from weberlink.protocol.keys import generate
-from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, load
 from weberlink.system.daemon import Order
 from weberlink.system.launcher import Daemon
@@ -33,12 +28,10 @@ CONFIGURATION = Path(__file__).parents[2] / "configs" / "loopback.yaml"
 LINK = "127.0.0.1"
 SILENCE_MS = 250.0
 """A shared machine stalls for up to 110 ms now and then, which is not the fault that is being looked for."""
-PATIENCE = 60.0
-_LOOK = 0.01
 
 
 class RigError(RuntimeError):
-    """What the rig needs did not come about."""
+    """A daemon has ended by itself, or could not be started."""
 
 
 class Life:
@@ -197,30 +190,6 @@ class Rig:
                 summaries[side] = life.daemon.finish()
                 life.read()
         return summaries
-
-    def engaged(self) -> bool:
-        """Whether both are in a session, by their newest records, which this reads."""
-        for life in self.lives.values():
-            life.read()
-        lasts = [life.last for life in self.lives.values()]
-        return len(lasts) == len(SIDES) and all(
-            last is not None and last["state"] == State.ENGAGED.value for last in lasts
-        )
-
-    def until_engaged(self) -> None:
-        """Wait for both.
-
-        Raises:
-            RigError: if one has ended, or it takes too long.
-        """
-        deadline = monotonic() + PATIENCE
-        while not self.engaged():
-            for side, life in self.lives.items():
-                if not life.daemon.running:
-                    raise RigError(f"the {side} has ended: {life.daemon.finish()['outcome']}")
-            if monotonic() > deadline:
-                raise RigError(f"no session after {PATIENCE:g} s")
-            sleep(_LOOK)
 
     def _end(self) -> None:
         for life in self.lives.values():

@@ -102,9 +102,9 @@ class Soak:
             if self.report.rounds and self._random.random() < TOGETHER:
                 under = self._random.choice([other for other in CONDITIONS if name not in EXCLUDED[other]])
             self._tell(self.report, name + (f" under {under}" if under else ""), until - monotonic())
-            self._torment(name, self._faults[name], under, field)
+            self._apply(name, self._faults[name], under, field)
 
-    def _torment(self, name: str, fault: Fault, under: str, field: Field) -> None:
+    def _apply(self, name: str, fault: Fault, under: str, field: Field) -> None:
         """One fault, the way back, and the laws."""
         kind, watch = self.report.kind(name), field.watch
         kind.count += 1
@@ -162,6 +162,7 @@ class Soak:
         if watch.overruns:
             report.violations.append(f"{watch.overruns} records were overwritten before the soak could read them")
         report.longest_queue_bytes = watch.longest_queue
-        report.relay = rig.wire.books()._asdict()
+        books = rig.wire.books()
+        report.relay = {"forward": dict(books.forward), "backward": dict(books.backward)}
         report.lives = {side: sum(of.name == side for of in watch.samples.values()) for side in SIDES}
         report.measure(watch.samples.values())

@@ -8,11 +8,12 @@ import sys
 from functools import partial
 from pathlib import Path
 from tempfile import gettempdir
+from typing import Any
 
 import pytest
 
+from tests.soak.conditions import CONDITIONS, EXCLUDED
 from tests.soak.faults import FAULTS
-from tests.soak.underlays import ALONE, UNDERLAYS
 from tests.system.processes import PATIENCE, ROOT, until
 from weberlink.telemetry.runtime_directory import directories
 
@@ -56,27 +57,36 @@ def folders() -> set[Path]:
     return set(Path(gettempdir()).glob("weberlink-soak-*"))
 
 
-def test_every_fault_once(tmp_path: Path) -> None:
-    out, before = tmp_path / "soak.json", folders()
-    with soak("--minutes", 0.5, "--seed", 5, "--json", out) as process:
+def soaked(folder: Path, *arguments: object) -> dict[str, Any]:
+    """The report of a short soak, which must end in order and leave nothing behind."""
+    out, before = folder / "soak.json", folders()
+    with soak("--minutes", 0.01, "--seed", 5, "--json", out, *arguments) as process:
         output, errors = process.communicate(timeout=3 * PATIENCE)
-    told = json.loads(out.read_text(encoding="utf-8"))
+    told: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
     assert (process.returncode, errors, told["failures"]) == (0, "", []), output
-    assert {name: kind["count"] for name, kind in told["kinds"].items()} == dict.fromkeys(FAULTS, 1)
-    assert min(told["lives"].values()) >= 2
-    assert told["checks"] > 0
-    assert told["datagrams"] > 0
-    relay = told["relay"]["forward"], told["relay"]["backward"]
-    # Whether one is on its way to an address that is just left is chance: test_direction.py asks for "orphaned".
-    for harm in ("lost", "corrupted", "duplicated", "reordered", "replayed", "released", "discarded"):
-        assert sum(way[harm] for way in relay) > 0, harm
-    assert told["environment"]["python"]
     assert left_by(process.pid) == []
     assert folders() <= before
+    return told
 
 
-@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGKILL])
-def test_it_leaves_nothing_behind_when_its_terminal_goes_away_or_it_is_killed(number: signal.Signals) -> None:
+def test_a_cut_and_a_killed_daemon_break_no_law(tmp_path: Path) -> None:
+    told = soaked(tmp_path, "--faults", "cut_to_slave", "flood", "killed_master")
+    assert {kind["count"] for kind in told["kinds"].values()} == {1}
+    assert told["lives"]["master"] == 2
+    assert told["environment"]["python"]
+
+
+@pytest.mark.hunt
+def test_every_fault_once(tmp_path: Path) -> None:
+    told = soaked(tmp_path)
+    assert {name: kind["count"] for name, kind in told["kinds"].items()} == dict.fromkeys(FAULTS, 1)
+    relay = told["relay"]["forward"], told["relay"]["backward"]
+    for harm in ("lost", "corrupted", "duplicated", "reordered", "replayed", "released", "discarded"):
+        assert sum(way.get(harm, 0) for way in relay) > 0, harm
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, pytest.param(signal.SIGKILL, marks=pytest.mark.hunt)])
+def test_ended_soak_leaves_nothing_behind(number: signal.Signals) -> None:
     before = folders()
     with soak("--minutes", 60) as process:
         until(lambda: len([path for path in left_by(process.pid) if path.endswith(".ring")]) == 2, "both rings")
@@ -96,7 +106,7 @@ def test_it_leaves_nothing_behind_when_its_terminal_goes_away_or_it_is_killed(nu
 
 
 def test_what_can_come_together_is_told_in_full() -> None:
-    assert ALONE.keys() == UNDERLAYS.keys()
+    assert EXCLUDED.keys() == CONDITIONS.keys()
     for name in FAULTS:
-        assert any(name not in ALONE[under] for under in UNDERLAYS), name
-    assert set().union(*ALONE.values()) <= set(FAULTS)
+        assert any(name not in EXCLUDED[under] for under in CONDITIONS), name
+    assert set().union(*EXCLUDED.values()) <= set(FAULTS)

@@ -16,7 +16,7 @@ print(time.time(), time.clock_gettime(time.CLOCK_REALTIME), time.monotonic(), ti
 """
 
 
-def test_a_step_is_seen_by_who_runs_already_and_by_who_starts(tmp_path: Path) -> None:
+def test_step_is_seen_by_running_and_new_processes(tmp_path: Path) -> None:
     with wall_clock(tmp_path) as clock:
         if clock is None:
             pytest.skip("no C compiler")

@@ -1,7 +1,27 @@
-"""Messages of the Haply board."""
+"""Messages of the Haply board.
+
+Sources: the board's firmware (Arduino Due, 2017; M0, 2018) and the vendor's libraries in C++ and Python, which agree on
+the order of the bytes. Numbers are 32-bit floats, least significant byte first:
+
+| message | bytes |
+|---|---|
+| reset | 0, 0 |
+| setup | 1, id, motor ports, their directions, encoder ports, their directions, number and pins of analog inputs, \
+number and pins of PWM outputs, then offset [deg] and counts per turn of each encoder |
+| torques | 2, id, a byte for each PWM output, a torque for each motor [N m] |
+| answer to torques | id, a value for each analog input, an angle for each encoder [deg] |
+
+Ports are bits, port 1 the lowest; values for motors and encoders come in the order of the ports; direction 0 is
+clockwise, 1 counter-clockwise. The host chooses the id. There is no framing and no checksum, and the firmware does not
+wait for the first bytes of a message: it must be written at once. A first byte that begins no message is ignored.
+
+Setup takes the arms to be at the offsets now, so a second setup moves the origin. Neither reset nor setup takes the
+torque off a motor, and no watchdog does.
+"""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite
 from struct import Struct
 from typing import NamedTuple
@@ -13,17 +33,17 @@ RESET = bytes((0, 0))
 CLOCKWISE, COUNTER_CLOCKWISE = 0, 1
 
 _IGNORED = 3
-"""Begins no message, and is the most significant byte of a torque too small to matter (4e-37 N m)."""
+"""Begins no message, and is the most significant byte of a negligible torque (4e-37 N m)."""
 _SETUP = Struct("<10B4f")
 _TORQUES = Struct("<2B2f")
 _REPLY = Struct("<B2f")
 REPLY_SIZE = _REPLY.size
 
 ROUNDING = 2e-6
-"""Of the board's arithmetic: a few units in the last place of a 32-bit float."""
+"""Rounding of the board: a few units in the last place of a 32-bit float."""
 
 LEAST_ID, IDS = 16, 112
-"""Below and above are the 5 of the vendor's programs and what a signed byte could not hold."""
+"""This range excludes the id 5 of the vendor's programs and ids beyond a signed byte."""
 
 Pair = tuple[float, float]
 
@@ -55,11 +75,11 @@ class HaplyBoard:
     encoders: tuple[BoardEncoder, BoardEncoder]
     home_deg: Pair
     whole_counts: bool = True
-    id: int = field(init=False)
-    """Made from all the rest: only a board that was set up in just this way answers to it with angles."""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "id", LEAST_ID + crc32(self._setup(0)) % IDS)
+    @cached_property
+    def id(self) -> int:
+        """Derived from all fields: only a board with exactly this setup answers it with angles."""
+        return LEAST_ID + crc32(self._setup(0)) % IDS
 
     @property
     def setup(self) -> bytes:
@@ -67,17 +87,17 @@ class HaplyBoard:
 
     @property
     def bare_reply(self) -> bytes:
-        """Of a board that knows no device of this id: it has not been set up, or was restarted since."""
+        """Reply of a board that does not know this id: it was never set up, or restarted since."""
         return bytes((self.id,))
 
     def torques(self, first: float, second: float) -> bytes:
-        """Of motors 1 and 2 [N m]."""
+        """Message that commands the torques of motors 1 and 2 [N m]."""
         in_order = (first, second) if self.motors[0].port < self.motors[1].port else (second, first)
         return _TORQUES.pack(2, self.id, *in_order)
 
     @property
     def torques_off(self) -> bytes:
-        """No torque, understood as that also behind the first part of a message of torques.
+        """Message for zero torque that is understood even after the first part of a torque message.
 
         Ignored bytes fill up that message, or stand for nothing. Zeros behind half a message would be resets, after
         which the board no longer knows the id and keeps its torques.
@@ -86,7 +106,7 @@ class HaplyBoard:
         return bytes((_IGNORED,)) * (len(off) - 1) + off
 
     def angles(self, reply: bytes) -> Pair:
-        """Of encoders 1 and 2 [deg].
+        """Angles of encoders 1 and 2 [deg] in a reply.
 
         Raises:
             BadReply: bytes are missing or too many, the id is another, or an angle is none that an encoder has.
@@ -118,7 +138,7 @@ class HaplyBoard:
 
 
 def _is_whole(counts: float) -> bool:
-    """But for the rounding of the angle, which leaves 0 as it is."""
+    """Whether a count is whole up to the rounding of the angle; 0 is not rounded."""
     nearest = round(counts)
     return counts == 0.0 if nearest == 0 else abs(counts - nearest) <= ROUNDING * max(1.0, abs(counts))
 

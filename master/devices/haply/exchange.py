@@ -1,4 +1,8 @@
-"""The dialogue with the Haply board: torques out, angles in."""
+"""The dialogue with the Haply board: torques out, angles in.
+
+No byte of an answer says which question it belongs to, and there is no checksum: a lost byte shows in the length, in
+the device id, or in angles that the arms cannot have.
+"""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -11,7 +15,6 @@ from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, HaplyBoard
 from weberlink.master.devices.haply.linkage import (
-    MOST_TORQUE_N_M,
     HaplyFrame,
     HaplyVersion,
     Pair,
@@ -20,29 +23,29 @@ from weberlink.master.devices.haply.linkage import (
     degrees,
     radians,
 )
+from weberlink.master.devices.haply.options import HaplyOptions
 
 SETTLING_S = 0.1
-"""How long an answer that is owed is waited for before it counts as lost."""
+"""Longest wait for an owed answer until it counts as lost [s]."""
 LEAST_SIZE = REPLY_SIZE - 1
-"""Of an answer on its way to which a byte got lost."""
+"""Size of an answer that lost a byte."""
 GAP_S = 0.01
-"""How long the rest of an answer is waited for once some of it is there: it leaves the board in one packet."""
+"""Longest wait for the rest of an answer [s]: it leaves the board in one packet."""
 MUTE_MOST = 2
-"""How often nothing at all may come for so long."""
+"""Number of silent waits after which the board counts as mute."""
 RECOVERY_S = 0.05
-"""How long an answer after a bad one is waited for: it is late then, which is bad too, but is not owed any more."""
+"""Longest wait for the answer after a bad one [s]: a late answer is bad too, but no longer owed."""
 
 
 class Forgotten(HardwareFault):
-    """The board knows no device of this id: it has never been set up so, or was restarted since."""
+    """The board does not know this id: it was never set up like this, or restarted since."""
 
 
 class HaplyLine:
-    """An open port with the board at its other end.
+    """An open port to the board.
 
-    An answer that comes too late would be taken for that to the next question, and so would every one after it: the
-    positions would lag for good. So after a bad answer the torque is taken off, and there is no next question until
-    nothing is owed any more.
+    A late answer would be taken for the answer to the next question, and the positions would lag from then on. So after
+    a bad answer the torque is taken off, and the next question waits until no answer is owed.
 
     Args:
         path: of the port.
@@ -62,18 +65,18 @@ class HaplyLine:
         self._recovers = False
         self._mute = 0
         self.asked_at = 0.0
-        """When the last question went out [s]."""
+        """When the last question was sent [s]."""
 
     @property
     def path(self) -> str:
         return self._port.path
 
     def tell(self, message: bytes) -> None:
-        """Something that is not answered."""
+        """Send a message that has no answer."""
         self._port.write(message)
 
     def ask(self, torques: bytes, patience: float) -> Pair:
-        """Command torques and get the angles [deg]; after a bad answer, with a while before in which the torque is off.
+        """Command torques and get the angles [deg]; after a bad answer, first wait with the torque off.
 
         Raises:
             BadReply: no answer within `patience` [s], or one that cannot be.
@@ -107,7 +110,7 @@ class HaplyLine:
         return angles
 
     def doubt(self) -> None:
-        """The last answer could be read, but cannot be true."""
+        """Reject the last answer: it was readable but is implausible."""
         self._owed, self._recovers = 1, True
 
     def close(self) -> None:
@@ -117,7 +120,7 @@ class HaplyLine:
         self._port.write(self._board.torques_off)
         self._owed += 1
         self._listen(LEAST_SIZE * self._owed, SETTLING_S)
-        while more := self._port.read(monotonic() + GAP_S):  # answers to a guardian, which nobody counts
+        while more := self._port.read(monotonic() + GAP_S):  # answers to the guardian, which are not counted
             self._heard += more
         bare = len(self._heard) <= self._owed and self._heard == self._board.bare_reply * len(self._heard)
         forgotten = bare and self._heard != b""
@@ -136,15 +139,15 @@ class HaplyLine:
 
 
 FASTEST = 50.0
-"""[rad/s]; a hand at 1 m/s turns an arm of 7 cm at 14."""
+"""Fastest plausible arm [rad/s]; a hand at 1 m/s turns an arm of 7 cm at 14."""
 WIDEST = 3.5
-"""How far an arm turns from its starting place at most [rad]; with the other arm in the way it is less."""
+"""Largest angle of an arm from its starting place [rad]."""
 STUCK_TRAVEL = 1.5
-"""How far one arm turns while the other does not by a single count before that encoder counts as broken [rad]."""
+"""An encoder counts as broken when the other arm turns by this angle without a single count of it [rad]."""
 
 
 class AngleValidator:
-    """Follows the angles of one session.
+    """Checks the angles of one session for plausibility.
 
     Args:
         bar: the linkage.
@@ -161,7 +164,7 @@ class AngleValidator:
         self._travel = [0.0, 0.0]
 
     def follow(self, angles: Pair, asked_at: float, now: float) -> Pair:
-        """Take over angles [rad], and give the tip [m, frame of the linkage].
+        """Accept angles [rad], and give the tip [m, frame of the linkage].
 
         They were measured some time between `asked_at` and `now` [s]: a host that stalls gets an answer late.
 
@@ -201,9 +204,9 @@ class AngleValidator:
 
 
 SETUP_S = 0.5
-"""How long a board may take for its first answer after it was set up."""
+"""Longest wait for the first answer after a setup [s]."""
 QUESTION_S = 0.05
-"""How long it may take while nothing moves by its answers."""
+"""Longest wait for an answer while no control depends on it [s]."""
 QUESTIONS = 3
 NEAR_HOME_DEG = 10.0
 RESTARTED = (
@@ -216,52 +219,36 @@ class HaplyExchange:
 
     Args:
         find: gives the path of the port.
-        version: the kind of device, with the changes of the options.
-        frame: of the device.
+        version: of the device, with the changes of the options.
+        options: of the driver.
         guardian: takes the torque off when this process stops; None for a device without force.
-        torque_limit: of either motor [N m]; both are scaled down together, so that the force keeps its direction.
-        torque_gain: what the board is told for each newton metre.
-        reply: how long an answer may take [s].
-        keep_home: whether a board that has already been set up like this keeps its home.
     """
 
     def __init__(
-        self,
-        find: Callable[[], str],
-        version: HaplyVersion,
-        frame: HaplyFrame,
-        guardian: Guardian | None = None,
-        *,
-        torque_limit: float = MOST_TORQUE_N_M,
-        torque_gain: float = 1.0,
-        reply: float = 0.01,
-        keep_home: bool = True,
+        self, find: Callable[[], str], version: HaplyVersion, options: HaplyOptions, guardian: Guardian | None = None
     ) -> None:
         self.guardian = guardian
         self._find = find
         self._version = version
-        self._frame = frame
-        self._torque_limit = torque_limit
-        self._torque_gain = torque_gain
-        self._reply = reply
-        self._keep_home = keep_home
+        self._options = options
+        self._frame = HaplyFrame(options.origin_m or version.center)
         self._board = version.board
         self._zero = self._board.torques(0.0, 0.0)
         self._line: HaplyLine | None = None
         self.start_afresh()
 
     def start_afresh(self) -> None:
-        """A new session: nothing is known of where the arms are."""
+        """Begin a new session with unknown angles."""
         first, second = self._board.encoders
         resolution = radians((360.0 / first.counts_per_turn, 360.0 / second.counts_per_turn))
         self._track = AngleValidator(self._version.bar, radians(self._board.home_deg), resolution)
         self._angles: Pair | None = None
 
     def open(self) -> DeviceReading:
-        """Zero torque comes first of all: a board holds that of a program which died.
+        """Connect, and command zero torque first: the board may still hold that of a program that died.
 
-        The first time of a session a board may be set up, which makes this the starting place. Later on it must
-        still be.
+        The first connection of a session may set the board up, which makes this the starting place; later ones
+        require that setup.
         """
         self.close()
         self._line = line = HaplyLine(self._find(), self._board, self.guardian)
@@ -276,12 +263,12 @@ class HaplyExchange:
         if line is None:
             raise HardwareFault("not open")
         try:
-            return self._follow(line, self._message(force), self._reply)
+            return self._follow(line, self._message(force), self._options.reply_ms * 1e-3)
         except Forgotten:
             raise HardwareFault(f"{line.path}: {RESTARTED}") from None
 
     def close(self) -> None:
-        """Zero torque twice, each time with a while for the answer, which shows that it arrived."""
+        """Command zero torque twice and wait each time for the answer, which confirms it."""
         line, self._line = self._line, None
         if line is None:
             return
@@ -291,13 +278,13 @@ class HaplyExchange:
         line.close()
 
     def _known(self, line: HaplyLine) -> DeviceReading | None:
-        """Where the tip is, if the board has been set up just so and may stay so; None if it must be set up.
+        """The reading of a board that already has exactly this setup and may keep it; None if it must be set up.
 
         Raises:
             BadReply: no answer was good enough to tell.
             HardwareFault: it had been set up, and is not any more.
         """
-        keeps = self._angles is not None or self._keep_home
+        keeps = self._angles is not None or self._options.home == "kept"
         bad = BadReply("does not answer")
         for _ in range(QUESTIONS):
             try:
@@ -339,7 +326,7 @@ class HaplyExchange:
         return DeviceReading(now, self._frame.position(tip))
 
     def _message(self, force: Vector) -> bytes:
-        """J^T F where the arms were last seen, within the limit; nothing where the linkage is singular."""
+        """J^T F in the last pose, within the limit; zero where the linkage is singular."""
         planar = HaplyFrame.planar(force)
         if planar == (0.0, 0.0) or self._angles is None:
             return self._zero
@@ -347,7 +334,8 @@ class HaplyExchange:
             first, second = self._version.bar.jacobian(self._angles).torques(planar)
         except Unreachable:
             return self._zero
-        first, second = first * self._torque_gain, second * self._torque_gain
+        gain, limit = self._options.torque_gain, self._options.torque_limit_n_m
+        first, second = first * gain, second * gain
         most = max(abs(first), abs(second))
-        share = self._torque_limit / most if most > self._torque_limit else 1.0
+        share = limit / most if most > limit else 1.0
         return self._board.torques(first * share, second * share)

@@ -10,11 +10,11 @@ from weberlink.master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, B
 Pair = tuple[float, float]
 
 FLATTEST = 0.02
-"""Sine of the angle between the outer links below which the tip is not determined well enough to work with."""
+"""The linkage counts as singular below this sine of the angle between the outer links."""
 
 
 class Unreachable(ValueError):  # noqa: N818 - a statement about the linkage, not a mistake of the program
-    """No posture of the linkage is like this, or it is singular there."""
+    """The linkage has no such posture, or is singular there."""
 
 
 class Jacobian(NamedTuple):
@@ -26,11 +26,11 @@ class Jacobian(NamedTuple):
     y2: float
 
     def torques(self, force: Pair) -> Pair:
-        """Of the motors for a force at the tip: J^T F [N m]."""
+        """Motor torques for a force at the tip: J^T F [N m]."""
         return (self.x1 * force[0] + self.y1 * force[1], self.x2 * force[0] + self.y2 * force[1])
 
     def force(self, torques: Pair) -> Pair:
-        """At the tip for torques of the motors: the inverse of `torques` [N]."""
+        """Force at the tip for motor torques: the inverse of `torques` [N]."""
         determinant = self.x1 * self.y2 - self.x2 * self.y1
         return (
             (self.y2 * torques[0] - self.y1 * torques[1]) / determinant,
@@ -46,7 +46,7 @@ class PlanarFiveBar(NamedTuple):
     spacing: float
 
     def tip(self, angles: Pair) -> Pair:
-        """Where the outer links meet, of the two such points the one with the larger y.
+        """Position of the tip: the intersection of the outer links with the larger y.
 
         By the perpendicular bisector of the elbows, which has no pole where both are equally far to the side.
 
@@ -60,7 +60,7 @@ class PlanarFiveBar(NamedTuple):
         return (x - side * (by - ay), y + side * (bx - ax))
 
     def jacobian(self, angles: Pair) -> Jacobian:
-        """From |E - A| = |E - B| = outer, differentiated: (E - A).dE = (E - A).dA and (E - B).dE = (E - B).dB.
+        """Derived from |E - A| = |E - B| = outer: (E - A).dE = (E - A).dA and (E - B).dE = (E - B).dB.
 
         Raises:
             Unreachable: as `tip`, or the outer links are in line, so that the tip can move though no motor does.
@@ -77,7 +77,7 @@ class PlanarFiveBar(NamedTuple):
         return Jacobian(first * vy, -second * uy, -first * vx, second * ux)
 
     def angles(self, tip: Pair) -> Pair:
-        """Of the motors, with the elbows outward: A on the side of -x, B on the side of +x.
+        """Motor angles for a tip, with the elbows outward: A on the side of -x, B on the side of +x.
 
         BoardMotor 1 between 0 and 2 pi, motor 2 between -pi and pi, for a tip with y >= 0.
 
@@ -143,17 +143,17 @@ class HaplyFrame(NamedTuple):
 
     @staticmethod
     def force(force: Pair) -> Vector:
-        """Of the linkage's, in the device's frame."""
+        """Force in the device's frame for one in the linkage's."""
         return (force[1], -force[0], 0.0)
 
     @staticmethod
     def planar(force: Vector) -> Pair:
-        """Of the device's, what lies in the plane, in the linkage's frame."""
+        """In-plane force in the linkage's frame for one in the device's."""
         return (-force[1], force[0])
 
 
 MOST_TORQUE_N_M = 0.123
-"""What the firmware cuts the torque of a motor to, and full duty stands for.
+"""Limit of the firmware for the torque of a motor, at full duty.
 
 The same in all that the vendor has published (HaplyHaptics/Haply-Arduino-Firmware-Versions, `MAX_TORQUE`): for the Due
 board (1.5 of July 2017), the M3 and the M0 (1.5 and 0.3 of December 2018).
@@ -162,7 +162,7 @@ board (1.5 of July 2017), the M3 and the M0 (1.5 and 0.3 of December 2018).
 
 @dataclass(frozen=True, slots=True)
 class HaplyVersion:
-    """A kind of the device.
+    """A published version of the device.
 
     Args:
         bar: the linkage.
@@ -212,4 +212,4 @@ VERSIONS = {
         reach=(0.105, 0.043),
     ),
 }
-"""v3 of plastic, v2 with the metal plate, and their forerunner; from the vendor's libraries and example programs."""
+"""v3 of plastic, v2 with the metal plate, and their predecessor; from the vendor's libraries and examples."""

@@ -1,4 +1,4 @@
-"""The part that both Polhem drivers share: connecting, homing, the limits of force and current, and the spec."""
+"""The common part of both Polhem drivers: connecting, homing, limits of force and current, and the spec."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -188,19 +188,14 @@ class PolhemDevice(ThreadedDevice):
             watchdog_s=watchdog_s,
             note="; ".join(notes_of(name, options, parameters, force_n, named=named)),
         )
-        self._exchange = exchange(force_n)
+        self._polhem_exchange = polhem = exchange(force_n)
         self._carries = options.gravity_compensation and force_n > 0.0
-        super().__init__(spec, self._exchange, tick_period, bad_replies=BAD_REPLIES, reconnect=options.reconnect_s)
-
-    def open(self, now: float) -> None:
-        self.close()
-        self._exchange.start_afresh()
-        super().open(now)
+        super().__init__(spec, polhem, tick_period, bad_replies=BAD_REPLIES, reconnect=options.reconnect_s)
 
     @property
     def trouble(self) -> str | None:
-        return super().trouble or self._exchange.orientation_trouble
+        return super().trouble or self._polhem_exchange.orientation_trouble
 
     def command(self, force: Vector, now: float) -> None:
         """With gravity compensation the command holds the weight of the links too: limits and ramp are for the sum."""
-        super().command(add(force, self._exchange.carrying_force()) if self._carries else force, now)
+        super().command(add(force, self._polhem_exchange.carrying_force()) if self._carries else force, now)

@@ -30,7 +30,7 @@ USAGE_PAGE = 0xFFAB
 UNREPORTED = 0
 
 SET_WITHIN_COUNTS = 100
-"""A hand that holds the handle still moves it less than this while the counters are set."""
+"""Largest motion of a held handle while the counters are set."""
 
 
 class ReportExchange(PolhemExchange):
@@ -133,7 +133,7 @@ class ReportExchange(PolhemExchange):
         return self._hid_options.report_bytes == SHORT
 
     def _home_counts(self) -> tuple[int, ...]:
-        """What the counters hold in the home pose."""
+        """Contents of the counters in the home pose."""
         size = 3 if self._is_short else 6
         if not self._hid_options.counters_hold_home:
             return (0,) * size

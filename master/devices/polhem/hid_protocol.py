@@ -1,4 +1,9 @@
-"""HID reports of the mbed boards, 14 bytes or the older 8."""
+"""HID reports of the mbed boards, 14 bytes or the older 8, told apart by their length.
+
+After every 14-byte report the device waits for one from the host (lock-step); with 8 bytes it sends at its own rate.
+Encoders are counted in 32 bits but reported in 16; `Unwrapper` restores the count. Sources: firmware and host code of
+the makers.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +15,7 @@ from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.hid_port import HidPort
 
 WATCHDOG_S = 0.5
-"""Without a report for so long the device switches its motors off [s]."""
+"""The device switches its motors off after this time without a report [s]."""
 
 BUTTON_ABOVE = 5000
 BUTTON_OFFSET = 10_000
@@ -29,7 +34,7 @@ Currents = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What a device reports.
+    """The contents of a report of the device.
 
     Args:
         counts: six of the newer kind, three of the older; 16 bits each.
@@ -113,13 +118,13 @@ def wrapped(count: int) -> int:
 
 
 class Unwrapper:
-    """Counts without end out of counts of 16 bits; right while none moves by 32768 or more between two reports."""
+    """Extends counts of 16 bits; correct while none moves by 32768 or more between two reports."""
 
     def __init__(self) -> None:
         self._counts: tuple[int, ...] | None = None
 
     def unwrap(self, counts: tuple[int, ...]) -> tuple[int, ...]:
-        """The first ones after `reset` are taken as they are."""
+        """The first counts after `reset` are taken as they are."""
         if self._counts is None:
             self._counts = counts
         else:
@@ -163,7 +168,7 @@ class HidLine:
         self._port = connect(path)
         self._number = 0
         self.size = LONG
-        """Bytes in a report of this device; to be set to what `first_report` found."""
+        """Bytes in a report of this device, as `find_size` found."""
 
     def send(self, message: Currents | SetCounters) -> None:
         self._number += 1
@@ -173,7 +178,7 @@ class HidLine:
         return [decode_sensors(report) if len(report) == self.size else None for report in self._port.read_all(until)]
 
     def find_size(self, clock: Callable[[], float], patience: float, pause: float) -> None:
-        """Learn from the first report which kind of device it is; what it says may be of long ago.
+        """Find the kind of device from the size of its first report, whose contents may be old.
 
         Where none comes, zeros set a device in motion that waits for its host.
 
@@ -196,7 +201,7 @@ class HidLine:
         self.size = size
 
     def guard(self, guardian: Guardian) -> None:
-        """Have the currents taken off when this process stops; once the size is known."""
+        """Start the guardian, which takes the currents off when this process stops; the size must be known."""
         guardian.zero = b"\0" + encode_command(NO_CURRENT, self.size)
         guardian.rests = (guardian.zero[:7],)  # the number of the report, and the currents
         self._port.guard(guardian)

@@ -1,4 +1,9 @@
-"""Homing: where the handle is, and whether the encoder counts that say so are plausible."""
+"""Homing, and the check that encoder counts are plausible.
+
+Encoders count from where they were switched on. After a loss of power, a reset of the counters or a broken encoder
+cable the counts belong to another place, and the force would point the wrong way. Counts that no hand motion explains
+are therefore rejected.
+"""
 
 from collections.abc import Callable
 from time import monotonic, sleep
@@ -10,31 +15,31 @@ from weberlink.master.devices.contract import DeviceReading
 from weberlink.master.devices.polhem.parameters import MechanismParameters
 
 SPEED_M_S = 3.0
-"""Faster, a hand does not go."""
+"""Largest speed of a hand."""
 
 SLACK_M = 0.003
-"""Beyond what that speed explains, for times that are not exact."""
+"""Tolerance for inexact times."""
 
 SILENCE_S = 0.25
-"""After such a time without an answer a device may have been without power: no speed explains where it is then."""
+"""After this time without an answer the device may have lost its power."""
 
 AWAY_M = 0.05
-"""Farther, the handle does not go while the device is unplugged, or it is better asked."""
+"""Largest accepted motion of the handle while the device was unplugged."""
 
 SHIFT_M = 0.01
-"""Nearer to the home pose, counters that began again at zero do no harm."""
+"""Restarted counters are harmless within this distance of the home pose."""
 
 NEAR_COUNTS = 100
-"""Counters that began again at zero are not farther from it at the next answer."""
+"""Restarted counters are within this range at the next answer."""
 
 STILL_M = 0.5
-"""No hand moves on so far and leaves one of the three encoders at exactly the same count."""
+"""An encoder counts as broken when the handle moves this far without a change of its count."""
 
 Counts = tuple[int, ...]
 
 
 class _Known(NamedTuple):
-    """What was believed last: counts and position, measured after it was asked for [s]."""
+    """The last accepted counts and position, and the time when they were requested [s]."""
 
     counts: Counts
     position: Vector
@@ -42,7 +47,7 @@ class _Known(NamedTuple):
 
 
 class PositionValidator:
-    """Makes readings of counts.
+    """Turns counts into readings, and rejects implausible ones.
 
     Args:
         parameters: of the device.
@@ -59,11 +64,11 @@ class PositionValidator:
         self._still_for = [0.0, 0.0, 0.0]
 
     def relative(self, counts: Counts) -> Counts:
-        """To the home pose."""
+        """Counts relative to the home pose."""
         return tuple(count - zero for count, zero in zip(counts, self._zero, strict=True))
 
     def begin(self, counts: Counts, asked: float, answered: float, *, oriented: bool = True) -> DeviceReading:
-        """The first reading of a connection, measured between two moments [s].
+        """Check the first counts of a connection, measured between two times [s].
 
         Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation.
 
@@ -81,7 +86,7 @@ class PositionValidator:
     def next(
         self, counts: Counts, asked: float, answered: float, buttons: int = 0, *, oriented: bool = True
     ) -> DeviceReading:
-        """The next reading, measured between the moments when it was asked for and when the answer was read [s].
+        """Check the next counts, measured between their request and the reading of the answer [s].
 
         `oriented` is as for `begin`.
 
@@ -136,7 +141,7 @@ class PositionValidator:
             )
 
     def _believe_return(self, known: _Known, before: _Known) -> None:
-        if self._lost is not None:  # and by moving about it does not find it again
+        if self._lost is not None:  # motion does not restore it
             raise HardwareFault(self._lost)
         gone = distance(known.position, before.position)
         if gone > AWAY_M or (gone > SHIFT_M and _nearer_zero(known.counts[:3], before.counts[:3])):
@@ -148,7 +153,7 @@ class PositionValidator:
 
 
 def _began_again(counts: Counts, before: Counts) -> bool:
-    """Whether counters look as if they had begun again at zero, those of the gimbal included."""
+    """Whether the counters, those of the gimbal included, look as if they restarted at zero."""
     return _nearer_zero(counts[:3], before[:3]) and (len(counts) == 3 or _nearer_zero(counts[3:], before[3:]))
 
 
@@ -158,16 +163,16 @@ def _nearer_zero(counts: Counts, before: Counts) -> bool:
 
 
 PRESSED_WITHIN_COUNTS = 8
-"""Counters that were set to zero between two looks are not farther from it."""
+"""Counters that were set to zero between two looks are within this range."""
 
 STEP_COUNTS = 40
-"""A jump to zero from at least so far is the button: between two looks no hand is that fast."""
+"""A jump to zero from at least this count is the button: no hand is that fast."""
 
 PAUSE_S = 0.002
-"""Between two looks [s]; short against every watchdog."""
+"""Pause between two looks [s]; shorter than every watchdog."""
 
 LONGEST_S = 0.02
-"""Two looks farther apart than this [s] tell nothing: a hand may have gone through the home pose meanwhile."""
+"""Looks farther apart than this [s] are ignored: the hand may have passed the home pose meanwhile."""
 
 Look = TypeVar("Look")
 

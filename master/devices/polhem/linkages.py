@@ -1,8 +1,10 @@
-"""Linkages of the PHANTOM's relatives: kinematics, Jacobian and the torques that carry their weight."""
+"""Linkages of the PHANTOM's relatives: kinematics, Jacobian and the torques that carry their weight.
+
+The device's frame: x towards the operator, y to the right, z up, in metres from the middle of the workspace.
+"""
 
 from dataclasses import dataclass
 from math import acos, atan2, copysign, cos, hypot, pi, sin
-from typing import Protocol
 
 from weberlink.geometry.vector import Vector
 
@@ -14,22 +16,6 @@ Angles = Triple
 
 Jacobian = tuple[Vector, Vector, Vector]
 """Rows x, y, z; columns A, B, C [m/rad]."""
-
-
-class Linkage(Protocol):
-    """Where the tip is for the angles of the bodies, and back. Everything is finite for every angle."""
-
-    def position(self, angles: Angles) -> Vector: ...
-
-    def jacobian(self, angles: Angles) -> Jacobian: ...
-
-    def inverse(self, position: Vector) -> Angles:
-        """The angles of the pose in which the device is used, or the nearest for a position out of reach."""
-        ...
-
-    def forearm(self, angles: Angles) -> float:
-        """Elevation of the last link over the horizontal [rad]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -70,7 +56,7 @@ class SerialParallelogram:
         )
 
     def inverse(self, position: Vector) -> Angles:
-        """The elbow is up, and the tip before the vertical axis."""
+        """The pose with the elbow up and the tip in front of the vertical axis."""
         x, y, z = (p + o for p, o in zip(position, self.origin, strict=True))
         up = z - self.ln
         forth = hypot(x, y)
@@ -81,16 +67,17 @@ class SerialParallelogram:
         return (atan2(y, x), b, pi - c)
 
     def forearm(self, angles: Angles) -> float:
+        """Elevation of the last link over the horizontal [rad]."""
         return angles[2] - 0.5 * pi
 
 
 def acos_clamped(cosine: float) -> float:
-    """The angle; 0 or pi for what is no cosine any more, since the links do not reach."""
+    """The angle; 0 or pi where the links do not reach and the cosine is out of range."""
     return acos(min(1.0, max(-1.0, cosine)))
 
 
 LEAST_SINE = 1e-3
-"""Between coupler and forearm, below which the linkage counts as at its dead point."""
+"""The linkage counts as at its dead point below this sine of the angle between coupler and forearm."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +142,7 @@ class SpatialFiveBar:
         )
 
     def inverse(self, position: Vector) -> Angles:
-        """The elbow is up, the tip before the vertical axis, and the crank behind the line from its pivot to C."""
+        """The pose with elbow up, tip in front of the vertical axis, crank behind the line from its pivot to C."""
         x, y, z = (p + o for p, o in zip(position, self.origin, strict=True))
         u, v = hypot(x, y), z
         half = 0.5 * self.l0
@@ -170,7 +157,7 @@ class SpatialFiveBar:
         return self._forearm(angles[1], angles[2])
 
     def _forearm(self, t2: float, t3: float) -> float:
-        """lam, from the triangle B, C, D."""
+        """Angle lam, from the triangle B, C, D."""
         u = self.l2 * cos(t3) - self.l0 - self.l1 * cos(t2)
         v = self.l2 * sin(t3) - self.l1 * sin(t2)
         lam = atan2(v, u) - _beside(self.l4, hypot(u, v), self.l3) + pi
@@ -185,20 +172,12 @@ def _beside(near: float, far: float, opposite: float) -> float:
 GRAVITY_M_S2 = 9.81
 
 STEP_RAD = 1e-3
-"""Of the central difference."""
-
-
-class Weight(Protocol):
-    """The weight of a mechanism."""
-
-    def torques(self, angles: Angles) -> Triple:
-        """Torques on the bodies A, B and C that hold the links still [N m]: the derivative of the potential energy."""
-        ...
+"""Step of the central difference."""
 
 
 @dataclass(frozen=True)
 class ParallelogramWeight:
-    """Of the serial linkage: z_b = r_b cos B and z_c = lb cos B - r_c cos C are the heights of the centres of mass.
+    """Weight of the serial linkage; heights of the centres of mass: z_b = r_b cos B, z_c = lb cos B - r_c cos C.
 
     Derived here. The two published formulas (CWoodenDevice.cpp, hfab_kinematics.cpp) differ in sign from each other,
     each has one of the two signs wrong, and their makers ship both switched off (`g_constant` 0).
@@ -232,13 +211,13 @@ class LinkMass:
     across: float
 
     def height(self, elevation: float) -> float:
-        """Of the centre over the beginning of the link [m], at an elevation [rad]."""
+        """Height of the centre over the beginning of the link [m], at an elevation [rad]."""
         return self.along * sin(elevation) + self.across * cos(elevation)
 
 
 @dataclass(frozen=True)
 class FiveBarWeight:
-    """Of the five-bar linkage; its makers differentiate numerically too (hfab_polhem.h, polhemComputeMotorAmps)."""
+    """Weight of the five-bar linkage, differentiated numerically as by its makers (polhemComputeMotorAmps)."""
 
     linkage: SpatialFiveBar
     upper_arm: LinkMass
@@ -266,3 +245,10 @@ class FiveBarWeight:
             + self.coupler.mass * (crank_end + self.coupler.height(coupler))
             + self.forearm.mass * (elbow + self.forearm.height(lam))
         )
+
+
+Linkage = SerialParallelogram | SpatialFiveBar
+"""Forward and inverse kinematics; every result is finite, and out of reach the inverse is the nearest pose."""
+
+Weight = ParallelogramWeight | FiveBarWeight
+"""`torques` gives those on the bodies A, B and C that hold the links still [N m]."""

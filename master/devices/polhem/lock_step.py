@@ -1,8 +1,8 @@
-"""One answer for every message, and never that to another one.
+"""A dialogue in lock-step: one answer for every message, never taken for the answer to another one.
 
-An answer does not say which message it belongs to. So it counts only where no other is owed: after one that did not
-come in time nothing is believed until all that is owed has come, or, where it does not come, until the line was quiet
-for long and then answered a single message with a single answer. Knows no bytes.
+An answer does not say which message it belongs to, so it counts only while no other is owed. After a missing answer,
+none is accepted until all owed answers have come, or until the line was quiet for `QUIET_S` and then answered a single
+message with a single answer.
 """
 
 from collections.abc import Callable
@@ -17,27 +17,27 @@ Answer = TypeVar("Answer")
 Message_contra = TypeVar("Message_contra", contravariant=True)
 
 QUIET_S = 0.25
-"""After such a silence nothing more comes of what is owed [s]."""
+"""Owed answers count as lost after this silence [s]."""
 
 SLICE_S = 0.01
 """The longest wait for what is owed in one `ask` [s]."""
 
 PROBE_S = 0.025
-"""How long an answer has to stay alone: longer than the way from a message to the rest that follows it [s]."""
+"""Time in which a probe must get exactly one answer [s]; longer than from a message to the rest after it."""
 
 UNKNOWN = 1_000_000
-"""Answers owed, where one came that nobody had asked for."""
+"""Number of owed answers after an unexpected one."""
 
 SILENT, LATE = "does not answer", "answers late"
 
 
 class MessageLine(Protocol[Message_contra, Answer]):
-    """Carries messages and answers; raises HardwareFault where it is cut."""
+    """Carries messages and answers; raises HardwareFault when disconnected."""
 
     def send(self, message: Message_contra) -> None: ...
 
     def hear(self, until: float) -> list[Answer | None]:
-        """All answers that have come, oldest first, as soon as there are any; none where none comes by `until` [s].
+        """All answers that have come, oldest first, as soon as there are any; empty if none comes by `until` [s].
 
         None stands for one that cannot be understood.
         """
@@ -86,7 +86,7 @@ class LockStep(Generic[Message, Answer]):
         return answer
 
     def _settle(self) -> None:
-        """Make sure that no answer is on its way."""
+        """Wait until no answer is owed."""
         strays = self._line.hear(0.0)
         if self._owed == 0 and strays:
             self._doubt(UNKNOWN, LATE)
@@ -103,7 +103,7 @@ class LockStep(Generic[Message, Answer]):
             strays = self._line.hear(min(until, self._heard_at + QUIET_S)) if self._owed > 0 else []
 
     def _probe(self) -> None:
-        """Let the device rest once more, and see whether just that is answered, at once and once."""
+        """Send the rest message, and check that it gets exactly one answer, promptly."""
         self._line.send(self._rest)
         sent = self._clock()
         heard = len(self._line.hear(sent + SLICE_S))
@@ -117,7 +117,7 @@ class LockStep(Generic[Message, Answer]):
         self._owed = 0
 
     def _doubt(self, owed: int, complaint: str) -> NoReturn:
-        """Let the device rest, and believe nothing until `owed` answers have come."""
+        """Send the rest message, and accept nothing until `owed` answers have come."""
         self._line.send(self._rest)
         self._owed = owed
         self._heard_at = self._clock()

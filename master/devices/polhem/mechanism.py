@@ -1,7 +1,8 @@
-"""Encoder counts to position, force to motor currents: the cable drive on its linkage."""
+"""From encoder counts to position and from force to motor currents: the cable drive on its linkage."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import copysign, cos, sin, tau
 
 from weberlink.geometry.rotation import product
@@ -10,7 +11,7 @@ from weberlink.master.devices.contract import Quaternion
 from weberlink.master.devices.polhem.linkages import Angles, Jacobian, Linkage, Triple, Weight
 
 Counts = tuple[int, int, int]
-"""Of the encoders on the motors A, B and C, relative to the home pose."""
+"""Encoder counts of the motors A, B and C, relative to the home pose."""
 
 Signs = tuple[int, int, int]
 
@@ -48,37 +49,26 @@ class CableDrive:
     gimbal_directions: Signs = (1, 1, 1)
     gimbal_home_counts: Counts = (0, 0, 0)
 
-    def __post_init__(self) -> None:
-        ratios = [c / b for c, b in zip(self.capstan_m, self.body_m, strict=True)]
-        a, b, c = (
-            d * tau / n * ratio
-            for d, n, ratio in zip(self.encoder_directions, self.counts_per_turn, ratios, strict=True)
-        )
-        object.__setattr__(self, "_per_count", (a, b, c))
-        a, b, c = (
-            d * ratio / constant * MA_PER_A
-            for d, ratio, constant in zip(self.motor_directions, ratios, self.torque_constant_n_m_a, strict=True)
-        )
-        object.__setattr__(self, "_ma_per_n_m", (a, b, c))
-
-    @property
+    @cached_property
     def radians_per_count(self) -> Triple:
-        """Of the bodies; negative where the encoder's direction is."""
-        per_count: Triple = self._per_count  # type: ignore[attr-defined]
-        return per_count
+        """Angle of each body per count [rad]; negative where the encoder's direction is."""
+        rows = zip(self.encoder_directions, self.counts_per_turn, self.capstan_m, self.body_m, strict=True)
+        a, b, c = (direction * tau / counts * (capstan / body) for direction, counts, capstan, body in rows)
+        return (a, b, c)
 
-    @property
+    @cached_property
     def ma_per_n_m(self) -> Triple:
         """Current for a torque on the body [mA/(N m)]; negative where the motor's direction is."""
-        ma_per_n_m: Triple = self._ma_per_n_m  # type: ignore[attr-defined]
-        return ma_per_n_m
+        rows = zip(self.motor_directions, self.capstan_m, self.body_m, self.torque_constant_n_m_a, strict=True)
+        a, b, c = (direction * (capstan / body) / kt * MA_PER_A for direction, capstan, body, kt in rows)
+        return (a, b, c)
 
     def angles(self, counts: Counts) -> Angles:
         (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.home_counts
         return (a * (counts[0] + home_a), b * (counts[1] + home_b), c * (counts[2] + home_c))
 
     def counts(self, angles: Angles) -> Counts:
-        """The nearest ones."""
+        """The nearest counts for angles."""
         (a, b, c), (home_a, home_b, home_c) = self.radians_per_count, self.home_counts
         return (round(angles[0] / a) - home_a, round(angles[1] / b) - home_b, round(angles[2] / c) - home_c)
 
@@ -106,7 +96,7 @@ class CableDrive:
 
 
 LEAST_DETERMINANT = 1e-5
-"""Of a Jacobian, below which a pose counts as singular [m^3]; in the middle of the workspace it is 100 times that."""
+"""A pose counts as singular below this determinant [m^3]; in the middle it is 100 times larger."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +116,7 @@ class Mechanism:
     weight: Weight | None = None
 
     def position(self, counts: Sequence[int]) -> Vector:
-        """Of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
+        """Position of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
         return self.linkage.position(self._angles(counts))
 
     def jacobian(self, counts: Sequence[int]) -> Jacobian:
@@ -181,7 +171,7 @@ class Mechanism:
         return (fx, fy, fz)
 
     def counts_at(self, position: Vector) -> Counts:
-        """The nearest ones, or those of the nearest position within reach."""
+        """The nearest counts for a position; out of reach, those of the nearest one within."""
         return self.drive.counts(self.linkage.inverse(position))
 
     def orientation(self, counts: Sequence[int]) -> Quaternion | None:

@@ -28,7 +28,7 @@ Model = Literal["polhem", "vintage_phantom", "woodenhaptics"]
 BOARDS: dict[Board, str] = {"serial": "the serial board", "hid14": "14-byte reports", "hid8": "8-byte reports"}
 
 HID_CURRENT_LIMIT_MA = 3000
-"""The firmware there does not limit; beyond this the usual one leaves the range that its amplifiers understand."""
+"""The HID firmware has no limit; beyond this its amplifiers usually saturate."""
 
 
 class PolhemOptions(BaseModel):
@@ -128,7 +128,7 @@ class PolhemSerialOptions(PolhemOptions):
     )
 
     def wired(self, model: str) -> MechanismParameters:
-        """What the options make of a model, or of a stand-in for `auto`, which has no force."""
+        """Parameters of a model with these options; for `auto`, those of WoodenHaptics, which has no force then."""
         numbers = {name: number for number, name in MODELS.items()}
         return self.wire(self.parameters or MODEL_SETS[numbers.get(model, numbers["woodenhaptics"])], "serial")
 

@@ -1,4 +1,4 @@
-"""The published parameter sets of the mechanisms, each with its source and what is uncertain about it."""
+"""The published parameter sets of the mechanisms, read from `parameters.yaml`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

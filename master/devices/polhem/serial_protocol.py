@@ -1,4 +1,9 @@
-"""The bracket protocol of the devices on a serial port: currents out, encoder counts in."""
+"""The bracket protocol of the devices on a serial port: currents out, encoder counts in.
+
+Every message `[a,b,c]` with currents in mA is answered by exactly one `[model,e0,...,e5,error]`. An answer with an
+error of the message repeats the last counts, and the currents were not applied; one of `GIMBAL_ERRORS` comes after they
+were. Sources: firmware 2.0 and its maker's host code.
+"""
 
 import re
 from dataclasses import dataclass
@@ -8,13 +13,13 @@ from time import monotonic
 from weberlink.hardware.serial_port import SerialPort
 
 CURRENT_LIMIT_MA = 6000
-"""The firmware gives a motor no current at all beyond it."""
+"""Beyond this the firmware gives a motor no current at all."""
 
 WATCHDOG_S = 0.1
-"""Without a message for so long the device switches its motors off [s]."""
+"""The device switches its motors off after this time without a message [s]."""
 
 LEAST_WRITE = 16
-"""Shorter writes are slower, says the maker: messages are filled up with NUL."""
+"""Messages are padded with NUL to this length: shorter writes are slower, according to the maker."""
 
 MODELS = {1: "polhem", 2: "vintage_phantom", 3: "woodenhaptics"}
 
@@ -31,10 +36,10 @@ ERRORS = {
 """Bits of the last number of an answer."""
 
 GIMBAL_ERRORS = 1 | 2 | 4
-"""Errors that say nothing against the message nor against the three main counts."""
+"""Errors after which the message was applied and the three main counts are valid."""
 
 LONGEST = 8 * 12 + 2
-"""Of an answer: eight numbers of 32 bits, and what is around them."""
+"""Longest answer: eight numbers of 32 bits with separators."""
 
 Currents = tuple[int, int, int]
 Counts6 = tuple[int, int, int, int, int, int]
@@ -81,12 +86,12 @@ def encode_status(status: SerialStatus) -> bytes:
 
 
 class SerialStatusReader:
-    """Answers out of a stream that may begin anywhere and be broken anywhere; never raises."""
+    """Finds answers in a stream that may begin anywhere and contain errors; never raises."""
 
     def __init__(self) -> None:
         self._rest = b""
         self.malformed = 0
-        """Ends of answers that did not make one."""
+        """Number of malformed answers."""
 
     def feed(self, data: bytes) -> list[SerialStatus]:
         """The answers that end in `data`, oldest first."""
@@ -103,7 +108,7 @@ class SerialStatusReader:
 
     @property
     def kept(self) -> int:
-        """Bytes that may be the beginning of an answer."""
+        """Number of buffered bytes."""
         return len(self._rest)
 
 
@@ -141,7 +146,7 @@ class SerialLine:
         while data := self._port.read(until):
             malformed = reader.malformed
             good = reader.feed(data)
-            # Where in a burst the bad ones were does not matter: then there are too many anyway.
+            # The order within a burst does not matter: more than one answer is an error anyway.
             answers: list[SerialStatus | None] = [*repeat(None, reader.malformed - malformed), *good]
             if answers:
                 return answers

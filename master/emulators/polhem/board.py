@@ -1,4 +1,4 @@
-"""An emulated Polhem without its bytes: a handle in a hand, encoders, motors, amplifiers, and faults to inject."""
+"""The common part of the emulated Polhem boards: a handle in a hand, encoders, motors, amplifiers and faults."""
 
 from collections import deque
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ class BoardOptions(BaseModel):
 
 
 class PolhemBoard:
-    """Counters to read and currents to set; see `weberlink.hardware.emulator`. Subclasses speak the wire formats.
+    """The board of an emulated device (see `weberlink.hardware.emulator`); subclasses speak the wire formats.
 
     Args:
         options: of the device.
@@ -110,7 +110,7 @@ class PolhemBoard:
             self._zero = self._truth
 
     def inject(self, name: str, value: float = 1.0) -> None:
-        """Let one of `OWN_FAULTS` happen at the next `advance`; from any thread.
+        """Cause one of `OWN_FAULTS` at the next `advance`; from any thread.
 
         Raises:
             ValueError: there is none of that name, or not with that value.
@@ -152,7 +152,7 @@ class PolhemBoard:
         self._move(now)
 
     def _drive(self, currents_ma: Currents, now: float) -> None:
-        """A message has come: amplifiers on, the watchdog fed, these currents flow."""
+        """Act on a message: amplifiers on, watchdog fed, these currents flow."""
         if not self._fed:
             return
         self.enabled = True
@@ -164,7 +164,7 @@ class PolhemBoard:
             self.last_force_at = self._now
 
     def _set_counters(self, counts: Counts6) -> None:
-        """From now on the counters hold these counts."""
+        """Set the counters to these counts."""
         a, b, c, d, e, f = (true - count for true, count in zip(self._truth, counts, strict=True))
         self._zero = (a, b, c, d, e, f)
 
@@ -173,7 +173,7 @@ class PolhemBoard:
             self._suffer(*self._injected.popleft())
 
     def _suffer(self, name: str, value: float) -> None:
-        """One of `OWN_FAULTS` happens."""
+        """Apply one of `OWN_FAULTS`."""
         match name:
             case "stuck_encoder" if value == 0:
                 self._stuck.clear()
@@ -215,7 +215,7 @@ class PolhemBoard:
         self.currents_ma = OFF
 
     def _true_counts(self, now: float) -> Counts6:
-        """Relative to the home pose; the wrist turns to and fro where there are sensors for it."""
+        """Counts relative to the home pose; a wrist with sensors turns back and forth."""
         a, b, c = self.mechanism.counts_at(self.handle.position)
         d, e, f = (
             round(turn * WRIST_RAD * sin(tau * hz * now) / tau)

@@ -1,8 +1,8 @@
-"""The mbed boards of the devices that speak HID, emulated: the newer in lock-step, the older at its own rate.
+"""The emulated mbed boards that speak HID: the newer in lock-step, the older at its own rate.
 
-As their firmware reads. The newer sends a report and waits for one, of which it takes the newest; the older sends one
-each frame and takes the oldest that waits. Either switches its amplifiers on with whatever comes, and off after 0.5 s
-without. Guessed: that an amplifier follows its input to the end of the range, 3.75 A where 90 % mean 3 A.
+As in their firmware, the newer sends a report and waits for one, of which it takes the newest; the older sends one each
+frame and takes the oldest that waits. Either switches its amplifiers on with any report, and off after 0.5 s without.
+Assumed: an amplifier follows its input to the end of the range, 3.75 A where 90 % mean 3 A.
 """
 
 from collections import deque
@@ -27,7 +27,7 @@ from weberlink.master.emulators.polhem.host_wiring import Host, HostWiring, host
 
 VENDOR, PRODUCT = 0x1234, 0x0006
 FRAME_S = 0.001
-"""Of full-speed USB."""
+"""Frame period of full-speed USB [s]."""
 LONG_LIMIT_MA, SHORT_LIMIT_MA = 3750.0, 3000.0
 
 
@@ -117,7 +117,7 @@ class PolhemHidEmulator(PolhemBoard):
         return min(due, default=None)
 
     def _step_in_turn(self, at: float) -> None:
-        """A report has been sent, or one has been worked on."""
+        """Step of the newer board: a report was sent, or a received one is due."""
         if self._ready is not None:
             self._leaving.append(self._ready)
             self._ready = None
@@ -129,7 +129,7 @@ class PolhemHidEmulator(PolhemBoard):
             self._send_later(at)
 
     def _step_freely(self, at: float, now: float) -> None:
-        """A frame has come; of those that were missed, none is made up for."""
+        """Step of the older board, once per frame; missed frames are skipped."""
         if self._arrived:
             self._obey(self._arrived.popleft(), SHORT_LIMIT_MA, at)
         self._number = (self._number + 1) & 0xFFFF
@@ -137,7 +137,7 @@ class PolhemHidEmulator(PolhemBoard):
         self._send_later(now)
 
     def _send_later(self, now: float) -> None:
-        """In the next frame; what is sent then is measured now."""
+        """Measure now, and send in the next frame."""
         self._ready = self._report()
         self._step_at = now
         if self._frame > 0.0:
@@ -161,7 +161,7 @@ class PolhemHidEmulator(PolhemBoard):
         return encode_sensors(Sensors(counts, self._stylus, self._button_pressed))
 
     def _wired(self, counts: Counts6) -> Counts6:
-        """The gimbal's come last to first from some; its own inverse."""
+        """Counts with those of the gimbal reversed where the device does so; its own inverse."""
         a, b, c, d, e, f = counts
         return (a, b, c, f, e, d) if self._parameters.gimbal_reversed_over_hid else counts
 
@@ -176,5 +176,5 @@ class PolhemHidEmulator(PolhemBoard):
 
 
 def descriptor(size: int) -> bytes:
-    """Of one report each way, without numbers, with a usage of the vendor's."""
+    """Report descriptor with one unnumbered report each way and a vendor-defined usage."""
     return bytes.fromhex(f"06abff 0a0002 a101 7508 1500 25ff 95{size:02x} 0901 8102 95{size:02x} 0902 9102 c0")

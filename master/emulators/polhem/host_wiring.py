@@ -1,7 +1,7 @@
-"""How the emulated devices are wired: as a published host program expects them, so that this program drives them right.
+"""How the emulated devices are wired: as a published host program expects them.
 
-Every entry is written in the terms of its source (flags, calibration counts), and is independent of the tables of the
-drivers: a driver with a wrong sign meets a device that goes or pushes the other way.
+Every entry uses the terms of its source (flags, calibration counts) and is independent of the tables of the drivers, so
+a driver with a wrong sign shows a wrong position or force.
 
 - `hfabapi` (forsslund/hfabapi, 2026-06-10, serial): configurations in hfab_math.h, home counts in hfab_api.cpp.
 - `haptikfabrikenapi` (forsslund/haptikfabrikenapi, 2021-06-10): configurations in haptikfabrikenapi.h; its USB thread
@@ -45,7 +45,7 @@ class HostWiring:
     gimbal_zero: Counts = (0, 0, 0)
 
     def wire(self, drive: CableDrive) -> CableDrive:
-        """A drive with these signs, which reads 0 counts in the home pose."""
+        """The drive with these signs, at 0 counts in the home pose."""
         home = []
         for axis in range(3):
             per_count = tau / drive.counts_per_turn[axis] * drive.capstan_m[axis] / drive.body_m[axis]
@@ -76,7 +76,7 @@ def _flagged(
     *,
     negated: bool = False,
 ) -> HostWiring:
-    """By the flags of the newer hosts; `negated` where the host takes the counts with the other sign."""
+    """From the flags of the newer hosts; `negated` if the host negates the counts."""
     a, b, c = motor = _signs(flags)
     return HostWiring((-a, -b, -c) if negated else motor, motor, zero, gimbal=gimbal, gimbal_zero=gimbal_zero)
 
@@ -110,7 +110,7 @@ HOST_WIRINGS: Mapping[tuple[Host, Wire], Mapping[str, HostWiring]] = {
 }
 
 HOSTS: Mapping[Wire, Host] = {"serial": "hfabapi", "hid14": "haptikfabrikenapi", "hid8": "woody_experimental"}
-"""The host of an emulated device where nothing else is said."""
+"""The default host for each board."""
 
 
 def host_wiring(name: str, wire: Wire, host: Host | None = None) -> HostWiring:

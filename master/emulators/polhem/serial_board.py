@@ -1,9 +1,8 @@
-"""The board of the devices on a serial port, emulated: brackets in, brackets out.
+"""The emulated board with the bracket protocol.
 
-As firmware 2.0 reads (forsslund/woodenhaptics, woody_teensy_mini.ino): exactly one answer for every message, right or
-wrong; a wrong one gives no current and does not feed the watchdog. Of two messages at once, the first takes the
-beginning of the second: they are answered with errors 8 and 256. One sensor of the gimbal is read per message, after
-the currents were set.
+As in firmware 2.0 (forsslund/woodenhaptics, woody_teensy_mini.ino), every message gets exactly one answer; a wrong one
+gives no current and does not feed the watchdog. Of two messages at once, the first takes the beginning of the second:
+they are answered with errors 8 and 256. One sensor of the gimbal is read per message, after the currents were set.
 """
 
 import re
@@ -26,7 +25,7 @@ from weberlink.master.emulators.polhem.host_wiring import HostWiring, host_wirin
 
 BUFFER = 127
 FILLING = b"\n\r\0"
-"""What may stand around a message."""
+"""Bytes that are allowed around a message."""
 TRAILING, FULL, NO_BEGINNING, NOT_THREE, UNREADABLE = 8, 128, 256, 512, 1024
 NUMBERS = {name: number for number, name in MODELS.items()}
 NO_COUNTS: Counts6 = (0, 0, 0, 0, 0, 0)
@@ -35,7 +34,7 @@ _THREE = re.compile(rb"\[\s*([+-]?\d+),\s*([+-]?\d+),\s*([+-]?\d+)")
 
 
 class BracketMessage(NamedTuple):
-    """Bytes up to a closing bracket, and what is wrong with them."""
+    """Bytes up to a closing bracket, and their error."""
 
     text: bytes
     error: int
@@ -73,7 +72,7 @@ class PolhemSerialEmulator(PolhemBoard):
     def __init__(self, options: PolhemSerialEmulatorOptions | None = None) -> None:
         options = PolhemSerialEmulatorOptions() if options is None else options
         self.model = self._true_model = NUMBERS[options.model]
-        """What it says it is."""
+        """Model number that it reports."""
         super().__init__(options, options.set_name, options.wiring(), WATCHDOG_S)
         self._waiting = b""
         self._buffer = b""
@@ -81,7 +80,7 @@ class PolhemSerialEmulator(PolhemBoard):
         self._answers: list[bytes] = []
         self._loops = 0
         self._counts = NO_COUNTS
-        """As read last: what an answer with an error repeats."""
+        """Counts as last read, which an answer with an error repeats."""
         self._gimbal_error = 0
 
     def receive(self, data: bytes, now: float) -> None:
@@ -109,7 +108,7 @@ class PolhemSerialEmulator(PolhemBoard):
         return min(due, default=None)
 
     def _begin(self, now: float) -> None:
-        """Read on, byte by byte, to the end of a message, unless the last one is still worked on (`await_message`)."""
+        """Read up to the end of a message, unless the last one is still being processed (`await_message`)."""
         if self._work is not None:
             return
         end = self._waiting.find(b"]", 0, BUFFER - len(self._buffer))
@@ -140,7 +139,7 @@ class PolhemSerialEmulator(PolhemBoard):
         self._answers.append(encode_status(SerialStatus(self.model, self._counts, error)))
 
     def _measure(self) -> int:
-        """Read the encoders of the motors, and one sensor of the gimbal in turn; gives the error bit of that sensor."""
+        """Read the motor encoders and one gimbal sensor in turn; gives the error bit of that sensor."""
         a, b, c, *gimbal = self.counts
         d, e, f = self._counts[3:]
         sensor = self._loops % 3
@@ -169,14 +168,14 @@ class PolhemSerialEmulator(PolhemBoard):
 
 
 def _framing(text: bytes) -> int:
-    """What is wrong with a message that ends with a bracket; all commas count, also those before its beginning."""
+    """The error of a message that ends with a bracket; commas before its beginning count too."""
     if b"[" not in text:
         return NO_BEGINNING
     return 0 if text.count(b",") == 2 else NOT_THREE
 
 
 def _currents(text: bytes) -> Currents | None:
-    """What `sscanf` makes of the part from the last bracket on [mA], none where one is too large; None for nothing."""
+    """Currents [mA] as `sscanf` reads them from the last bracket on, 0 if too large; None if unreadable."""
     match = _THREE.match(text[text.rfind(b"[") :].split(b"\0")[0])
     if match is None:
         return None

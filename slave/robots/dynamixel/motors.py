@@ -18,7 +18,7 @@ from weberlink.slave.robots.dynamixel.registers import (
 TRIES: Final = 12
 """At opening, where a late answer must not be fatal; together longer than a pause of a busy host."""
 
-Reply = TypeVar("Reply")
+MotorReply = TypeVar("MotorReply")
 
 
 def watchdog_units(watchdog_s: float) -> int:
@@ -189,7 +189,7 @@ class Motors:
         self._insist(lambda: self._bus.write(id_, register, value))
 
     @staticmethod
-    def _insist(ask: Callable[[], Reply]) -> Reply:
+    def _insist(ask: Callable[[], MotorReply]) -> MotorReply:
         for _ in range(TRIES - 1):
             with suppress(BadReply):
                 return ask()

@@ -45,39 +45,39 @@ class DynamixelOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    port: str | None = Field(default=None, description="of the adapter; if not given, the only one plugged in")
+    port: str | None = Field(default=None, description="of the adapter; the only one plugged in if not given")
     baud: int = Field(default=1_000_000, description="rate of the bus [bit/s]; motors are delivered with 57600")
     ids: tuple[int, int, int, int] = Field(default=(11, 12, 13, 14), description="of the motors of joints 1 to 4")
     rate_hz: float = Field(default=250.0, ge=SLOWEST_HZ, le=1000.0, description="of the bus")
     latency_ms: float = Field(
-        default=1.0, ge=0.0, le=16.0, description="how long the adapter collects answers; part of the stated lag"
+        default=1.0, ge=0.0, le=16.0, description="time for which the adapter collects answers; part of the stated lag"
     )
     timeout_ms: float = Field(
-        default=10.0, ge=2.0, le=100.0, description="how much later than its time on the wire an answer may come"
+        default=10.0, ge=2.0, le=100.0, description="longest delay of an answer beyond its time on the wire"
     )
     bus_watchdog_ms: float = Field(
-        default=80.0, ge=20.0, le=2540.0, description="without any instruction for so long, the motors go limp"
+        default=80.0, ge=20.0, le=2540.0, description="time without any instruction after which the motors go limp"
     )
-    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="how long to look for an arm that is gone")
+    reconnect_s: float = Field(default=0.0, ge=0.0, le=60.0, description="time to search for an arm that is gone")
     on_close: OnClose = Field(
         default=OnClose.HOLD,
-        description="hold: the motors keep the arm where it is, with no more than max_current_ma; limp: it drops; "
-        "rest: goes home, then limp",
+        description="hold: the motors hold the arm, with at most max_current_ma; limp: it drops; rest: it goes home, "
+        "then limp",
     )
     home_m: Vector = Field(default=(0.14, 0.0, 0.06), description="where `on_close: rest` puts the tip")
     workspace_m: tuple[Vector, Vector] = Field(
         default=((0.12, -0.12, 0.05), (0.26, 0.12, 0.25)), description="lowest and highest corner for commands"
     )
     pitch_deg: float | None = Field(
-        default=None, ge=-90.0, le=90.0, description="of the gripper, positive down; if not given, that at opening"
+        default=None, ge=-90.0, le=90.0, description="of the gripper, positive down; that at opening if not given"
     )
     stiffness_n_m: float = Field(default=400.0, gt=0.0, description="of the tip; bounded by damping and rate")
-    damping_rate_s: float = Field(default=12.0, gt=0.0, description="at which motion dies away [1/s]")
+    damping_rate_s: float = Field(default=12.0, gt=0.0, description="decay rate of motions [1/s]")
     rotor_inertia_kg_m2: float = Field(
         default=ROTOR_INERTIA_KG_M2,
         ge=LEAST_ROTOR_INERTIA_KG_M2,
         le=0.2,
-        description="of each motor, seen at its joint; the damping is in proportion to it",
+        description="of each motor at its joint; the damping is proportional to it",
     )
     force_n: float = Field(
         default=5.0, gt=0.0, le=20.0, description="largest force of the tip's spring, and largest one reported"
@@ -88,7 +88,7 @@ class DynamixelOptions(BaseModel):
     )
     torque_constant_n_m_a: float = Field(default=1.78, gt=0.1, lt=10.0, description="of the motors with their gears")
     torque_constant_error: float = Field(
-        default=0.4, ge=0.0, lt=1.0, description="share by which it may be wrong; smaller after a calibration"
+        default=0.4, ge=0.0, lt=1.0, description="largest relative error of it; smaller after a calibration"
     )
     coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
     viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")

@@ -14,23 +14,25 @@ CONTACTS = "contacts"
 LARGEST_WORKSPACE = 10.0
 """Half an edge [m]."""
 
-Interval = tuple[float, float]
+Range = tuple[float, float]
 
 
 class RotationOptions(BaseModel):
-    """How the end effector is turned, and what torque is felt, about the site that goes where it is commanded."""
+    """Orientation control and torque sensing about the site of the end effector."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     stiffness_n_m_rad: float = Field(
-        default=5.0, gt=0.0, description="of the orientation control, alike about every axis"
+        default=5.0, gt=0.0, description="of the orientation control, equal about all axes"
     )
     torque: str = Field(
         default=CONTACTS,
-        description="what is felt: `contacts` as for `force`, or the name of a torque sensor of the MJCF file, on a "
-        "site that has a force sensor too",
+        description="torque that is felt: `contacts` as for `force`, or the name of a torque sensor of the MJCF file, "
+        "on a site that has a force sensor too",
     )
-    torque_n_m: float = Field(default=2.0, gt=0.0, description="range of the torque sensing; more is cut to it")
+    torque_n_m: float = Field(
+        default=2.0, gt=0.0, description="range of the torque sensing; larger torques are limited to it"
+    )
 
 
 class MujocoOptions(BaseModel):
@@ -38,34 +40,37 @@ class MujocoOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    model: Path = Field(description="the MJCF file; a relative path is meant from the folder of this file")
-    end_effector: str = Field(default="tip", description="name of the site that goes where it is commanded")
+    model: Path = Field(description="the MJCF file; a relative path starts at the folder of this file")
+    end_effector: str = Field(default="tip", description="name of the site that follows the commands")
     force: str = Field(
         default=CONTACTS,
-        description="what is felt: `contacts`, all that touches the body of the end effector and what hangs on it; "
-        "or the name of a force sensor of the MJCF file",
+        description="force that is felt: `contacts` of the body of the end effector and of what hangs on it, or the "
+        "name of a force sensor of the MJCF file",
     )
-    force_n: float = Field(default=30.0, gt=0.0, description="range of the force sensing; more is cut to it")
-    stiffness_n_m: float = Field(default=1000.0, gt=0.0, description="of the position control, alike on every axis")
+    force_n: float = Field(
+        default=30.0, gt=0.0, description="range of the force sensing; larger forces are limited to it"
+    )
+    stiffness_n_m: float = Field(default=1000.0, gt=0.0, description="of the position control, equal on all axes")
     rotation: RotationOptions | None = Field(
-        default=None, description="the end effector is turned too, and torque is felt; without it, only moved"
+        default=None, description="orientation control and torque sensing; without it, position and force only"
     )
     damping_ratio: float = Field(
         default=1.0, ge=0.0, le=2.0, description="of the position control at home; 1 is critical on every axis"
     )
     posture_hz: float = Field(
-        default=2.0, ge=0.0, le=20.0, description="how fast joints that are left over return to where they are at home"
+        default=2.0,
+        ge=0.0,
+        le=20.0,
+        description="natural frequency at which redundant joints return to their pose at home",
     )
-    keyframe: str | None = Field(
-        default=None, description="of the MJCF file, to begin in; its joints at 0 if not given"
-    )
+    keyframe: str | None = Field(default=None, description="initial state, of the MJCF file; joints at 0 if not given")
     home_m: Vector | None = Field(
-        default=None, description="where the end effector is until the first command; as it begins if not given"
+        default=None, description="position until the first command; that of the initial state if not given"
     )
-    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[Interval, Interval, Interval] = Field(
+    workspace_m: Annotated[float, Field(gt=0.0, le=LARGEST_WORKSPACE)] | tuple[Range, Range, Range] = Field(
         default=0.06,
-        description="where it may be commanded to: half an edge of a cube about the origin, or lowest and highest "
-        "position on x, y, z",
+        description="range of commands: half an edge of a cube about the origin, or lowest and highest position on "
+        "x, y, z",
     )
 
     @field_validator("workspace_m", mode="before")
@@ -76,15 +81,15 @@ class MujocoOptions(BaseModel):
                 return float(workspace)
             case [[_, _], [_, _], [_, _]]:
                 return workspace
-        raise ValueError(f"expected half an edge, up to {LARGEST_WORKSPACE:g} m, or three intervals, not {workspace!r}")
+        raise ValueError(f"expected half an edge, up to {LARGEST_WORKSPACE:g} m, or three intervals, got {workspace!r}")
 
     @field_validator("workspace_m")
     @classmethod
-    def _rising(cls, workspace: float | tuple[Interval, ...]) -> float | tuple[Interval, ...]:
+    def _rising(cls, workspace: float | tuple[Range, ...]) -> float | tuple[Range, ...]:
         if not isinstance(workspace, float):
             for axis, (low, high) in zip("xyz", workspace, strict=True):
                 if not low < high:
-                    raise ValueError(f"{axis} must rise, not [{low}, {high}]")
+                    raise ValueError(f"{axis}: expected the lower limit first, got [{low}, {high}]")
         return workspace
 
     @model_validator(mode="after")
@@ -103,7 +108,7 @@ class MujocoOptions(BaseModel):
         return (x0, y0, z0), (x1, y1, z1)
 
     def check_home(self, home: Vector) -> None:
-        """Raises ValueError where the robot would begin outside of its workspace."""
+        """Raises ValueError if this home position is outside of the workspace."""
         low, high = self.corners
         if any(not a <= x <= b for a, x, b in zip(low, home, high, strict=True)):
             shown = "[" + ", ".join(f"{x:.4g}" for x in home) + "]"

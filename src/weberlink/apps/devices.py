@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from importlib.metadata import entry_points
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -14,8 +14,9 @@ from rich.text import Text
 
 from weberlink.apps import rules
 from weberlink.hardware.discovery import PluggedDevice
-from weberlink.master import devices
-from weberlink.slave import robots
+from weberlink.master.devices import DEVICES
+from weberlink.registry import Registry
+from weberlink.slave.robots import ROBOTS
 
 READY = "ready"
 NOTHING = "nothing plugged in"
@@ -30,46 +31,14 @@ LATENCY_MS = 1
 """Value that the rules set the latency timer of an FTDI chip to."""
 
 
-class DriverTable(Protocol):
-    """The drivers of one side: `weberlink.master.devices` and `weberlink.slave.robots`."""
-
-    def drivers(self) -> dict[str, str]: ...
-
-    def load(self, name: str) -> Any: ...
-
-
-@dataclass(frozen=True)
-class DriverFamily:
-    """The drivers of one side, and where a configuration names them.
-
-    Args:
-        table: module that lists and loads the drivers.
-        group: entry points of other packages.
-        section: of a configuration, as a dotted path.
-    """
-
-    table: DriverTable
-    group: str
-    section: str
-
-
-SIDES: Mapping[str, DriverFamily] = {
-    "master": DriverFamily(devices, "weberlink.devices", "master.device"),
-    "slave": DriverFamily(robots, "weberlink.robots", "slave.robot"),
-}
+SIDES: Mapping[str, Registry[Any]] = {"master": DEVICES, "slave": ROBOTS}
+SECTIONS = {"master": "master.device", "slave": "slave.robot"}
+"""Where a configuration names the driver of a side."""
 
 
 @dataclass(frozen=True)
 class DeviceAccess:
-    """Access to this machine, replaceable in tests.
-
-    Args:
-        accessible: whether this user may read and write a path.
-        groups: ids of the groups of this process.
-        rules: folders where udev looks for rules.
-        ttys: folder of the kernel's serial ports.
-        links: folder of stable names of serial ports.
-    """
+    """Access to this machine, replaceable in tests."""
 
     accessible: Callable[[str], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
     groups: frozenset[int] = field(default_factory=lambda: frozenset((*os.getgroups(), os.getegid())))
@@ -80,24 +49,16 @@ class DeviceAccess:
 
 @dataclass(frozen=True)
 class DriverStatus:
-    """State of one driver on this machine.
-
-    Args:
-        side: "master" or "slave".
-        driver: its name.
-        package: where it comes from; None for a built-in driver.
-        kind: "virtual" or "hardware"; None if it could not be loaded.
-        extra: extra of this project that it needs; None for none.
-        state: one of the constants above.
-        plugged: devices that it could drive.
-        advice: suggested fixes, a line each.
-    """
+    """State of one driver on this machine."""
 
     side: str
     driver: str
     package: str | None
+    """None for a built-in driver."""
     kind: str | None
+    """"virtual" or "hardware"; None if it could not be loaded."""
     extra: str | None
+    """The extra of this project that it needs."""
     state: str
     plugged: tuple[PluggedDevice, ...] = ()
     advice: tuple[str, ...] = ()
@@ -149,16 +110,15 @@ class Survey:
             console.print(Text(f"{', '.join(drivers)}: {line}"), soft_wrap=True)  # a line to copy must not be wrapped
 
 
-def survey(host: DeviceAccess | None = None, sides: Mapping[str, DriverFamily] = SIDES) -> Survey:
+def survey(host: DeviceAccess | None = None, sides: Mapping[str, Registry[Any]] = SIDES) -> Survey:
     """List every driver of both sides and the hardware plugged in."""
     here = host or DeviceAccess()
     has_rules = rules.installed(here.rules)
     drivers: list[DriverStatus] = []
-    for name, side in sides.items():
-        packages = _packages(side)
+    for side, table in sides.items():
+        packages = _packages(table)
         drivers.extend(
-            _Inspection(name, side, driver, packages.get(driver), here, has_rules).status()
-            for driver in sorted(side.table.drivers())
+            _Inspection(side, table, driver, packages.get(driver), here, has_rules).status() for driver in sorted(table)
         )
     return Survey(drivers, has_rules)
 
@@ -167,8 +127,8 @@ def survey(host: DeviceAccess | None = None, sides: Mapping[str, DriverFamily] =
 class _Inspection:
     """Examines one driver."""
 
-    name: str
-    side: DriverFamily
+    side: str
+    table: Registry[Any]
     driver: str
     package: str | None
     host: DeviceAccess
@@ -176,7 +136,9 @@ class _Inspection:
 
     def status(self) -> DriverStatus:
         try:
-            driver = self.side.table.load(self.driver)
+            driver = self.table[self.driver]
+            if not isinstance(driver, type):
+                raise TypeError(f"{driver!r} is no class")  # noqa: TRY301 - as an error of its import
         except Exception as error:  # another package may raise anything at import
             return self._status(None, None, BROKEN, (), f"cannot be loaded: {_in_words(error)}")
         kind = "hardware" if hasattr(driver, "plugged") else "virtual"
@@ -197,14 +159,14 @@ class _Inspection:
         usable = [found for found, state in zip(plugged, states, strict=True) if state == READY]
         if len(usable) > 1:
             ports = " or ".join(f"port: {self._lasting(found.path)}" for found in usable)
-            advice.append(f"{len(usable)} are plugged in; say which under {self.side.section}: {ports}")
+            advice.append(f"{len(usable)} are plugged in; say which under {SECTIONS[self.side]}: {ports}")
         state = READY if usable else states[0] if states else NOTHING
         return self._status("hardware", extra, state, plugged, *advice)
 
     def _status(
         self, kind: str | None, extra: str | None, state: str, plugged: tuple[PluggedDevice, ...] = (), *advice: str
     ) -> DriverStatus:
-        return DriverStatus(self.name, self.driver, self.package, kind, extra, state, plugged, advice)
+        return DriverStatus(self.side, self.driver, self.package, kind, extra, state, plugged, advice)
 
     def _state(self, found: PluggedDevice) -> str:
         if found.path.startswith("/") and not self.host.accessible(found.path):
@@ -247,13 +209,12 @@ class _Inspection:
         return next((str(link) for link in links if os.path.realpath(link) == os.path.realpath(path)), path)
 
 
-def _packages(side: DriverFamily) -> dict[str, str]:
+def _packages(table: Registry[Any]) -> dict[str, str]:
     """Driver name to package, for drivers of other packages."""
-    built_in = getattr(side.table, "BUILT_IN", {})
     return {
         entry.name: entry.dist.name if entry.dist is not None else entry.value
-        for entry in entry_points(group=side.group)
-        if entry.name not in built_in
+        for entry in entry_points(group=table.group or "")
+        if entry.name not in table.built_in
     }
 
 

@@ -45,7 +45,7 @@ def monitor(
     from weberlink.apps.monitor.program import MonitorError, MonitorSettings, run, tell  # noqa: PLC0415
 
     addresses = _address("--share", share), _address("--from", source)
-    security = _security(key_file, needed=share is not None or source is not None)
+    terms = _terms(key_file, needed=share is not None or source is not None)
     if not access.is_loopback(listen):
         if not public:
             fail(
@@ -54,7 +54,7 @@ def monitor(
                 MISCONFIGURED,
             )
         tell(f"warning: {listen}: neither encrypted nor authenticated; everybody who can reach it sees everything")
-    settings = MonitorSettings(listen, port, session, browse, *addresses, security)
+    settings = MonitorSettings(listen, port, session, browse, *addresses, terms)
     try:
         run(settings)
     except MonitorError as error:
@@ -70,9 +70,9 @@ def _address(option: str, text: str | None) -> tuple[str, int] | None:
         fail(f"{option}: {error}", MISCONFIGURED)
 
 
-def _security(path: Path | None, *, needed: bool) -> Any:
-    """The key of --share and --from, which need it."""
-    from weberlink.apps.monitor.remote.stream import telemetry_key  # noqa: PLC0415
+def _terms(path: Path | None, *, needed: bool) -> Any:
+    """Terms of --share and --from, with the key that they need."""
+    from weberlink.apps.monitor.remote.stream import telemetry_terms  # noqa: PLC0415
     from weberlink.protocol.keys import KeyFileError, load  # noqa: PLC0415
     from weberlink.realtime.process import forbid_core_dumps  # noqa: PLC0415
 
@@ -84,7 +84,7 @@ def _security(path: Path | None, *, needed: bool) -> Any:
         fail("--key-file needs --share or --from", MISCONFIGURED)
     forbid_core_dumps()
     try:
-        return telemetry_key(load(path))
+        return telemetry_terms(load(path))
     except KeyFileError as error:
         fail(f"--key-file: {error}", MISCONFIGURED)
 

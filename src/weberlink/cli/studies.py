@@ -123,8 +123,13 @@ def bench(
     set_: Set = None,
 ) -> None:
     """Measure real-time figures beside this machine's limits."""
-    from benchmarks.arrangement import BenchError  # noqa: PLC0415
-    from benchmarks.study import run  # noqa: PLC0415
+    try:
+        from benchmarks.arrangement import BenchError  # noqa: PLC0415
+        from benchmarks.study import run  # noqa: PLC0415
+    except ModuleNotFoundError as error:
+        if error.name != "benchmarks":
+            raise
+        fail("bench runs from a clone of the repository: make bench", 2)
 
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
     try:

@@ -1,7 +1,4 @@
-"""What is plugged in: USB identities, what was found of them, and the choice among what was found.
-
-Knows how this host lists its ports, and nothing of what the things found can do.
-"""
+"""USB devices that are plugged in, and the choice among them."""
 
 import os
 from collections.abc import Callable, Iterable, Sequence
@@ -12,11 +9,11 @@ from typing import Any, NamedTuple
 from weberlink.hardware.fault import HardwareFault
 
 UDEV_RULES = "49-weberlink.rules"
-"""Shipped in the folder of configurations; gives whoever sits at the machine access to the devices."""
+"""Shipped with the configurations; gives the user at the machine access to the devices."""
 
 
 class UsbId(NamedTuple):
-    """Vendor and product; product None for any of that vendor's."""
+    """USB vendor and product; product None matches all of the vendor."""
 
     vendor: int
     product: int | None = None
@@ -30,11 +27,11 @@ class UsbId(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PluggedDevice:
-    """Something plugged in.
+    """A device that is plugged in.
 
     Args:
         path: to open, for example /dev/ttyACM0.
-        name: what it calls itself; empty if it says nothing.
+        name: its product name; empty if it has none.
         serial_number: empty if it has none.
         problem: why it cannot be used as it is, with what to do about it; None if nothing is known to be in the way.
     """
@@ -50,7 +47,7 @@ class PluggedDevice:
 
 
 def hidapi() -> Any:
-    """The binding: its hidraw backend where the package has one, since libusb would take the device from the kernel."""
+    """The hidapi binding, with its hidraw backend if available: libusb would detach the kernel driver."""
     try:
         return import_module("hidraw")
     except ImportError:
@@ -77,7 +74,7 @@ def serial_ports(ids: Iterable[UsbId]) -> list[PluggedDevice]:
 def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list[PluggedDevice]:
     """HID devices with one of these identities and one of these usage pages (0: not reported), by path.
 
-    A composite device has several; the usage page tells which of them speaks.
+    A composite device has several; the usage page selects one.
     """
     wanted = tuple(ids)
     found = []
@@ -93,7 +90,7 @@ def hid_devices(ids: Iterable[UsbId], usage_pages: Sequence[int] = (0,)) -> list
 
 
 def only(found: Sequence[PluggedDevice], what: str, option: str) -> PluggedDevice:
-    """The one that is meant where the file names none.
+    """Choose the device when the file names none.
 
     Args:
         found: what is plugged in.
@@ -120,7 +117,7 @@ def _problem(path: str) -> str | None:
 
 
 def permission_advice(path: str) -> str:
-    """What to do where this user may not open a device."""
+    """Advice when this user may not open a device."""
     return (
         f"no permission to open {path}; install the shipped rules with: weberlink devices --install-rules, "
         "then unplug it and plug it in again"

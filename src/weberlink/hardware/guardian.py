@@ -1,7 +1,6 @@
-"""The parent's end of a guardian: a process that takes the force off a device when this process stops.
+"""The parent's side of a guardian: a process that takes the force off a device when this process stops.
 
-For devices whose board keeps the last force when its host falls silent. What the guardian does is in
-`weberlink.hardware.guardian_process`.
+For devices whose board keeps the last force without a host; see `weberlink.hardware.guardian_process`.
 """
 
 import os
@@ -20,24 +19,24 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian_process import BEATS, LEASE, WORDS_SIZE, WRITES
 
 LEASE_S = 0.05
-"""How long a force may stand after the loop commanded it."""
+"""Longest time that a force may stand after its command [s]."""
 START_S = 5.0
-"""How long the guardian may take to start."""
+"""Longest time for the guardian to start [s]."""
 END_S = 0.5
-"""How long it may take to end."""
+"""Longest time for the guardian to end [s]."""
 SILENT_S = 0.25
-"""How long it may give no sign of life while there is force; it gives one every 20 ms."""
+"""Longest time without a sign of life while there is force [s]; the guardian gives one every 20 ms."""
 DEAD_S = 0.04
-"""How long it must have given none before we ask whether it is dead."""
+"""Time without a sign of life before its process state is checked [s]."""
 DIED = "its guardian process died, and its board has no watchdog; start the session again"
 
 
 class Guardian:
     """Takes the force off a device within `LEASE_S` and a few milliseconds of the last command of the loop.
 
-    The port that carries the messages has it: see `SerialPort`. The worker that runs the exchange tells it when each
-    command was given: see `Worker`. No force is written without a guardian that lives, nor one whose command is older
-    than the worker allows. So the first message after this process was stopped carries no force.
+    The port calls it around each message (see `SerialPort`), and the worker sets the time of each command (see
+    `Worker`). No force is written without a running guardian, nor one whose command is older than the worker allows. So
+    the first message after this process was stopped carries no force.
 
     Args:
         zero: message that takes the force off; must be understood as such whatever came before it, half a message
@@ -47,7 +46,7 @@ class Guardian:
 
     def __init__(self, zero: bytes, rests: tuple[bytes, ...] = ()) -> None:
         self.zero = zero
-        """May be changed before `watch`, as the next one."""
+        """May be changed before `watch`, like `rests`."""
         self.rests = rests
         self._all_rests = (zero, *rests)
         self._child: subprocess.Popen[bytes] | None = None
@@ -62,7 +61,7 @@ class Guardian:
 
     @property
     def pid(self) -> int | None:
-        """Of the process; None while there is none."""
+        """Process id of the guardian; None while there is none."""
         return None if self._child is None else self._child.pid
 
     def watch(self, descriptor: int) -> None:
@@ -104,11 +103,11 @@ class Guardian:
         self._wait_for_start()
 
     def given(self, at: float, stale: float) -> None:
-        """Say when the loop gave the command that comes next, and how old it may be when it is written [s]."""
+        """Set the time of the next command, and its largest age when it is written [s]."""
         self._given_at, self._stale = at, stale
 
     def before(self, data: bytes) -> None:
-        """To be called immediately before a message is written.
+        """Call immediately before a message is written.
 
         Raises:
             BadReply: it carries force, and its command is too old: this process was held up.
@@ -126,7 +125,7 @@ class Guardian:
             raise BadReply(f"was held up for {late * 1e3:.0f} ms; the force comes up again from zero")
 
     def after(self, data: bytes) -> None:
-        """To be called once a message is written as a whole.
+        """Call after a whole message was written.
 
         Raises:
             HardwareFault: the guardian is dead.
@@ -137,12 +136,12 @@ class Guardian:
                 self._silent(monotonic())
 
     def has_written(self) -> bool:
-        """Whether it has written since this was last asked; the device may answer that too."""
+        """Whether the guardian has written since the last call; the device may answer that too."""
         known, self._writes = self._writes, self._words[WRITES]
         return known != self._writes
 
     def stop(self) -> None:
-        """End the process; if there is still force, it takes it off first. Any number of times."""
+        """End the process, which first takes off any force left; may be called again."""
         child, self._child = self._child, None
         if child is None:
             return
@@ -150,7 +149,7 @@ class Guardian:
             os.write(self._socket, b"x")
         try:
             child.wait(END_S)
-        except subprocess.TimeoutExpired:  # somebody has stopped it
+        except subprocess.TimeoutExpired:  # it was stopped by a signal
             child.send_signal(signal.SIGKILL)
             child.wait()
         os.close(self._socket)
@@ -170,15 +169,15 @@ class Guardian:
         self._beats = (self._words[BEATS], monotonic())
 
     def _silent(self, now: float) -> float:
-        """How long it has given no sign of life, while this process ran [s]; raises HardwareFault where it is dead."""
+        """Time without a sign of life while this process ran [s]; raises HardwareFault if the guardian is dead."""
         beats, since = self._words[BEATS], self._beats[1]
         if self._child is None:
             raise HardwareFault(DIED)
-        # Where we were held up, it may have been as well.
+        # If this process was held up, the guardian may have been too.
         if beats != self._beats[0] or now - self._looked_at > max(LEASE_S, self._stale):
             self._beats = (beats, now)
             since = now
-        elif now - since > DEAD_S and self._child.poll() is not None:  # costs more than the look at the word
+        elif now - since > DEAD_S and self._child.poll() is not None:  # a system call, unlike the word
             raise HardwareFault(DIED)
         self._looked_at = now
         return now - since

@@ -1,13 +1,13 @@
-"""The guardian: a process that takes the force off a device when the process that commands it stops.
+"""The guardian process: takes the force off a device when the process that commands it stops.
 
-`hardware.guardian` starts it, by its path and with an interpreter that loads nothing more than it has to. It imports
-the standard library alone. Arguments: the descriptors of the socket to the parent, of the device and of the shared
-memory, and the message that takes the force off, as hexadecimal digits.
+`hardware.guardian` starts it by its path with an isolated interpreter; it imports the standard library alone.
+Arguments: the descriptors of the socket to the parent, of the device and of the shared memory, and the message that
+takes the force off, in hexadecimal digits.
 
-The parent puts every force on a lease: before it writes one, it stores in the shared memory until when that force may
-stand (`LEASE` [ns, CLOCK_MONOTONIC]; 0 for no force). Once the lease is over the guardian writes the message, again
-and again until the parent renews or ends the lease. It writes it too when the socket closes, which the kernel does
-however the parent dies, and then ends.
+Every force has a lease: before the parent writes one, it stores in the shared memory until when that force may stand
+(`LEASE` [ns, CLOCK_MONOTONIC]; 0 for no force). When the lease expires, the guardian writes the message repeatedly
+until the parent renews or ends the lease. When the socket closes, which the kernel does however the parent dies, the
+guardian writes the message and ends.
 """
 
 import os
@@ -22,16 +22,16 @@ from time import monotonic_ns, sleep
 LEASE, BEATS, WRITES = range(3)
 """Words of 64 bits in the shared memory: written by the parent, by the guardian, by the guardian.
 
-`BEATS` counts the turns of its loop, `WRITES` the messages that it has sent.
+`BEATS` counts the cycles of the loop, `WRITES` the messages sent.
 """
 WORDS_SIZE = 3 * 8
 
 PAUSE_NS = 20_000_000
-"""Longest time between two looks at the lease; a lease that begins meanwhile must be longer."""
+"""Longest time between two checks of the lease; every lease must be longer."""
 REPEATS = 10
-"""How many messages follow one another at that pace."""
+"""Number of messages at that pace."""
 SLOW_NS = 1_000_000_000
-"""Pace of those after: nobody reads the answers of the device."""
+"""Pause between later messages: nobody reads the answers of the device."""
 LAST_WRITES = 2
 LAST_PAUSE_S = 0.01
 
@@ -49,7 +49,7 @@ def main(arguments: list[str]) -> None:
 
 
 def watch(words: memoryview, socket: int, device: int, zero: bytes) -> None:
-    """Until the parent says goodbye or is gone."""
+    """Watch the lease until the parent says goodbye or dies."""
     poll = select.poll()
     poll.register(socket, select.POLLIN)
     repeats, due = 0, 0
@@ -75,7 +75,7 @@ def watch(words: memoryview, socket: int, device: int, zero: bytes) -> None:
 
 
 def write(device: int, zero: bytes) -> None:
-    """The whole message, in place of what the device has not taken yet."""
+    """Write the whole message, in place of data that the device has not taken yet."""
     with suppress(OSError, termios.error):  # unplugged
         if not _taken(device, zero):
             termios.tcflush(device, termios.TCOFLUSH)
@@ -90,7 +90,7 @@ def _taken(device: int, zero: bytes) -> bool:
 
 
 def _go_first() -> None:
-    """Do not wait for the processor that the parent holds: it may be the reason."""
+    """Raise the priority above the parent's, which may keep the processor busy."""
     with suppress(OSError):
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
     with suppress(OSError):

@@ -1,4 +1,4 @@
-"""A HID device with reports that carry no number, through hidapi, with waits that have an end."""
+"""A HID device with unnumbered reports, through hidapi; every wait has a time limit."""
 
 import os
 from time import monotonic
@@ -14,7 +14,7 @@ class HidPort:
     """An open device.
 
     Args:
-        path: as `hardware.found.hid_devices` gives it.
+        path: as given by `hardware.discovery.hid_devices`.
 
     Raises:
         HardwareFault: it is not there or not permitted.
@@ -61,7 +61,7 @@ class HidPort:
             written = self._device.write(message)
         except (OSError, ValueError):
             written = -1
-        if written < 0:  # hidapi's only word for it
+        if written < 0:  # hidapi gives no other reason
             raise HardwareFault(f"{self.path}: unplugged")
         if guardian is not None:
             guardian.after(message)
@@ -97,7 +97,7 @@ class HidPort:
 
 
 def _reason(path: str) -> str | None:
-    """What is in the way, where hidapi says "open failed" whatever it is; None where the path does not tell."""
+    """The reason why a device cannot be opened, which hidapi does not give; None if the path does not show it."""
     if not path.startswith("/"):  # of libusb
         return None
     try:

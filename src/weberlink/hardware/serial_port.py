@@ -1,6 +1,6 @@
-"""A serial port, opened for one process alone, with waits that have an end.
+"""A serial port with exclusive access; every wait has a time limit.
 
-pyserial opens and sets it up; reading goes by the descriptor, which costs one system call for whatever is there.
+pyserial opens and configures it; reads use the descriptor directly, at one system call each.
 """
 
 import errno
@@ -18,9 +18,9 @@ from weberlink.hardware.guardian import Guardian
 
 CHUNK = 4096
 WRITING_S = 0.05
-"""How long a port may take nothing."""
+"""Longest time that a port may accept no data [s]."""
 LEAVING_S = 0.05
-"""How long what was written may take to leave, before the port is closed over it."""
+"""Longest wait for pending data before the port is closed [s]."""
 
 
 class SerialPort:
@@ -28,7 +28,7 @@ class SerialPort:
 
     Args:
         path: of the device, or of a link to it.
-        baud: rate [bit/s]; without meaning where the port is USB from end to end.
+        baud: rate [bit/s]; without effect on a native USB port.
         guardian: takes the force off when this process stops; None for a device that does so itself. It watches from
             the opening of the port to its closing.
 
@@ -54,7 +54,7 @@ class SerialPort:
                 raise
 
     def write(self, data: bytes) -> None:
-        """Hand over all of it.
+        """Write all data.
 
         Raises:
             HardwareFault: it was unplugged, or takes nothing; or of the guardian, see `Guardian.before`.
@@ -76,7 +76,7 @@ class SerialPort:
                 if taken:
                     sent, until = sent + taken, monotonic() + WRITING_S
                     if sent < len(data) and self._guardian is not None:
-                        # The guardian may write next: the rest of this message would be nonsense behind its own.
+                        # The guardian may write next, and the rest of this message would corrupt the stream behind it.
                         raise HardwareFault(f"{self.path}: takes no more data")
                 elif monotonic() >= until:
                     raise HardwareFault(f"{self.path}: takes no more data")
@@ -90,7 +90,7 @@ class SerialPort:
             return 0
 
     def read(self, until: float) -> bytes:
-        """Whatever has come, as soon as something has; nothing where it does not by `until` [s, monotonic].
+        """Read what has come, waiting for the first byte until `until` [s, monotonic]; empty if none comes.
 
         Raises:
             HardwareFault: it was unplugged.
@@ -107,14 +107,14 @@ class SerialPort:
         return data
 
     def drain(self) -> bytes:
-        """Everything that has come, without a wait."""
+        """Read everything that has come, without waiting."""
         parts = []
         while part := self.read(0.0):
             parts.append(part)
         return b"".join(parts)
 
     def close(self) -> None:
-        """Any number of times. What was written last still leaves, where the device takes it."""
+        """Close the port after pending data has left; may be called again."""
         self._descriptor = -1  # the number may be another file's by now
         if self._guardian is not None:
             self._guardian.stop()  # it has the port open too
@@ -124,7 +124,7 @@ class SerialPort:
             self._port.close()
 
     def _let_leave(self) -> None:
-        """The kernel would hold up the closing for half a minute for data that a device does not take."""
+        """Wait for pending data; the kernel would delay closing by half a minute if the device does not take it."""
         if not self._port.is_open:
             return
         until = monotonic() + LEAVING_S

@@ -1,7 +1,7 @@
-"""Keeps the /sys of a testbed; run by the system's Python under `umockdev-wrapper`, with nothing of ours imported.
+"""Keeps the /sys of a testbed; runs in the system's Python under `umockdev-wrapper`, without this package.
 
-One line of JSON in for one line out. First it says where the testbed is; then it takes `{"add": ..., "ioctls": ...}`
-and `{"remove": [...]}`, and ends with its input, taking everything with it.
+Reads and writes one line of JSON each. First it reports the testbed's root; then it takes `{"add": ..., "ioctls": ...}`
+and `{"remove": [...]}`. It ends with its input and removes everything.
 """
 
 import json

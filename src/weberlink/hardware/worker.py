@@ -1,8 +1,4 @@
-"""The thread that owns a blocking device, so that a tick only ever swaps a command for the newest sample.
-
-Owns the pace of the exchange, what is commanded when the tick or the device fails, and coming back after a
-disconnection. Knows neither bytes nor units: a command and a sample are whatever the driver says.
-"""
+"""The thread that runs a blocking device: a tick only swaps a command for the newest sample."""
 
 import atexit
 import os
@@ -24,16 +20,16 @@ Sample_co = TypeVar("Sample_co", covariant=True)
 
 RETRY_S = 0.05
 JOIN_S = 1.0
-"""How long `stop` waits for an exchange that does not come back, and the end of the program once more."""
+"""Longest wait of `stop` for an exchange that hangs, and again at the end of the program [s]."""
 
 
 class Exchange(Protocol[Command_contra, Sample_co]):
-    """What the thread does over and over. Every method blocks, but none without end."""
+    """The blocking operations on a device; each of them has a time limit."""
 
     def open(self) -> Sample_co:
         """Connect, and give the first sample.
 
-        Called again after a disconnection, where it has to make sure that the device is still the one it was.
+        After a disconnection it must also check that the device is still the same.
 
         Raises:
             HardwareFault: it cannot be used.
@@ -44,36 +40,34 @@ class Exchange(Protocol[Command_contra, Sample_co]):
         """Command, and measure.
 
         Raises:
-            BadReply: this once the answer was not good; the next may be.
+            BadReply: this answer was not good; the next one may be.
             HardwareFault: the device is gone or refuses.
         """
         ...
 
     def close(self) -> None:
-        """Leave it safe, as far as it still listens; never raises, any number of times."""
+        """Leave the device safe; never raises, may be called again."""
         ...
 
 
 @runtime_checkable
 class GuardedExchange(Protocol):
-    """An exchange with a device whose board keeps the last force when its host falls silent."""
+    """An exchange with a device whose board keeps the last force without a host."""
 
     guardian: Guardian | None
-    """None where the device is to have no force."""
+    """None if the device has no force."""
 
 
 class Worker(Generic[Command, Sample]):
     """Runs an exchange in a thread.
 
-    After a bad reply the command is `rest` until a reply is good again; it is `rest` too while the last command is
-    older than `stale`, and in place of the first one after such a gap: the loop may have failed, or the whole process
-    been stopped. After such an interruption, and at the start, commands come up from zero where `scale` is given. After
-    `bad_replies` in a row, or when the device is gone, the fault stands, unless there is a good reply again within
-    `reconnect`.
+    The command is `rest` after a bad reply until a good one, while the last command is older than `stale`, and for the
+    first command after such a gap, since the loop or the whole process may have been stopped. After each of these
+    interruptions, and at the start, commands ramp up from zero if `scale` is given. After `bad_replies` in a row, or
+    when the device is gone, the fault stands unless a good reply comes within `reconnect`.
 
-    Only the thread touches the exchange once it runs, so an exchange need not be safe for threads. One that hangs keeps
-    `stop` for a second and no longer; its `close` is called as soon as it comes back. The end of the program stops a
-    worker that is still running.
+    Only the thread uses the exchange, so it need not be thread-safe. `stop` waits for a hanging exchange for a second;
+    its `close` is called when it returns. The end of the program stops a running worker.
 
     Args:
         exchange: of the device.
@@ -115,7 +109,7 @@ class Worker(Generic[Command, Sample]):
         self._ramp = ramp
         self._clock = clock
         self._command: tuple[Command, float, int] = (rest, -inf, 0)
-        """The last one, when it was given, and how many gaps there were before it."""
+        """The last command, its time, and the number of gaps before it."""
         self._gaps_met = 0
         self._called_at = inf
         self._newest: tuple[Sample, float] | None = None
@@ -124,9 +118,9 @@ class Worker(Generic[Command, Sample]):
         self._thread: Thread | None = None
         self._left: tuple[Thread, int] | None = None
         self.fault: str | None = None
-        """Why there are no more samples; None while there are."""
+        """Why there are no more samples; None while they come."""
         self.trouble: str | None = None
-        """What was wrong with the last exchange; None if nothing."""
+        """The error of the last exchange; None if there was none."""
         self.round_trip = 0.0
         """Time that the last exchange took [s]."""
         self.bad_count = 0
@@ -138,7 +132,7 @@ class Worker(Generic[Command, Sample]):
 
     @property
     def guarded(self) -> bool:
-        """Whether another process takes the force off when this one stops."""
+        """Whether a guardian process takes the force off when this process stops."""
         return self._guardian is not None
 
     @property
@@ -178,7 +172,7 @@ class Worker(Generic[Command, Sample]):
         atexit.register(self.stop)
 
     def command(self, command: Command, now: float) -> None:
-        """Leave a command for the next exchange; returns at once. No effect when stopped."""
+        """Set the command for the next exchange; never blocks. No effect when stopped."""
         called_at, gaps = self._clock(), self._command[2]
         self._command = (command, now, gaps + (called_at - self._called_at > self._stale))
         self._called_at = called_at
@@ -186,7 +180,7 @@ class Worker(Generic[Command, Sample]):
             os.eventfd_write(wake, 1)
 
     def stop(self) -> None:
-        """End the exchange and leave the device safe; any number of times, also from within the exchange."""
+        """End the exchange and leave the device safe; may be called again, also from within the exchange."""
         thread, self._thread = self._thread, None
         if thread is None:
             self._hangs()
@@ -202,7 +196,7 @@ class Worker(Generic[Command, Sample]):
             atexit.register(thread.join, JOIN_S)
 
     def _hangs(self) -> bool:
-        """Whether the last thread has not ended yet; what it needs is only let go of after it."""
+        """Whether the last thread still runs; its resources are released once it has ended."""
         if self._left is None:
             return False
         thread, wake = self._left
@@ -222,7 +216,7 @@ class Worker(Generic[Command, Sample]):
                 self._once()
         except HardwareFault as fault:
             self.fault = str(fault)
-        except BaseException as error:  # a mistake of ours in this thread must end the session all the same
+        except BaseException as error:  # an error in this thread must end the session too
             self.fault = f"internal error: {error!r}"
         finally:
             self._close()
@@ -234,7 +228,7 @@ class Worker(Generic[Command, Sample]):
             self.fault = self.fault or f"internal error: {error!r}"
 
     def _pause(self, wake: int, due: float) -> float:
-        """Wait for a command or for the time; returns when the one after this is due."""
+        """Wait for a command or until `due`; returns when the next exchange is due."""
         if self._on_command:
             select((wake,), (), (), self._period)
             self._clear(wake)
@@ -243,7 +237,7 @@ class Worker(Generic[Command, Sample]):
         if wait > 0.0:
             self._stopping.wait(wait)
         now, following = self._clock(), due + self._period
-        return following if now < following else now + self._period  # what was missed is not made up for
+        return following if now < following else now + self._period  # missed exchanges are skipped
 
     @staticmethod
     def _clear(wake: int) -> None:
@@ -251,7 +245,7 @@ class Worker(Generic[Command, Sample]):
             os.eventfd_read(wake)
 
     def _once(self) -> None:
-        """One good exchange; on the way there, bad ones and a reconnection, all of them at rest."""
+        """Exchange until a reply is good, reconnecting if needed; retries send the rest command."""
         command, at, gaps = self._command
         began = self._clock()
         if began - at > self._stale or gaps != self._gaps_met:
@@ -288,15 +282,15 @@ class Worker(Generic[Command, Sample]):
             began = self._clock()
 
     def _faded(self, command: Command, now: float) -> Command:
-        """The share of a command that the ramp has come to; by little at a time, however long the last step was."""
+        """The command scaled by the ramp, whose steps are limited however long the last exchange took."""
         if self._scale is None or self._share == 1.0:
             return command
         self._share = min(1.0, self._share + min(now - self._began, self._period) / self._ramp)
         return self._scale(command, self._share)
 
     def _return(self, fault: HardwareFault, until: float) -> None:
-        """Look for the device until the patience is over; raises the fault then."""
-        with suppress(Exception):  # the fault is what matters here
+        """Reopen the device until the time is over; then raise the fault."""
+        with suppress(Exception):  # the first fault is reported
             self._exchange.close()
         while not self._stopping.is_set():
             if self._clock() >= until:

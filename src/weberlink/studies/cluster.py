@@ -41,17 +41,14 @@ def cluster_map(
     cost: Callable[[tuple[Shared, Own]], float] = lambda _: 1.0,
     progress: Progress = lambda *_: None,
 ) -> list[Result]:
-    """The results in the order of the tasks.
+    """The results in the order of the tasks; arguments as of `parallel_map`.
 
     A part that several tasks share is sent to every worker once. Any worker can then be lost: its unfinished tasks run
     again on another.
 
     Args:
-        work: a function of a module that the workers can import, called with each task on some worker.
         tasks: pairs of a large part, the same object in several tasks, and a small one; both picklable.
         address: of the scheduler, such as tcp://host:8786.
-        cost: relative run time of a task. The longest tasks start first.
-        progress: called after every task.
 
     Raises:
         UnavailableClusterError: the scheduler does not answer, has no workers, or a worker has another version.

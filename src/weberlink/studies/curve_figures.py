@@ -62,6 +62,13 @@ class CurveFigures:
     mark: str | None = None
     units: str = "units"
 
+    def write(self, folder: Path) -> None:
+        """Write packet_rate, quality and quality_over_rate as PNG and SVG, and curves.csv, into an existing folder."""
+        save(self.packet_rate(), folder / "packet_rate")
+        save(self.quality_over_weber(), folder / "quality")
+        save(self.quality_over_rate(), folder / "quality_over_rate")
+        write_csv(self.curves, folder / "curves.csv", self.quality.column, self.mark)
+
     def packet_rate(self) -> Figure:
         """Packets per second over the Weber factor (Fig. 7)."""
         figure, axes = self._sheet("Packet rate")
@@ -150,27 +157,6 @@ class CurveFigures:
             axes.set_ylim(bottom=0.0)
         if self.quality.better == "lower":
             axes.invert_yaxis()
-
-
-def draw_curves(
-    curves: Curves,
-    folder: Path,
-    *,
-    quality: QualityAxis,
-    caption: str,
-    title: str,
-    mark: str | None = None,
-    units: str = "units",
-) -> None:
-    """Write packet_rate, quality and quality_over_rate as PNG and SVG, and curves.csv, into an existing `folder`.
-
-    Arguments as of `CurveFigures`. A mark is also a column of the CSV file.
-    """
-    figures = CurveFigures(curves, quality, caption, title, mark, units)
-    save(figures.packet_rate(), folder / "packet_rate")
-    save(figures.quality_over_weber(), folder / "quality")
-    save(figures.quality_over_rate(), folder / "quality_over_rate")
-    write_csv(curves, folder / "curves.csv", quality.column, mark)
 
 
 def _points(curves: Curves) -> Iterable[CurvePoint]:

@@ -87,8 +87,6 @@ def write_csv(curves: Curves, path: Path, quality: str, mark: str | None = None)
     """One row per point: predictor, weber, units, then mean, low and high of the packet rate and of the quality.
 
     Args:
-        curves: of `curves`.
-        path: of the file.
         quality: prefix of the last three columns, such as "rating" or "error_rms_jnd".
         mark: a warning for every row, such as "SIMULATED RATINGS", in a column `mark`; most CSV readers do not read
             comment lines.

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from tests.apps.doctor.machines import FILES, graded, machine
 from tests.examples import examples
 from tests.system.systems import CONFIGS
-from weberlink.apps.doctor import Finding, Grade, Machine, Needs, Report, examine
+from weberlink.apps.doctor import DoctorReport, Finding, Grade, Machine, Needs, examine
 from weberlink.apps.doctor.machine import Unreadable
 from weberlink.apps.doctor.report import CHECKS, run
 from weberlink.cli import app
@@ -27,13 +27,13 @@ REAL = {name: group for name, group in CHECKS.items() if name not in ("rights", 
 """Checks that start no process and ask no library of devices."""
 
 
-def shown(found: Report) -> list[str]:
+def shown(found: DoctorReport) -> list[str]:
     stream = io.StringIO()
     found.show(Console(file=stream, width=80))
     return stream.getvalue().splitlines()
 
 
-def everything(found: Report) -> list[Finding]:
+def everything(found: DoctorReport) -> list[Finding]:
     return [each for group in found.findings.values() for each in group]
 
 

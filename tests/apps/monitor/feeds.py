@@ -11,6 +11,7 @@ from weberlink.system.composition.channels import banks, channels
 from weberlink.system.configuration import load
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.ring import RingWriter
 
 RATE = 1000.0
 BANK = ("zoh", "linear", "plane", "sphere")
@@ -29,6 +30,14 @@ def records(ticks: int, *, first: int = 0, phase: float = 0.0, seed: int | None 
             made[name] = noise.normal(size=(ticks, 3))
         made["bound"] = 1.5
     return made
+
+
+def write(ring: RingWriter, made: Records) -> None:
+    for record in made:
+        values: list[float] = []
+        for value in record.item():
+            values += value.tolist() if isinstance(value, np.ndarray) else [value]
+        ring.write(values)
 
 
 def description(side: str, file: str = "loopback.yaml") -> dict[str, Any]:

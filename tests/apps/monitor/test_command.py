@@ -1,4 +1,4 @@
-"""Arguments of `weberlink monitor` that cannot be: one line each, before anything is served."""
+"""Wrong arguments of `weberlink monitor` are one line each."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The greeting, for every configuration that is shipped."""
+"""The greeting of a page, for every shipped configuration."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The text that Prometheus reads, parsed by its own parser."""
+"""Prometheus metrics, read by its own parser."""
 
 from math import isnan
 

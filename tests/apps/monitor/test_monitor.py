@@ -1,4 +1,4 @@
-"""A real session watched by real monitors: what the page, Prometheus and the other host show is what the report says.
+"""A live session watched by monitors: page, metrics and another host show the figures of the report.
 
 One session serves all of these tests: it is watched by two pages, by a second monitor over the authenticated link, and
 by a third with another key.
@@ -8,7 +8,7 @@ import asyncio
 import os
 import signal
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import ENGAGED, PATIENCE, Program, document
+from tests.system.processes import PATIENCE, Program, document
 from tests.system.systems import CONFIGS
 from tests.system.test_daemons import free_port
 from weberlink.apps.monitor.metrics import COUNTERS
@@ -322,41 +322,3 @@ def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) 
 async def to_the_end(url: str, session: str) -> list[Figures]:
     async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
         return await collected(client, url, session)
-
-
-@pytest.mark.realtime
-def test_live_change_takes_effect_on_every_page(tmp_path: Path) -> None:
-    async def change(url: str, session: str) -> list[Figures]:
-        async with asyncio.timeout(PATIENCE), aiohttp.ClientSession() as client:
-            await there(client, url, session)
-            async with (
-                client.ws_connect(f"{url}/ws?session={session}") as page,
-                client.ws_connect(f"{url}/ws?session={session}") as other,
-            ):
-                heard = [await told(page, lambda of: of["type"] == "hello" and of["present"] == ["master", "slave"])]
-                await told(page, lambda of: of["type"] == "samples" and of["columns"]["state"][-1:] == [ENGAGED])
-                for question in ({"type": "change", "weber": 0.22}, {"type": "change", "predictor": "nonsense"}):
-                    await page.send_json(question)
-                    heard.append(await told(page, lambda of: of["type"] == "answer"))
-                heard.append(await told(other, lambda of: of.get("settings", {}).get("weber") == 0.22))
-                heard.append(await told(other, lambda of: 1 in of.get("columns", {}).get("settings", ())))
-                return heard
-
-    with Program("loopback") as program, Monitor(tmp_path, "--session", program.pid) as monitor:
-        hello, accepted, refused, shown, rows_ = asyncio.run(change(monitor.url, str(program.pid)))
-        program.send(signal.SIGINT)
-        assert program.finish()[0] == 0
-    assert "weber" in hello["changes"] and not hello["readonly"]
-    assert accepted["accepted"] and accepted["tick"] > 0
-    assert (accepted["pending"] or accepted["settings"])["weber"] == 0.22
-    assert refused["accepted"] is False and refused["why"]
-    assert shown["generation"] == 1
-    assert rows_["type"] == "samples"
-
-
-async def told(page: aiohttp.ClientWebSocketResponse, wanted: Callable[[Figures], bool]) -> Figures:
-    """The next message of a page that is wanted."""
-    async for message in page:
-        if wanted(found := document(message.data)):
-            return found
-    raise AssertionError("the page was closed")

@@ -1,4 +1,4 @@
-"""The page in a real browser, told its messages by a script: what it shows, what it asks, and what it never does."""
+"""The page in a browser, with scripted messages."""
 
 from collections.abc import Iterator
 from pathlib import Path

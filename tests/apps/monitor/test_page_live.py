@@ -1,4 +1,4 @@
-"""The page on a real session, through the real monitor: the numbers of the report, and a change that takes effect."""
+"""The page on a live session: figures of the report, a live change, and a picture."""
 
 import os
 import shutil
@@ -80,48 +80,54 @@ def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> 
         assert float(exact or "nan") == pytest.approx(value(report, path), rel=1e-9, nan_ok=True), path
 
 
-def test_weber_factor_from_the_page_takes_effect(page: Browser, tmp_path: Path) -> None:
-    with Program("loopback") as program, Monitor(tmp_path, "--session", program.pid) as monitor:
+@pytest.fixture(scope="module")
+def demonstration(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, str]]:
+    """A running session: process id of its launcher, and address of its page."""
+    with Program("loopback") as program, Monitor(tmp_path_factory.mktemp("m"), "--session", program.pid) as monitor:
         page.open(f"{monitor.url}/")
-        page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the slider")
-        assert page.number("weber-value") == 0.1
-        page.choose("weber", "0.2")
-        page.wait(lambda: page.data("answer") in ("accepted", "refused"), "the answer")
-        assert page.data("answer") == "accepted", page.text("answer")
-        tick = int(page.data("answer", "tick"))
-        assert f"from tick {tick} on" in page.text("answer")
-        page.wait(lambda: page.text("weber-value") == "20 % = 1 JND", "what was agreed to be shown")
-
-        def pressed() -> Any:
-            """Of the last ticks, those in contact after the change."""
-            with RingReader(default_path(f"{program.pid}-slave")) as ring:
-                records = ring.read()
-            force = np.linalg.norm(records["raw"], axis=1)
-            return records[(force > 1.0) & (records["settings"] == 1) & (records["ramping"] == 0)]
-
-        page.wait(lambda: len(pressed()) > 100, "a touch under the new setting")
-        after = pressed()
-        share = after["bound"] / np.linalg.norm(after["raw"], axis=1)
-        assert np.allclose(share, 0.2, rtol=1e-4)
-        page.open(f"{monitor.url}/")  # a page that comes later knows as well
-        page.wait(lambda: page.number("weber-value") == 0.2, "the setting")
-        assert page.console() == []
+        yield program.pid, f"{monitor.url}/"
 
 
-def test_picture_of_the_demonstration(page: Browser, tmp_path: Path) -> None:
-    """The hand on the dome, the surface that the predictor believes in beneath it, and the few packets that it took."""
+def test_picture_of_the_demonstration(page: Browser, demonstration: tuple[int, str], tmp_path: Path) -> None:
+    """The hand on the dome, the predicted surface beneath it, and few packets."""
     path = tmp_path / "monitor.png"
-    with Program("loopback") as program, Monitor(tmp_path, "--session", program.pid) as monitor:
-        page.open(f"{monitor.url}/")
-        page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
-        # From 10 s on the hand comes by the top of the dome, which makes the better picture.
-        page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 5.0), "a full window")
-        page.run(PAUSE_IN_CONTACT, IN_CONTACT_N, ["sphere"] if PICTURE else ["plane", "sphere"])
-        page.wait(lambda: page.text("pause") == "Resume", "the hand on a surface")
-        page.picture(path)
-        assert believed(page) > 0.01
-        assert page.number("felt-jnd-now") >= 0.0
-        assert page.console() == []
+    page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
+    # From 10 s on the hand comes by the top of the dome, which makes the better picture.
+    page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 5.0), "a full window")
+    page.run(PAUSE_IN_CONTACT, IN_CONTACT_N, ["sphere"] if PICTURE else ["plane", "sphere"])
+    page.wait(lambda: page.text("pause") == "Resume", "the hand on a surface")
+    page.picture(path)
+    assert believed(page) > 0.01
+    assert page.number("felt-jnd-now") >= 0.0
+    assert page.console() == []
     assert path.stat().st_size < LARGEST_PICTURE
     if PICTURE:
         shutil.copyfile(path, ROOT / PICTURE)
+
+
+def test_weber_factor_from_the_page_takes_effect(page: Browser, demonstration: tuple[int, str]) -> None:
+    session, address = demonstration
+    page.open(address)
+    page.wait(lambda: page.run("return !document.getElementById('weber').disabled"), "the slider")
+    assert page.number("weber-value") == 0.1
+    page.choose("weber", "0.2")
+    page.wait(lambda: page.data("answer") in ("accepted", "refused"), "the answer")
+    assert page.data("answer") == "accepted", page.text("answer")
+    tick = int(page.data("answer", "tick"))
+    assert f"from tick {tick} on" in page.text("answer")
+    page.wait(lambda: page.text("weber-value") == "20 % = 1 JND", "what was agreed to be shown")
+
+    def pressed() -> Any:
+        """Of the last ticks, those in contact after the change."""
+        with RingReader(default_path(f"{session}-slave")) as ring:
+            records = ring.read()
+        force = np.linalg.norm(records["raw"], axis=1)
+        return records[(force > 1.0) & (records["settings"] == 1) & (records["ramping"] == 0)]
+
+    page.wait(lambda: len(pressed()) > 100, "a touch under the new setting")
+    after = pressed()
+    share = after["bound"] / np.linalg.norm(after["raw"], axis=1)
+    assert np.allclose(share, 0.2, rtol=1e-4)
+    page.open(address)  # a page that comes later knows as well
+    page.wait(lambda: page.number("weber-value") == 0.2, "the setting")
+    assert page.console() == []

@@ -14,7 +14,7 @@ from weberlink.apps.monitor.rows import (
     LONGEST_WAIT,
     ROTATION,
     ROWS_PER_S,
-    FeltError,
+    FeltErrorPairs,
     Pace,
     Thinning,
     felt_message,
@@ -87,7 +87,7 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
     master, slave = records(900, phase=phase, seed=1), records(900, seed=2)
     slave["state"][200:300] = State.SILENT.value
     master["ramping"][400:450] = 1
-    score, felt = SessionScore(RATE, BANK), FeltError(RATE)
+    score, felt = SessionScore(RATE, BANK), FeltErrorPairs(RATE)
     errors: list[float] = []
     for one, other in zip(pieces(master, cuts), pieces(slave, others), strict=True):
         score.add(one, other)
@@ -103,11 +103,11 @@ def test_felt_error_equals_the_figures(cuts: list[int], others: list[int], phase
 
 def test_zero_bound_has_no_jnd() -> None:
     master, slave = records(10), records(10)
-    assert felt_message(*FeltError(RATE).add(master, slave), origin=10.0)["jnd"] == [None] * 9
+    assert felt_message(*FeltErrorPairs(RATE).add(master, slave), origin=10.0)["jnd"] == [None] * 9
 
 
 def test_rows_waiting_for_the_other_side_are_bounded() -> None:
-    felt = FeltError(RATE)
+    felt = FeltErrorPairs(RATE)
     for first in range(0, 20_000, 1000):
         assert not len(felt.add(records(0), records(1000, first=first))[0])
     _, pairs = felt.add(records(1000, first=17_000), records(0))

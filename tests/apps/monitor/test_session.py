@@ -1,4 +1,4 @@
-"""A session as it is watched: its figures are those of the report, whatever the pieces."""
+"""Figures, rows and end of a watched session."""
 
 import json
 

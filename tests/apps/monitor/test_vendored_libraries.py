@@ -1,4 +1,4 @@
-"""What is committed of other people's work is what its authors published."""
+"""The bundled libraries are the published ones."""
 
 import runpy
 import subprocess

@@ -1,4 +1,4 @@
-"""A page's queue: bounded, whatever the page does, and never without the newest figures."""
+"""The bounded queue of a page."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""The one reader: which sessions there are, and which of them a page sees."""
+"""Sessions that come and go, and which of them each page is shown."""
 
 import asyncio
 import json
@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.apps.monitor.feeds import HandFeed, records
+from tests.apps.monitor.feeds import HandFeed, records, write
 from weberlink.apps.monitor.rings import find_rings
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import Viewer
@@ -18,13 +18,6 @@ from weberlink.telemetry.ring import RingWriter
 def ring(folder: Path, session: int, side: str) -> RingWriter:
     path = folder / f"weberlink-{session}-{side}.ring"
     return RingWriter.create(path, side=side, rate_hz=1000.0, capacity=64)
-
-
-def write(writer: RingWriter, first: int, count: int = 20) -> None:
-    for record in records(count, first=first):
-        writer.write(
-            [value for field in record.item() for value in (field.tolist() if hasattr(field, "tolist") else (field,))]
-        )
 
 
 def told(viewer: Viewer) -> list[dict[str, Any]]:
@@ -44,12 +37,12 @@ def test_page_follows_to_the_next_session(tmp_path: Path) -> None:
         watch.look(0.0)
         assert told(viewer) == [] and watch.newest is None
         first = ring(tmp_path, 7, "slave")
-        write(first, 0)
+        write(first, records(20, first=0))
         watch.look(1.0)
         assert [message["type"] for message in told(viewer)] == ["hello", "samples", "figures"]
         other = ring(tmp_path, 7, "master")
-        write(other, 0)
-        write(first, 20)
+        write(other, records(20, first=0))
+        write(first, records(20, first=20))
         watch.look(2.0)
         messages = told(viewer)
         assert messages[0]["type"] == "hello" and messages[0]["present"] == ["master", "slave"]
@@ -159,11 +152,6 @@ def test_ended_sessions_are_forgotten() -> None:
         ([], "expected"),
         ({"type": "stop"}, "expected"),
         ({"type": "change"}, "nothing to change"),
-        ({"type": "change", "floor_n": 1}, "'floor_n' cannot be changed"),
-        ({"type": "change", "weber": 2}, "0 to 1"),
-        ({"type": "change", "weber": float("nan")}, "0 to 1"),
-        ({"type": "change", "weber": True}, "0 to 1"),
-        ({"type": "change", "predictor": 3}, "predictor must be a name"),
         ({"type": "change", "weber": 0.1}, "no session"),
     ],
 )

@@ -28,7 +28,7 @@ def bench(name: str, tmp_path: Path) -> Iterator[Bench]:
         yield bench
 
 
-def test_every_driver_of_the_table_is_on_a_bench() -> None:
+def test_every_driver_has_a_bench() -> None:
     assert set(BENCHES) == set(BUILT_IN)
 
 
@@ -46,7 +46,7 @@ def test_the_spec_is_there_before_opening(name: str, bench: Bench) -> None:
     assert "\n" not in spec.note
 
 
-def test_only_an_open_device_is_read_and_closing_is_idempotent(name: str, bench: Bench) -> None:
+def test_only_open_device_is_read_close_is_idempotent(name: str, bench: Bench) -> None:
     device = bench.device
     device.close()
     with pytest.raises(DeviceFault, match=name):
@@ -63,7 +63,7 @@ def test_only_an_open_device_is_read_and_closing_is_idempotent(name: str, bench:
             device.latest(bench.tick())
 
 
-def test_readings_move_on_in_time_and_do_not_jump(bench: Bench) -> None:
+def test_readings_advance_without_jumps(bench: Bench) -> None:
     device = bench.device
     device.open(bench.tick())
     lower, upper = device.spec.workspace_m
@@ -86,7 +86,7 @@ def test_readings_move_on_in_time_and_do_not_jump(bench: Bench) -> None:
     assert readings[0].position != readings[-1].position
 
 
-def test_a_force_that_is_no_number_is_our_own_error(bench: Bench) -> None:
+def test_force_that_is_not_finite_raises(bench: Bench) -> None:
     bench.device.open(bench.tick())
     with pytest.raises(ValueError, match="not finite"):
         bench.device.command((0.0, float("inf"), 0.0), bench.tick())
@@ -94,7 +94,7 @@ def test_a_force_that_is_no_number_is_our_own_error(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("name", ON_A_WIRE)
-def test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(bench: Bench) -> None:
+def test_motors_follow_commands_within_limit_until_close(bench: Bench) -> None:
     device, displayed = bench.device, bench.displayed
     assert displayed is not None
     device.open(bench.tick())
@@ -111,7 +111,7 @@ def test_the_motors_do_what_is_commanded_within_the_limit_and_nothing_after(benc
 
 
 @pytest.mark.parametrize("name", ON_A_WIRE)
-def test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench: Bench) -> None:
+def test_silent_loop_ends_the_force(bench: Bench) -> None:
     device, displayed = bench.device, bench.displayed
     assert displayed is not None
     device.open(bench.tick())
@@ -123,7 +123,7 @@ def test_a_loop_that_falls_silent_is_no_reason_to_go_on_pushing(bench: Bench) ->
 
 
 @pytest.mark.parametrize(("name", "fault"), FAULTS)
-def test_a_fault_ends_it_with_a_reason_and_without_force(name: str, fault: str, bench: Bench) -> None:
+def test_fault_ends_session_with_reason_without_force(name: str, fault: str, bench: Bench) -> None:
     device, displayed = bench.device, bench.displayed
     assert displayed is not None
     device.open(bench.tick())

@@ -7,18 +7,12 @@ from typing import Any
 import pytest
 
 from weberlink.geometry.vector import Vector, distance
-from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg, minimum_jerk
+from weberlink.master.devices.motion import CircularLeg, LegSequence, StraightLeg
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 
 A: Vector = (0.0, 0.0, 0.03)
 B: Vector = (0.02, -0.01, 0.0)
 C: Vector = (0.025, 0.0, 0.0)
-
-
-def test_minimum_jerk_starts_and_ends_at_rest() -> None:
-    assert (minimum_jerk(0.0), minimum_jerk(0.5), minimum_jerk(1.0)) == (0.0, 0.5, 1.0)
-    for share in (0.0, 1.0 - 1e-4):
-        assert abs(minimum_jerk(share + 1e-4) - minimum_jerk(share)) < 1e-7
 
 
 def test_legs_follow_one_another_without_a_jump() -> None:
@@ -40,13 +34,6 @@ def test_legs_follow_one_another_without_a_jump() -> None:
     assert max(distance(a, b) for a, b in pairwise(places)) < 0.0006
 
 
-def test_a_repeated_motion_never_ends() -> None:
-    motion = LegSequence([StraightLeg(A, B, 0.5), StraightLeg(B, A, 0.5)], True)
-    place, over = motion.at(7.25)
-    assert not over
-    assert place == pytest.approx(motion.at(0.25)[0])
-
-
 TICK = 0.001
 
 
@@ -57,7 +44,7 @@ def run(seconds: float, **options: Any) -> list[tuple[Vector, bool]]:
     return [(reading.position, reading.ended) for reading in readings]
 
 
-def test_it_reaches_the_point_and_says_that_it_ended() -> None:
+def test_reach_arrives_and_ends() -> None:
     steps = run(3.0, script=[{"motion": "reach", "to_m": [0.03, 0.01, 0.0], "duration_s": 1.0}], repeat=False)
     assert steps[-1][0] == pytest.approx((0.03, 0.01, 0.0), abs=1e-5)
     assert [ended for _, ended in steps].index(True) in (999, 1000)

@@ -54,16 +54,6 @@ def test_after_the_approach_it_follows_the_recording(recording: Path, scale: flo
     assert distance(steps[-1][0], swing(2.0, scale)) < 1e-5
 
 
-def test_the_approach_is_smooth(recording: Path) -> None:
-    steps = run(recording, 2.0)
-    places = [(0.0, 0.0, 0.03), *(position for position, _ in steps)]
-    speeds = [distance(a, b) / TICK for a, b in pairwise(places)]
-    assert max(speeds) < 0.1
-    assert min(speeds[:10] + speeds[980:1000]) < 0.001, "at rest before and after"
-    speeds = speeds[:1000]
-    assert max(abs(a - b) for a, b in pairwise(speeds)) < 0.005
-
-
 def test_repeat_goes_back_and_on(recording: Path) -> None:
     steps = run(recording, 8.0, repeat=True)
     assert not any(ended for _, ended in steps)

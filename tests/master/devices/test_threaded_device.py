@@ -69,14 +69,14 @@ def has_come_up(told: list[Vector]) -> bool:
     return len(told) > 10 and norm(told[-1]) > 0.0 and told[-1] == told[-10]
 
 
-def test_a_force_keeps_its_direction_within_the_limit_and_the_axes(device: ThreadedDevice, exchange: Exchange) -> None:
+def test_limited_force_keeps_direction_within_axes(device: ThreadedDevice, exchange: Exchange) -> None:
     device.open(0.0)
     assert told(device, exchange, (0.3, 0.0, -0.4)) == (0.3, 0.0, -0.4)
     assert told(device, exchange, (30.0, 0.0, -40.0)) == pytest.approx((1.8, 0.0, -2.4))
     assert told(device, exchange, (0.3, 100.0, -0.4)) == (0.3, 0.0, -0.4), "what it cannot display takes away nothing"
 
 
-def test_the_force_comes_up_from_zero_after_an_interruption(device: ThreadedDevice, exchange: Exchange) -> None:
+def test_force_ramps_from_zero_after_an_interruption(device: ThreadedDevice, exchange: Exchange) -> None:
     """In steps no larger than the ramp's in the time between them."""
     device.open(0.0)
     told(device, exchange, (3.0, 0.0, 0.0))
@@ -103,18 +103,6 @@ def test_the_force_comes_up_from_zero_after_an_interruption(device: ThreadedDevi
             # A command waits for its turn, but never longer than it counts.
             assert b - a <= 3.0 * (after - before + STALE_S) / RAMP_S
         assert max(b[0] - a[0] for (_, a), (_, b) in steps) < 3.0
-
-
-def test_the_same_time_gives_the_same_answer_and_another_the_newest(device: ThreadedDevice, exchange: Exchange) -> None:
-    device.open(0.0)
-    first = device.latest(1.0)
-    before, gives_up = len(exchange.told), monotonic() + PATIENCE
-    while len(exchange.told) < before + 2:
-        assert monotonic() < gives_up
-        sleep(TICK)
-    assert device.latest(1.0) == first
-    assert device.latest(1.001).at > first.at
-    assert device.round_trip_s >= 0.0
 
 
 @pytest.mark.parametrize("said", ["unplugged", "thing: unplugged"])

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO
 from weberlink.hardware.emulator import Emulator
 from weberlink.master.devices.haply.board import RESET
 from weberlink.master.devices.haply.linkage import MOST_TORQUE_N_M, VERSIONS, radians
@@ -31,7 +31,7 @@ def answers(device: Emulator, data: bytes, now: float = 0.0) -> bytes:
 
 
 @every_version
-def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
+def test_setup_takes_present_angles_as_offsets(version: str) -> None:
     board, device = VERSIONS[version].board, emulator(version)
     zero = board.torques(0.0, 0.0)
     assert answers(device, zero) == board.bare_reply
@@ -46,7 +46,7 @@ def test_setup_makes_the_angles_of_the_moment_the_offsets(version: str) -> None:
     assert board.angles(answers(device, board.setup + zero, 0.5)) == pytest.approx(board.home_deg, abs=0.08)
 
 
-def test_a_message_in_pieces_is_one_message_and_what_is_never_finished_is_dropped() -> None:
+def test_message_in_pieces_is_joined_or_dropped() -> None:
     device = emulator()
     whole = BOARD.setup + BOARD.torques(0.1, 0.0)
     for number, byte in enumerate(whole):
@@ -76,20 +76,6 @@ def test_the_firmware_cuts_a_torque() -> None:
     assert device.torques == (MOST_TORQUE_N_M, 0.0)
 
 
-@pytest.mark.parametrize("force", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-0.4, 0.3, 0.0)])
-def test_the_hand_feels_what_the_torques_make(force: Vector) -> None:
-    """The linkage's x is the device's -y, and its y the device's x."""
-    device = emulator()
-    answers(device, BOARD.setup)
-    device.handle.carry(ZERO)
-    for tick in range(500):
-        device.advance(tick * 0.001)
-    bar = V3.bar
-    torques = bar.jacobian(bar.angles(V3.center)).torques((-force[1], force[0]))
-    answers(device, BOARD.torques(*torques), 0.5)
-    assert device.force == pytest.approx(force, abs=1e-6)
-
-
 @pytest.mark.parametrize("flipped", ["motors", "encoders"])
 def test_a_wrong_direction_turns_the_sign_round(flipped: str) -> None:
     device = emulator()
@@ -107,7 +93,7 @@ def test_a_wrong_direction_turns_the_sign_round(flipped: str) -> None:
 
 
 @pytest.mark.parametrize("which", [1, 2])
-def test_a_stuck_encoder_gives_the_same_angle_until_it_is_free(which: int) -> None:
+def test_injected_stuck_encoder_keeps_its_angle(which: int) -> None:
     device, zero = emulator(), BOARD.torques(0.0, 0.0)
     answers(device, BOARD.setup)
     device.inject("stuck_encoder", which)

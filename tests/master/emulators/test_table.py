@@ -12,12 +12,12 @@ every_emulator = pytest.mark.parametrize("name", sorted(EMULATORS))
 
 
 @every_emulator
-def test_it_is_named_as_the_driver_that_talks_to_it(name: str) -> None:
+def test_emulator_is_named_like_its_driver(name: str) -> None:
     assert name in devices.drivers()
 
 
 @every_emulator
-def test_it_says_how_it_is_connected_and_what_can_go_wrong(name: str) -> None:
+def test_emulator_names_transport_and_faults(name: str) -> None:
     emulator_class = load(name)
     assert emulator_class.transport in ("serial", "hid")
     assert isinstance(emulator_class.OWN_FAULTS, Mapping)
@@ -28,7 +28,7 @@ def test_it_says_how_it_is_connected_and_what_can_go_wrong(name: str) -> None:
 
 
 @every_emulator
-def test_each_fault_that_it_names_happens_and_no_other(name: str) -> None:
+def test_named_faults_happen_and_others_raise(name: str) -> None:
     emulator_class = load(name)
     emulator = emulator_class(emulator_class.Options())
     for word in emulator_class.OWN_FAULTS:

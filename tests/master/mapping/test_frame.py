@@ -19,7 +19,7 @@ scales = st.floats(0.1, 10.0)
 
 @examples(40)
 @given(angles, scales, scales, vectors, vectors)
-def test_lengths_scale_and_the_way_back_is_the_inverse(turn: Vector, s: float, f: float, a: Vector, b: Vector) -> None:
+def test_lengths_scale_and_way_is_inverse(turn: Vector, s: float, f: float, a: Vector, b: Vector) -> None:
     frame = FrameMap(turn, s, f, (0.1, -0.2, 0.3))
     moved = subtract(frame.position(add(a, b)), frame.position(a))
     assert norm(moved) == pytest.approx(s * norm(b), abs=1e-12)
@@ -28,15 +28,13 @@ def test_lengths_scale_and_the_way_back_is_the_inverse(turn: Vector, s: float, f
 
 @examples(40)
 @given(angles, scales, scales, vectors, vectors)
-def test_power_at_the_hand_is_that_at_the_robot_times_a_constant(
-    turn: Vector, s: float, f: float, way: Vector, force: Vector
-) -> None:
+def test_power_scales_by_a_constant(turn: Vector, s: float, f: float, way: Vector, force: Vector) -> None:
     """Which is why a passive scene stays passive through the map: f_hand . v_hand = (f / s) f_robot . v_robot."""
     frame = FrameMap(turn, s, f, (0.0, 0.0, 0.0))
     assert dot(frame.force(force), way) == pytest.approx(f / s * dot(force, frame.position(way)), abs=1e-9)
 
 
-def test_right_angles_are_exact_and_in_the_stated_order() -> None:
+def test_right_angles_are_exact() -> None:
     assert FrameMap((0, 0, 90), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (-2.0, 1.0, 3.0)
     assert FrameMap((90, 0, 0), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (1.0, -3.0, 2.0)
     assert FrameMap((0, 90, 0), 1, 1, (0, 0, 0)).position((1.0, 2.0, 3.0)) == (3.0, 2.0, -1.0)
@@ -56,7 +54,7 @@ def test_the_orientation_turns_like_the_position(turn: Vector, s: float, v: Vect
 
 @examples(40)
 @given(angles, scales, scales, st.tuples(small, small, small).filter(lambda axis: norm(axis) > 0.1), vectors)
-def test_power_of_turning_at_the_hand_is_that_at_the_tool_times_the_scale_of_force(
+def test_rotational_power_scales_with_force_scale(
     turn: Vector, s: float, f: float, axis: Vector, torque: Vector
 ) -> None:
     """So a passive scene stays passive: a small turn w of the hand is one of the tool by R w, torque . w is kept."""

@@ -68,7 +68,7 @@ class Hands:
         return reading.position
 
 
-def test_motion_force_and_spec_are_in_the_frame_of_the_robot() -> None:
+def test_motion_force_and_spec_are_in_robot_frame() -> None:
     hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 0.5, (0.0, 0.0, 0.1)))
     assert hands.tick((0.01, 0.0, 0.0), (0.0, 3.0, 0.0)) == pytest.approx((0.0, 0.02, 0.1))
     assert hands.handle.felt == pytest.approx((1.5, 0.0, 0.0))
@@ -86,7 +86,7 @@ def test_the_limit_is_that_of_the_hand() -> None:
     assert hands.device.spec.force_n == 1.5
 
 
-def test_while_the_clutch_is_held_the_robot_stays_and_goes_on_from_there() -> None:
+def test_held_clutch_keeps_the_robot_position() -> None:
     hands = Hands(clutch=True, walls=500.0)
     assert hands.tick((0.02, 0.0, 0.0)) == (0.02, 0.0, 0.0)
     assert hands.tick((0.01, 0.01, 0.0), pressed=True) == (0.02, 0.0, 0.0)
@@ -95,7 +95,7 @@ def test_while_the_clutch_is_held_the_robot_stays_and_goes_on_from_there() -> No
     assert hands.tick((-0.01, 0.03, 0.0)) == pytest.approx((0.03, 0.0, 0.0))
 
 
-def test_force_fades_while_the_clutch_is_held_and_comes_back_without_a_jump() -> None:
+def test_force_fades_with_the_clutch_without_jumps() -> None:
     hands = Hands(clutch=True, walls=500.0)
     force = (0.0, 0.0, 5.0)
     hands.tick(ZERO, force, count=100)
@@ -108,7 +108,7 @@ def test_force_fades_while_the_clutch_is_held_and_comes_back_without_a_jump() ->
     assert max(abs(a - b) for a, b in pairwise(felt)) == pytest.approx(5.0 * TICK / 0.05)
 
 
-def test_walls_hold_what_is_sent_and_push_the_hand_back() -> None:
+def test_walls_bound_position_and_push_back() -> None:
     hands = Hands(FrameMap((0.0, 0.0, 90.0), 2.0, 1.0, ZERO), walls=400.0)
     sent = hands.tick((0.03, 0.0, 0.0), count=100)
     assert sent == pytest.approx((0.0, 0.05, 0.0)), "the robot would be at 60 mm"
@@ -118,7 +118,7 @@ def test_walls_hold_what_is_sent_and_push_the_hand_back() -> None:
     assert hands.device.spec.workspace_m == BOX
 
 
-def test_a_hand_that_starts_beyond_a_wall_is_not_hit() -> None:
+def test_wall_fades_in_after_open() -> None:
     hands = Hands(walls=1000.0)
     felt = []
     for _ in range(80):
@@ -129,7 +129,7 @@ def test_a_hand_that_starts_beyond_a_wall_is_not_hit() -> None:
     assert max(b - a for a, b in pairwise(felt)) <= 6.0 * TICK / 0.05 + 1e-9
 
 
-def test_after_a_stall_a_hand_beyond_a_wall_is_not_hit() -> None:
+def test_wall_fades_in_after_a_stall() -> None:
     hands = Hands(walls=1000.0)
     hands.tick((0.0, 0.0, 0.05), count=60)
     hands.now += 2.0
@@ -156,7 +156,7 @@ def test_indexing_never_jumps_nor_leaves_the_walls(script: list[tuple[bool, floa
         before, hand = sent, (x, y, z)
 
 
-def test_another_session_starts_without_the_indexing_of_the_last() -> None:
+def test_new_session_starts_without_indexing() -> None:
     hands = Hands(clutch=True, walls=500.0)
     hands.tick((0.02, 0.0, 0.0))
     hands.tick(ZERO, pressed=True)

@@ -1,14 +1,16 @@
 """A mapped device that turns: what is sent of its orientation, what torque is felt, and the clutch."""
 
+from dataclasses import replace
 from math import radians
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.master.mapping.test_mapped_device import Handle as StillHandle
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, scale
-from weberlink.master.devices.contract import DeviceReading, DeviceSpec, TorqueDevice
+from weberlink.master.devices.contract import DeviceReading, TorqueDevice
 from weberlink.master.mapping import Clutch, FrameMap, MappedDevice
 
 TICK = 0.001
@@ -16,29 +18,12 @@ SAME = FrameMap((0.0, 0.0, 0.0), 1.0, 1.0, ZERO)
 turns = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
 
 
-class Handle:
+class Handle(StillHandle):
     """A device that is as a test turns it, and feels torque."""
 
     def __init__(self, torque_n_m: float = 0.4) -> None:
-        corner = (0.06, 0.06, 0.06)
-        self.spec = DeviceSpec(
-            "handle",
-            "xyz",
-            8.0,
-            2000.0,
-            ((-0.06, -0.06, -0.06), corner),
-            1000.0,
-            True,
-            buttons=2,
-            orientation=True,
-            torque_n_m=torque_n_m,
-        )
+        super().__init__(replace(StillHandle().spec, orientation=True, torque_n_m=torque_n_m))
         self.orientation: Quaternion = IDENTITY
-        self.buttons = 0
-        self.felt: Vector = ZERO
-
-    def open(self, now: float) -> None:
-        pass
 
     def latest(self, now: float) -> DeviceReading:
         return DeviceReading(now, ZERO, orientation=self.orientation, buttons=self.buttons)
@@ -48,9 +33,6 @@ class Handle:
 
     def turn(self, torque: Vector, now: float) -> None:
         self.felt = torque
-
-    def close(self) -> None:
-        self.felt = ZERO
 
 
 class Hands:
@@ -77,7 +59,7 @@ class Hands:
         return reading.orientation
 
 
-def test_turns_torque_and_spec_are_in_the_frame_of_the_robot() -> None:
+def test_rotation_torque_and_spec_are_in_robot_frame() -> None:
     """A quarter turn about z between the frames: the hand's x is the robot's y. Motion is scaled, angles are not."""
     hands = Hands(FrameMap((0.0, 0.0, 90.0), 0.1, 0.5, (0.0, 0.0, 0.1)))
     assert isinstance(hands.device, TorqueDevice)
@@ -87,7 +69,7 @@ def test_turns_torque_and_spec_are_in_the_frame_of_the_robot() -> None:
     assert hands.handle.felt == pytest.approx((0.3, 0.0, 0.05))
 
 
-def test_while_the_clutch_is_held_the_tool_stays_and_turns_on_about_the_same_axes() -> None:
+def test_held_clutch_keeps_the_tool_orientation() -> None:
     hands = Hands(clutch=True)
     before = hands.tick((0.5, 0.0, 0.0))
     assert hands.tick((0.2, 0.3, 0.0), pressed=True) == before
@@ -108,7 +90,7 @@ def test_indexing_never_jumps(script: list[tuple[bool, Vector]]) -> None:
         before, hand = sent, quaternion(turn)
 
 
-def test_a_device_that_displays_no_torque_is_not_told_any() -> None:
+def test_device_without_torque_gets_none() -> None:
     hands = Hands(torque_n_m=0.0)
     hands.tick(ZERO, scale((0.0, 0.0, 1.0), radians(10.0)), count=100)
     assert hands.handle.felt == ZERO

@@ -6,12 +6,11 @@ import time
 
 import pytest
 
-from weberlink.protocol.aio.budget import WorkBudget
-from weberlink.protocol.aio.queue import ReceiveQueue
+from weberlink.protocol.aio.queue import ReceiveQueue, WorkBudget
 from weberlink.protocol.events import Address
 
 
-def test_what_is_spent_comes_back_at_the_rate_of_the_share() -> None:
+def test_spent_time_returns_at_the_rate_of_the_share() -> None:
     budget = WorkBudget(0.25, 0.002, 10.0)
     assert budget.left(10.0) == 0.002
     budget.spend(0.003, 10.0)
@@ -24,7 +23,7 @@ def test_what_is_spent_comes_back_at_the_rate_of_the_share() -> None:
     assert budget.wait() == pytest.approx(0.002)
 
 
-def test_a_stall_while_reading_is_not_paid_back_in_deafness() -> None:
+def test_debt_after_a_stall_is_bounded() -> None:
     budget = WorkBudget(0.3, 0.002, 0.0)
     budget.spend(0.1, 0.0)
     assert budget.wait() == pytest.approx(0.002 / 0.3), "far below any limit of silence"
@@ -37,7 +36,7 @@ def test_a_clock_that_stands_gives_nothing() -> None:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
-def test_a_flooded_socket_costs_its_share_and_loses_in_the_kernel(share: float) -> None:
+def test_flooded_socket_costs_its_share_only(share: float) -> None:
     """Every datagram costs at least 50 us, so their number is bounded by the share and by what was saved up."""
 
     async def flooded() -> tuple[float, int]:

@@ -5,6 +5,7 @@ import socket
 from collections.abc import Awaitable, Callable
 from random import Random
 from time import monotonic, sleep
+from typing import Any
 
 import pytest
 import uvloop
@@ -20,13 +21,30 @@ ANY: Address = ("127.0.0.1", 0)
 HANG_S = 10.0
 
 
-def run(main: Callable[[asyncio.AbstractEventLoop], Awaitable[None]]) -> None:
-    async def bounded() -> None:
-        async with asyncio.timeout(HANG_S):
-            await main(asyncio.get_running_loop())
+SHELLS: list[UdpShell] = []
 
-    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(bounded())
+
+def live(main: Callable[[asyncio.AbstractEventLoop], Awaitable[None]]) -> Callable[[], None]:
+    """Make a test of a coroutine, in an event loop of its own; the shells that it made are closed at the end."""
+
+    async def bounded() -> None:
+        try:
+            async with asyncio.timeout(HANG_S):
+                await main(asyncio.get_running_loop())
+        finally:
+            while SHELLS:
+                SHELLS.pop().close()
+
+    def test() -> None:
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            runner.run(bounded())
+
+    return test
+
+
+def shell_of(endpoint: Endpoint, **arguments: Any) -> UdpShell:
+    SHELLS.append(UdpShell(endpoint, **{"now": monotonic, **arguments}))
+    return SHELLS[-1]
 
 
 def make(role: Role, **changes: object) -> Endpoint:
@@ -53,11 +71,11 @@ async def engage(
     slave_now: Callable[[], float] = monotonic,
 ) -> tuple[UdpShell, Endpoint, UdpShell, Endpoint]:
     slave = make(Role.RESPONDER, silence=silence)
-    slave_shell = UdpShell(slave, now=slave_now, listen=ANY)
+    slave_shell = shell_of(slave, now=slave_now, listen=ANY)
     await slave_shell.open(loop)
     slave.connect(monotonic())
     master = make(Role.INITIATOR, peer=(host, slave_shell.address[1]), silence=silence)
-    master_shell = UdpShell(master, now=monotonic, link=link)
+    master_shell = shell_of(master, link=link)
     await master_shell.open(loop)
     master.connect(monotonic())
     master_shell.flush(monotonic())
@@ -66,160 +84,127 @@ async def engage(
     return master_shell, master, slave_shell, slave
 
 
-def test_two_shells_connect_exchange_updates_and_part() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master_shell, master, slave_shell, slave = await engage(loop)
-        for tick in range(20):
-            now = monotonic()
-            for shell in (master_shell, slave_shell):
-                shell.service(now)
-            assert master.send_update(now, sample_update(tick))
-            master_shell.flush(now)
-            event = await until(slave, UpdateReceived, [])
-            assert event.update == sample_update(tick)
-        slave.close(monotonic(), "slave: done")
-        slave_shell.close()
-        assert await until(master, PeerClosed, []) == PeerClosed("slave: done")
-        master_shell.close()
-        master_shell.close()
-
-    run(main)
+@live
+async def test_two_shells_connect_exchange_updates_and_part(loop: asyncio.AbstractEventLoop) -> None:
+    master_shell, master, slave_shell, slave = await engage(loop)
+    for tick in range(20):
+        now = monotonic()
+        for shell in (master_shell, slave_shell):
+            shell.service(now)
+        assert master.send_update(now, sample_update(tick))
+        master_shell.flush(now)
+        event = await until(slave, UpdateReceived, [])
+        assert event.update == sample_update(tick)
+    slave.close(monotonic(), "slave: done")
+    assert await until(master, PeerClosed, []) == PeerClosed("slave: done")
 
 
-def test_a_session_lives_on_without_ticks() -> None:
+@live
+async def test_a_session_lives_on_without_ticks(loop: asyncio.AbstractEventLoop) -> None:
     """Timers alone keep heartbeats going, past several silence limits."""
-
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master_shell, master, slave_shell, slave = await engage(loop)
-        before = slave.statistics.received
-        while slave.statistics.received < before + 10:
-            await asyncio.sleep(0.01)
-        assert master.state is slave.state is State.ENGAGED
-        master_shell.close()
-        slave_shell.close()
-
-    run(main)
+    _master_shell, master, _slave_shell, slave = await engage(loop)
+    before = slave.statistics.received
+    while slave.statistics.received < before + 10:
+        await asyncio.sleep(0.01)
+    assert master.state is slave.state is State.ENGAGED
 
 
-def test_names_are_resolved_and_events_speak_of_the_name() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        slave = make(Role.RESPONDER)
-        slave_shell = UdpShell(slave, now=monotonic, listen=ANY)
-        await slave_shell.open(loop)
-        slave.connect(monotonic())
-        peer = ("localhost", slave_shell.address[1])
-        master = make(Role.INITIATOR, peer=peer)
-        master.connect(monotonic())  # the first HELLO waits for the socket
-        master_shell = UdpShell(master, now=monotonic, listen=ANY)
-        await master_shell.open(loop)
-        event = await until(master, Connected, [])
-        assert isinstance(event, Connected)
-        assert event.address == peer
-        master_shell.close()
-        slave_shell.close()
-
-    run(main)
+@live
+async def test_names_are_resolved_and_events_speak_of_the_name(loop: asyncio.AbstractEventLoop) -> None:
+    slave = make(Role.RESPONDER)
+    slave_shell = shell_of(slave, listen=ANY)
+    await slave_shell.open(loop)
+    slave.connect(monotonic())
+    peer = ("localhost", slave_shell.address[1])
+    master = make(Role.INITIATOR, peer=peer)
+    master.connect(monotonic())  # the first HELLO waits for the socket
+    master_shell = shell_of(master, listen=ANY)
+    await master_shell.open(loop)
+    event = await until(master, Connected, [])
+    assert isinstance(event, Connected)
+    assert event.address == peer
 
 
-def test_emulated_faults_act_on_real_sockets() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        link: EmulatedLink[Address] = EmulatedLink(
-            Emulation(delay_s=0.03, duplicate=0.5, corrupt=0.2), Random(3).random, monotonic()
-        )
-        master_shell, master, slave_shell, slave = await engage(loop, link)
-        sent_at = monotonic()
-        while slave.statistics.updates_received[0] < 10:
-            master.send_update(monotonic(), sample_update(1))
-            master_shell.flush(monotonic())
-            await asyncio.sleep(0.005)
-        assert monotonic() - sent_at >= 0.03
-        assert link.counters.duplicated > 0
-        assert slave.statistics.dropped.total() > 0
-        rtt = master.statistics.rtt
-        assert rtt is not None
-        assert rtt >= 0.03
-        master_shell.close()
-        slave_shell.close()
-
-    run(main)
+@live
+async def test_emulated_faults_act_on_real_sockets(loop: asyncio.AbstractEventLoop) -> None:
+    link: EmulatedLink[Address] = EmulatedLink(
+        Emulation(delay_s=0.03, duplicate=0.5, corrupt=0.2), Random(3).random, monotonic()
+    )
+    master_shell, master, _slave_shell, slave = await engage(loop, link)
+    sent_at = monotonic()
+    while slave.statistics.updates_received[0] < 10:
+        master.send_update(monotonic(), sample_update(1))
+        master_shell.flush(monotonic())
+        await asyncio.sleep(0.005)
+    assert monotonic() - sent_at >= 0.03
+    assert link.counters.duplicated > 0
+    assert slave.statistics.dropped.total() > 0
+    rtt = master.statistics.rtt
+    assert rtt is not None
+    assert rtt >= 0.03
 
 
-def test_a_port_in_use_is_named_with_what_to_do() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-            other.bind(ANY)
-            port = other.getsockname()[1]
-            shell = UdpShell(make(Role.RESPONDER), now=monotonic, listen=("127.0.0.1", port))
-            with pytest.raises(AddressInUseError, match=f"127.0.0.1:{port} is in use.*choose another port"):
-                await shell.open(loop)
-            shell.close()
-
-    run(main)
-
-
-def test_addresses_that_are_none_are_refused_with_their_name() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        shell = UdpShell(make(Role.INITIATOR, peer=("no.such.host.invalid", 1)), now=monotonic)
-        with pytest.raises(OSError, match=r"no\.such\.host\.invalid:1 cannot be resolved"):
+@live
+async def test_port_in_use_is_named_with_remedy(loop: asyncio.AbstractEventLoop) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(ANY)
+        port = other.getsockname()[1]
+        shell = shell_of(make(Role.RESPONDER), listen=("127.0.0.1", port))
+        with pytest.raises(AddressInUseError, match=f"127.0.0.1:{port} is in use.*choose another port"):
             await shell.open(loop)
         shell.close()
-        with pytest.raises(OSError, match="assign"):
-            await UdpShell(make(Role.RESPONDER), now=monotonic, listen=("192.0.2.1", 0)).open(loop)
-
-    run(main)
 
 
-def test_a_peer_that_is_not_there_is_counted_and_called_again() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reserved:
-            reserved.bind(ANY)
-            port = reserved.getsockname()[1]
-        master = make(Role.INITIATOR, peer=("127.0.0.1", port))
-        shell = UdpShell(master, now=monotonic)
+@live
+async def test_addresses_that_are_none_are_refused_with_their_name(loop: asyncio.AbstractEventLoop) -> None:
+    shell = shell_of(make(Role.INITIATOR, peer=("no.such.host.invalid", 1)))
+    with pytest.raises(OSError, match=r"no\.such\.host\.invalid:1 cannot be resolved"):
         await shell.open(loop)
-        master.connect(monotonic())
-        shell.flush(monotonic())
-        while master.statistics.sent < 4:
-            await asyncio.sleep(0.01)
-        assert master.state is State.CONNECTING
-        shell.close()
-
-    run(main)
+    with pytest.raises(OSError, match="assign"):
+        await shell_of(make(Role.RESPONDER), listen=("192.0.2.1", 0)).open(loop)
 
 
-def test_a_datagram_that_cannot_be_sent_is_counted() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master = make(Role.INITIATOR, peer=("255.255.255.255", 9))  # broadcast, which a plain socket may not
-        shell = UdpShell(master, now=monotonic)
-        await shell.open(loop)
-        master.connect(monotonic())
-        shell.flush(monotonic())
-        assert shell.socket_errors == 1
-        shell.close()
+@live
+async def test_absent_peer_is_called_again(loop: asyncio.AbstractEventLoop) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reserved:
+        reserved.bind(ANY)
+        port = reserved.getsockname()[1]
+    master = make(Role.INITIATOR, peer=("127.0.0.1", port))
+    shell = shell_of(master)
+    await shell.open(loop)
+    master.connect(monotonic())
+    shell.flush(monotonic())
+    while master.statistics.sent < 4:
+        await asyncio.sleep(0.01)
+    assert master.state is State.CONNECTING
 
-    run(main)
+
+@live
+async def test_a_datagram_that_cannot_be_sent_is_counted(loop: asyncio.AbstractEventLoop) -> None:
+    master = make(Role.INITIATOR, peer=("255.255.255.255", 9))  # broadcast, which a plain socket may not
+    shell = shell_of(master)
+    await shell.open(loop)
+    master.connect(monotonic())
+    shell.flush(monotonic())
+    assert shell.socket_errors == 1
 
 
 @pytest.mark.skipif(not socket.has_ipv6, reason="this Python has no IPv6")
-def test_ipv6() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        slave = make(Role.RESPONDER)
-        slave_shell = UdpShell(slave, now=monotonic, listen=("::1", 0))
-        try:
-            await slave_shell.open(loop)
-        except OSError:
-            pytest.skip("this host has no IPv6 loopback")
-        slave.connect(monotonic())
-        master = make(Role.INITIATOR, peer=("::1", slave_shell.address[1]))
-        master_shell = UdpShell(master, now=monotonic)
-        await master_shell.open(loop)
-        master.connect(monotonic())
-        master_shell.flush(monotonic())
-        await until(master, Connected, [])
-        master_shell.close()
-        slave_shell.close()
-
-    run(main)
+@live
+async def test_ipv6(loop: asyncio.AbstractEventLoop) -> None:
+    slave = make(Role.RESPONDER)
+    slave_shell = shell_of(slave, listen=("::1", 0))
+    try:
+        await slave_shell.open(loop)
+    except OSError:
+        pytest.skip("this host has no IPv6 loopback")
+    slave.connect(monotonic())
+    master = make(Role.INITIATOR, peer=("::1", slave_shell.address[1]))
+    master_shell = shell_of(master)
+    await master_shell.open(loop)
+    master.connect(monotonic())
+    master_shell.flush(monotonic())
+    await until(master, Connected, [])
 
 
 class SlowClock:
@@ -241,103 +226,81 @@ class SlowClock:
         return self._now()
 
 
-def test_a_short_stall_is_no_silence_however_slow_the_reads_are() -> None:
+@live
+async def test_short_stall_is_no_silence_with_slow_reads(loop: asyncio.AbstractEventLoop) -> None:
     """What waits is read before the loop age counts, although a slice of the work is over after each datagram."""
+    clock = SlowClock()
+    master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
+    for tick, wait in enumerate((0.0, 0.01, 0.01, 0.06, 0.0), 1):
+        sleep(wait)  # the loop stands still, and with it the slave
+        assert master.send_update(monotonic(), sample_update(tick))
+        master_shell.flush(monotonic())
+    slave_shell.service(clock.begin(slave))
+    events: list[Event] = []
+    while (event := slave.next_event()) is not None:
+        events.append(event)
+    assert slave.state is State.ENGAGED
+    assert not any(isinstance(event, PeerSilent) for event in events)
+    assert slave.statistics.received > 1
 
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        clock = SlowClock()
-        master_shell, master, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
-        for tick, wait in enumerate((0.0, 0.01, 0.01, 0.06, 0.0), 1):
-            sleep(wait)  # the loop stands still, and with it the slave
-            assert master.send_update(monotonic(), sample_update(tick))
-            master_shell.flush(monotonic())
+
+@live
+async def test_flood_of_garbage_from_peer_counts_as_silence(loop: asyncio.AbstractEventLoop) -> None:
+    """Before the limit counts more is read, but no more than the budget allows."""
+    clock = SlowClock()
+    master_shell, _, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
+    before = slave.statistics.drops
+    sleep(0.25)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
+        flood.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        flood.bind(master_shell.address)  # what the kernel takes for the peer
+        for _ in range(100):
+            flood.sendto(b"\x03" + bytes(60), slave_shell.address)
         slave_shell.service(clock.begin(slave))
+    assert slave.state is State.SILENT
+    assert 1 < slave.statistics.drops - before <= 2.0 * MOST_S / SlowClock.STEP_S
+
+
+@live
+async def test_strangers_fill_a_buffer_of_their_own(loop: asyncio.AbstractEventLoop) -> None:
+    """What the peer sends while others have filled their buffer to the brim arrives at once."""
+    master_shell, master, slave_shell, slave = await engage(loop)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for _ in range(5000):
+            stranger.sendto(b"\x03" + bytes(60), slave_shell.address)
+        assert master.send_update(monotonic(), sample_update(1))
+        master_shell.flush(monotonic())
+        before = sum(slave.statistics.dropped.values())
+        slave_shell.service(monotonic())  # of the peer alone; the loop is woken for the others
+        assert sum(slave.statistics.dropped.values()) == before
         events: list[Event] = []
         while (event := slave.next_event()) is not None:
             events.append(event)
-        assert slave.state is State.ENGAGED
-        assert not any(isinstance(event, PeerSilent) for event in events)
-        assert slave.statistics.received > 1
-        for shell in (master_shell, slave_shell):
-            shell.close()
-
-    run(main)
+        assert [event.update.tick for event in events if isinstance(event, UpdateReceived)] == [1]
 
 
-def test_a_peer_that_floods_while_it_says_nothing_is_silent_all_the_same() -> None:
-    """Before the limit counts more is read, but no more than the budget allows."""
-
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        clock = SlowClock()
-        master_shell, _, slave_shell, slave = await engage(loop, silence=0.2, slave_now=clock)
-        before = slave.statistics.drops
-        sleep(0.25)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as flood:
-            flood.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-            flood.bind(master_shell.address)  # what the kernel takes for the peer
-            for _ in range(100):
-                flood.sendto(b"\x03" + bytes(60), slave_shell.address)
-            slave_shell.service(clock.begin(slave))
-        assert slave.state is State.SILENT
-        assert 1 < slave.statistics.drops - before <= 2.0 * MOST_S / SlowClock.STEP_S
-        for shell in (master_shell, slave_shell):
-            shell.close()
-
-    run(main)
+@live
+async def test_a_peer_that_moves_is_followed(loop: asyncio.AbstractEventLoop) -> None:
+    master_shell, master, _slave_shell, slave = await engage(loop)
+    moved = shell_of(master, listen=("127.0.0.1", 0))
+    master_shell.close()
+    await moved.open(loop)
+    for tick in range(1, 30):
+        assert master.send_update(monotonic(), sample_update(tick))
+        moved.flush(monotonic())
+        found = await until(slave, UpdateReceived, [])
+        assert isinstance(found, UpdateReceived)
+        assert found.update.tick == tick
+        await asyncio.sleep(0.005)
+    assert slave.peer == moved.address
+    assert slave.state is State.ENGAGED
 
 
-def test_strangers_fill_a_buffer_of_their_own() -> None:
-    """What the peer sends while others have filled their buffer to the brim arrives at once."""
-
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master_shell, master, slave_shell, slave = await engage(loop)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
-            for _ in range(5000):
-                stranger.sendto(b"\x03" + bytes(60), slave_shell.address)
-            assert master.send_update(monotonic(), sample_update(1))
-            master_shell.flush(monotonic())
-            before = sum(slave.statistics.dropped.values())
-            slave_shell.service(monotonic())  # of the peer alone; the loop is woken for the others
-            assert sum(slave.statistics.dropped.values()) == before
-            events: list[Event] = []
-            while (event := slave.next_event()) is not None:
-                events.append(event)
-            assert [event.update.tick for event in events if isinstance(event, UpdateReceived)] == [1]
-        for shell in (master_shell, slave_shell):
-            shell.close()
-
-    run(main)
-
-
-def test_a_peer_that_moves_is_followed() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master_shell, master, slave_shell, slave = await engage(loop)
-        moved = UdpShell(master, now=monotonic, listen=("127.0.0.1", 0))
-        master_shell.close()
-        await moved.open(loop)
-        for tick in range(1, 30):
-            assert master.send_update(monotonic(), sample_update(tick))
-            moved.flush(monotonic())
-            found = await until(slave, UpdateReceived, [])
-            assert isinstance(found, UpdateReceived)
-            assert found.update.tick == tick
-            await asyncio.sleep(0.005)
-        assert slave.peer == moved.address
-        assert slave.state is State.ENGAGED
-        for shell in (moved, slave_shell):
-            shell.close()
-
-    run(main)
-
-
-def test_a_second_copy_finds_the_port_taken_also_once_a_peer_has_its_own_socket() -> None:
-    async def main(loop: asyncio.AbstractEventLoop) -> None:
-        master_shell, _, slave_shell, _ = await engage(loop)
-        copy = UdpShell(make(Role.RESPONDER), now=monotonic, listen=slave_shell.address)
-        with pytest.raises(AddressInUseError, match="is in use"):
-            await copy.open(loop)
-        copy.close()
-        for shell in (master_shell, slave_shell):
-            shell.close()
-
-    run(main)
+@live
+async def test_a_second_copy_finds_the_port_taken(
+    loop: asyncio.AbstractEventLoop,
+) -> None:
+    _master_shell, _, slave_shell, _ = await engage(loop)
+    copy = shell_of(make(Role.RESPONDER), listen=slave_shell.address)
+    with pytest.raises(AddressInUseError, match="is in use"):
+        await copy.open(loop)

@@ -19,7 +19,7 @@ class Run:
     """One verification.
 
     Args:
-        name: for people.
+        name: shown in the table.
         model: file without its suffix.
         defines: switches of the model.
     """
@@ -76,14 +76,14 @@ MUTANTS = (
     Run("link 6: loop age of an update is not asked", "link", (*SMALL, "MUTANT=6")),
     Run("link 7: newest by arrival, not by number", "link", (*SMALL, "MUTANT=7")),
     Run("link 8: no guardian", "link", (*SMALL, "STOPS=1", "MUTANT=8")),
-    Run("link 9: session on paper is kept for ever", "link", (*WRAPS, "MUTANT=9")),
+    Run("link 9: pending session never expires", "link", (*WRAPS, "MUTANT=9")),
     Run("link 10: engaged while the other is heard", "link", (*SMALL, "MUTANT=10")),
     Run("authority 1: slave minds only a session that is heard", "authority", ("MUTANT=1",)),
     Run("authority 2: old HELLOs are answered", "authority", ("MUTANT=2",)),
     Run("authority 3: takeover without the flag", "authority", ("MUTANT=3",)),
     Run("authority 4: HELLO with take_over ends the session", "authority", ("MUTANT=4", "CHECK=3")),
     Run("authority 5: slave's name is not compared", "authority", ("MUTANT=5",)),
-    Run("authority 6: other sessions on paper outlive one", "authority", ("MUTANT=6",)),
+    Run("authority 6: other pending sessions outlive one", "authority", ("MUTANT=6",)),
     Run("authority 7: session never expires", "authority", ("MUTANT=7",)),
 )
 

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from tests.slave.integrators.problems import ball, wall
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass
-from weberlink.slave.integrators.choice import FEW, SUBSTEPS_MOST, chosen
+from weberlink.slave.integrators.choice import FEW, chosen
 from weberlink.slave.scenes.contact import FrictionCone
 
 TICK = 0.001
@@ -17,7 +17,7 @@ def body(mass: float, stiffness: float = 2e4) -> ControlledMass:
     return ControlledMass(mass, stiffness, 2.0 * sqrt(stiffness * mass))
 
 
-def test_flat_contact_without_friction_is_solved_exactly_and_so_is_none() -> None:
+def test_auto_is_exact_for_flat_contact() -> None:
     assert chosen(body(0.2), wall(500.0, 1.0), TICK)[:2] == ("exact", 1)
     assert chosen(body(1e-3), wall(1e7), TICK)[:2] == ("exact", 1)
     assert chosen(body(0.2), None, TICK) == ("exact", 1, "no contact")
@@ -29,33 +29,6 @@ def test_what_few_substeps_resolve_gets_them() -> None:
     assert chosen(body(0.2), wall(1e5, None, CONE), TICK)[:2] == ("semi_implicit", 4)
 
 
-def test_stiffer_contact_that_is_not_linear_is_implicit() -> None:
-    assert chosen(body(0.1), ball(1e6), TICK)[:2] == ("implicit", 1)
-    assert chosen(body(0.1), wall(1e6, None, CONE), TICK) == (
-        "implicit",
-        1,
-        "friction, 1.02e+06 N/m is 3.2 rad per tick",
-    )
-    assert "curved contact" in chosen(body(0.1), ball(1e6), TICK).reason
-
-
-def test_a_strong_damper_needs_substeps_as_a_spring_does() -> None:
-    assert chosen(body(0.1, 500.0), ball(500.0, 60.0), TICK)[:2] == ("semi_implicit", 4)  # (14.1 + 60) / 100 / 0.2
-    assert chosen(body(0.1, 500.0), ball(500.0, 250.0), TICK).integrator == "implicit"
-
-
-def test_more_substeps_that_are_asked_for_may_do() -> None:
-    assert chosen(body(0.1), ball(1e6), TICK, substeps=16)[:2] == ("semi_implicit", 16)
-    assert chosen(body(0.1), ball(1e6), TICK, substeps=2)[:2] == ("implicit", 2)
-    assert chosen(body(0.1), wall(1e5), TICK, substeps=3)[:2] == ("exact", 3)
-    assert chosen(body(1.0, 500.0), ball(500.0), TICK, "implicit", 5)[:2] == ("implicit", 5)
-
-
-def test_by_name_symplectic_euler_takes_what_accuracy_wants_and_at_most_sixty_four() -> None:
-    assert chosen(body(0.1), wall(1e5), TICK, "semi_implicit")[:2] == ("semi_implicit", 6)
-    assert chosen(body(1e-2), wall(9e6), TICK, "semi_implicit")[:2] == ("semi_implicit", SUBSTEPS_MOST)
-
-
 @pytest.mark.parametrize(
     ("mass", "stiffness", "substeps", "told"),
     [
@@ -63,9 +36,7 @@ def test_by_name_symplectic_euler_takes_what_accuracy_wants_and_at_most_sixty_fo
         (0.1, 1e6, 1, r"^integrator: semi_implicit is unstable in 1 .* expected substeps: 16, or integrator: auto"),
     ],
 )
-def test_by_name_it_is_refused_where_it_would_be_unstable(
-    mass: float, stiffness: float, substeps: int | None, told: str
-) -> None:
+def test_unstable_named_scheme_is_refused(mass: float, stiffness: float, substeps: int | None, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         chosen(body(mass), wall(stiffness), TICK, "semi_implicit", substeps)
 
@@ -78,7 +49,7 @@ def test_by_name_it_is_refused_where_it_would_be_unstable(
     st.floats(1e-4, 1e-2),
     st.booleans(),
 )
-def test_auto_is_never_refused_never_unstable_and_never_many_steps(
+def test_auto_is_always_stable_in_few_steps(
     mass: float, control: float, stiffness: float, damping: float | None, tick: float, flat: bool
 ) -> None:
     scene = wall(stiffness, damping) if flat else ball(stiffness, damping)

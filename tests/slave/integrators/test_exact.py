@@ -5,7 +5,7 @@ from math import log10, pi, sqrt
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -13,10 +13,11 @@ from tests.examples import examples
 from tests.slave.integrators.problems import OFF, UP, corner, difference, moving, run, wall
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, unit
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
-from weberlink.slave.scenes.contact import FrictionCone, SceneObject
+from weberlink.slave.integrators.linear_contact import Faces
+from weberlink.slave.scenes.active_set import smallest_push
+from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
-from weberlink.slave.scenes.sphere import SphereShape
 
 STEEL = 1e7
 OBLIQUE = ((UP, 3000.0, None), (unit((1.0, 0.3, 0.6)), 800.0, 4.0), (unit((-0.4, 1.0, 0.5)), 1500.0, None))
@@ -28,79 +29,6 @@ def tenfold(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 Event = Callable[[float, np.ndarray], float]
-
-
-class HeightOverWall:
-    """The motion along the normal of a wall at 0, in pieces between events that scipy locates."""
-
-    def __init__(self, body: ControlledMass, stiffness: float, damping: float, goal: float) -> None:
-        self.body, self.stiffness, self.damping, self.goal = body, stiffness, damping, goal
-
-    def after(self, height: float, speed: float, duration: float) -> np.ndarray:
-        """Height and speed; starts above the wall."""
-        y, now, mode = np.array([height, speed]), 0.0, "free"
-        fastest = sqrt((self.body.stiffness + self.stiffness) / self.body.mass)
-        for _ in range(2000):
-            ends = self.ends(mode)
-            piece = solve_ivp(
-                self.derivative(mode),
-                (now, duration),
-                y,
-                "DOP853",
-                rtol=3e-14,
-                atol=1e-18,
-                events=[event for event, _ in ends],
-                max_step=0.5 / fastest,
-            )
-            y, now = piece.y[:, -1].copy(), float(piece.t[-1])
-            if piece.status == 0:
-                return y
-            mode = next(following for (_, following), at in zip(ends, piece.t_events, strict=True) if at.size)
-            if mode == "free" or (mode == "press" and abs(y[0]) < 1e-15):
-                y[0] = 0.0
-        raise AssertionError("too many events")
-
-    def derivative(self, mode: str) -> Callable[[float, np.ndarray], list[float]]:
-        mass, control, brake = self.body
-
-        def rates(_: float, y: np.ndarray) -> list[float]:
-            force = self.push(y) if mode == "press" else 0.0
-            return [y[1], (control * (self.goal - y[0]) - brake * y[1] + force) / mass]
-
-        return rates
-
-    def push(self, y: np.ndarray) -> float:
-        return float(-self.stiffness * y[0] - self.damping * y[1])
-
-    def ends(self, mode: str) -> list[tuple[Event, str]]:
-        """What ends a piece, and what follows: a touch, a force that would pull, a way out, a force again."""
-        if mode == "free":
-            return [(terminal(lambda _, y: float(y[0]), -1.0), "press")]
-        if mode == "press":
-            return [(terminal(lambda _, y: self.push(y), -1.0), "slack" if self.damping else "free")]
-        return [
-            (terminal(lambda _, y: float(y[0]), 1.0), "free"),
-            (terminal(lambda _, y: self.push(y), 1.0), "press"),
-        ]
-
-
-def terminal(event: Event, direction: float) -> Event:
-    event.terminal, event.direction = True, direction  # type: ignore[attr-defined]
-    return event
-
-
-@pytest.mark.parametrize("step", [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1])
-@pytest.mark.parametrize("damping", [0.0, 3.0, 60.0])
-@pytest.mark.parametrize(("mass", "stiffness"), [(0.1, 500.0), (0.1, 1e5), (1.0, 2e6)])
-def test_it_is_the_solution_that_scipy_finds(mass: float, stiffness: float, damping: float, step: float) -> None:
-    body = ControlledMass(mass, 800.0, 3.0)
-    z, v, goal = 1e-4 if step < 1e-2 else 0.003, -0.4, -0.001
-    truth = HeightOverWall(body, stiffness, damping, goal).after(z, v, step)
-    end = run(
-        "exact", body, lambda: wall(stiffness, damping or None), (0.0, 0.0, z), (0.0, 0.0, v), (0.0, 0.0, goal), step, 1
-    )
-    assert end.position[2] == pytest.approx(truth[0], abs=1e-9 * (abs(v) / sqrt((800.0 + stiffness) / mass) + 1e-3))
-    assert end.velocity[2] == pytest.approx(truth[1], abs=1e-9 * abs(v) * max(1.0, 1e-3 * stiffness / 800.0))
 
 
 @examples(40)
@@ -136,8 +64,8 @@ def test_one_step_goes_as_far_as_two_hundred(
 
 
 @pytest.mark.parametrize("planes", [OBLIQUE, RIGHT], ids=["oblique", "right angles"])
-@pytest.mark.parametrize("duration", [1e-3, 1e-2, 1e-1])
-def test_several_contacts_at_once_against_a_brute_force_solution(
+@pytest.mark.parametrize("duration", [1e-3, 7e-2])
+def test_several_contacts_match_brute_force_solution(
     planes: tuple[tuple[Vector, float, float | None], ...], duration: float
 ) -> None:
     """Smallest push over all subsets of planes, by numpy, and DOP853 that sees kinks as they come."""
@@ -199,7 +127,7 @@ def test_a_bounce_gives_back_all_of_the_speed(stiffness: float, mass: float, spe
 
 
 @pytest.mark.parametrize("step", [1e-4, 1e-3, 1e-2, 0.1])
-def test_an_undamped_oscillation_through_the_surface_keeps_its_energy(step: float) -> None:
+def test_undamped_bouncing_keeps_its_energy(step: float) -> None:
     """1 g against 1e7 N/m with an undamped control: hundreds of bounces."""
     body, scene = ControlledMass(1e-3, 1000.0, 0.0), wall(STEEL)
     integrator = INTEGRATORS["exact"].build(body, scene)
@@ -212,21 +140,7 @@ def test_an_undamped_oscillation_through_the_surface_keeps_its_energy(step: floa
         assert energy == pytest.approx(before, rel=1e-9)
 
 
-@pytest.mark.parametrize("miss", [1e-3, 1e-6, 1e-9, 1e-12])
-def test_a_contact_that_only_grazes_within_a_step_is_found(miss: float) -> None:
-    """Half a swing of the control dips to `miss` below the surface and is out again before the step ends."""
-    body = ControlledMass(1.0, 100.0, 0.0)  # omega 10 rad/s: down and up again in 0.628 s
-    start, goal = (0.0, 0.0, 0.02), (0.0, 0.0, 0.01 - miss / 2.0)
-    free = run("exact", body, lambda: None, start, ZERO, goal, 0.6, 1)
-    touched = run("exact", body, lambda: wall(1e5), start, ZERO, goal, 0.6, 1)
-    often = run("exact", body, lambda: wall(1e5), start, ZERO, goal, 0.6, 3001)
-    assert touched.position[2] > 0.0
-    assert difference(touched, often, 0.1) < 1e-11
-    if miss > 1e-9:
-        assert difference(touched, free, 0.1) > 1e-3 * miss
-
-
-def test_with_damping_the_force_ends_before_the_depth_does_and_never_pulls() -> None:
+def test_damped_contact_never_pulls() -> None:
     body, stiffness, damping = OFF, 1e4, 20.0
     scene = wall(stiffness, damping)
     integrator = INTEGRATORS["exact"].build(body, scene)
@@ -243,18 +157,7 @@ def test_with_damping_the_force_ends_before_the_depth_does_and_never_pulls() -> 
     assert difference(once, motion, 0.01) < 1e-12
 
 
-def test_steel_is_no_trouble_for_a_gram() -> None:
-    """Pressed by its control at a tick of 1 ms, 100 rad of contact oscillation."""
-    body, scene = ControlledMass(1e-3, 5e4, 2.0 * sqrt(50.0)), wall(STEEL)
-    integrator = INTEGRATORS["exact"].build(body, scene)
-    motion = moving(scene, (0.0, 0.0, 0.01), ZERO)
-    for tick in range(1, 300):
-        motion = integrator.advance(motion, (0.0, 0.0, max(-0.001, 0.01 - 0.0001 * tick)), 1e-3)
-        assert motion.position[2] > -2e-5
-    assert motion.force[2] == pytest.approx(5e4 * 0.001 * STEEL / (STEEL + 5e4), rel=1e-9)
-
-
-def test_a_slot_narrower_than_nothing_ends_all_the_same() -> None:
+def test_overlapping_planes_keep_the_motion_bounded() -> None:
     """Two planes face each other and overlap: no push satisfies both, yet the motion is bounded."""
     scene = corner((UP, 1e6, None), ((0.0, 0.0, -1.0), 1e6, None), ((0.0, 0.0, 1.0), 500.0, 3.0))
     integrator = INTEGRATORS["exact"].build(ControlledMass(0.1, 1000.0, 1.0), scene)
@@ -264,13 +167,31 @@ def test_a_slot_narrower_than_nothing_ends_all_the_same() -> None:
         assert norm(motion.position) < 0.02
 
 
-def test_it_is_the_tangent_elsewhere_and_says_how_good_that_is() -> None:
-    """A stiff ball with friction, stuck: the error against fine steps is far below that of ignoring the curvature."""
+directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda n: dot(n, n) > 0.1).map(unit)
+points = st.tuples(*[st.floats(-0.01, 0.01)] * 3)
 
-    def rough() -> Scene:
-        return Scene([SceneObject(SphereShape((0.0, 0.0, -0.03), 0.03), 1e5, FrictionCone(0.5, 0.4))])
 
-    body, start, goal = ControlledMass(0.1, 2000.0, 28.0), (0.0, 0.0, 0.0005), (0.002, 0.0, -0.003)
-    truth = run("exact", body, rough, start, (0.1, 0.0, -0.1), goal, 0.1, 5000)
-    coarse = run("exact", body, rough, start, (0.1, 0.0, -0.1), goal, 0.1, 100)
-    assert difference(coarse, truth, 0.001) < 2e-5
+@given(st.lists(directions, min_size=1, max_size=4), st.lists(st.floats(0.0, 0.005), min_size=4, max_size=4), points)
+def test_the_depths_are_those_of_the_smallest_push(normals: list[Vector], offsets: list[float], x: Vector) -> None:
+    faces = Faces(normals, offsets[: len(normals)])
+    gaps = [dot(n, x) + offset for n, offset in zip(normals, offsets, strict=False)]
+    pushes = {i: depth for i, depth in smallest_push([-gap for gap in gaps], normals) if depth > 0.0}
+    assert faces.active(x) == set(pushes)
+    face = faces.face(frozenset(pushes))
+    assert face is not None
+    for depth in face.depths:
+        assert depth.of(x) == pytest.approx(pushes[depth.plane], rel=1e-6, abs=1e-12)
+
+
+@given(st.lists(directions, min_size=2, max_size=4), points)
+def test_depth_coordinates_are_independent(normals: list[Vector], x: Vector) -> None:
+    """Moving the probe along one active normal changes that depth alone; the proxy, and so the gaps, stay."""
+    active = frozenset(range(min(2, len(normals))))
+    assume(abs(dot(normals[0], normals[1])) < 0.99)
+    face = Faces(normals, [0.0] * len(normals)).face(active)
+    assert face is not None
+    for moved in active:
+        for depth in face.depths:
+            assert dot(depth.vector, normals[moved]) == pytest.approx(-1.0 if depth.plane == moved else 0.0, abs=1e-9)
+        for gap in face.gaps:
+            assert dot(gap.vector, normals[moved]) == pytest.approx(0.0, abs=1e-9)

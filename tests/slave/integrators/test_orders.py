@@ -1,6 +1,7 @@
 """Orders of convergence, measured: the slope of log error over log steps."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,12 @@ class Problem(NamedTuple):
     duration: float
 
     def arrived(self, name: str, steps: int) -> MassState:
-        return run(name, BODY, *self, steps)
+        return arrival(self, name, steps)
+
+
+@cache
+def arrival(problem: Problem, name: str, steps: int) -> MassState:
+    return run(name, BODY, *problem, steps)
 
 
 SMOOTH = {
@@ -44,7 +50,7 @@ def slope(name: str, problem: Problem, truth: MassState) -> float:
 
 @pytest.mark.parametrize("problem", SMOOTH)
 @pytest.mark.parametrize("name", sorted(INTEGRATORS))
-def test_on_a_smooth_motion_the_order_is_that_of_the_table(name: str, problem: str) -> None:
+def test_order_on_smooth_motion_is_as_tabulated(name: str, problem: str) -> None:
     scheme, case = INTEGRATORS[name], SMOOTH[problem]
     truth = case.arrived("exact", FINEST)
     if scheme.exact_if_linear and "ball" not in problem:
@@ -54,11 +60,11 @@ def test_on_a_smooth_motion_the_order_is_that_of_the_table(name: str, problem: s
 
 
 @pytest.mark.parametrize(("name", "least"), [("semi_implicit", 0.8), ("implicit", 1.5), ("exact", 1.8)])
-def test_across_a_bounce_it_keeps_its_order_but_for_where_the_touch_falls_in_its_step(name: str, least: float) -> None:
+def test_order_across_a_bounce(name: str, least: float) -> None:
     assert slope(name, BOUNCE, BOUNCE.arrived("exact", FINEST)) > least
 
 
-def test_two_schemes_of_different_kind_agree_on_what_is_true() -> None:
-    """Or the orders above would be measured against an error of their own."""
+def test_reference_solutions_of_two_schemes_agree() -> None:
+    """The reference of the orders above is right."""
     for case in SMOOTH.values():
-        assert difference(case.arrived("implicit", FINEST), case.arrived("exact", FINEST), 0.01) < 3e-8
+        assert difference(case.arrived("implicit", FINEST // 2), case.arrived("exact", FINEST), 0.01) < 1.2e-7

@@ -39,7 +39,7 @@ def test_two_steps_make_the_same_way_as_one(
 
 
 @given(masses, st.floats(1.0, 1e7), ratios, values, rates)
-def test_its_rate_and_its_equation_hold_from_the_start(
+def test_short_step_obeys_the_differential_equation(
     mass: float, stiffness: float, ratio: float, value: float, rate: float
 ) -> None:
     """Over a very short step y = y_0 + v t + a t^2 / 2 with m a = -k (y - rest) - c v."""
@@ -53,13 +53,6 @@ def test_its_rate_and_its_equation_hold_from_the_start(
     assert after[1] - rate == pytest.approx(step * pull, abs=2.0 * third * sqrt(stiffness / mass) * (1.0 + ratio))
 
 
-@pytest.mark.parametrize("damping", [0.0, 2.0])
-def test_without_a_spring_it_coasts(damping: float) -> None:
-    motion = Oscillation(0.5, 0.0, damping)
-    way = 0.1 if damping == 0.0 else 0.25 * (1.0 - exp(-0.4))
-    assert moved(motion, 0.3, 1.0, 0.0, 0.1) == pytest.approx((0.3 + way, exp(-0.4) if damping else 1.0), rel=1e-15)
-
-
 def test_far_overdamped_both_rates_keep_their_digits() -> None:
     """m = 1 g, k = 1 N/m, c = 1000 N s/m: the slow rate is k / c to 1e-9, which a difference of roots would lose."""
     motion = Oscillation(1e-3, 1.0, 1000.0)
@@ -71,7 +64,7 @@ def test_far_overdamped_both_rates_keep_their_digits() -> None:
 @given(masses, st.floats(1.0, 1e6), ratios, values, rates, values, times)
 @example(1.0, 100.0, 0.0, 0.01, 0.0, 0.0, 0.1)
 @example(1.0, 100.0, 1.0, 0.0, 0.5, -0.001, 0.1)
-def test_the_first_fall_is_the_first_and_is_a_zero(
+def test_first_fall_is_the_first_zero(
     mass: float, stiffness: float, ratio: float, value: float, rate: float, rest: float, horizon: float
 ) -> None:
     motion = oscillation(mass, stiffness, ratio)
@@ -99,7 +92,7 @@ def test_grazing_is_found_by_its_lowest_point(exponent: float, below: bool) -> N
         assert found <= pi / 10.0 + 1e-8
 
 
-def test_what_rises_from_below_is_left_alone() -> None:
+def test_rising_from_below_zero_is_no_fall() -> None:
     """As a depth does that rounding has put on the wrong side of the touch."""
     motion = oscillation(1.0, 100.0, 0.0)
     assert motion.first_fall(-1e-18, 0.1, 0.0, 0.1) is None

@@ -7,13 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.slave.integrators.problems import ball, energy, moving, wall
+from tests.slave.integrators.problems import energy, moving, wall
 from tests.slave.scenes.solids import SHAPES
-from weberlink.geometry.vector import ZERO, Vector, norm, unit
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass
 from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
 STIFFNESSES = (1e1, 1e3, 1e5, 1e7)
@@ -49,7 +48,7 @@ def test_thrown_at_a_wall_it_never_gains_energy(name: str) -> None:
     velocity=st.tuples(*[st.floats(-0.5, 0.5)] * 3),
     goal=st.tuples(*[st.floats(-0.02, 0.02)] * 3),
 )
-def test_the_implicit_scheme_gains_no_energy_to_speak_of_on_any_shape(
+def test_implicit_scheme_gains_no_energy_on_any_shape(
     shape: str,
     stiffness: float,
     mass: float,
@@ -79,7 +78,7 @@ def test_the_implicit_scheme_gains_no_energy_to_speak_of_on_any_shape(
     damping=st.one_of(st.none(), st.floats(0.1, 100.0)),
     goal=st.tuples(*[st.floats(-0.02, 0.02)] * 3),
 )
-def test_what_auto_picks_stays_bounded_with_friction_too(
+def test_auto_choice_stays_bounded_with_friction(
     shape: str, stiffness: float, mass: float, tick: float, rough: bool, damping: float | None, goal: Vector
 ) -> None:
     """It starts 5 cm above and cannot be thrown farther than its energy would carry it."""
@@ -125,28 +124,6 @@ def test_symplectic_euler_is_stable_just_where_it_says(damping: float, factor: f
     assert (farthest < 100.0) == stable
 
 
-@pytest.mark.parametrize("name", L_STABLE)
-def test_a_gram_falls_on_a_stiff_ball_and_rests_there(name: str) -> None:
-    body, scene = ControlledMass(1e-3, 1000.0, 2.0), ball(1e6)
-    integrator = INTEGRATORS[name].build(body, scene)
-    motion = moving(scene, (0.0, 0.0, 0.01), ZERO)
-    for tick in range(600):
-        motion = integrator.advance(motion, (0.0, 0.0, max(-0.002, 0.01 - 0.0001 * tick)), 1e-3)
-    assert motion.force == pytest.approx((0.0, 0.0, 2.0), rel=2e-3, abs=1e-6)
-    assert norm(motion.velocity) < 1e-6
-
-
-def test_oblique_stiff_contacts_hold_what_is_pressed_between_them() -> None:
-    normals = (unit((0.5, 0.0, 1.0)), unit((-0.5, 0.0, 1.0)))
-    for name in L_STABLE:
-        scene = Scene([SceneObject(PlaneShape(ZERO, n), k) for n, k in zip(normals, (1e7, 1e5), strict=True)])
-        integrator = INTEGRATORS[name].build(ControlledMass(0.01, 1000.0, 6.0), scene)
-        motion = moving(scene, (0.002, 0.0, 0.01), ZERO)
-        for _ in range(500):
-            motion = integrator.advance(motion, (0.0, 0.0, -0.005), 1e-3)
-        assert motion.force == pytest.approx((0.0, 0.0, 5.0), rel=1e-2, abs=0.05)
-
-
 @pytest.mark.parametrize(
     ("shape", "stiffness", "mass", "tick", "position", "velocity"),
     [
@@ -156,7 +133,7 @@ def test_oblique_stiff_contacts_hold_what_is_pressed_between_them() -> None:
         ("pocket", 2e6, 4e-3, 1e-3, (0.0, 0.0, -0.004), (3.0, 2.0, -1.0)),
     ],
 )
-def test_an_impact_that_defeats_newton_takes_energy_all_the_same(
+def test_failed_newton_iteration_still_loses_energy(
     shape: str, stiffness: float, mass: float, tick: float, position: Vector, velocity: Vector
 ) -> None:
     """Metres per second against a rough, stiff, curved surface, a centimetre per step."""

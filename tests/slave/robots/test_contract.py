@@ -26,7 +26,7 @@ def bench(name: str, tmp_path: Path) -> Iterator[Bench]:
         yield bench
 
 
-def test_every_driver_of_the_table_is_on_a_bench() -> None:
+def test_every_built_in_driver_has_a_bench() -> None:
     assert set(BENCHES) == set(BUILT_IN)
 
 
@@ -47,7 +47,7 @@ def test_the_spec_is_there_before_opening(name: str, bench: Bench) -> None:
     assert "\n" not in spec.note
 
 
-def test_only_an_open_robot_is_read_and_closing_is_idempotent(name: str, bench: Bench) -> None:
+def test_only_open_robots_are_read(name: str, bench: Bench) -> None:
     robot = bench.robot
     robot.close()
     with pytest.raises(RobotFault, match=name):
@@ -64,7 +64,7 @@ def test_only_an_open_robot_is_read_and_closing_is_idempotent(name: str, bench: 
             robot.latest(bench.tick())
 
 
-def test_readings_move_on_in_time_and_are_the_same_for_the_same_now(bench: Bench) -> None:
+def test_readings_are_monotonic_and_reproducible(bench: Bench) -> None:
     robot = bench.robot
     robot.open(bench.tick())
     lower, upper = robot.spec.workspace_m
@@ -107,7 +107,7 @@ def test_the_ground_pushes_back_up(bench: Bench) -> None:
     assert dot(felt, (0.0, 0.0, 1.0)) > 0.8 * norm(felt) - absolute
 
 
-def test_a_command_that_is_no_number_is_our_own_error(bench: Bench) -> None:
+def test_non_finite_command_is_a_value_error(bench: Bench) -> None:
     robot = bench.robot
     robot.open(bench.tick())
     with pytest.raises(ValueError, match="not finite"):
@@ -116,7 +116,7 @@ def test_a_command_that_is_no_number_is_our_own_error(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(("name", "fault"), FAULTS)
-def test_a_fault_ends_it_with_a_reason_and_without_drive(name: str, fault: str, tmp_path: Path) -> None:
+def test_fault_stops_robot_with_reason(name: str, fault: str, tmp_path: Path) -> None:
     with BENCHES[name](tmp_path) as bench:
         robot = bench.robot
         robot.open(bench.tick())

@@ -22,9 +22,7 @@ def filled(interpolation: Interpolation, walk: list[tuple[float, float, float]])
 
 
 @given(steps, st.floats(0.0, 0.05), st.integers(2, 6))
-def test_a_sample_is_given_exactly_at_its_time_and_lag(
-    walk: list[tuple[float, float, float]], lag: float, keep: int
-) -> None:
+def test_sample_is_exact_at_its_time_plus_lag(walk: list[tuple[float, float, float]], lag: float, keep: int) -> None:
     interpolation = Interpolation(lag, keep)
     for sample in filled(interpolation, walk)[-keep:]:
         given_back = interpolation.at(sample.at + lag)
@@ -50,7 +48,7 @@ def test_in_between_it_is_on_the_line(
 
 
 @given(st.lists(st.tuples(st.floats(1e-4, 0.1), st.floats(0.0, 0.1)), min_size=1, max_size=8))
-def test_while_samples_come_time_never_goes_back_and_is_late_by_the_lag(steps: list[tuple[float, float]]) -> None:
+def test_time_is_monotonic_and_late_by_the_lag(steps: list[tuple[float, float]]) -> None:
     lag = 0.02
     interpolation = Interpolation(lag, keep=8)
     first = at = now = 100.0
@@ -67,41 +65,6 @@ def test_while_samples_come_time_never_goes_back_and_is_late_by_the_lag(steps: l
         last = reading.at
 
 
-def test_after_the_newest_it_holds_and_does_not_extrapolate() -> None:
-    interpolation = Interpolation(0.005)
-    interpolation.add(TimedValues(1.0, (0.0,)))
-    interpolation.add(TimedValues(1.1, (1.0,)))
-    assert interpolation.at(9.0) == TimedValues(1.1, (1.0,))
-
-
-def test_before_the_oldest_that_is_kept_it_holds() -> None:
-    interpolation = Interpolation(0.0, keep=2)
-    for number in range(4):
-        interpolation.add(TimedValues(float(number), (float(number),)))
-    assert interpolation.at(0.5) == TimedValues(2.0, (2.0,))
-
-
-def test_a_sample_that_is_not_newer_is_ignored() -> None:
-    interpolation = Interpolation(0.0)
-    interpolation.add(TimedValues(1.0, (1.0,)))
-    interpolation.add(TimedValues(1.0, (5.0,)))
-    interpolation.add(TimedValues(0.5, (7.0,)))
-    assert interpolation.at(2.0) == TimedValues(1.0, (1.0,))
-
-
-def test_a_restart_forgets_what_was() -> None:
-    interpolation = Interpolation(0.0)
-    interpolation.add(TimedValues(1.0, (1.0,)))
-    interpolation.restart(TimedValues(0.5, (3.0,)))
-    assert interpolation.at(0.7) == TimedValues(0.5, (3.0,))
-
-
 def test_nothing_is_made_up_before_the_first_sample() -> None:
     with pytest.raises(LookupError):
         Interpolation(0.0).at(1.0)
-
-
-@pytest.mark.parametrize(("lag", "keep"), [(-0.001, 4), (float("nan"), 4), (0.01, 1)])
-def test_a_lag_or_a_number_of_samples_that_makes_no_sense_is_refused(lag: float, keep: int) -> None:
-    with pytest.raises(ValueError, match="lag"):
-        Interpolation(lag, keep)

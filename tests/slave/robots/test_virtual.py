@@ -1,12 +1,14 @@
 """What the two computed robots keep beyond the contract: virtual time, bit for bit, exactly."""
 
+from math import exp, sqrt
 from typing import Any
 
 import pytest
 
-from weberlink.geometry.vector import ZERO, Vector, is_finite
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots import load
-from weberlink.slave.robots.contract import Robot
+from weberlink.slave.robots.contract import Robot, RobotFault
+from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.box import BoxCavity
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.plane import PlaneShape
@@ -26,24 +28,7 @@ def ground() -> Scene:
 
 
 @every_driver
-def test_readings_follow_now_and_stay_put_within_it(name: str) -> None:
-    robot = robot_of(name, ground())
-    robot.open(100.0)
-    lower, upper = robot.spec.workspace_m
-    for tick in range(1, 300):
-        now = 100.0 + tick * TICK
-        robot.command((0.0, 0.0, 0.03 - 0.0002 * tick), now)
-        reading = robot.latest(now)
-        assert reading.at == now
-        assert robot.latest(now) == reading
-        assert is_finite(reading.position)
-        assert is_finite(reading.force)
-        assert all(a <= p <= b for a, p, b in zip(lower, reading.position, upper, strict=True))
-    assert reading.force[2] > 1.0
-
-
-@every_driver
-def test_the_same_calls_give_the_same_run_bit_for_bit(name: str) -> None:
+def test_runs_are_reproducible(name: str) -> None:
     def run() -> list[tuple[Vector, Vector]]:
         robot = robot_of(name, ground())
         readings = []
@@ -60,17 +45,6 @@ def test_the_same_calls_give_the_same_run_bit_for_bit(name: str) -> None:
         return readings
 
     assert run() == run()
-
-
-@every_driver
-def test_it_goes_where_it_is_told_on_every_axis(name: str) -> None:
-    robot = robot_of(name)
-    robot.open(0.0)
-    for tick in range(1, 500):
-        robot.command((0.01, -0.02, 0.04), tick * TICK)
-        reading = robot.latest(tick * TICK)
-    assert reading.position == pytest.approx((0.01, -0.02, 0.04))
-    assert reading.force == ZERO
 
 
 @every_driver
@@ -115,3 +89,85 @@ def test_wrong_options_are_refused_by_name(name: str, options: dict[str, Any]) -
 def test_an_unknown_driver_names_the_nearest() -> None:
     with pytest.raises(ValueError, match=r"'simulatd'.*nearest is 'simulated'.*point"):
         load("simulatd")
+
+
+TICK = 0.001
+UP = (0.0, 0.0, 1.0)
+
+
+def wall(stiffness: float, damping: float | None = None) -> Scene:
+    return Scene([SceneObject(PlaneShape(ZERO, UP), stiffness, None, damping)])
+
+
+@pytest.mark.parametrize(
+    ("integrator", "share"), [("auto", 1e-12), ("exact", 1e-12), ("implicit", 0.01), ("semi_implicit", 0.05)]
+)
+def test_free_step_is_critically_damped(integrator: Any, share: float) -> None:
+    """x(t) = x_d + (x_0 - x_d)(1 + w t) exp(-w t), as well as the integrator can at a tick of half a radian."""
+    robot = SimulatedRobot(SimulatedOptions(integrator=integrator), None, TICK)
+    omega = sqrt(50_000.0 / 0.2)
+    robot.open(0.0)
+    robot.command((0.0, 0.0, 0.02), 0.0)
+    for tick in range(1, 21):
+        x = robot.latest(tick * TICK).position[2]
+        t = omega * tick * TICK
+        assert x == pytest.approx(0.02 + 0.01 * (1.0 + t) * exp(-t), abs=0.01 * share)
+
+
+def test_it_tells_what_was_picked_and_why() -> None:
+    steel = SimulatedRobot(SimulatedOptions(), wall(1e7), TICK)
+    assert (steel.integrator, steel.substeps) == ("exact", 1)
+    assert steel.description() == (
+        "0.2 kg, exact integrator (flat contact, 1e+07 N/m is 7.1 rad per tick), lags a ramp by 4.0 ms"
+    )
+    named = SimulatedRobot(
+        SimulatedOptions(mass_kg=0.1, stiffness_n_m=2e4, integrator="semi_implicit"), wall(1e5), TICK
+    )
+    assert named.substeps == 6  # 1 ms sqrt(1.2e5 / 0.1) / 0.2 = 5.5
+    assert named.description() == (
+        "0.1 kg, semi_implicit integrator in 6 substeps (as named, 1.2e+05 N/m is 1.1 rad per tick), "
+        "lags a ramp by 4.5 ms"
+    )
+
+
+def test_unstable_choice_error_names_alternative() -> None:
+    options = SimulatedOptions(mass_kg=1e-4, stiffness_n_m=1e7, integrator="semi_implicit")
+    with pytest.raises(ValueError, match=r"integrator: semi_implicit is unstable .* 0.0001 kg .* integrator: auto"):
+        SimulatedRobot(options, wall(1e6), TICK)
+    with pytest.raises(ValueError, match="integrator"):
+        SimulatedOptions.model_validate({"integrator": "euler"})
+
+
+@pytest.mark.parametrize("integrator", ["semi_implicit", "implicit", "exact"])
+def test_a_second_session_starts_as_afresh(integrator: Any) -> None:
+    """Also after one that ended in contact."""
+    robot = SimulatedRobot(SimulatedOptions(integrator=integrator), wall(1000.0, 2.0), TICK)
+    runs = []
+    for _ in range(2):
+        robot.open(0.0)
+        for tick in range(1, 60):
+            robot.command((0.0, 0.0, -0.01), tick * TICK)
+            reading = robot.latest(tick * TICK)
+        runs.append(reading)
+        robot.close()
+    assert runs[0] == runs[1]
+    assert runs[0].force[2] > 5.0
+
+
+def test_extreme_command_is_a_robot_fault() -> None:
+    robot = SimulatedRobot(SimulatedOptions(), wall(500.0), TICK)
+    robot.open(0.0)
+    robot.command((1e308, 0.0, 0.0), 0.0)
+    with pytest.raises(RobotFault, match="motion is not finite"):
+        robot.latest(TICK)
+
+
+def test_a_robot_lags_as_it_says() -> None:
+    """2 / omega behind a ramp."""
+    robot = SimulatedRobot(SimulatedOptions(), None, TICK)
+    robot.open(0.0)
+    for tick in range(1, 501):
+        robot.command((0.0, 0.0, 0.03 - 0.1 * tick * TICK), tick * TICK)
+        reading = robot.latest(tick * TICK)
+    behind = reading.position[2] - (0.03 - 0.1 * 0.5)
+    assert behind / 0.1 == pytest.approx(2.0 / sqrt(50_000.0 / 0.2), rel=0.15)

@@ -8,13 +8,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.scenes.solids import GROUND, SHAPES, UP, wander
-from weberlink.geometry.vector import ZERO, Vector, add, distance, is_finite, subtract
+from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, subtract
 from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.robots.simulated import SimulatedOptions, SimulatedRobot
 from weberlink.slave.scenes.box import BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.moving import MovingScene, Sway
+from weberlink.slave.scenes.moving import MovingScene, Sway, Wave
 from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 
@@ -38,7 +38,7 @@ def pressed_by(scene: Scene, height: float) -> None:
 
 
 @pytest.mark.parametrize("height", [-0.03, -0.016, -0.01, 0.0, 0.004, 0.0159, 0.03])
-def test_a_probe_at_rest_feels_the_depth_of_the_moment(height: float) -> None:
+def test_resting_probe_feels_present_depth_of_moving_surface(height: float) -> None:
     scene = moving()
     pressed_by(scene, height)
     for tick in range(1, 1500):
@@ -59,16 +59,7 @@ def test_a_damper_resists_the_speed_of_the_surface() -> None:
         assert force[2] == pytest.approx(STIFFNESS * (surface + 0.02) + 8.0 * speed, rel=1e-4)
 
 
-def test_one_who_moves_with_the_surface_feels_no_motion() -> None:
-    scene = moving(TWISTED, CONE, 8.0)
-    pressed_by(scene, 0.01)
-    for tick in range(1, 800):
-        force = scene.force(add((0.0, 0.0, -0.004), TWISTED.at(tick * TICK)), TICK)
-        if tick > 1:  # which was the impact
-            assert force == pytest.approx((0.0, 0.0, STIFFNESS * 0.004), abs=1e-6)
-
-
-def test_friction_drags_a_probe_at_rest_along_within_its_cone() -> None:
+def test_moving_friction_drags_within_its_cone() -> None:
     scene = moving(Sway(ACROSS, 0.03, 0.5, 0.0, "triangle"), CONE)
     pressed_by(scene, -0.004)
     normal = STIFFNESS * 0.004
@@ -94,12 +85,12 @@ def test_only_the_motion_relative_to_the_surface_counts(
     thing = SceneObject(SHAPES[name], STIFFNESS, cone, damping)
     scene, still = MovingScene([thing], [TWISTED]), Scene([thing])
     pressed = 0
-    for tick, position in enumerate(wander(1500, depth=-0.003)):
+    for tick, position in enumerate(wander(1000, depth=-0.003)):
         force = scene.force(position, TICK)
         expected = still.force(subtract(position, TWISTED.at((tick + 1) * TICK)), TICK)
         assert force == pytest.approx(expected, abs=2e-4)
         pressed += force != ZERO
-    assert pressed > 100
+    assert pressed > 50
 
 
 def test_nothing_thin_and_fast_passes_through_the_probe() -> None:
@@ -114,63 +105,7 @@ def test_nothing_thin_and_fast_passes_through_the_probe() -> None:
     assert all(later > sooner for sooner, later in pairwise(forces[5:]))
 
 
-def test_what_moves_elsewhere_takes_no_proxy_along() -> None:
-    """Not even through a sheet at rest that the probe leans on from below."""
-    sheet = SceneObject(BoxShape((0.0, 0.0, 0.0), (0.2, 0.2, 0.001)), STIFFNESS)
-    ball = SceneObject(SHAPES["sphere"], STIFFNESS)
-    scene = MovingScene([sheet, ball], [None, Sway(UP, 0.05, 45.0, 0.0, "triangle")])
-    scene.force((0.08, 0.08, -0.01), 0.0)
-    for _ in range(100):
-        assert scene.force((0.08, 0.08, 0.002), TICK) == pytest.approx((0.0, 0.0, -STIFFNESS * 0.0025))
-
-
-def test_a_spring_gives_back_in_a_turn_what_the_motor_put_in_and_a_damper_keeps_its_share() -> None:
-    """Work of the motor against a probe at rest: b v^2 integrated over a turn, b (2 pi f a)^2 / 2."""
-    for damping in (None, 5.0):
-        scene = moving(damping=damping)
-        pressed_by(scene, -0.03)
-        work = before = 0.0
-        for tick in range(1, 2001):
-            force = scene.force((0.0, 0.0, -0.03), TICK)[2]
-            if tick > 1000:
-                way = 0.016 * (sin(2.0 * pi * tick * TICK) - sin(2.0 * pi * (tick - 1) * TICK))
-                work += 0.5 * (before + force) * way
-            before = force
-        expected = (damping or 0.0) * RISING.speed**2 / 2.0
-        assert work == pytest.approx(expected, rel=0.001, abs=1e-9)
-
-
-def test_rubbing_takes_the_normal_force_times_the_way() -> None:
-    scene = moving(Sway(ACROSS, 0.03, 0.5), FrictionCone(0.3, 0.3))
-    pressed_by(scene, -0.004)
-    work, before = 0.0, 0.0
-    for tick in range(1, 4001):
-        surface = 0.03 * sin(2.0 * pi * 0.5 * tick * TICK)
-        work += scene.force((0.0, 0.0, -0.004), TICK)[0] * (surface - before)
-        before = surface
-    assert work == pytest.approx(0.3 * STIFFNESS * 0.004 * 2 * 0.12, rel=0.05)
-
-
-def test_a_lowered_object_lets_go_and_a_raised_one_takes_hold_again() -> None:
-    scene = moving(friction=CONE)
-    pressed_by(scene, -0.004)
-    contacts = [scene.force((0.0, 0.0, -0.004), TICK) and scene.contacts for _ in range(1000)]
-    assert sum(a != b for a, b in pairwise(contacts)) == 2
-    assert scene.penetration_depth == pytest.approx(0.004, abs=1e-9)
-
-
-def test_objects_at_rest_stay_where_they_are_beside_one_that_moves() -> None:
-    floor, wall = SceneObject(GROUND, STIFFNESS), SceneObject(PlaneShape((0.02, 0.0, 0.0), (-1.0, 0.0, 0.0)), 800.0)
-    scene = MovingScene([floor, wall], [RISING, None])
-    scene.force((0.0, 0.0, 0.03), 0.0)
-    scene.force((0.0, 0.0, -0.005), 0.0)
-    for tick in range(1, 600):
-        force = scene.force((0.023, 0.0, -0.005), TICK)
-        surface = 0.016 * sin(2.0 * pi * tick * TICK)
-        assert force == pytest.approx((-800.0 * 0.003, 0.0, STIFFNESS * max(0.0, surface + 0.005)), abs=1e-6)
-
-
-def test_squeezed_between_floor_and_ceiling_it_stays_finite_and_comes_free() -> None:
+def test_squeezed_probe_stays_finite_and_comes_free() -> None:
     ceiling = SceneObject(PlaneShape((0.0, 0.0, 0.005), (0.0, 0.0, -1.0)), 800.0)
     scene = MovingScene([SceneObject(GROUND, STIFFNESS, CONE, 2.0), ceiling], [RISING, None])
     scene.force((0.0, 0.0, 0.002), 0.0)
@@ -182,7 +117,7 @@ def test_squeezed_between_floor_and_ceiling_it_stays_finite_and_comes_free() -> 
 
 
 @pytest.mark.parametrize("name", sorted(SHAPES))
-def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
+def test_restore_undoes_all_changes(name: str) -> None:
     thing = SceneObject(SHAPES[name], STIFFNESS, CONE, 2.0)
     straight, trying = (MovingScene([thing, SceneObject(GROUND, 300.0)], [TWISTED, RISING]) for _ in range(2))
     for i, position in enumerate(wander(600)):
@@ -193,16 +128,6 @@ def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
             trying.restore(state)
         assert trying.force(position, TICK) == straight.force(position, TICK)
         assert trying.state == straight.state
-
-
-def test_reset_begins_the_motion_anew() -> None:
-    scene = moving(friction=CONE, damping=1.0)
-    runs = []
-    for _ in range(2):
-        pressed_by(scene, -0.004)
-        runs.append([scene.force((0.0, 0.0, -0.004), TICK) for _ in range(300)])
-        scene.reset()
-    assert runs[0] == runs[1]
 
 
 @given(
@@ -230,7 +155,7 @@ def test_a_time_of_no_use_moves_nothing() -> None:
     assert scene.state.time == 0.0
 
 
-def test_a_body_with_mass_is_refused_by_every_integrator() -> None:
+def test_every_integrator_refuses_moving_objects() -> None:
     for integrator in ("auto", "semi_implicit", "implicit", "exact"):
         with pytest.raises(ValueError, match=r"motion.*driver: point"):
             chosen(ControlledMass(0.2, 1000.0, 10.0), moving(), TICK, integrator)
@@ -240,20 +165,21 @@ def test_a_body_with_mass_is_refused_by_every_integrator() -> None:
     assert moving().moves
 
 
-def test_a_touch_is_what_the_force_is_made_of() -> None:
-    scene = moving(Sway(ACROSS, 0.03, 0.5), CONE)
-    pressed_by(scene, -0.004)
-    for tick in range(300):
-        (touch,) = scene.touch((1e-5 * tick, 0.0, -0.004))
-        force = scene.force((1e-5 * tick, 0.0, -0.004), 0.0)
-        assert add(touch.drag, (0.0, 0.0, STIFFNESS * touch.depth)) == pytest.approx(force, abs=1e-12)
-        scene.force((1e-5 * tick, 0.0, -0.004), TICK)
+ALONG = (0.6, 0.0, 0.8)
+STEP = 1e-5
 
 
-def test_tangent_planes_are_those_of_the_moment() -> None:
-    scene = moving()
-    for _ in range(250):
-        scene.force((0.0, 0.0, 0.05), TICK)
-    (facing,) = scene.facing((0.0, 0.0, 0.05))
-    assert facing.gap == pytest.approx(0.05 - 0.016)
-    assert distance(facing.normal, UP) == 0.0
+@pytest.mark.parametrize("wave", ["sine", "triangle"])
+@given(time=st.floats(0.0, 100.0), phase=st.floats(-1.0, 1.0))
+def test_it_stays_within_its_amplitude_and_its_speed(wave: Wave, time: float, phase: float) -> None:
+    sway = Sway(ALONG, 0.02, 1.5, phase, wave)
+    assert norm(sway.at(time)) <= 0.02 * (1.0 + 1e-9)
+    assert distance(sway.at(time), sway.at(time + STEP)) <= sway.speed * STEP * (1.0 + 1e-6)
+    assert sway.at(time + 1.0 / 1.5) == pytest.approx(sway.at(time), abs=1e-9)
+
+
+def test_phase_and_peak_speed_of_a_sway() -> None:
+    ahead, plain = Sway(ALONG, 0.016, 1.0, 0.25), Sway(ALONG, 0.016, 1.0)
+    assert ahead.at(0.1) == pytest.approx(plain.at(0.35))
+    assert plain.speed == pytest.approx(2.0 * pi * 0.016)
+    assert norm(plain.at(STEP)) / STEP == pytest.approx(plain.speed)

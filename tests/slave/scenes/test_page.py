@@ -24,7 +24,7 @@ def test_every_shape_is_listed_with_its_keys() -> None:
         assert set(shape.model_fields) - {"shape"} <= set(re.findall(r"`(\w+)`", listed[name]))
 
 
-def test_every_key_of_a_surface_and_of_a_motion_is_listed() -> None:
+def test_page_lists_keys_of_surface_and_motion() -> None:
     assert rows("surface").keys() == ObjectSettings.model_fields.keys() - {"shape"}
     listed = rows("key of `motion`")
     assert listed.keys() == MotionSettings.model_fields.keys()

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from tests.examples import examples
 from tests.slave.scenes.solids import GROUND, SHAPES, STIFFNESS, elastic, scenes, wander
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, is_finite, norm, scale, subtract
-from weberlink.slave.scenes.box import BoxCavity, BoxShape
+from weberlink.slave.scenes.box import BoxShape
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
-from weberlink.slave.scenes.derived import CarvedShape
 from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.proxy import along
 from weberlink.slave.scenes.scene import Scene
@@ -42,7 +41,7 @@ def test_a_plane_pushes_by_stiffness_times_depth(depth: float, x: float, y: floa
 
 
 @given(depth=st.floats(0.0, 0.02), azimuth=st.floats(-pi, pi), height=st.floats(-1.0, 1.0))
-def test_the_proxy_on_a_sphere_is_the_closest_point(depth: float, azimuth: float, height: float) -> None:
+def test_proxy_on_a_sphere_is_the_closest_point(depth: float, azimuth: float, height: float) -> None:
     """f = k (R - L) outward, to a nanometre of depth, after a walk around the sphere."""
     radius = 0.03
     scene = elastic(SphereShape(ZERO, radius))
@@ -65,16 +64,6 @@ def test_a_cavity_pushes_to_its_centre(beyond: float, azimuth: float) -> None:
     assert norm(subtract(force, scale(direction, -STIFFNESS * beyond))) < 1e-9 * STIFFNESS + 1e-12
 
 
-def test_a_thin_box_cannot_be_jumped_through() -> None:
-    scene = elastic(BoxShape(ZERO, (0.1, 0.1, 0.001)))
-    scene.force((0.0, 0.0, 0.01), TICK)
-    assert scene.force((0.0, 0.0, -0.01), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * 0.0105))
-    assert scene.force((0.03, 0.0, -0.02), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * 0.0205))
-    assert scene.force((0.06, 0.0, -0.02), TICK) == ZERO, "past the edge there is nothing to lean on"
-    assert scene.force((0.0, 0.0, -0.02), TICK) == ZERO, "and now it is below"
-    assert scene.force((0.0, 0.0, 0.02), TICK) == pytest.approx((0.0, 0.0, -STIFFNESS * 0.0205))
-
-
 @pytest.mark.parametrize("thickness", [0.02, 0.002, 0.0002])
 @given(x=st.floats(-0.04, 0.04), y=st.floats(-0.04, 0.04), jump=st.floats(0.001, 0.5))
 def test_no_jump_passes_a_plate(thickness: float, x: float, y: float, jump: float) -> None:
@@ -84,13 +73,7 @@ def test_no_jump_passes_a_plate(thickness: float, x: float, y: float, jump: floa
     assert force == pytest.approx((0.0, 0.0, STIFFNESS * (thickness / 2.0 + jump / 2.0)))
 
 
-def test_deep_inside_a_box_the_face_that_was_entered_holds() -> None:
-    scene = elastic(BoxShape(ZERO, (0.04, 0.04, 0.04)))
-    force = walked(scene, (0.019, 0.0, 0.03), (0.019, 0.0, -0.01), 40)
-    assert force == pytest.approx((0.0, 0.0, STIFFNESS * 0.03)), "the side face is only 1 mm away"
-
-
-def test_a_corner_of_a_pocket_pushes_from_all_three_faces() -> None:
+def test_pocket_corner_pushes_from_all_faces() -> None:
     scene = elastic(SHAPES["pocket"])
     force = walked(scene, (0.0, 0.0, 0.005), (0.023, 0.017, -0.013), 60)
     assert force == pytest.approx((-STIFFNESS * 0.003, -STIFFNESS * 0.002, STIFFNESS * 0.003))
@@ -105,23 +88,6 @@ def test_two_objects_hold_together_where_they_meet() -> None:
     assert scene.contacts == 2
 
 
-def test_a_bowl_is_round_inside_and_flat_around() -> None:
-    center, radius = (0.0, 0.0, 0.02), 0.03
-    scene = elastic(CarvedShape(GROUND, [SphereShape(center, radius, inside=True)]))
-    force = walked(scene, (0.0, 0.0, 0.01), (0.005, 0.0, -0.012), 50)
-    offset = subtract((0.005, 0.0, -0.012), center)
-    assert force == pytest.approx(scale(offset, STIFFNESS * (radius - norm(offset)) / norm(offset)), abs=1e-6)
-    scene.reset()
-    assert walked(scene, (0.04, 0.0, 0.01), (0.04, 0.0, -0.002), 20) == pytest.approx((0.0, 0.0, 1.0))
-
-
-def test_out_of_the_bowl_onto_the_plane() -> None:
-    scene = elastic(SHAPES["bowl"])
-    walked(scene, (0.0, 0.0, 0.01), (0.01, 0.0, -0.01), 50)
-    force = walked(scene, (0.01, 0.0, -0.01), (0.04, 0.0, -0.003), 200)
-    assert force == pytest.approx((0.0, 0.0, STIFFNESS * 0.003), abs=1e-6)
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_the_proxy_never_enters_a_solid(name: str) -> None:
     """On a smooth path, at every tick, to a micrometre; and at some tick there is contact, or nothing was tested.
@@ -133,7 +99,7 @@ def test_the_proxy_never_enters_a_solid(name: str) -> None:
     scene = scenes()[name]
     shapes = [SHAPES[name]] if name in SHAPES else []
     touched = 0
-    for position in wander(4000):
+    for position in wander(2500):
         scene.force(position, TICK)
         touched += scene.contacts > 0
         proxy = scene.proxy
@@ -142,18 +108,6 @@ def test_the_proxy_never_enters_a_solid(name: str) -> None:
         if not scene.contacts:
             assert distance(proxy, position) < 1e-6
     assert touched > 100
-
-
-def test_dome_and_ground_together_keep_the_proxy_out() -> None:
-    ball = SphereShape((0.0, 0.0, -0.01), 0.03)
-    scene = elastic(GROUND, ball)
-    both = 0
-    for position in wander(6000):
-        scene.force(position, TICK)
-        both += scene.contacts == 2
-        assert scene.proxy is not None
-        assert min(GROUND.clearance(scene.proxy), ball.clearance(scene.proxy)) > -1e-6
-    assert both > 10, "the valley around the dome was never visited"
 
 
 @pytest.mark.parametrize("name", ["sphere", "height field", "plane"])
@@ -197,7 +151,7 @@ def test_whatever_the_positions_the_force_is_finite(name: str, path: list[Vector
     "position",
     [(1e9, 0.0, 0.0), (0.0, 0.0, -1e9), (-1e9, 1e9, -1e9), (0.0, 0.0, 0.0), (0.03, 0.02, 0.0), (0.0, 0.0, -0.1)],
 )
-def test_extremes_are_survived_and_forgotten(name: str, position: Vector) -> None:
+def test_extreme_positions_leave_no_trace(name: str, position: Vector) -> None:
     scene = scenes()[name]
     for point in ((0.0, 0.0, 0.05), position, position):
         assert is_finite(scene.force(point, TICK))
@@ -210,7 +164,7 @@ def test_extremes_are_survived_and_forgotten(name: str, position: Vector) -> Non
 
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_position_that_is_no_number_gives_no_force_and_is_counted(bad: float, axis: int) -> None:
+def test_non_finite_position_gives_zero_force(bad: float, axis: int) -> None:
     scene = elastic(GROUND)
     scene.force((0.0, 0.0, 0.01), TICK)
     held = scene.force((0.0, 0.0, -0.01), TICK)
@@ -220,42 +174,11 @@ def test_a_position_that_is_no_number_gives_no_force_and_is_counted(bad: float, 
     assert scene.force((0.0, 0.0, -0.01), TICK) == held, "the contact is as it was"
 
 
-def test_an_overflow_is_counted_and_does_not_stick() -> None:
-    scene = scenes()["everything"]
-    scene.force((0.0, 0.0, 0.05), TICK)
-    assert scene.force((1e300, -1e300, -1e300), TICK) == ZERO
-    assert scene.rejected == 1
-    scene.reset()
-    assert norm(walked(scene, (0.0, 0.0, 0.05), (0.0, 0.0, 0.0), 50)) > 0.0
-
-
 @pytest.mark.parametrize("name", SCENES)
-def test_the_same_positions_give_the_same_forces_bit_for_bit(name: str) -> None:
+def test_forces_are_reproducible(name: str) -> None:
     first, second = scenes()[name], scenes()[name]
-    for position in wander(1500):
+    for position in wander(800):
         assert first.force(position, TICK) == second.force(position, TICK)
-
-
-def test_a_start_inside_is_pushed_out_the_near_way() -> None:
-    scene = elastic(BoxShape(ZERO, (0.1, 0.1, 0.02)))
-    assert scene.force((0.0, 0.0, 0.008), TICK) == pytest.approx((0.0, 0.0, STIFFNESS * 0.002))
-
-
-def test_free_space_is_no_force() -> None:
-    scene = Scene([])
-    assert scene.force((0.0, 0.0, -1.0), TICK) == ZERO
-    assert (scene.contacts, scene.penetration_depth, scene.stiffness_n_m) == (0, 0.0, 0.0)
-
-
-def test_a_room_is_free_inside() -> None:
-    scene = elastic(BoxCavity(ZERO, (0.1, 0.1, 0.1)))
-    assert walked(scene, ZERO, (0.04, -0.04, 0.04), 10) == ZERO
-    assert walked(scene, (0.04, -0.04, 0.04), (0.052, -0.04, 0.04), 10) == pytest.approx((-STIFFNESS * 0.002, 0.0, 0.0))
-
-
-def test_the_scene_tells_what_an_integrator_must_bear() -> None:
-    scene = Scene([SceneObject(GROUND, 300.0), SceneObject(SHAPES["sphere"], 900.0, None, 4.0)])
-    assert (scene.stiffness_n_m, scene.damping_n_s_m) == (900.0, 4.0)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.slave.scenes.solids import GROUND, SHAPES, UP, elastic, scenes, wander
+from tests.slave.scenes.solids import GROUND, SHAPES, elastic, scenes, wander
 from weberlink.geometry.vector import ZERO, add, norm, scale
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject
 from weberlink.slave.scenes.scene import Scene
@@ -16,7 +16,7 @@ CONE = FrictionCone(0.5, 0.4)
 def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCone | None) -> None:
     felt, touched = (Scene([SceneObject(SHAPES[name], 500.0, cone)]) for _ in range(2))
     pressed = 0
-    for position in wander(1500):
+    for position in wander(1000):
         total = ZERO
         for touch in touched.touch(position):
             total = add(total, add(scale(touch.normal, touch.stiffness * touch.depth), touch.drag))
@@ -26,13 +26,13 @@ def test_springs_and_friction_are_those_of_the_force(name: str, cone: FrictionCo
         assert touched.penetration_depth == felt.penetration_depth
         assert touched.contacts == felt.contacts
         pressed += force != ZERO
-    assert pressed > 100
+    assert pressed > 50
 
 
 @pytest.mark.parametrize("name", sorted(scenes()))
-def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
+def test_restore_undoes_all_changes(name: str) -> None:
     straight, trying = scenes()[name], scenes()[name]
-    for i, position in enumerate(wander(1200)):
+    for i, position in enumerate(wander(700)):
         if i % 7 == 0:
             state = trying.state
             for side in (0.001, -0.002, 0.003):
@@ -43,7 +43,7 @@ def test_a_way_that_is_taken_back_leaves_no_trace(name: str) -> None:
         assert trying.force(position, TICK) == straight.force(position, TICK)
 
 
-def test_in_a_concave_corner_every_plane_is_a_touch_and_one_rubs_for_all() -> None:
+def test_concave_corner_has_one_touch_per_plane() -> None:
     room = Scene([SceneObject(SHAPES["box cavity"], 500.0, CONE, 2.0)])
     room.touch((0.0, 0.0, 0.01))
     room.touch((0.031, 0.021, 0.01))
@@ -59,7 +59,7 @@ def test_in_a_concave_corner_every_plane_is_a_touch_and_one_rubs_for_all() -> No
     assert room.contacts == 1
 
 
-def test_the_grip_ends_where_the_anchor_is_dragged_along() -> None:
+def test_grip_is_zero_while_sliding() -> None:
     scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
     scene.touch((0.0, 0.0, 0.001))
     scene.touch((0.0, 0.0, -0.004))
@@ -70,36 +70,8 @@ def test_the_grip_ends_where_the_anchor_is_dragged_along() -> None:
     assert scene.touch((0.0035, 0.0, -0.004))[0].grip == 1000.0, "drawn back it holds at once"
 
 
-def test_friction_that_is_forgotten_starts_where_the_probe_is() -> None:
-    scene = Scene([SceneObject(GROUND, 1000.0, CONE)])
-    scene.touch((0.0, 0.0, 0.001))
-    scene.touch((0.0, 0.0, -0.004))
-    scene.forget_friction()
-    assert scene.touch((0.001, 0.0, -0.004))[0].drag == ZERO
-    assert scene.touch((0.002, 0.0, -0.004))[0].drag == pytest.approx((-1.0, 0.0, 0.0))
-
-
-def test_facing_is_the_tangent_planes_and_changes_nothing() -> None:
-    scene = Scene([SceneObject(GROUND, 500.0, None, 2.0), SceneObject(SHAPES["sphere"], 300.0)])
-    scene.touch((0.01, 0.0, 0.05))
-    before = scene.state
-    ground, ball = scene.facing((0.01, 0.0, 0.04))
-    assert ground == (0, pytest.approx(0.04), UP, 500.0, 2.0)
-    assert ball == (1, pytest.approx(0.02), (0.0, 0.0, 1.0), 300.0, 0.0)
-    assert scene.state == before
-    assert len(elastic(SHAPES["box cavity"]).facing(ZERO)) == 3
-
-
-def test_flat_and_rubbing_scenes_say_so() -> None:
-    assert Scene([]).flat
-    assert elastic(GROUND, SHAPES["plane"]).flat
-    assert not elastic(GROUND, SHAPES["sphere"]).flat
-    assert not elastic(GROUND).rubs
-    assert Scene([SceneObject(GROUND, 500.0), SceneObject(GROUND, 500.0, CONE)]).rubs
-
-
 @pytest.mark.parametrize("position", [(float("nan"), 0.0, 0.0), (0.0, 1e13, 0.0), (0.0, 0.0, float("-inf"))])
-def test_a_position_that_is_of_no_use_touches_nothing_and_is_counted(position: tuple[float, float, float]) -> None:
+def test_unusable_position_touches_nothing(position: tuple[float, float, float]) -> None:
     scene = elastic(GROUND)
     scene.touch((0.0, 0.0, -0.001))
     before = scene.state

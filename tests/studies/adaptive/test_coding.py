@@ -9,7 +9,7 @@ from weberlink.codec import Encoder
 from weberlink.codec.predictors import ADAPTIVE_BANK
 from weberlink.codec.smoothing import Smoothing
 from weberlink.studies.adaptive.coding import LEAST, MOST, RUNS, CodedSignal, coded, equal_packets
-from weberlink.studies.adaptive.variants import ABLATIONS, TUNINGS, Alteration, altered, channel_of
+from weberlink.studies.adaptive.variants import ABLATIONS, TUNINGS, Alteration, altered, altered_channel, channel_of
 from weberlink.studies.evaluate.replay import Signal, replay
 from weberlink.studies.evaluate.scenes import scene_signal
 from weberlink.system.scoring.perception import Threshold
@@ -34,14 +34,14 @@ def updates(signal: Signal, encoder: Encoder) -> list[object]:
 @pytest.mark.parametrize("variant", ["hybrid", "adaptive", "linear"])
 def test_the_mirror_displays_what_the_receiver_does(touched: Signal, variant: str) -> None:
     channel = channel_of(variant)
-    ours, live = coded(touched, Encoder(channel)), replay(touched, channel)
+    ours, live = coded(touched, channel), replay(touched, channel)
     assert ours.packets == len(live.updates) > 0
     assert ours.error_n.tolist() == live.error_n.tolist()
     assert ours.outside == 0
 
 
 def test_ramps_stay_within_the_deadband(touched: Signal) -> None:
-    found = coded(touched, Encoder(channel_of("adaptive", smoothing=Smoothing(10, 0.8))))
+    found = coded(touched, channel_of("adaptive", smoothing=Smoothing(10, 0.8)))
     assert found.packets > 0
     assert found.outside == 0
 
@@ -70,7 +70,9 @@ def test_without_alteration_it_is_the_live_encoder(moved: Signal) -> None:
 
 @pytest.mark.parametrize("name", [*ABLATIONS, *TUNINGS])
 def test_every_alteration_stays_within_the_deadband(moved: Signal, name: str) -> None:
-    found = coded(Signal(moved.force_n[:200], moved.position_m[:200], 1e-3), altered((ABLATIONS | TUNINGS)[name]))
+    alteration = (ABLATIONS | TUNINGS)[name]
+    signal = Signal(moved.force_n[:200], moved.position_m[:200], 1e-3)
+    found = coded(signal, altered_channel(alteration), altered(alteration))
     assert found.packets > 0
     assert found.outside == 0
     if name.removeprefix("no ") in ADAPTIVE_BANK:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from weberlink.codec.adaptive.trend import LAGS
+from weberlink.codec.predictors.trend import LAGS
 from weberlink.studies.adaptive.filters import HOLD_TICKS, filters
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ def said(weights: tuple[float, ...], force: Array, tick: int) -> Array:
     return total
 
 
-def test_a_straight_line_is_foretold() -> None:
+def test_a_straight_line_is_predicted() -> None:
     force = ramp()
     found = filters([force])
     tick, slope = 200, force[1] - force[0]
@@ -30,7 +30,7 @@ def test_a_straight_line_is_foretold() -> None:
     assert said(found.slope, force, tick) == pytest.approx(slope)
 
 
-def test_of_noise_around_a_value_the_mean_is_foretold() -> None:
+def test_the_mean_of_noise_is_predicted() -> None:
     chance = np.random.default_rng(1)
     force = 2.0 + chance.normal(0.0, 0.01, (6000, 3))
     found = filters([force])
@@ -38,7 +38,7 @@ def test_of_noise_around_a_value_the_mean_is_foretold() -> None:
     assert found.hold == pytest.approx([-1.0 / (len(LAGS) + 1)] * len(LAGS), abs=0.03)
 
 
-def test_ticks_before_a_contact_that_nothing_foretells_are_left_out() -> None:
+def test_ticks_before_a_contact_are_left_out() -> None:
     chance = np.random.default_rng(2)
     force = 2.0 + chance.normal(0.0, 0.01, (400, 3))
     struck = force.copy()
@@ -47,7 +47,7 @@ def test_ticks_before_a_contact_that_nothing_foretells_are_left_out() -> None:
     assert filters([struck]).hold == pytest.approx(filters([without]).hold)
 
 
-def test_a_signal_counts_alike_however_long_it_is() -> None:
+def test_signals_count_alike_at_any_length() -> None:
     chance = np.random.default_rng(3)
     noise, wander = 2.0 + chance.normal(0.0, 0.01, (8000, 3)), 2.0 + chance.normal(0.0, 5e-3, (8000, 3)).cumsum(axis=0)
     long, short = filters([noise, wander]), filters([noise[:1000], wander])

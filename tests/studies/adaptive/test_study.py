@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.master.trace import Trace, read_trace
-from weberlink.studies.adaptive.command import NUMBERS, PAGE, AdaptiveStudy, study
+from weberlink.studies.adaptive.command import NUMBERS, PAGE, study
 from weberlink.studies.adaptive.document import FIGURES
 from weberlink.studies.adaptive.signals import (
     CHOSEN_RECORDINGS,
@@ -26,6 +26,7 @@ from weberlink.studies.adaptive.signals import (
 )
 from weberlink.studies.adaptive.work import ABLATION, EQUAL, RATES, TUNING, length, tasks
 from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.result import StudyResult
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 TINY = QUICK._replace(duration_s=0.8, ticks=400, scenes=("plane_friction",))
@@ -41,11 +42,11 @@ def given(*names: str) -> list[NamedTrace]:
 
 
 @pytest.fixture(scope="module")
-def tiny() -> AdaptiveStudy:
+def tiny() -> StudyResult:
     return study([NamedTrace("operator", read_trace(OPERATOR))], TINY, 1, lambda *_: None)
 
 
-def test_a_small_study_measures_every_part(tiny: AdaptiveStudy) -> None:
+def test_a_small_study_measures_every_part(tiny: StudyResult) -> None:
     found = json.loads(json.dumps(tiny.document, allow_nan=False))
     assert found["recordings"] == ["operator"]
     assert {row["part"] for row in found["rates"]} == {"rates", "noise-free", "ablation", "tuning"}
@@ -55,7 +56,7 @@ def test_a_small_study_measures_every_part(tiny: AdaptiveStudy) -> None:
     assert len(found["targets"]) == 9
 
 
-def test_the_page_shows_figures_that_exist(tiny: AdaptiveStudy, tmp_path: Path) -> None:
+def test_the_page_shows_figures_that_exist(tiny: StudyResult, tmp_path: Path) -> None:
     tiny.draw(tmp_path)
     page = (tmp_path / PAGE).read_text(encoding="utf-8")
     pictures = re.findall(r"\]\(([\w/]+\.png)\)", page)

@@ -409,11 +409,6 @@ def test_a_wall_on_each_side_is_no_plane_but_may_be_one_hollow_sphere() -> None:
     assert found["plane"] == 10
 
 
-def test_a_force_beyond_the_wire_is_one_hold_of_its_end() -> None:
-    force = along(np.linspace(60.0, 90.0, 100))
-    assert set(bounds(force, np.zeros_like(force), 0.0, 0.0).values()) == {1}
-
-
 def test_a_model_may_run_beyond_the_wire_where_the_decoder_saturates() -> None:
     depth = np.concatenate((np.linspace(1e-3, 6e-3, 300), np.full(100, 6e-3)))
     found = bounds(along(np.concatenate((np.linspace(20.0, 60.0, 300), np.full(100, 60.0)))), along(-depth), 0.0, 0.0)
@@ -470,12 +465,6 @@ def line_reaches(low: Array, high: Array) -> Array:
     return found
 
 
-def test_a_step_costs_the_coarse_wire_nothing_that_it_cannot_say() -> None:
-    """Half a step of the wire is within what is not sent, though the deadband is none."""
-    force = along(0.5 + 0.0004 * np.sin(np.arange(100)))
-    assert bounds(force, np.zeros_like(force), 0.0, 0.0)["zoh"] == 1
-
-
 @pytest.mark.parametrize("kind", KINDS[:-1])
 @pytest.mark.parametrize("used", [(1, 1, 1), (0, 0, 1)])
 def test_a_wider_deadband_never_needs_more(kind: Callable[..., tuple[Array, Array]], used: tuple[int, ...]) -> None:
@@ -500,12 +489,6 @@ def test_a_family_is_asked_for_by_name_and_alone() -> None:
         "cubic": None,
         "zoh": every["zoh"],
     }
-
-
-def test_on_one_axis_a_cone_is_a_ball() -> None:
-    chance = np.random.default_rng(3)
-    force, position = along(np.cumsum(chance.normal(0.0, 0.1, 500))), along(np.cumsum(chance.normal(0.0, 1e-4, 500)))
-    assert bounds(force, position, ConeDeadband(0.1, 0.02)) == bounds(force, position, ForceDeadband(0.1, 0.02))
 
 
 def test_a_force_that_turns_is_one_hold_of_a_wide_cone() -> None:

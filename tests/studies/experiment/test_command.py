@@ -95,22 +95,6 @@ def test_the_coding_of_a_trial_is_that_of_its_condition(study: Path) -> None:
     assert reference["figures"]["packets_per_s"] > 3 * max(rates.values())
 
 
-def test_another_subject_has_another_order_and_another_hand(study: Path) -> None:
-    first, second = (lines_of(study / f"simulated-00{number}.jsonl") for number in (1, 2))
-    assert first[0]["trials"] != second[0]["trials"]
-    assert first[0]["digest"] == second[0]["digest"]
-    errors = [[e["figures"]["error_rms"] for e in events if e["event"] == "reference"] for events in (first, second)]
-    assert errors[0] != errors[1]
-
-
-def test_a_complete_subject_has_nothing_left_to_do(study: Path) -> None:
-    before = (study / "simulated-001.jsonl").read_bytes()
-    result = simulated(study, "--subject", 1)
-    assert result.exit_code == 0
-    assert "all 30 trials are rated" in result.stdout
-    assert (study / "simulated-001.jsonl").read_bytes() == before
-
-
 def test_after_a_kill_the_ratings_are_the_same(study: Path, tmp_path: Path) -> None:
     path = tmp_path / "simulated-001.jsonl"
     arguments = ("experiment", FILE, "--simulate", "--out", tmp_path, "--subject", 1)
@@ -338,8 +322,3 @@ def test_a_folder_with_both_kinds_needs_a_choice(study: Path, tmp_path: Path) ->
     assert command("ratings", tmp_path, "--only", "simulated").stdout.startswith("SIMULATED RATINGS")
     assert "--only: expected people or simulated" in complaint(command("ratings", tmp_path, "--only", "all"))
     assert "no such folder" in complaint(command("ratings", tmp_path / "none"))
-
-
-@pytest.mark.parametrize("level", [-1, 6, "nan"])
-def test_a_level_outside_the_scale_is_one_line(level: object, tmp_path: Path) -> None:
-    assert "--level" in complaint(command("ratings", tmp_path, "--level", level))

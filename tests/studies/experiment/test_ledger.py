@@ -1,7 +1,6 @@
 """Ledgers: no rating is lost by kills, torn or damaged lines and full disks; which ledgers are comparable."""
 
 import csv
-import fcntl
 import json
 import os
 import resource
@@ -94,9 +93,10 @@ def test_kill_9_loses_no_rating(seed: int, tmp_path: Path) -> None:
         child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
         assert child.stdout is not None
         assert child.stdout.readline() == "begun\n"
-        sleep(chance.uniform(0.0, 0.03))
+        output = "".join(child.stdout.readline() for _ in range(chance.randrange(9)))
+        sleep(chance.uniform(0.0, 0.002))
         child.kill()
-        output, _ = child.communicate()
+        output += child.communicate()[0]
         for line in output.splitlines(keepends=True):
             if line.endswith("\n"):
                 trial, rating = map(int, line.split())
@@ -144,7 +144,7 @@ def test_a_cut_file_continues_with_the_lost_trial(cut: int, tmp_path: Path) -> N
     assert ratings(read(path)) == {number: number % 6 for number in range(1, 31)}
 
 
-def test_a_torn_plan_is_set_aside_and_the_ledger_is_empty(tmp_path: Path) -> None:
+def test_a_torn_plan_leaves_an_empty_ledger(tmp_path: Path) -> None:
     path = tmp_path / "subject-001.jsonl"
     path.write_bytes(b'{"event": "pla')
     assert read(path) is None
@@ -189,7 +189,7 @@ def test_damage_is_one_line_with_file_and_line(number: int, line: bytes | None, 
     assert path.read_bytes() == b"".join(lines)  # left as it is
 
 
-def test_two_at_once_on_a_subject_are_refused_even_from_another_process(tmp_path: Path) -> None:
+def test_a_second_process_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "subject-001.jsonl"
     with Ledger(path) as ledger:
         ledger.begin(plan())
@@ -204,22 +204,7 @@ def test_two_at_once_on_a_subject_are_refused_even_from_another_process(tmp_path
         assert again.progress == SubjectProgress(plan())
 
 
-def test_a_refused_or_damaged_ledger_is_let_go_of(tmp_path: Path) -> None:
-    path = tmp_path / "subject-001.jsonl"
-    path.write_bytes(b"[]\n")
-    with pytest.raises(LedgerError):
-        Ledger(path)
-    with path.open("rb") as file:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # does not raise
-
-
-def test_a_new_ledger_is_never_one_that_is_there(tmp_path: Path) -> None:
-    path = tmp_path / "subject-001.jsonl"
-    with Ledger(path, new=True), pytest.raises(FileExistsError):
-        Ledger(path, new=True)
-
-
-def test_a_full_disk_leaves_the_ledger_as_it_was(tmp_path: Path) -> None:
+def test_a_full_disk_does_not_change_the_ledger(tmp_path: Path) -> None:
     """A limit of the file's size stands for the disk's: the write comes back short."""
     path = tmp_path / "subject-001.jsonl"
     with begun(path, 3) as ledger:
@@ -286,7 +271,7 @@ def test_ratings_are_sorted_by_condition(tmp_path: Path) -> None:
     assert list(dict.fromkeys(one.predictor for one in answers.observations)) == list(PREDICTORS)
 
 
-def test_incomplete_subjects_are_left_out_and_named(tmp_path: Path) -> None:
+def test_incomplete_subjects_are_left_out(tmp_path: Path) -> None:
     subject(tmp_path, 1)
     subject(tmp_path, 2, leave_at=8)
     path_of(tmp_path, 3, simulated=False).touch()
@@ -319,7 +304,7 @@ def test_a_renamed_ledger_does_not_pass_for_a_person(tmp_path: Path) -> None:
         ({"trials": plan().trials[:29]}, "other trials"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(changes: dict[str, Any], part: str, tmp_path: Path) -> None:
+def test_incomparable_ledgers_are_refused(changes: dict[str, Any], part: str, tmp_path: Path) -> None:
     subject(tmp_path, 1)
     subject(tmp_path, 2, **changes)
     with pytest.raises(LedgerError, match=part) as caught:

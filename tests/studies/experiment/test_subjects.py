@@ -14,13 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.studies.experiment.studies import Rig, plan
-from weberlink.protocol.states import State
 from weberlink.studies.experiment.conduct import Conduct, ConductError, Elapsed, FeltTrial, SubjectLeft, TrialResult
 from weberlink.studies.experiment.ledger import Ledger, read
 from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES
-from weberlink.studies.experiment.subjects import FELT, THRESHOLD, Person, SimulatedSubject, level_of
-from weberlink.system.scoring.perception import FeltError
-from weberlink.telemetry.reader import DTYPE
+from weberlink.studies.experiment.subjects import FELT, Person, SimulatedSubject, level_of
 
 WIDTH = 80
 TRAINING = "\n\n\n\n\n\n"
@@ -206,21 +203,6 @@ def test_levels_are_linear_between_references(error: float, level: float) -> Non
 def test_more_error_is_never_rated_better(one: float, other: float) -> None:
     small, large = sorted((one, other))
     assert 5.0 >= level_of(small, ANCHORS) >= level_of(large, ANCHORS) >= 0.0
-
-
-def test_felt_error_is_in_jnd() -> None:
-    master, slave = np.zeros(4, DTYPE), np.zeros(4, DTYPE)
-    for side in (master, slave):
-        side["state"] = State.ENGAGED.value
-    slave["raw"][:, 2] = [4.0, 0.5, 4.0, 4.0]
-    master["output"][:, 2] = [4.4, 0.3, 99.0, 99.0]  # 1 JND, 2 JND, and two that do not count
-    master["ramping"][2] = 1
-    slave["state"][3] = 0
-    felt = FeltError(THRESHOLD)
-    felt.add(master[:1], slave[:1])
-    felt.add(master[1:], slave[1:])
-    assert felt.rms_jnd == pytest.approx(((1.0**2 + 2.0**2) / 2) ** 0.5)
-    assert FeltError(THRESHOLD).rms_jnd is None
 
 
 def test_mean_ratings_follow_the_rule(tmp_path: Path) -> None:

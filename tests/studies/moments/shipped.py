@@ -8,7 +8,7 @@ import numpy as np
 
 from weberlink.codec import force_channel
 from weberlink.master.trace import Trace, read_trace
-from weberlink.studies.moments.moments import CodedTrace, follow
+from weberlink.studies.moments.moments import CodedTrace
 
 
 @cache
@@ -18,7 +18,7 @@ def own() -> Trace:
 
 @cache
 def run(predictor: str) -> CodedTrace:
-    return follow(own(), force_channel(predictor=predictor))
+    return CodedTrace(own(), force_channel(predictor=predictor))
 
 
 def pressed(force: Callable[[float], float], seconds: float = 2.0, axis: int = 2) -> Trace:

@@ -18,21 +18,22 @@ from tests.studies.printed import assert_legible
 from weberlink.codec import force_channel
 from weberlink.codec.predictors.model import ModelKind
 from weberlink.master.trace import Trace
-from weberlink.slave.scenes import plane, sphere
 from weberlink.slave.scenes.contact import SceneObject
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
+from weberlink.slave.scenes.sphere import SphereShape
 from weberlink.studies.moments.figures import draw_force, draw_model, force_figure, model_figure, quantity
-from weberlink.studies.moments.moments import ModelFit, TickWindow, fits, follow, longest
+from weberlink.studies.moments.moments import CodedTrace, ModelFit, TickWindow, longest
 from weberlink.studies.moments.portrait import Portrait, portrait
 
 CAPTION = "some machine; commit abc"
 WINDOW = TickWindow(5050, 5650)
 CHANNEL = force_channel(position_step=2e-6)
-TABLE = plane.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-BALL = sphere.Sphere((0.0, 0.0, -0.03), 0.03)
-BOWL = sphere.SphereCavity((0.0, 0.0, 0.03), 0.03)
-DOME = sphere.Sphere((-0.035, 0.015, -0.01), 0.025)
+TABLE = PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+BALL = SphereShape((0.0, 0.0, -0.03), 0.03)
+BOWL = SphereShape((0.0, 0.0, 0.03), 0.03, inside=True)
+DOME = SphereShape((-0.035, 0.015, -0.01), 0.025)
 
 
 def scene(*shapes: Shape) -> Scene:
@@ -51,7 +52,7 @@ def slide(touched: Scene, bend: float, leave: bool = False) -> Trace:
 
 def taken(trace: Trace, predictor: str, touched: Scene | None) -> tuple[ModelFit, Portrait]:
     channel = force_channel(predictor=predictor, weber=0.02, force_step=1e-6, position_step=1e-9, saturates=False)
-    fit = longest(fits(trace, channel))
+    fit = longest(CodedTrace(trace, channel).fits)
     assert fit is not None
     return fit, portrait(trace, fit, fit.newest.tick + 1, touched)
 
@@ -148,16 +149,16 @@ def test_forces_and_sends_are_drawn() -> None:
     part = slice(*WINDOW)
     for axes, coded in zip(figure.axes, runs, strict=True):
         lines = {str(line.get_label()): line for line in axes.get_lines()}
-        force = np.linalg.norm(coded.force_n[part], axis=1)
-        assert lines["actual"].get_xdata() == pytest.approx(coded.time_s[part])
+        force = np.linalg.norm(coded.trace.force_n[part], axis=1)
+        assert lines["actual"].get_xdata() == pytest.approx(coded.trace.time_s[part])
         assert lines["actual"].get_ydata() == pytest.approx(force)
         shown = np.asarray(lines["displayed"].get_ydata())
         assert shown[0::2] == pytest.approx(np.linalg.norm(coded.predicted_n[part], axis=1))
         assert shown[1::2] == pytest.approx(np.linalg.norm(coded.displayed_n[part], axis=1))
-        sends = coded.time_s[part][coded.sent[part]]
+        sends = coded.trace.time_s[part][coded.sent[part]]
         assert lines["ticks"].get_xdata() == pytest.approx(sends)
         for index, name in enumerate(coded.bank):
-            mine = coded.time_s[part][coded.sent[part] & (coded.selected[part] == index)]
+            mine = coded.trace.time_s[part][coded.sent[part] & (coded.selected[part] == index)]
             assert lines[f"sent {name}"].get_xdata() == pytest.approx(mine)
         assert axes.get_title(loc="left") == f"{coded.predictor}: {len(sends)} sends in 0.6 s"
         corners = axes.collections[0].get_paths()[0].vertices[:, 1]
@@ -170,10 +171,10 @@ def test_forces_and_sends_are_drawn() -> None:
 @pytest.mark.parametrize(("axis", "sign"), [(0, 1.0), (2, -1.0)])
 def test_a_force_on_one_axis_is_drawn_with_its_sign(axis: int, sign: float) -> None:
     trace = pressed(lambda t: sign * (2.0 + float(np.sin(20.0 * t))), 0.5, axis)
-    coded = follow(trace, force_channel(predictor="zoh"))
+    coded = CodedTrace(trace, force_channel(predictor="zoh"))
     label, (actual, predicted, displayed) = quantity(coded, TickWindow(10, 400))
     assert label == f"force along {'xyz'[axis]} [N]"
-    assert actual == pytest.approx(coded.force_n[10:400, axis])
+    assert actual == pytest.approx(coded.trace.force_n[10:400, axis])
     assert predicted == pytest.approx(coded.predicted_n[10:400, axis])
     assert displayed == pytest.approx(coded.displayed_n[10:400, axis])
 
@@ -189,7 +190,7 @@ def test_force_files_hold_the_drawn_numbers(tmp_path: Path) -> None:
     assert len(rows) == 250
     part = slice(first := round(1e3 * float(rows[0]["t_s"])), first + 250)
     assert [int(row["sent"]) for row in rows] == run("linear").sent[part].astype(int).tolist()
-    actual = np.linalg.norm(run("linear").force_n[part], axis=1)
+    actual = np.linalg.norm(run("linear").trace.force_n[part], axis=1)
     assert [float(row["actual_n"]) for row in rows] == pytest.approx(actual.tolist())
     assert {row["selected"] for row in rows} == {"linear"}
 
@@ -199,7 +200,7 @@ def test_force_files_hold_the_drawn_numbers(tmp_path: Path) -> None:
 
 @cache
 def drawn(kind: ModelKind) -> Portrait:
-    fit = longest(fits(own(), CHANNEL), kind)
+    fit = longest(CodedTrace(own(), CHANNEL).fits, kind)
     assert fit is not None
     return portrait(own(), fit, (fit.newest.tick + fit.until) // 2, scene(TABLE, DOME))
 
@@ -239,7 +240,9 @@ def test_text_is_legible(kind: ModelKind, caption: str) -> None:
 
 def test_model_files_are_complete(tmp_path: Path) -> None:
     shown = drawn(ModelKind.SPHERE)
-    draw_model(own(), CHANNEL, shown.tick, tmp_path / "one", scene(TABLE, DOME), title="a title", caption=CAPTION)
+    draw_model(
+        CodedTrace(own(), CHANNEL), shown.tick, tmp_path / "one", scene(TABLE, DOME), title="a title", caption=CAPTION
+    )
     assert (tmp_path / "one.png").stat().st_size > 50_000
     svg = (tmp_path / "one.svg").read_text(encoding="utf-8")
     for text in ("a title", CAPTION, "fitted sphere", "surface of the scene", f"the moment, tick {shown.tick}"):
@@ -262,5 +265,5 @@ def test_model_files_are_complete(tmp_path: Path) -> None:
 
 def test_a_model_without_a_surface_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="tick 3000: the model in use is a Hold, which has no surface"):
-        draw_model(own(), force_channel(predictor="zoh"), 3000, tmp_path / "model", title="a title", caption=CAPTION)
+        draw_model(run("zoh"), 3000, tmp_path / "model", title="a title", caption=CAPTION)
     assert list(tmp_path.iterdir()) == []

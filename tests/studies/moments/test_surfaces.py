@@ -1,6 +1,6 @@
 """Surfaces of scenes and of models, against shapes of known geometry."""
 
-from math import inf, isnan, sqrt
+from math import inf, isnan
 
 import numpy as np
 import pytest
@@ -13,11 +13,11 @@ from weberlink.codec.predictors import sphere as fitted_sphere
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import Vector, dot, norm, scale, unit
 from weberlink.slave.scenes.contact import SceneObject
-from weberlink.slave.scenes.plane import Plane
+from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.shape import Shape
-from weberlink.slave.scenes.sphere import Sphere, SphereCavity
-from weberlink.studies.moments.surfaces import FittedSurface, SceneSurface, SurfaceFrame, angle_deg, frame_at
+from weberlink.slave.scenes.sphere import SphereShape
+from weberlink.studies.moments.surfaces import FittedSurface, SceneSurface, SurfaceFrame, frame_at
 
 UP: Vector = (0.0, 0.0, 1.0)
 FLAT = SurfaceFrame((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), UP)
@@ -31,9 +31,9 @@ def scene(*shapes: Shape) -> SceneSurface:
 @pytest.mark.parametrize(
     ("shape", "radius"),
     [
-        (Plane((0.0, 0.0, 0.0), (0.0, 0.0, 2.0)), inf),
-        (Sphere((0.0, 0.0, -0.03), 0.03), 0.03),
-        (SphereCavity((0.0, 0.0, 0.03), 0.03), -0.03),
+        (PlaneShape((0.0, 0.0, 0.0), (0.0, 0.0, 2.0)), inf),
+        (SphereShape((0.0, 0.0, -0.03), 0.03), 0.03),
+        (SphereShape((0.0, 0.0, 0.03), 0.03, inside=True), -0.03),
     ],
 )
 def test_a_scene_is_flat_convex_or_concave(shape: Shape, radius: float) -> None:
@@ -46,7 +46,7 @@ def test_a_scene_is_flat_convex_or_concave(shape: Shape, radius: float) -> None:
 
 
 def test_the_nearest_of_several_objects_counts() -> None:
-    both = scene(Plane((0.0, 0.0, 0.0), UP), Sphere((0.0, 0.0, 0.0), 0.02))
+    both = scene(PlaneShape((0.0, 0.0, 0.0), UP), SphereShape((0.0, 0.0, 0.0), 0.02))
     on_ball, on_plane = both.nearest((0.0, 0.0, 0.018)), both.nearest((0.09, 0.0, -0.001))
     assert on_ball is not None
     assert on_plane is not None
@@ -58,12 +58,12 @@ def test_the_nearest_of_several_objects_counts() -> None:
 def test_heights_of_a_scene() -> None:
     assert scene().nearest((0.0, 0.0, 0.0)) is None
     assert isnan(scene().height(FLAT, 0.0, 0.0, 0.1))
-    far = scene(Plane((0.0, 0.0, 0.5), UP))
+    far = scene(PlaneShape((0.0, 0.0, 0.5), UP))
     assert isnan(far.height(FLAT, 0.0, 0.0, 0.1))
     assert far.height(FLAT, 0.0, 0.0, 1.0) == pytest.approx(0.5)
-    turned_away = scene(Plane((0.0, 0.0, 0.01), (0.0, 0.0, -1.0)))
+    turned_away = scene(PlaneShape((0.0, 0.0, 0.01), (0.0, 0.0, -1.0)))
     assert isnan(turned_away.height(FLAT, 0.0, 0.0, 0.1))
-    steep = scene(Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.1)))
+    steep = scene(PlaneShape((0.0, 0.0, 0.0), (1.0, 0.0, 0.1)))
     assert steep.height(FLAT, -0.001, 0.0, 0.1) == pytest.approx(0.01, abs=2e-6)
 
 
@@ -108,8 +108,3 @@ def test_a_frame_is_right_handed_along_the_force(force: Vector, towards: Vector)
     assert dot(frame.across, towards) == pytest.approx(0.0, abs=1e-6)
     point = frame.point(0.01, -0.02, 0.03)
     assert frame.coordinates(np.array([point]))[0] == pytest.approx((0.01, -0.02, 0.03))
-
-
-def test_angles() -> None:
-    assert angle_deg(UP, (1.0, 0.0, 0.0)) == pytest.approx(90.0)
-    assert angle_deg((0.0, sqrt(0.5), sqrt(0.5)), UP) == pytest.approx(45.0)

@@ -1,16 +1,13 @@
 """The work-precision study of the codec."""
 
 import json
-from math import sin, sqrt
+from math import sqrt
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from weberlink.master.trace import Trace
-from weberlink.studies.evaluate.replay import replay, signal_of
+from tests.studies.evaluate.signals import trace, wall
 from weberlink.studies.precision.coding import (
-    PREDICTORS,
     RECOMMENDED,
     CodingRow,
     CodingStudy,
@@ -18,20 +15,6 @@ from weberlink.studies.precision.coding import (
     shipped_channel,
     study,
 )
-
-
-def trace(forces: list[float], depths: list[float]) -> Trace:
-    """Forces and positions along z, one a millisecond."""
-    forces_n, positions_m = np.zeros((len(forces), 3)), np.zeros((len(forces), 3))
-    forces_n[:, 2], positions_m[:, 2] = forces, np.negative(depths)
-    return Trace(np.arange(len(forces)) * 1e-3, positions_m, forces_n, np.empty((0, 2)))
-
-
-def wall(ticks: int = 800, stiffness: float = 500.0) -> Trace:
-    """Pressed and released on a flat wall."""
-    depths = [4e-3 * sin(0.01 * tick) for tick in range(ticks)]
-    return trace([max(0.0, stiffness * depth) for depth in depths], depths)
-
 
 STEP = trace([0.0] * 10 + [2.0] * 10, [0.0] * 20)
 
@@ -75,18 +58,11 @@ def test_figures_of_a_step_match_the_formulas() -> None:
     assert found.tick_us > 0.0
 
 
-def test_without_latency_the_felt_error_is_the_coding_error() -> None:
+def test_without_latency_felt_is_coding_error() -> None:
     for found in study({"wall": wall()}, webers=(0.05, 0.20), latency_ticks=0).rows:
         assert found.error_rms_n == pytest.approx(found.coding_rms_n)
         assert found.violation_fraction == 0.0
         assert found.error_rms_jnd <= 1.0
-
-
-@pytest.mark.parametrize("predictor", PREDICTORS)
-def test_packets_are_those_of_the_evaluation(predictor: str) -> None:
-    signal = wall()
-    (found,) = study({"wall": signal}, [predictor], [0.10]).rows
-    assert found.packets == len(replay(signal_of(signal), shipped_channel(predictor, 0.10)).updates) > 0
 
 
 def test_traces_are_pooled_by_their_samples() -> None:

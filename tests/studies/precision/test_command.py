@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from weberlink.studies.precision.command import Precision, codec
+from weberlink.studies.precision.command import codec, combined
 
 
 def test_the_codec_is_studied_on_simulated_signals(tmp_path: Path) -> None:
@@ -16,8 +16,8 @@ def test_the_codec_is_studied_on_simulated_signals(tmp_path: Path) -> None:
     assert told == [("signal of scene-plane", 0, 1), ("coding", 1, 1)]
     assert section.document["signal_s"]["scene-plane"] == pytest.approx(1.5, abs=0.1)
     assert {row["trace"] for row in section.document["rows"]} == {"operator", "scene-plane"}
-    whole = Precision(
-        [section], {"machine": "m", "cores": 1, "system": "s", "python": "p", "packages": {}, "commit": None}
+    whole = combined(
+        {"codec": section}, {"machine": "m", "cores": 1, "system": "s", "python": "p", "packages": {}, "commit": None}
     )
     assert json.loads(json.dumps(whole.document, allow_nan=False))["codec"]["rows"] == section.document["rows"]
     console = Console(width=80, file=StringIO())

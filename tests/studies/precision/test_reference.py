@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("scipy")
 
-from weberlink.slave.integrators.contract import Body
+from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.precision.equations import MotionState, beginning
 from weberlink.studies.precision.problems import (
     PROBLEMS,
@@ -28,7 +28,7 @@ EVENTS = {"wall_1e7": 4, "stick_slip": 6}
 """Events of a problem at least."""
 
 
-def oscillation(body: Body, goal: float, start: float, velocity: float, at: float) -> float:
+def oscillation(body: ControlledMass, goal: float, start: float, velocity: float, at: float) -> float:
     """m a = k (goal - x) - c v, underdamped."""
     decay = body.damping / (2.0 * body.mass)
     omega = sqrt(body.stiffness / body.mass - decay * decay)
@@ -69,7 +69,7 @@ def test_both_solvers_agree_on_every_problem(problem: Problem) -> None:
 
 
 def test_free_motion_matches_the_closed_form(solver: str) -> None:
-    body = Body(0.3, 900.0, 2.0)
+    body = ControlledMass(0.3, 900.0, 2.0)
     problem = Problem("free", "", body, (), ((0.0, (0.0, 0.0, 0.02)),), (0.0, 0.0, 0.05), (0.0, 0.0, 0.4), 0.2)
     for tick, position in enumerate(solution(problem, solver).positions, start=1):
         expected = oscillation(body, 0.02, 0.05, 0.4, tick * TICK)
@@ -77,10 +77,10 @@ def test_free_motion_matches_the_closed_form(solver: str) -> None:
 
 
 def test_linear_contact_matches_the_closed_form(solver: str) -> None:
-    body, wall, damping, goal = Body(0.2, 3000.0, 6.0), 20_000.0, 5.0, -0.01
+    body, wall, damping, goal = ControlledMass(0.2, 3000.0, 6.0), 20_000.0, 5.0, -0.01
     surfaces, goals = (ProblemSurface(FLOOR, wall, damping),), ((0.0, (0.0, 0.0, goal)),)
     problem = Problem("wall", "", body, surfaces, goals, (0.0,) * 3, (0.0, 0.0, -0.3), 0.05)
-    joined = Body(0.2, body.stiffness + wall, body.damping + damping)
+    joined = ControlledMass(0.2, body.stiffness + wall, body.damping + damping)
     rest = body.stiffness * goal / joined.stiffness
     found = solution(problem, solver)
     for tick, position in enumerate(found.positions, start=1):
@@ -93,7 +93,7 @@ def test_a_bounce_keeps_speed_and_contact_time(solver: str) -> None:
     mass, wall, speed = 0.2, 1e7, 0.3
     start = 0.01
     surfaces, goals = (ProblemSurface(FLOOR, wall),), ((0.0, (0.0, 0.0, 0.0)),)
-    free = Body(mass, 0.0, 0.0)
+    free = ControlledMass(mass, 0.0, 0.0)
     problem = Problem("bounce", "", free, surfaces, goals, (0.0, 0.0, start), (0.0, 0.0, -speed), 0.06)
     found = solution(problem, solver)
     left = start / speed + pi * sqrt(mass / wall)
@@ -104,7 +104,7 @@ def test_a_bounce_keeps_speed_and_contact_time(solver: str) -> None:
 def test_a_sliding_body_rests_at_dynamic_friction(solver: str) -> None:
     """Critically damped, so that it never turns back: m x'' = k (goal - x) - c x' - mu_dynamic k_wall depth."""
     wall, depth, dynamic = 5000.0, 1e-3, 0.4
-    body = Body(0.1, 2000.0, 28.3)
+    body = ControlledMass(0.1, 2000.0, 28.3)
     goal = -depth * (1.0 + wall / body.stiffness)
     surface = ProblemSurface(FLOOR, wall, friction=CoulombFriction(0.5, dynamic))
     goals = ((0.0, (0.0, 0.0, goal)), (0.1, (0.05, 0.0, goal)))
@@ -119,7 +119,7 @@ def test_an_oblique_corner_projects_the_depths() -> None:
     """At rest deep in the corner the push is along what leads back to the edge: projection, not a sum of depths."""
     half = sqrt(0.5)
     surfaces = (ProblemSurface(FLOOR, 1e4), ProblemSurface(HalfSpace((0.0, 0.0, 0.0), (half, 0.0, half)), 1e4))
-    problem = Problem("edge", "", Body(1.0, 0.0, 0.0), surfaces, ((0.0, (0.0,) * 3),), (0.0,) * 3)
+    problem = Problem("edge", "", ControlledMass(1.0, 0.0, 0.0), surfaces, ((0.0, (0.0,) * 3),), (0.0,) * 3)
     state = [-3e-3, 0.0, -1e-3, 0.0, 0.0, 0.0]
     phase = beginning(problem)
     while fallen := [guard for guard in phase.guards if guard.value(state) < 0.0]:
@@ -130,7 +130,7 @@ def test_an_oblique_corner_projects_the_depths() -> None:
 
 def test_friction_on_a_ball_is_refused() -> None:
     surface = ProblemSurface(Ball((0.0,) * 3, 0.01), 1e3, friction=CoulombFriction(0.5, 0.4))
-    problem = Problem("ball", "", Body(1.0, 0.0, 0.0), (surface,), ((0.0, (0.0,) * 3),), (0.0, 0.0, 0.02))
+    problem = Problem("ball", "", ControlledMass(1.0, 0.0, 0.0), (surface,), ((0.0, (0.0,) * 3),), (0.0, 0.0, 0.02))
     with pytest.raises(ValueError, match="half-space"):
         reference(problem)
 

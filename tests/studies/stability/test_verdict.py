@@ -52,19 +52,19 @@ def test_a_steady_force_has_settled() -> None:
 @pytest.mark.parametrize(
     ("rate", "state"), [(-1.0, "decaying"), (-0.01, "oscillating"), (0.0, "oscillating"), (2.0, "growing")]
 )
-def test_an_oscillation_is_judged_by_what_becomes_of_it(rate: float, state: str) -> None:
+def test_an_oscillation_is_judged_by_its_variance(rate: float, state: str) -> None:
     verdict = judge(*records(lambda since: 3.0 + 2.0 * exp(rate * since) * sin(2.0 * pi * 10.0 * since)))
     assert verdict.state == state
     assert verdict.bounded is (state == "decaying")
     assert verdict.settle_s is None
 
 
-def test_what_swings_less_than_the_deadband_is_steady() -> None:
+def test_a_swing_within_the_deadband_is_steady() -> None:
     assert judge(*records(lambda since: 3.0 + 0.3 * sin(60.0 * since))).state == "settled"
     assert judge(*records(lambda since: 3.0 + 0.5 * sin(60.0 * since))).state == "oscillating"
 
 
-def test_what_hits_the_limiter_is_not_decaying() -> None:
+def test_a_limited_force_is_not_decaying() -> None:
     master, slave = records(lambda since: 3.0 + 2.0 * exp(-1.0 * since) * sin(60.0 * since))
     master["clipped"][master["at"] > WHEN.release - 0.1] = 1
     assert judge(master, slave).state == "oscillating"
@@ -76,7 +76,7 @@ def test_settling_counts_from_the_press() -> None:
     assert verdict.settle_s == pytest.approx(WHEN.hold - WHEN.press + 0.230, abs=0.003)
 
 
-def test_a_hold_without_a_session_or_with_a_fault_is_no_test_of_the_loop() -> None:
+def test_faults_during_the_hold_fail_the_cell() -> None:
     master, slave = records(lambda since: 3.0)
     master["state"][master["at"] > WHEN.release - 0.1] = State.SILENT.value
     assert judge(master, slave).state == "failed"

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 from weberlink.apps.device_test.dialog import DeviceTestError, Dialog, StoppedByUser
 from weberlink.apps.device_test.master import try_master
 from weberlink.apps.device_test.robot import try_robot
-from weberlink.apps.devices import SIDES
+from weberlink.apps.devices import SECTIONS, SIDES
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.slave.robots.contract import RobotFault
 from weberlink.system.composition.link import construct
@@ -57,7 +57,7 @@ def run(request: DeviceTestRequest, dialog: Dialog) -> None:
         DeviceTestError: the test failed, or the person stopped. The force is zero and the device closed.
     """
     part = _part(request)
-    where = SIDES[part.side].section
+    where = SECTIONS[part.side]
 
     def build(*arguments: Any) -> Any:
         return construct(where, part.driver, *arguments, part.tick_period)
@@ -76,11 +76,11 @@ def run(request: DeviceTestRequest, dialog: Dialog) -> None:
 
 
 def _part(request: DeviceTestRequest) -> _DriverUnderTest:
-    side = next((name for name, each in SIDES.items() if request.name in each.table.drivers()), None)
+    side = next((name for name, each in SIDES.items() if request.name in each), None)
     if side is None:
-        known = ", ".join(name for each in SIDES.values() for name in sorted(each.table.drivers()))
+        known = ", ".join(name for each in SIDES.values() for name in sorted(each))
         raise ConfigurationError(f"{request.name}: there is no such driver; there are {known}")
-    section = SIDES[side].section
+    section = SECTIONS[side]
     overrides = [text.removeprefix(f"{section}.") for text in request.overrides]
     if request.file is not None:
         loaded = load(request.file, [f"{section}.{text}" for text in overrides], sides=[side])
@@ -96,7 +96,7 @@ def _part(request: DeviceTestRequest) -> _DriverUnderTest:
 def _alone(name: str, side: str, overrides: Sequence[str]) -> _DriverUnderTest:
     """A driver with its defaults and the overrides."""
     try:
-        driver: Any = SIDES[side].table.load(name)
+        driver: Any = SIDES[side][name]
     except ImportError as error:
         raise ConfigurationError(f"{name}: cannot be loaded: {error}") from None
     need_of(driver, name)

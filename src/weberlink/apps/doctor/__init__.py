@@ -6,6 +6,6 @@ Each check reads the machine through a `Machine` and compares it with a `Needs`.
 from weberlink.apps.doctor.findings import Finding, Grade
 from weberlink.apps.doctor.machine import Machine
 from weberlink.apps.doctor.needs import Needs
-from weberlink.apps.doctor.report import Report, examine
+from weberlink.apps.doctor.report import DoctorReport, examine
 
-__all__ = ["Finding", "Grade", "Machine", "Needs", "Report", "examine"]
+__all__ = ["DoctorReport", "Finding", "Grade", "Machine", "Needs", "examine"]

@@ -14,37 +14,28 @@ DEFAULT_RATE_HZ = 1000.0
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """Requirements that the checks compare the machine with.
-
-    Args:
-        file: the configuration; None for the defaults.
-        sides: that run on this machine.
-        rate_hz: tick rate [Hz].
-        priority: of SCHED_FIFO; 0 for the normal scheduler.
-        lock_memory: whether daemons lock their memory.
-        wakeful: whether daemons keep processors out of deep idle states.
-        cpus: that the master and the slave are pinned to.
-        listen: host and port that the slave binds; None where it does not run here, or binds any free port.
-        slave: host and port that the master calls; None where the master does not run here.
-        key_file: the pre-shared key; None where none is used.
-        encrypted: whether datagrams are encrypted.
-        silence_s: silence of the peer that counts as a fault [s].
-        drivers: pairs of side and driver name.
-    """
+    """Requirements that the checks compare the machine with; the defaults are those without a configuration."""
 
     file: Path | None = None
     sides: Sequence[str] = SIDES
+    """Those that run on this machine."""
     rate_hz: float = DEFAULT_RATE_HZ
     priority: int = DEFAULTS.priority
+    """Of SCHED_FIFO; 0 for the ordinary scheduler."""
     lock_memory: bool = DEFAULTS.lock_memory
     wakeful: bool = DEFAULTS.wakeful
+    """Whether daemons keep processors out of deep idle states."""
     cpus: tuple[int, int] | None = None
+    """Processors of the master and the slave."""
     listen: tuple[str, int] | None = None
+    """Address that the slave binds; None if it does not run here, or binds any free port."""
     slave: tuple[str, int] | None = None
+    """Address that the master calls; None if it does not run here."""
     key_file: Path | None = None
     encrypted: bool = True
     silence_s: float = 0.1
     drivers: tuple[tuple[str, str], ...] = ()
+    """Pairs of side and driver."""
 
     @classmethod
     def of(cls, configuration: Configuration, sides: Sequence[str] = SIDES) -> "Needs":

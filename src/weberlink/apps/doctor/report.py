@@ -37,7 +37,7 @@ COLOURS = {Grade.OK: "green", Grade.ADVICE: "yellow", Grade.PROBLEM: "bold red",
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class DoctorReport:
     """Findings by heading, and the needs that they were compared with."""
 
     needs: Needs
@@ -74,10 +74,12 @@ class Report:
         console.print(Text(summary, style="bold red" if problems else "bold green"))
 
 
-def examine(needs: Needs, machine: Machine | None = None, checks: Mapping[str, tuple[Check, ...]] = CHECKS) -> Report:
+def examine(
+    needs: Needs, machine: Machine | None = None, checks: Mapping[str, tuple[Check, ...]] = CHECKS
+) -> DoctorReport:
     """Run the checks."""
     here = machine or Machine()
-    return Report(
+    return DoctorReport(
         needs,
         {area: tuple(each for check in group for each in run(check, here, needs)) for area, group in checks.items()},
     )

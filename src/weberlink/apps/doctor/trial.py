@@ -32,44 +32,33 @@ IMPORTS = (
 
 @dataclass(frozen=True, slots=True)
 class RightsRequest:
-    """Rights to try, as a configuration asks for them.
-
-    Args:
-        priority: of SCHED_FIFO; 0 for none.
-        lock_memory: whether to lock memory.
-        wakeful: whether to keep processors out of deep idle states.
-        cpu: processor to pin to; None for none.
-        rate_hz: tick rate [Hz].
-        encrypted: whether a daemon loads the encryption library.
-    """
+    """Rights to try, as a configuration asks for them."""
 
     priority: int
     lock_memory: bool
     wakeful: bool
     cpu: int | None
+    """To pin the process to."""
     rate_hz: float
     encrypted: bool = False
+    """Whether a daemon loads the encryption library."""
 
 
 @dataclass(frozen=True, slots=True)
 class RightsTrial:
-    """Result of the trial.
-
-    Args:
-        grants: as a run reports them: name to `granted` and `detail`.
-        memory_bytes: address space of such a process, which a limit on locked memory must allow.
-        lateness_us: from deadline to wake-up: `p50`, `p99`, `max`.
-        wake_ups: number of wake-ups measured.
-        missed: deadlines without a wake-up.
-        failure: why the trial failed; None if it did not.
-    """
+    """Result of the trial."""
 
     grants: dict[str, dict[str, bool | str]] = field(default_factory=dict)
+    """Name to `granted` and `detail`, as in the report of a session."""
     memory_bytes: int = 0
+    """Address space of such a process, which a limit on locked memory must allow."""
     lateness_us: dict[str, float] = field(default_factory=dict)
+    """From deadline to wake-up: `p50`, `p99`, `max`."""
     wake_ups: int = 0
     missed: int = 0
+    """Deadlines without a wake-up."""
     failure: str | None = None
+    """Why there is no result."""
 
 
 def run_trial(request: RightsRequest) -> RightsTrial:

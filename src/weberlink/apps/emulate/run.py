@@ -6,7 +6,7 @@ import selectors
 import signal
 import stat
 import sys
-from collections.abc import Coroutine, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from difflib import get_close_matches
 from pathlib import Path
@@ -16,6 +16,7 @@ import yaml
 from pydantic import ValidationError
 
 from weberlink.apps.emulate.fault_commands import FaultCommands
+from weberlink.apps.tasks import first_result
 from weberlink.hardware.emulator import PtyDevice
 from weberlink.hardware.fault import HardwareFault
 from weberlink.hardware.umockdev import HidNode, Testbed
@@ -102,7 +103,7 @@ async def _emulate(
         commands.say(f"{name} is at {port}; configure it as {section}: {settings}")
         arguments = [argument.replace(PORT, port) for argument in command]
         end = _run_command(arguments, environment, stop) if command else _until_stopped(stop)
-        return await _first([end, _until_failed(device), *(_execute_lines(each, commands) for each in sources)])
+        return await first_result([end, _until_failed(device), *(_execute_lines(each, commands) for each in sources)])
 
 
 def _hurry() -> None:
@@ -180,18 +181,6 @@ def _stop_signals() -> asyncio.Queue[int]:
         if signal.getsignal(number) is not signal.SIG_IGN:
             loop.add_signal_handler(number, numbers.put_nowait, number)
     return numbers
-
-
-async def _first(running: Sequence[Coroutine[Any, Any, int]]) -> int:
-    """The result of the first to end; the others are cancelled."""
-    tasks = [asyncio.ensure_future(each) for each in running]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        return max(task.result() for task in done)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _until_stopped(stop: asyncio.Queue[int]) -> int:

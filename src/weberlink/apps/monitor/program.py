@@ -4,7 +4,7 @@ import asyncio
 import os
 import sys
 import webbrowser
-from collections.abc import Coroutine, Iterable
+from collections.abc import Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from errno import EADDRINUSE, EADDRNOTAVAIL
@@ -21,7 +21,8 @@ from weberlink.apps.monitor.remote.following import Following
 from weberlink.apps.monitor.remote.sharing import Sharing
 from weberlink.apps.monitor.watch import SessionWatcher
 from weberlink.apps.monitor.web import Site
-from weberlink.protocol.psk import PresharedKey
+from weberlink.apps.tasks import first_result
+from weberlink.protocol.sealed_stream import StreamTerms
 
 NICENESS = 5
 STOP_LIMIT_S = 1.0
@@ -34,25 +35,20 @@ class MonitorError(RuntimeError):
 
 @dataclass(frozen=True)
 class MonitorSettings:
-    """What to serve, and where.
-
-    Args:
-        listen: address of the page.
-        port: of the page; 0 for any free one.
-        session: name of the session to follow; None for all.
-        browse: whether to open the page in a browser.
-        share: host and port to share this host's telemetry on; None not to.
-        source: host and port that shares its telemetry; None to show this host alone.
-        security: key of `share` and `source`, see `remote.stream.telemetry_key`.
-    """
+    """What to serve, and where."""
 
     listen: str = "127.0.0.1"
     port: int = 8765
     session: str | None = None
+    """Name of the session to follow; None for all."""
     browse: bool = False
+    """Whether to open the page in a browser."""
     share: tuple[str, int] | None = None
+    """Host and port to share this host's telemetry on."""
     source: tuple[str, int] | None = None
-    security: PresharedKey | None = None
+    """Host and port that shares its telemetry."""
+    terms: StreamTerms | None = None
+    """Of `share` and `source`, see `remote.stream.telemetry_terms`."""
 
 
 def run(settings: MonitorSettings) -> None:
@@ -86,18 +82,18 @@ async def _serve(settings: MonitorSettings) -> None:
         watch.look(monotonic())
         if not watch.sessions and settings.source is None:
             tell("waiting for a daemon; start weberlink loopback")
-        running = [watch.run(), over.wait()]
+        running: list[Coroutine[Any, Any, Any]] = [watch.run(), over.wait()]
         if settings.source is not None:
-            assert settings.security is not None
-            running.append(Following(settings.security, settings.source, watch, None, tell).run())
-        await _first(running)
+            assert settings.terms is not None
+            running.append(Following(settings.terms, settings.source, watch, None, tell).run())
+        await first_result(running)
 
 
 async def _share(settings: MonitorSettings) -> Sharing:
     """Start sharing the telemetry of this host."""
     assert settings.share is not None
-    assert settings.security is not None
-    sharing = Sharing(settings.security, None, settings.session, tell)
+    assert settings.terms is not None
+    sharing = Sharing(settings.terms, None, settings.session, tell)
     try:
         host, port = await sharing.open(*settings.share)
     except OSError as error:
@@ -107,19 +103,6 @@ async def _share(settings: MonitorSettings) -> Sharing:
         ) from None
     tell(f"sharing the telemetry of this host on {host}:{port} with holders of the key")
     return sharing
-
-
-async def _first(running: Iterable[Coroutine[Any, Any, Any]]) -> None:
-    """Run until the first one ends; raises its error and cancels the others."""
-    tasks = [asyncio.ensure_future(each) for each in running]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def _bind(runner: web.AppRunner, settings: MonitorSettings) -> str:

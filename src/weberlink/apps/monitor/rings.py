@@ -2,7 +2,7 @@
 
 import re
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
@@ -12,6 +12,7 @@ from weberlink.system.configuration import SIDES
 from weberlink.system.description import read as read_description
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import DTYPE, RingReader
+from weberlink.telemetry.ring import RingFormatError
 from weberlink.telemetry.runtime_directory import directories
 
 _NAME = re.compile(rf"weberlink-(\d+)-({'|'.join(SIDES)})\.ring")
@@ -118,6 +119,35 @@ class RingFeed:
 
     def close(self) -> None:
         self._reader.close()
+
+
+class RingOpener:
+    """Opens every ring of a living writer once.
+
+    Args:
+        tell: called with the reason if a file is no ring of this release.
+    """
+
+    def __init__(self, tell: Callable[[str], None] = lambda _: None) -> None:
+        self._tell = tell
+        self._known: set[tuple[str, int]] = set()
+
+    def open(self, ring: RingFile) -> RingFeed | None:
+        key = (str(ring.path), ring.inode)
+        if key in self._known:
+            return None
+        self._known.add(key)
+        try:
+            feed = RingFeed(ring.path)
+        except FileNotFoundError:
+            return None
+        except (RingFormatError, OSError) as error:
+            self._tell(f"ignored: {error}")
+            return None
+        if feed.alive:
+            return feed
+        feed.close()
+        return None
 
 
 def joined(pieces: Iterable[Records]) -> Records:

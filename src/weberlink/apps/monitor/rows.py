@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from weberlink.apps.monitor.rings import joined
 from weberlink.protocol.states import State
-from weberlink.system.scoring.session import Records
+from weberlink.system.scoring.channel import in_session
+from weberlink.system.scoring.session import Records, nearest_ticks
 from weberlink.telemetry.reader import DTYPE
 
 ROWS_PER_S = 250.0
@@ -125,7 +126,7 @@ LONGEST_WAIT = 2500
 """Most rows of a side that wait for the other; older ones are dropped."""
 
 
-class FeltError:
+class FeltErrorPairs:
     """Pairs shown rows of the slave with the master's records nearest in time.
 
     It selects the same ticks as `weberlink.system.scoring.session`, which keeps no rows.
@@ -146,18 +147,12 @@ class FeltError:
         self._slave = joined((self._slave, slave_rows))[-longest:]
         if not (len(self._master) and len(self._slave)):
             return self._master[:0], self._slave[:0]
-        at = self._master["at"]
-        ready = int(np.searchsorted(self._slave["at"], at[-1] - 0.5 * self._period, side="right"))
+        ready, nearest, close = nearest_ticks(self._master["at"], self._slave["at"], self._period)
         now, self._slave = self._slave[:ready], self._slave[ready:]
-        right = np.minimum(np.searchsorted(at, now["at"]), len(at) - 1)
-        left = np.maximum(right - 1, 0)
-        nearest = np.where(now["at"] - at[left] <= at[right] - now["at"], left, right)
         matched = self._master[nearest]
         if ready:
             self._master = self._master[max(0, int(nearest[-1]) - 1) :]
-        counts = np.abs(matched["at"] - now["at"]) <= 0.75 * self._period
-        for records in (matched, now):
-            counts &= (records["state"] == State.ENGAGED.value) & (records["ramping"] == 0)
+        counts = close & in_session(matched) & in_session(now)
         return matched[counts], now[counts]
 
 

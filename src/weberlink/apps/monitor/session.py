@@ -7,7 +7,7 @@ import numpy as np
 
 from weberlink.apps.monitor.hello import hello
 from weberlink.apps.monitor.rings import Feed, joined
-from weberlink.apps.monitor.rows import FeltError, Pace, Thinning, felt_message, samples_message
+from weberlink.apps.monitor.rows import FeltErrorPairs, Pace, Thinning, felt_message, samples_message
 from weberlink.system.configuration import MASTER, SLAVE
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.fault import Fault
@@ -78,7 +78,7 @@ class WatchedSession:
         self.settings_asked_at: int | None = None
         """The count of changes in the records when the daemons were last asked."""
         self._sides: dict[str, _WatchedSide] = {}
-        self._felt = FeltError(first.rate_hz)
+        self._felt = FeltErrorPairs(first.rate_hz)
         self._backlog: deque[_Shown] = deque()
         self.admit(first)
 

@@ -3,15 +3,13 @@
 import asyncio
 import json
 from collections.abc import Callable
-from math import isfinite
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from weberlink.apps.monitor.rings import Feed, RingFeed, RingFile, find_rings
+from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MessageKind, Viewer
-from weberlink.telemetry.ring import RingFormatError
 
 LOOK_S = 0.05
 """Period of reading the rings while a page is open."""
@@ -25,7 +23,6 @@ ANSWER_S = 2.0
 """How long a daemon may take to answer."""
 ENDED_KEPT = 4
 """Ended sessions that can still be viewed."""
-CHANGEABLE = ("weber", "predictor", "scheme")
 
 
 def to_json(document: dict[str, Any]) -> str:
@@ -48,8 +45,7 @@ class SessionWatcher:
         self._where = where
         self._only = only
         self._tell = tell
-        self._known: set[tuple[str, int]] = set()
-        """Path and inode of the ring files that were opened."""
+        self._opener = RingOpener(tell)
         self._find_at = 0.0
         self._figures_at = 0.0
         self._asking: set[asyncio.Task[None]] = set()
@@ -151,26 +147,11 @@ class SessionWatcher:
     def _find(self) -> None:
         for name, rings in find_rings(self._where).items():
             if self._only in (None, name):
-                for found in rings.values():
-                    self._open(found)
-
-    def _open(self, found: RingFile) -> None:
-        key = (str(found.path), found.inode)
-        if key in self._known:
-            return
-        self._known.add(key)
-        try:
-            feed = RingFeed(found.path)
-        except FileNotFoundError:
-            return
-        except (RingFormatError, OSError) as error:
-            self._tell(f"ignored: {error}")
-            return
-        if not feed.alive:
-            feed.close()
-            return
-        self.admit(found.session, feed)
-        self._tell(f"session {found.session}: {feed.side} at {feed.rate_hz:g} Hz")
+                for ring in rings.values():
+                    feed = self._opener.open(ring)
+                    if feed is not None:
+                        self.admit(name, feed)
+                        self._tell(f"session {name}: {feed.side} at {feed.rate_hz:g} Hz")
 
     def _follow(self, session: WatchedSession, is_figures_time: bool) -> None:
         viewers = self._viewers_of(session.name)
@@ -244,22 +225,10 @@ class SessionWatcher:
 
 
 def read_request(document: object) -> dict[str, Any] | str:
-    """The settings that a page wants to change, or why the request is wrong."""
-    if not isinstance(document, dict) or document.get("type") != "change":
+    """The settings that a page wants to change, or why this is no request; the daemon checks the values."""
+    if not isinstance(document, dict) or document.pop("type", None) != "change":
         return 'expected {"type": "change", ...}'
-    asked = {key: value for key, value in document.items() if key != "type"}
-    unknown = sorted(set(asked) - set(CHANGEABLE))
-    if unknown:
-        return f"{unknown[0]!r} cannot be changed live; expected {', '.join(CHANGEABLE)}"
-    if not asked:
-        return f"nothing to change; expected {', '.join(CHANGEABLE)}"
-    weber = asked.get("weber", 0.0)
-    if isinstance(weber, bool) or not isinstance(weber, int | float) or not (isfinite(weber) and 0.0 <= weber <= 1.0):
-        return f"weber must be a number from 0 to 1, not {weber!r}"[:200]
-    for key in ("predictor", "scheme"):
-        if not isinstance(asked.get(key, ""), str):
-            return f"{key} must be a name"
-    return asked
+    return document or "nothing to change; name weber, predictor or scheme"
 
 
 async def ask_daemon(ring: Path, request: dict[str, Any]) -> dict[str, Any]:

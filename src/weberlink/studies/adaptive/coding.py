@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from weberlink.codec import Decoder, Encoder
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec.replay import code
 from weberlink.studies.adaptive.comparison import CostRow
 from weberlink.studies.adaptive.variants import channel_of
 from weberlink.studies.evaluate.replay import Array, Signal
@@ -66,28 +66,21 @@ class CodedSignal(NamedTuple):
         )
 
 
-def coded(signal: Signal, encoder: Encoder) -> CodedSignal:
-    """Code a signal over a link without loss or delay, where the receiver equals the encoder's mirror.
+def coded(signal: Signal, channel: Channel, encoder: Encoder | None = None) -> CodedSignal:
+    """Code a signal over a link without loss or delay.
 
     Args:
         signal: at least one sample.
-        encoder: fresh; its deadband measures distances.
+        channel: its deadband measures distances.
+        encoder: fresh, of the channel; the live one by default.
     """
-    encode, value = encoder.encode, encoder.mirror.value
-    displayed: list[Vector] = []
-    errors: list[float] = []
-    packets = outside = 0
-    for tick, (force, position) in enumerate(signal.samples):
-        if encode(tick, force, position) is not None:
-            packets += 1
-            held = value(tick, position) or ZERO
-        else:
-            held = encoder.predicted or ZERO
-        error = distance(held, force)
-        outside += error > encoder.bound
-        displayed.append(held)
-        errors.append(error)
-    return CodedSignal(packets, np.array(displayed), outside, np.array(errors))
+    ticks = list(code(channel, signal.samples, encoder=encoder))
+    return CodedSignal(
+        sum(tick.update is not None for tick in ticks),
+        np.array([tick.displayed for tick in ticks]),
+        sum(tick.error > tick.bound for tick in ticks),
+        np.array([tick.error for tick in ticks]),
+    )
 
 
 def cost(variant: str, signals: Sequence[Signal]) -> CostRow:
@@ -107,16 +100,10 @@ def _timed(variant: str, signal: Signal) -> tuple[list[float], int]:
     """Run time of each tick [s], and the number of ticks after which the two states differ."""
     channel = channel_of(variant)
     encoder, decoder = Encoder(channel), Decoder(channel)
-    encode, apply, value = encoder.encode, decoder.apply, decoder.value
     times: list[float] = []
     differing = 0
-    for tick, (force, position) in enumerate(signal.samples):
-        began = perf_counter()
-        update = encode(tick, force, position)
-        if update is not None:
-            apply(update)
-        value(tick, position)
-        times.append(perf_counter() - began)
+    for tick in code(channel, signal.samples, stopwatch=perf_counter, encoder=encoder, decoder=decoder):
+        times.append(tick.seconds)
         differing += decoder.state != encoder.mirror.state
     return times, differing
 
@@ -129,7 +116,7 @@ class Counted(Protocol):
 
 
 Run = TypeVar("Run", bound=Counted)
-Trial = tuple[float, int]
+TriedFactor = tuple[float, int]
 """A Weber factor and its packets."""
 
 
@@ -148,8 +135,8 @@ def equal_packets(target: int, run: Callable[[float], Run], first: float, runs: 
     Returns:
         The Weber factor and its run.
     """
-    more: Trial | None = None
-    fewer: Trial | None = None
+    more: TriedFactor | None = None
+    fewer: TriedFactor | None = None
     weber = first
     best: tuple[float, float, Run] | None = None
     for count in range(runs):
@@ -171,7 +158,7 @@ def equal_packets(target: int, run: Callable[[float], Run], first: float, runs: 
     return best[1], best[2]
 
 
-def _next(more: Trial | None, fewer: Trial | None, target: int, *, bisect: bool) -> float:
+def _next(more: TriedFactor | None, fewer: TriedFactor | None, target: int, *, bisect: bool) -> float:
     if more is None or fewer is None:
         near = more or fewer
         assert near is not None

@@ -2,13 +2,9 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from time import perf_counter
-from typing import Any
-
-from rich.table import Table
 
 from weberlink.codec.predictors import ADAPTIVE, HYBRID
 from weberlink.studies.adaptive.coding import cost
@@ -21,6 +17,7 @@ from weberlink.studies.adaptive.work import SignalTask, done, length, tasks
 from weberlink.studies.evaluate.command import read_traces
 from weberlink.studies.evaluate.study import NamedTrace
 from weberlink.studies.parallel import parallel_map
+from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
@@ -30,31 +27,6 @@ SHIPPED = "traces/operator.csv"
 """Recording that is coded beside the scenes if none is given."""
 
 
-@dataclass(frozen=True)
-class AdaptiveStudy:
-    """All rows, with their document, table, page and figures."""
-
-    results: AdaptiveResults
-    scope: AdaptiveScope
-    document: dict[str, Any]
-    table: Table
-    caption: str
-
-    def draw(self, folder: Path) -> None:
-        """Write the page, the figures and all rows.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
-        from weberlink.studies.adaptive.figures import draw  # noqa: PLC0415 - slow import
-
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / NUMBERS).write_text(json.dumps(self.document, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        draw(self.results, self.scope, folder, self.caption)
-        page = document(self.results, self.scope, self.caption, drawn=True)
-        (folder / PAGE).write_text(page, encoding="utf-8")
-
-
 def run(
     traces: Sequence[Path],
     *,
@@ -62,7 +34,7 @@ def run(
     docs: bool,
     workers: int | None,
     progress: Callable[[int, int, str], None],
-) -> AdaptiveStudy:
+) -> StudyResult:
     """Measure everything; only run times depend on the number of workers.
 
     Args:
@@ -83,7 +55,7 @@ def run(
 
 def study(
     given: Sequence[NamedTrace], scope: AdaptiveScope, workers: int | None, progress: Callable[[int, int, str], None]
-) -> AdaptiveStudy:
+) -> StudyResult:
     """Measure recordings and scenes; arguments as of `run`."""
     began = perf_counter()
     results = _measured(tasks(list(given), scope), workers, progress)
@@ -100,7 +72,18 @@ def study(
         "run_time_s": perf_counter() - began,
         "environment": facts,
     }
-    return AdaptiveStudy(results, scope, content, _table(results, caption), caption)
+
+    def draw(folder: Path) -> None:
+        from weberlink.studies.adaptive.figures import draw as draw_figures  # noqa: PLC0415 - slow import
+
+        (folder / NUMBERS).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        draw_figures(results, scope, folder, caption)
+        (folder / PAGE).write_text(document(results, scope, caption, drawn=True), encoding="utf-8")
+
+    table = plain_table("asked for", "limit", "found", "", right=False, caption=caption)
+    for one in targets(results):
+        table.add_row(one.what, one.asked, one.found, MET[one.met].strip("*"))
+    return StudyResult(content, table, draw)
 
 
 def _measured(
@@ -119,12 +102,3 @@ def _costs(given: Sequence[NamedTrace], scope: AdaptiveScope) -> list[CostRow]:
     sources = recordings(given, scope) + scenes(scope, NOISE_N, [seed for seed in scope.seeds if seed == 2])
     signals = [source.signal().middle(scope.cost_ticks) for source in sources if source.key.half == "reported"]
     return [cost(variant, signals) for variant in (HYBRID, ADAPTIVE)]
-
-
-def _table(results: AdaptiveResults, caption: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=caption, caption_justify="left")
-    for name in ("asked for", "limit", "found", ""):
-        table.add_column(name)
-    for one in targets(results):
-        table.add_row(one.what, one.asked, one.found, MET[one.met].strip("*"))
-    return table

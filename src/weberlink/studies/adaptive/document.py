@@ -61,8 +61,8 @@ error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({PREDICTORS["trend
 `codec/predictors/trend.py`: least squares of the mean of the next 20
 samples, and of the line through the next 40, on differences of the latest ones, over the recordings of that half
 alone (`studies/adaptive/filters.py` computes them again). The form of the candidates was developed on signals
-of both halves; only these numbers come from one half alone. Neighbours of the constants, on the half that chose
-them:"""
+of both halves; only these numbers come from one half alone, and the packets of the other half were visible
+meanwhile. Neighbours of the constants, on the half that chose them:"""
 
 PACKETS = f"""Ratios of `{ADAPTIVE}`, below 1 where it sends less. The best of four is the best of {", ".join(SINGLES)}
 on each signal by itself, which is known only afterwards; the best of seven is that of {", ".join(ALL_SINGLES)}."""
@@ -131,7 +131,7 @@ def _signals(results: AdaptiveResults, scope: AdaptiveScope) -> Iterator[str]:
     if people["chosen"] and set(people["chosen"]) <= CHOSEN_RECORDINGS:
         yield RECORDED
     yield f"""Scenes: {", ".join(scope.scenes)}. Each was explored for {scope.duration_s:g} s by a modelled hand
-(`studies/evaluate/scenes/`), with 2 mN rms of sensor noise on each axis unless stated otherwise; a seed is another
+(`studies/evaluate/scenes.py`), with 2 mN rms of sensor noise on each axis unless stated otherwise; a seed is another
 motion.
 """
     yield f"- Parameters were chosen on: {_listed(people['chosen'])}, and scene seed 1."

@@ -63,7 +63,7 @@ def _regressed(signals: list[Array], targets: Array) -> list[Filter]:
 
 
 def _rows(force: Array, targets: Array) -> tuple[Array, Array]:
-    """Equations of one signal, weighted: differences, shape (m, lags), and what they should say, shape (m, filters)."""
+    """Equations of one signal, weighted: differences, shape (m, lags), and targets, shape (m, filters)."""
     horizon = targets.shape[1]
     ticks = np.arange(BEGIN, len(force) - horizon - 1)
     if not len(ticks):
@@ -71,8 +71,8 @@ def _rows(force: Array, targets: Array) -> tuple[Array, Array]:
     here = force[ticks]
     windows = np.lib.stride_tricks.sliding_window_view(force[1:], horizon, axis=0)[ticks] - here[:, :, None]
     bound = np.maximum(WEBER * np.linalg.norm(here, axis=1), FLOOR_N)
-    told = np.abs(windows).max(axis=(1, 2)) < FARTHEST * bound
-    weight = (told / (bound * np.sqrt(len(force))))[:, None, None]
+    near = np.abs(windows).max(axis=(1, 2)) < FARTHEST * bound
+    weight = (near / (bound * np.sqrt(len(force))))[:, None, None]
     differences = np.stack([here - force[ticks - lag] for lag in LAGS], axis=-1)
     wanted = windows @ targets.T
     return (differences * weight).reshape(-1, len(LAGS)), (wanted * weight).reshape(-1, len(targets))

@@ -78,9 +78,14 @@ def channel_of(
     return force_channel(predictor=predictor, weber=weber, floor=floor, smoothing=smoothing)
 
 
-def altered(alteration: Alteration, weber: float = WEBER, floor: float = FLOOR_N) -> Encoder:
+def altered_channel(alteration: Alteration) -> Channel:
+    """The channel of an altered encoder."""
+    return force_channel(predictor=ADAPTIVE, bank=alteration.bank, weber=WEBER, floor=FLOOR_N)
+
+
+def altered(alteration: Alteration) -> Encoder:
     """An `adaptive` encoder with a part removed or retuned."""
-    channel = force_channel(predictor=ADAPTIVE, bank=alteration.bank, weber=weber, floor=floor)
+    channel = altered_channel(alteration)
     return AlteredEncoder(channel, AlteredChoice(channel, alteration))
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from weberlink.codec import Encoder
+from weberlink.codec import Channel, Encoder
 from weberlink.codec.predictors import ADAPTIVE, HYBRID
 from weberlink.codec.smoothing import Smoothing
 from weberlink.studies.adaptive.coding import CodedSignal, coded, equal_packets
@@ -18,6 +18,7 @@ from weberlink.studies.adaptive.variants import (
     WEBER,
     Alteration,
     altered,
+    altered_channel,
     channel_of,
 )
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
@@ -91,18 +92,20 @@ def smoothed_name(ticks: int, share: float) -> str:
 
 def _rates(piece: Piece) -> list[RateRow]:
     return [
-        _run(piece, variant, Encoder(channel_of(variant, floor=floor)), floor)
+        _run(piece, variant, channel_of(variant, floor=floor), floor)
         for floor in piece.scope.floors_n
         for variant in COMPARED
     ]
 
 
 def _few(piece: Piece) -> list[RateRow]:
-    return [_run(piece, variant, Encoder(channel_of(variant))) for variant in (HYBRID, ADAPTIVE, *SINGLES)]
+    return [_run(piece, variant, channel_of(variant)) for variant in (HYBRID, ADAPTIVE, *SINGLES)]
 
 
 def _altered(alterations: dict[str, Alteration]) -> Callable[[Piece], list[RateRow]]:
-    return lambda piece: [_run(piece, name, altered(each)) for name, each in alterations.items()]
+    return lambda piece: [
+        _run(piece, name, altered_channel(each), encoder=altered(each)) for name, each in alterations.items()
+    ]
 
 
 def _limits(piece: Piece) -> list[RateRow]:
@@ -112,8 +115,10 @@ def _limits(piece: Piece) -> list[RateRow]:
     return [_rate(piece, family, FLOOR_N, packets, 0) for family, packets in fewest.items() if packets is not None]
 
 
-def _run(piece: Piece, variant: str, encoder: Encoder, floor: float = FLOOR_N) -> RateRow:
-    found = coded(piece.signal, encoder)
+def _run(
+    piece: Piece, variant: str, channel: Channel, floor: float = FLOOR_N, encoder: Encoder | None = None
+) -> RateRow:
+    found = coded(piece.signal, channel, encoder)
     return _rate(piece, variant, floor, found.packets, found.outside)
 
 
@@ -148,7 +153,7 @@ def _smoothed(piece: Piece) -> Iterator[MatchRow]:
 
 def _at(signal: Signal, variant: str, weber: float, smoothing: Smoothing | None = None) -> CodedSignal:
     """Code with a Weber factor; the floor shrinks in proportion."""
-    return coded(signal, Encoder(channel_of(variant, weber, FLOOR_N * weber / WEBER, smoothing)))
+    return coded(signal, channel_of(variant, weber, FLOOR_N * weber / WEBER, smoothing))
 
 
 def _match(piece: Piece, variant: str, weber: float, found: CodedSignal) -> MatchRow:

@@ -6,7 +6,7 @@ from math import cos, hypot, pi, sin
 from random import Random
 
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.motion import Leg, minimum_jerk
+from weberlink.master.devices.motion import Leg, StraightLeg, minimum_jerk
 
 Chart = Callable[[Vector], Vector]
 """Maps (u, v, height) to a point [m]: u and v are lengths along a surface; a negative height is the intended depth."""
@@ -19,25 +19,24 @@ BEYOND_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class MinimumJerkLeg:
-    """From one place of the chart to another by minimum jerk; the same place twice is a rest."""
+class ChartLeg:
+    """A leg in the coordinates of a chart."""
 
     chart: Chart
-    start: Vector
-    end: Vector
-    duration: float
+    leg: Leg
+
+    @property
+    def duration(self) -> float:
+        return self.leg.duration
 
     def at(self, share: float) -> Vector:
-        s = minimum_jerk(share)
-        a, b = self.start, self.end
-        return self.chart((a[0] + s * (b[0] - a[0]), a[1] + s * (b[1] - a[1]), a[2] + s * (b[2] - a[2])))
+        return self.chart(self.leg.at(share))
 
 
 @dataclass(frozen=True, slots=True)
 class LoopLeg:
     """Whole turns around `center` (u, v), from `start` to `start`."""
 
-    chart: Chart
     start: Vector
     center: tuple[float, float]
     turns: int
@@ -48,7 +47,7 @@ class LoopLeg:
         u, v, above = self.start
         c, s = cos(angle), sin(angle)
         x, y = u - self.center[0], v - self.center[1]
-        return self.chart((self.center[0] + c * x - s * y, self.center[1] + s * x + c * y, above))
+        return (self.center[0] + c * x - s * y, self.center[1] + s * x + c * y, above)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,19 +73,19 @@ def home(surface: ExploredSurface) -> Vector:
 
 
 def exploration(surface: ExploredSurface, duration_s: float, random: Random) -> list[Leg]:
-    """Legs from `home` on, for `duration_s` and `BEYOND_S` more."""
+    """Legs from `home` on, for `duration_s` and `BEYOND_S` more; each begins where the last one ends."""
     explorer = Explorer(surface, random)
     legs: list[Leg] = []
     elapsed = 0.0
     while elapsed < duration_s + BEYOND_S:
         for leg in explorer.episode():
-            legs.append(leg)
+            legs.append(ChartLeg(surface.chart, leg))
             elapsed += leg.duration
     return legs
 
 
 class Explorer:
-    """Draws random episodes; each begins where the last one ended."""
+    """Draws random episodes of legs in (u, v, height)."""
 
     def __init__(self, surface: ExploredSurface, random: Random) -> None:
         self._surface = surface
@@ -116,7 +115,7 @@ class Explorer:
         size = hypot(u, v)
         away = (cos(angle), sin(angle)) if size < radius else (-u / size, -v / size)
         center = (u + radius * away[0], v + radius * away[1])
-        yield LoopLeg(self._surface.chart, self._place, center, turns, abs(turns) * self._uniform(0.9, 2.2))
+        yield LoopLeg(self._place, center, turns, abs(turns) * self._uniform(0.9, 2.2))
 
     def _taps(self) -> Iterator[Leg]:
         u, v = self._spot()
@@ -143,7 +142,7 @@ class Explorer:
             yield self._to((*self._spot(), self._uniform(*LIFTED_M)), self._uniform(0.3, 0.7))
 
     def _to(self, place: Vector, duration: float) -> Leg:
-        leg = MinimumJerkLeg(self._surface.chart, self._place, place, duration)
+        leg = StraightLeg(self._place, place, duration)
         self._place = place
         return leg
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.codec.predictors import PREDICTORS
-from weberlink.studies.curve_figures import QualityAxis, draw_curves
+from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Observation, curves
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
 from weberlink.studies.moments.figures import draw_force, draw_model
-from weberlink.studies.moments.moments import fits, follow, longest
+from weberlink.studies.moments.moments import CodedTrace, longest
 
 USUAL_WEBER = 0.10
 SHOWN = ("zoh", "linear", "hybrid")
@@ -30,7 +30,7 @@ def draw_study(
     quality = QualityAxis("error, RMS [JND]", better="lower", column="error_rms_jnd")
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
     told = f"A JND is {100 * study.jnd:g} % of the force, at least {study.floor:g} N.\n{caption}"
-    draw_curves(curves(observed), folder, quality=quality, caption=told, title=title, units="traces")
+    CurveFigures(curves(observed), quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
     _draw_moment(study, traces[0], weber, folder / "force", caption)
     _draw_model(study, traces, weber, folder / "model", caption)
@@ -54,22 +54,17 @@ def _flat(row: EvaluationRow) -> dict[str, Any]:
 def _draw_moment(study: EvaluationStudy, trace: NamedTrace, weber: float, stem: Path, caption: str) -> None:
     """A second of the first trace."""
     shown = [name for name in SHOWN if name in study.predictors] or study.predictors[:3]
-    runs = [follow(trace.trace, study.channel(name, weber)) for name in shown]
+    runs = [CodedTrace(trace.trace, study.channel(name, weber)) for name in shown]
     draw_force(runs, stem, title=f"Force over time, {trace.name}, k = {weber:g}", caption=caption)
 
 
 def _draw_model(study: EvaluationStudy, traces: Sequence[NamedTrace], weber: float, stem: Path, caption: str) -> None:
-    """The surface that held longest on the first trace that had one; no figure where there is none."""
-    fitting = [name for name in reversed(study.predictors) if _fits_surfaces(name)]
-    for trace in traces:
-        for name in fitting[:1]:
-            channel = study.channel(name, weber)
-            fit = longest(fits(trace.trace, channel))
-            if fit is not None:
-                title = f"Fitted surface, {trace.name}, {name}, k = {weber:g}"
-                draw_model(trace.trace, channel, fit.newest.tick, stem, title=title, caption=caption)
-                return
-
-
-def _fits_surfaces(predictor: str) -> bool:
-    return predictor not in PREDICTORS or PREDICTORS[predictor].geometric
+    """The surface that was in use longest, on the first trace that has one."""
+    fitting = [name for name in study.predictors if name not in PREDICTORS or PREDICTORS[name].geometric]
+    for trace in traces if fitting else ():
+        run = CodedTrace(trace.trace, study.channel(fitting[-1], weber))
+        fit = longest(run.fits)
+        if fit is not None:
+            title = f"Fitted surface, {trace.name}, {fitting[-1]}, k = {weber:g}"
+            draw_model(run, fit.newest.tick, stem, title=title, caption=caption)
+            return

@@ -3,7 +3,6 @@
 The hand yields to the force it feels, as on a real device, and does not know edges, bumps and motions beforehand.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import cos, hypot, sin
 from random import Random
@@ -136,13 +135,6 @@ SCENES: dict[str, ExploredScene] = {
 
 def scene_names() -> tuple[str, ...]:
     return tuple(SCENES)
-
-
-def scene_signals(
-    seed: int, duration_s: float = 20.0, noise_n: float = 0.0, names: Sequence[str] | None = None
-) -> dict[str, Signal]:
-    """The signals of the scenes `names`, or of all, by name; the other arguments are those of `scene_signal`."""
-    return {name: scene_signal(name, seed, duration_s, noise_n) for name in (scene_names() if names is None else names)}
 
 
 def scene_signal(name: str, seed: int, duration_s: float = 20.0, noise_n: float = 0.0) -> Signal:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from weberlink.codec import Channel, force_channel
-from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
+from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
@@ -107,10 +107,9 @@ class EvaluationStudy:
     ) -> Channel:
         """A force channel for a signal of this period, with the first deadband unless another is named."""
         shape = DEADBANDS[deadband or self.deadbands[0]]
-        defaults = {name: option.default for name, option in shape.options.items()}
         return force_channel(
             predictor=predictor,
-            deadband=shape.configured(weber, self.floor, "actual", period_s, defaults),
+            deadband=shape.configured(DeadbandSetup(weber, self.floor, "actual", period_s, shape.defaults())),
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,

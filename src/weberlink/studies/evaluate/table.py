@@ -30,14 +30,7 @@ _HEADS: dict[str, Callable[[EvaluationRow], str]] = {
 
 
 def table_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer: str) -> Table:
-    """The table.
-
-    Args:
-        rows: at least one.
-        jnd: just noticeable difference, as a share of the force.
-        run_time: of all rows [s].
-        footer: the environment in which they were computed.
-    """
+    """The table of at least one row; the run time is that of all rows [s]."""
     traces = len({row.trace for row in rows})
     averaged = len(rows) > FEW and traces > 1
     shaped = len({row.deadband for row in rows}) > 1

@@ -1,11 +1,11 @@
 """Analysis of the ratings: means with confidence, tests, packets at equal quality. Needs scipy (extra: statistics)."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from weberlink.studies.curves import CurvePoint, Curves, curves
-from weberlink.studies.experiment.answers import Answers
+from weberlink.studies.experiment.answers import StudyRatings
 from weberlink.studies.experiment.statistics import Crossing, Friedman, Saving, SignedRank, against, friedman, savings
 
 SEED = 0
@@ -18,60 +18,28 @@ TESTED_AGAINST = "zoh"
 
 
 @dataclass(frozen=True)
-class RankTests:
-    """Rank tests of the ratings.
+class Analysis:
+    """An analysed study.
 
     Args:
-        predictors: over each subject's means over Weber factors.
-        webers: over each subject's means over predictors.
-        against: each other predictor against `TESTED_AGAINST`.
+        answers: of all complete subjects.
+        curves: mean ratings and packet rates.
+        by_predictor: test over each subject's means over Weber factors.
+        by_weber: test over each subject's means over predictors.
+        against: tests of each other predictor against `TESTED_AGAINST`.
+        level: of the scale, at which packets are compared.
+        crossings: packet rate at the level, by predictor.
+        savings: packets saved at the level, by base of the comparison and predictor.
     """
 
-    predictors: Friedman
-    webers: Friedman
+    answers: StudyRatings
+    curves: Curves
+    by_predictor: Friedman
+    by_weber: Friedman
     against: Sequence[SignedRank]
-
-    def as_json(self) -> dict[str, Any]:
-        return {
-            "friedman_predictors": self.predictors.as_json(),
-            "friedman_webers": self.webers.as_json(),
-            f"signed_rank_against_{TESTED_AGAINST}": [test.as_json() for test in self.against],
-        }
-
-
-@dataclass(frozen=True)
-class Savings:
-    """Packets at a level of the scale.
-
-    Args:
-        level: of the scale.
-        crossings: by predictor.
-        against: by the base of the comparison, then by predictor.
-    """
-
     level: float
     crossings: Mapping[str, Crossing]
-    against: Mapping[str, Mapping[str, Saving]]
-
-    def as_json(self) -> dict[str, Any]:
-        return {
-            "level": self.level,
-            "predictors": [
-                {"predictor": name, "reach": crossing.reach.value, "packets_per_s": crossing.packets_per_s}
-                | {f"fewer_than_{base}": by_name[name].as_json() for base, by_name in self.against.items()}
-                for name, crossing in self.crossings.items()
-            ],
-        }
-
-
-@dataclass(frozen=True)
-class Analysis:
-    """An analysed study."""
-
-    answers: Answers
-    curves: Curves
-    tests: RankTests
-    savings: Savings
+    savings: Mapping[str, Mapping[str, Saving]]
 
     @property
     def mark(self) -> str | None:
@@ -96,41 +64,44 @@ class Analysis:
             "wording": dict(answers.plan.wording),
             "configuration_digest": answers.plan.digest,
             "rows": [_row(point) for points in self.curves.values() for point in points],
-            "tests": self.tests.as_json(),
-            "savings": self.savings.as_json(),
+            "tests": {
+                "friedman_predictors": asdict(self.by_predictor),
+                "friedman_webers": asdict(self.by_weber),
+                f"signed_rank_against_{TESTED_AGAINST}": [asdict(test) for test in self.against],
+            },
+            "savings": {
+                "level": self.level,
+                "predictors": [
+                    {"predictor": name, "reach": crossing.reach.value, "packets_per_s": crossing.packets_per_s}
+                    | {f"fewer_than_{base}": asdict(by_name[name]) for base, by_name in self.savings.items()}
+                    for name, crossing in self.crossings.items()
+                ],
+            },
             "seed": SEED,
         }
 
 
-def analyse(answers: Answers, level: float) -> Analysis:
-    """Analyse the ratings.
-
-    Args:
-        answers: of all complete subjects.
-        level: rating at which packets are compared.
-    """
-    found = curves(answers.observations, seed=SEED)
-    return Analysis(answers, found, _tests(answers), _all_savings(answers, level))
-
-
-def _tests(answers: Answers) -> RankTests:
-    ratings = answers.ratings()
+def analyse(answers: StudyRatings, level: float) -> Analysis:
+    """Analyse the ratings of all complete subjects; packets are compared at `level` of the scale."""
+    rates, ratings, names = answers.packet_rates(), answers.ratings(), answers.predictors
     over_webers = ratings.mean(axis=2)
-    by_predictor = dict(zip(answers.predictors, over_webers.T, strict=True))
-    base = by_predictor.pop(TESTED_AGAINST)
-    return RankTests(friedman(over_webers), friedman(ratings.mean(axis=1)), against(base, by_predictor))
-
-
-def _all_savings(answers: Answers, level: float) -> Savings:
-    rates, ratings = answers.packet_rates(), answers.ratings()
-    names = answers.predictors
+    means = dict(zip(names, over_webers.T, strict=True))
+    base_means = means.pop(TESTED_AGAINST)
     crossings: dict[str, Crossing] = {}
-    by_base: dict[str, dict[str, Saving]] = {}
+    saved: dict[str, dict[str, Saving]] = {}
     for base in BASES:
-        found, saved = savings(rates, ratings, level, names.index(base), seed=SEED)
-        crossings = dict(zip(names, found, strict=True))
-        by_base[base] = dict(zip(names, saved, strict=True))
-    return Savings(level, crossings, by_base)
+        found, shares = savings(rates, ratings, level, names.index(base), seed=SEED)
+        crossings, saved[base] = dict(zip(names, found, strict=True)), dict(zip(names, shares, strict=True))
+    return Analysis(
+        answers,
+        curves(answers.observations, seed=SEED),
+        friedman(over_webers),
+        friedman(ratings.mean(axis=1)),
+        against(base_means, means),
+        level,
+        crossings,
+        saved,
+    )
 
 
 def _row(point: CurvePoint) -> dict[str, Any]:

@@ -20,7 +20,7 @@ FIGURES = ("packets_per_s", "reduction", "error_rms", "violation_fraction")
 
 
 @dataclass(frozen=True)
-class Answer:
+class TrialRating:
     """One rated trial."""
 
     subject: int
@@ -32,7 +32,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Answers:
+class StudyRatings:
     """Answers of all subjects who have rated every trial.
 
     Args:
@@ -43,7 +43,7 @@ class Answers:
     """
 
     plan: TrialPlan
-    answers: Sequence[Answer]
+    answers: Sequence[TrialRating]
     incomplete: Mapping[int, int]
 
     @property
@@ -110,7 +110,7 @@ class Answers:
                     ]
                 )
 
-    def _table(self, value: Callable[[Answer], float]) -> NDArray[np.float64]:
+    def _table(self, value: Callable[[TrialRating], float]) -> NDArray[np.float64]:
         table = np.full((len(self.subjects), len(self.predictors), len(self.webers)), np.nan)
         for answer in self.answers:
             place = (
@@ -122,7 +122,7 @@ class Answers:
         return table
 
 
-def gather(folder: Path, whose: Whose | None) -> Answers:
+def gather(folder: Path, whose: Whose | None) -> StudyRatings:
     """The answers in a folder.
 
     Args:
@@ -148,7 +148,7 @@ def gather(folder: Path, whose: Whose | None) -> Answers:
     first, *others = complete
     for other in others:
         _check_alike(folder, whose, complete[first].plan, complete[other].plan)
-    return Answers(
+    return StudyRatings(
         plan=complete[first].plan,
         answers=[answer for subject, progress in complete.items() for answer in _answers(subject, progress)],
         incomplete={
@@ -192,9 +192,9 @@ def _check_alike(folder: Path, whose: Whose, one: TrialPlan, other: TrialPlan) -
             raise LedgerError(f"{paths[1]}: has {what} than {paths[0]}; put each study into a folder of its own")
 
 
-def _answers(subject: int, progress: SubjectProgress) -> list[Answer]:
+def _answers(subject: int, progress: SubjectProgress) -> list[TrialRating]:
     return [
-        Answer(
+        TrialRating(
             subject,
             number,
             int(event.get("attempt", 1)),

@@ -19,7 +19,7 @@ TRIAL_S = 10.0
 BREAK_EVERY = 10
 """Trials between two breaks."""
 VERSION = 1
-"""Of the plan and of the ledger that it opens."""
+"""Version of the plan and of its ledger."""
 
 
 @dataclass(frozen=True)

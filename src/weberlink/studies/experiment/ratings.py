@@ -3,54 +3,26 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.table import Table
 from rich.text import Text
 
 from weberlink.studies.experiment.analysis import EXPLANATION, MARK, SEED, TESTED_AGAINST, Analysis, analyse
-from weberlink.studies.experiment.answers import Whose, gather
+from weberlink.studies.experiment.answers import StudyRatings, Whose, gather
 from weberlink.studies.experiment.ledger import LedgerError
 from weberlink.studies.experiment.plan import HIGHEST, LOWEST
 from weberlink.studies.experiment.statistics import Crossing, Reach, Saving
+from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
 
 
 @dataclass(frozen=True)
-class Ratings:
-    """An analysed study with its document, table and figures."""
+class Ratings(StudyResult):
+    """An analysed study, whose ratings can be written as CSV."""
 
-    analysis: Analysis
-    facts: dict[str, Any]
-
-    @property
-    def document(self) -> dict[str, Any]:
-        return self.analysis.document | {"environment": self.facts}
-
-    @property
-    def table(self) -> Table:
-        return table_of(self.analysis, footer(self.facts, SEED))
-
-    def draw(self, folder: Path) -> None:
-        """Write the three figures of the paper, and their points as CSV.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
-        from weberlink.studies.curve_figures import QualityAxis, draw_curves  # noqa: PLC0415 - slow import
-
-        folder.mkdir(parents=True, exist_ok=True)
-        draw_curves(
-            self.analysis.curves,
-            folder,
-            quality=QualityAxis(label="rating", better="higher", limits=(LOWEST, HIGHEST), column="rating"),
-            caption=footer(self.facts, SEED),
-            title=self.analysis.who,
-            mark=self.analysis.mark,
-            units="simulated subjects" if self.analysis.mark else "subjects",
-        )
+    answers: StudyRatings
 
     def write_csv(self, path: Path) -> None:
         """Write every rating as a table.
@@ -58,7 +30,7 @@ class Ratings:
         Raises:
             OSError: if the file cannot be written.
         """
-        self.analysis.answers.write_csv(path)
+        self.answers.write_csv(path)
 
 
 def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings:
@@ -82,7 +54,23 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
         answers = gather(folder, _whose(only))
     except LedgerError as error:
         raise ConfigurationError(str(error)) from None
-    return Ratings(analyse(answers, level), environment())
+    analysis, facts = analyse(answers, level), environment()
+    caption = footer(facts, SEED)
+
+    def draw(folder: Path) -> None:
+        from weberlink.studies.curve_figures import CurveFigures, QualityAxis  # noqa: PLC0415 - slow import
+
+        folder.mkdir(parents=True, exist_ok=True)
+        CurveFigures(
+            analysis.curves,
+            quality=QualityAxis(label="rating", better="higher", limits=(LOWEST, HIGHEST), column="rating"),
+            caption=caption,
+            title=analysis.who,
+            mark=analysis.mark,
+            units="simulated subjects" if analysis.mark else "subjects",
+        ).write(folder)
+
+    return Ratings(analysis.document | {"environment": facts}, table_of(analysis, caption), draw, answers)
 
 
 def _whose(only: str | None) -> Whose | None:
@@ -108,9 +96,9 @@ def table_of(analysis: Analysis, caption: str) -> Table:
     whole.add_row("")
     for line in _test_lines(analysis):
         whole.add_row(line)
-    if any(test.p is not None for test in analysis.tests.against):
+    if any(test.p is not None for test in analysis.against):
         whole.add_row(_signed_ranks(analysis))
-    whole.add_row(Text(f"\npackets per second at a mean rating of {analysis.savings.level:g}", style="bold"))
+    whole.add_row(Text(f"\npackets per second at a mean rating of {analysis.level:g}", style="bold"))
     whole.add_row(_savings(analysis))
     whole.add_row("")
     whole.add_row(Text(caption, style="dim"))
@@ -126,10 +114,7 @@ def _subjects(analysis: Analysis) -> str:
 
 
 def _over_webers(analysis: Analysis) -> Table:
-    table = _table("predictor")
-    for weber in analysis.answers.webers:
-        table.add_column(f"k {100 * weber:g} %", justify="right", no_wrap=True)
-    return table
+    return plain_table("predictor", *(f"k {100 * weber:g} %" for weber in analysis.answers.webers))
 
 
 def _ratings(analysis: Analysis) -> Table:
@@ -151,7 +136,7 @@ def _rates(analysis: Analysis) -> Table:
 
 
 def _test_lines(analysis: Analysis) -> Iterator[str]:
-    for name, test in (("predictors", analysis.tests.predictors), ("Weber factors", analysis.tests.webers)):
+    for name, test in (("predictors", analysis.by_predictor), ("Weber factors", analysis.by_weber)):
         if test.chi_squared is None or test.p is None or test.kendalls_w is None:
             yield f"{name}, Friedman: {test.remark}"
             continue
@@ -162,10 +147,8 @@ def _test_lines(analysis: Analysis) -> Iterator[str]:
 
 
 def _signed_ranks(analysis: Analysis) -> Table:
-    table = _table(f"against {TESTED_AGAINST}, Wilcoxon")
-    for name in ("median difference", "W", "p", "p, Holm"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for test in analysis.tests.against:
+    table = plain_table(f"against {TESTED_AGAINST}, Wilcoxon", "median difference", "W", "p", "p, Holm")
+    for test in analysis.against:
         if test.w is not None and test.p is not None and test.p_holm is not None:
             difference = f"{test.median_difference:+.2f}"
             table.add_row(test.name, difference, f"{test.w:g}", _p(test.p), _p(test.p_holm))
@@ -173,23 +156,15 @@ def _signed_ranks(analysis: Analysis) -> Table:
 
 
 def _savings(analysis: Analysis) -> Table:
-    table = _table("predictor")
-    for name in ("packets/s", *(f"fewer than {base}" for base in analysis.savings.against)):
-        table.add_column(name, justify="right", no_wrap=True)
-    for predictor, crossing in analysis.savings.crossings.items():
-        shares = [_share(by_name[predictor]) for by_name in analysis.savings.against.values()]
-        own = [predictor == base for base in analysis.savings.against]
+    table = plain_table("predictor", "packets/s", *(f"fewer than {base}" for base in analysis.savings))
+    for predictor, crossing in analysis.crossings.items():
+        shares = [_share(by_name[predictor]) for by_name in analysis.savings.values()]
+        own = [predictor == base for base in analysis.savings]
         table.add_row(
             predictor,
             _rate(crossing),
             *("" if mine else share for mine, share in zip(own, shares, strict=True)),
         )
-    return table
-
-
-def _table(first: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(first, no_wrap=True)
     return table
 
 

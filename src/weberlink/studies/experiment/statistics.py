@@ -4,9 +4,8 @@ Needs scipy (extra: statistics) for the tests.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import Enum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +42,6 @@ class Friedman:
     kendalls_w: float | None
     remark: str | None
 
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class SignedRank:
@@ -65,9 +61,6 @@ class SignedRank:
     p: float | None
     p_holm: float | None
 
-    def as_json(self) -> dict[str, Any]:
-        return asdict(self)
-
 
 def friedman(table: Table) -> Friedman:
     """Friedman's test, corrected for ties.
@@ -76,8 +69,9 @@ def friedman(table: Table) -> Friedman:
         table: shape (subjects, levels), at least 3 levels.
     """
     subjects, levels = table.shape
-    if not _enough(subjects):
-        return Friedman(subjects, None, levels - 1, None, None, too_few(subjects))
+    if subjects < LEAST_SUBJECTS:
+        few = f"too few subjects for a test: {subjects}, needs {LEAST_SUBJECTS}"
+        return Friedman(subjects, None, levels - 1, None, None, few)
     if np.all(table == table[:, :1]):
         return Friedman(subjects, None, levels - 1, None, 0.0, "every subject rated all levels alike")
     from scipy import stats  # noqa: PLC0415 - an extra
@@ -118,19 +112,11 @@ def holm(ps: Sequence[float | None]) -> list[float | None]:
     return corrected
 
 
-def too_few(subjects: int) -> str:
-    return f"too few subjects for a test: {subjects}, needs {LEAST_SUBJECTS}"
-
-
-def _enough(subjects: int) -> bool:
-    return subjects >= LEAST_SUBJECTS
-
-
 def _signed_rank(base: Table, values: Table) -> tuple[float, float | None, float | None]:
     # Ratings are means of integers: smaller differences are rounding.
     differences = np.round(values - base, 9)
     median = float(np.median(differences))
-    if not _enough(len(differences)):
+    if len(differences) < LEAST_SUBJECTS:
         return median, None, None
     if not np.any(differences):
         return median, 0.0, 1.0
@@ -173,9 +159,6 @@ class Saving:
     low: float | None
     high: float | None
     at_least: bool
-
-    def as_json(self) -> dict[str, Any]:
-        return {"share": self.share, "low": self.low, "high": self.high, "at_least": self.at_least}
 
 
 def crossing(rates: Sequence[float] | Table, ratings: Sequence[float] | Table, level: float) -> Crossing:

@@ -17,10 +17,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from weberlink.codec import Channel
-from weberlink.master.trace import Trace
 from weberlink.slave.scenes.scene import Scene
-from weberlink.studies.moments.moments import CodedTrace, TickWindow, interesting_window, model_at
+from weberlink.studies.moments.moments import CodedTrace, TickWindow, interesting_window
 from weberlink.studies.moments.portrait import Portrait, portrait
 from weberlink.studies.sheet import SENT, beside, dot, footer_cm, key, looks, save, sheet
 
@@ -55,20 +53,13 @@ def draw_force(
         for run in runs:
             _, (actual, predicted, displayed) = quantity(run, window)
             for place, tick in enumerate(range(*window)):
-                numbers = [run.time_s[tick], actual[place], predicted[place], displayed[place], run.bound_n[tick]]
+                numbers = [run.trace.time_s[tick], actual[place], predicted[place], displayed[place], run.bound_n[tick]]
                 row = [*(f"{number:.9g}" for number in numbers), int(run.sent[tick]), run.bank[run.selected[tick]]]
                 writer.writerow([run.predictor, *row])
 
 
 def force_figure(runs: Sequence[CodedTrace], window: TickWindow, title: str, caption: str) -> Figure:
-    """Force over time, actual and displayed, one panel for each run.
-
-    Args:
-        runs: of one trace, at least one.
-        window: the ticks that are drawn.
-        title: of the figure.
-        caption: the environment.
-    """
+    """Actual and displayed force over time, one panel for each run; at least one run, all of one trace."""
     if any(quantity(run, window)[0] == MAGNITUDE for run in runs):
         caption = f"{BALL}\n{caption}"
     figure = sheet(PANEL_CM * len(runs) + 2.2, title, caption)
@@ -86,9 +77,9 @@ def quantity(run: CodedTrace, window: TickWindow) -> tuple[str, tuple[Array, Arr
     The axis with nearly all of the force, with its sign; else the magnitude.
     """
     drawn = slice(*window)
-    energies = (run.force_n**2).sum(axis=0)
+    energies = (run.trace.force_n**2).sum(axis=0)
     axis = int(np.argmax(energies))
-    forces = run.force_n[drawn], run.predicted_n[drawn], run.displayed_n[drawn]
+    forces = run.trace.force_n[drawn], run.predicted_n[drawn], run.displayed_n[drawn]
     if energies[axis] >= ONE_AXIS * energies.sum():
         return f"force along {'xyz'[axis]} [N]", (forces[0][:, axis], forces[1][:, axis], forces[2][:, axis])
     actual, predicted, displayed = (np.linalg.norm(force, axis=1) for force in forces)
@@ -96,30 +87,24 @@ def quantity(run: CodedTrace, window: TickWindow) -> tuple[str, tuple[Array, Arr
 
 
 def draw_model(
-    trace: Trace, channel: Channel, tick: int, path_stem: Path, scene: Scene | None = None, *, title: str, caption: str
+    run: CodedTrace, tick: int, path_stem: Path, scene: Scene | None = None, *, title: str, caption: str
 ) -> None:
     """Write the model in use at a tick as PNG and SVG, and its numbers and parameters as CSV.
 
     Args:
-        trace: a signal.
-        channel: codes it.
-        tick: at which a model with a surface must be in use.
-        path_stem: of the files .png, .svg, .csv and _parameters.csv.
         scene: in which the trace was made, in its frame; None if unknown.
-        title: of the figure.
-        caption: the environment.
 
     Raises:
         ValueError: there is no model at the tick, or one without a surface.
     """
-    drawn = portrait(trace, model_at(trace, channel, tick), tick, scene)
+    drawn = portrait(run.trace, run.fit_at(tick), tick, scene)
     save(model_figure(drawn, title, caption), path_stem)
     drawn.write_csv(beside(path_stem, ".csv"), beside(path_stem, "_parameters.csv"))
 
 
 def _draw_run(axes: Any, run: CodedTrace, window: TickWindow) -> None:
     drawn = slice(*window)
-    time, bound, sent = run.time_s[drawn], run.bound_n[drawn], run.sent[drawn]
+    time, bound, sent = run.trace.time_s[drawn], run.bound_n[drawn], run.sent[drawn]
     label, (actual, predicted, displayed) = quantity(run, window)
     axes.fill_between(time, actual - bound, actual + bound, color="0.82", linewidth=0.0, label="deadband")
     axes.plot(time, actual, color="black", linewidth=0.9, label="actual")
@@ -142,7 +127,7 @@ def _draw_run(axes: Any, run: CodedTrace, window: TickWindow) -> None:
     axes.set_ylabel(label)
     axes.set_xlim(time[0], time[-1])
     axes.grid(alpha=0.3, linewidth=0.6)
-    length = len(time) * float(np.median(np.diff(run.time_s)))
+    length = len(time) * float(np.median(np.diff(run.trace.time_s)))
     axes.set_title(f"{run.predictor}: {sent.sum()} sends in {length:g} s", loc="left", fontsize=9.5, fontweight="bold")
 
 

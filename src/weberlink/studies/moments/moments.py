@@ -1,7 +1,7 @@
 """One signal through the codec tick by tick: displayed forces, sends, models in use, and a window worth drawing."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,42 +23,6 @@ CONTACT_TIME = 0.75
 FEWEST_SENDS = 3
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class CodedTrace:
-    """A signal and what the decoder displayed of it on a lossless link; n ticks.
-
-    Args:
-        bank: names of the predictors, in the order of selectors.
-        time_s: shape (n,).
-        force_n: measured, shape (n, 3).
-        displayed_n: decoded, after the update of the tick if there was one, shape (n, 3).
-        predicted_n: decoded, before any update of the tick, shape (n, 3).
-        position_m: shape (n, 3).
-        bound_n: radius of the deadband about the measured force, shape (n,).
-        sent: whether an update was sent, shape (n,).
-        selected: index in `bank` of the predictor in use, after the update of the tick, shape (n,).
-    """
-
-    bank: tuple[str, ...]
-    time_s: Array
-    force_n: Array
-    displayed_n: Array
-    predicted_n: Array
-    position_m: Array
-    bound_n: Array
-    sent: NDArray[np.bool_]
-    selected: NDArray[np.int64]
-    adaptive: bool = False
-
-    @property
-    def predictor(self) -> str:
-        return self.bank[0] if len(self.bank) == 1 else ADAPTIVE if self.adaptive else HYBRID
-
-    @property
-    def packets(self) -> int:
-        return int(self.sent.sum())
 
 
 class ModelFit(NamedTuple):
@@ -89,55 +53,64 @@ class TickWindow(NamedTuple):
     until: int
 
 
-def follow(trace: Trace, channel: Channel) -> CodedTrace:
-    """Run a trace through a fresh encoder and decoder of `channel`, sample by sample as in a daemon."""
-    ticks = list(code(channel, signal_of(trace).samples))
-    return CodedTrace(
-        bank=channel.bank,
-        time_s=trace.time_s,
-        force_n=trace.force_n,
-        displayed_n=np.array([tick.displayed for tick in ticks]),
-        predicted_n=np.array([tick.predicted for tick in ticks]),
-        position_m=trace.position_m,
-        bound_n=np.array([tick.bound for tick in ticks]),
-        sent=np.array([tick.update is not None for tick in ticks]),
-        selected=np.array([tick.selected for tick in ticks]),
-        adaptive=channel.adaptive,
-    )
+class CodedTrace:
+    """A trace coded by a fresh encoder and decoder on a lossless link, sample by sample as in a daemon; n ticks.
 
-
-def fits(trace: Trace, channel: Channel) -> list[ModelFit]:
-    """All models of a run, in order of time."""
-    found: list[ModelFit] = []
-    for tick in code(channel, signal_of(trace).samples):
-        update = tick.update
-        if update is None:
-            continue
-        if found:
-            found[-1] = found[-1]._replace(until=update.tick)
-        assert tick.model is not None
-        payload, grid = update.payload, channel.grid
-        previous = None
-        if isinstance(payload, PreviousSample):
-            previous = grid.sample(update.tick - payload.gap, payload.levels)
-        newest = grid.sample(update.tick, update.newest)
-        found.append(ModelFit(channel.bank[update.selector], tick.model, newest, previous, len(trace.time_s)))
-    return found
-
-
-def model_at(trace: Trace, channel: Channel, tick: int) -> ModelFit:
-    """The model in use at a tick, after the update of that tick if there was one.
-
-    Raises:
-        ValueError: nothing was sent before, or the trace has no such tick.
+    Attributes:
+        displayed_n: decoded force, after the update of the tick if there was one, shape (n, 3).
+        predicted_n: decoded force, before any update of the tick, shape (n, 3).
+        bound_n: radius of the deadband about the measured force, shape (n,).
+        sent: whether an update was sent, shape (n,).
+        selected: index in the bank of the predictor in use, after the update of the tick, shape (n,).
     """
-    count = len(trace.time_s)
-    if not 0 <= tick < count:
-        raise ValueError(f"tick {tick}: expected 0 to {count - 1}")
-    for fit in fits(trace, channel):
-        if fit.newest.tick <= tick < fit.until:
-            return fit
-    raise ValueError(f"tick {tick}: no model yet; nothing had been sent by then")
+
+    def __init__(self, trace: Trace, channel: Channel) -> None:
+        self.trace, self.channel = trace, channel
+        self._ticks = list(code(channel, signal_of(trace).samples))
+        self.displayed_n: Array = np.array([tick.displayed for tick in self._ticks])
+        self.predicted_n: Array = np.array([tick.predicted for tick in self._ticks])
+        self.bound_n: Array = np.array([tick.bound for tick in self._ticks])
+        self.sent = np.array([tick.update is not None for tick in self._ticks])
+        self.selected = np.array([tick.selected for tick in self._ticks])
+
+    @property
+    def bank(self) -> tuple[str, ...]:
+        return self.channel.bank
+
+    @property
+    def predictor(self) -> str:
+        return self.bank[0] if len(self.bank) == 1 else ADAPTIVE if self.channel.adaptive else HYBRID
+
+    @cached_property
+    def fits(self) -> list[ModelFit]:
+        """All models in order of time."""
+        found: list[ModelFit] = []
+        for tick in self._ticks:
+            if tick.update is None:
+                continue
+            assert tick.model is not None
+            update, payload, grid = tick.update, tick.update.payload, self.channel.grid
+            previous = None
+            if isinstance(payload, PreviousSample):
+                previous = grid.sample(update.tick - payload.gap, payload.levels)
+            if found:
+                found[-1] = found[-1]._replace(until=update.tick)
+            newest = grid.sample(update.tick, update.newest)
+            found.append(ModelFit(self.bank[update.selector], tick.model, newest, previous, len(self._ticks)))
+        return found
+
+    def fit_at(self, tick: int) -> ModelFit:
+        """The model in use at a tick, after the update of that tick if there was one.
+
+        Raises:
+            ValueError: nothing was sent before, or the trace has no such tick.
+        """
+        if not 0 <= tick < len(self._ticks):
+            raise ValueError(f"tick {tick}: expected 0 to {len(self._ticks) - 1}")
+        for fit in self.fits:
+            if fit.newest.tick <= tick < fit.until:
+                return fit
+        raise ValueError(f"tick {tick}: no model yet; nothing had been sent by then")
 
 
 def with_surface(candidates: Iterable[ModelFit], kind: ModelKind | None = None) -> list[ModelFit]:
@@ -169,9 +142,9 @@ def interesting_window(coded: CodedTrace, seconds: float) -> TickWindow:
     """
     if not seconds > 0.0:
         raise ValueError(f"seconds: expected more than 0, got {seconds!r}")
-    count = len(coded.time_s)
-    length = min(count, max(1, round(seconds / float(np.median(np.diff(coded.time_s))))))
-    force = np.linalg.norm(coded.force_n, axis=1)
+    count = len(coded.trace.time_s)
+    length = min(count, max(1, round(seconds / float(np.median(np.diff(coded.trace.time_s))))))
+    force = np.linalg.norm(coded.trace.force_n, axis=1)
     windows = np.lib.stride_tricks.sliding_window_view(force, length)
     contact = _sums(force > CONTACT_SHARE * force.max(), length)
     sends = _sums(coded.sent, length)

@@ -124,13 +124,7 @@ class Portrait:
 
 
 def portrait(trace: Trace, fit: ModelFit, tick: int, scene: Scene | None) -> Portrait:
-    """Gather what is shown of a fit.
-
-    Args:
-        trace: that was coded.
-        fit: in use at `tick`.
-        tick: the moment.
-        scene: in which the trace was made, in its frame; None if unknown.
+    """Gather what is shown of a fit that is in use at `tick`.
 
     Raises:
         ValueError: the model has no surface.

@@ -59,13 +59,7 @@ MOMENTS = {
 
 
 def document(conditions: Sequence[PaperCondition], caption: str, moments: Sequence[str] | None) -> str:
-    """The whole page.
-
-    Args:
-        conditions: those without observations are reported as not measured.
-        caption: the environment of the measurement.
-        moments: which of `MOMENTS` were drawn; None without any figures.
-    """
+    """The whole page; `moments` are those of `MOMENTS` that were drawn, None without any figures."""
     return "\n".join(_lines(conditions, caption, moments)) + "\n"
 
 

@@ -10,10 +10,10 @@ from weberlink.codec import Channel
 from weberlink.codec.predictors.model import ModelKind
 from weberlink.master.trace import Trace
 from weberlink.slave.scenes.scene import Scene
-from weberlink.studies.curve_figures import QualityAxis, draw_curves
+from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import curves
 from weberlink.studies.moments.figures import draw_force, draw_model
-from weberlink.studies.moments.moments import ModelFit, fits, follow, with_surface
+from weberlink.studies.moments.moments import CodedTrace, ModelFit, with_surface
 from weberlink.studies.paper.document import PaperCondition
 
 QUALITY = QualityAxis("force error, RMS [JND]", better="lower", column="error_rms_jnd")
@@ -30,20 +30,13 @@ def draw_conditions(conditions: Sequence[PaperCondition], folder: Path, caption:
             place = folder / condition.key
             place.mkdir(exist_ok=True)
             found = curves(condition.observations)
-            draw_curves(found, place, quality=QUALITY, caption=caption, title=condition.title, units="signals")
+            CurveFigures(found, QUALITY, caption, condition.title, units="signals").write(place)
 
 
 def draw_moments(
     trace: Trace, scene: Scene | None, channel: Callable[[str], Channel], folder: Path, caption: str
 ) -> list[str]:
-    """Write Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`) of one signal.
-
-    Args:
-        trace: the signal.
-        scene: in which it was made.
-        channel: returns the channel of a predictor.
-        folder: must exist.
-        caption: the environment.
+    """Write Figs. 2 and 3 (`force`), and 6 (`plane`, `sphere`) of one signal into an existing folder.
 
     Returns:
         Names of the figures: a signal may have no plane, or no sphere.
@@ -51,16 +44,16 @@ def draw_moments(
     Raises:
         OSError: a file cannot be written.
     """
-    runs = [follow(trace, channel(name)) for name in ("zoh", "linear")]
+    runs = [CodedTrace(trace, channel(name)) for name in ("zoh", "linear")]
     draw_force(runs, folder / "force", title="Force over time, hold and linear prediction", caption=caption)
     drawn = ["force"]
-    candidates = fits(trace, channel("hybrid"))
+    hybrid = CodedTrace(trace, channel("hybrid"))
     for name, kind in (("plane", ModelKind.PLANE), ("sphere", ModelKind.SPHERE)):
-        touched = _longest_touch(trace, with_surface(candidates, kind))
+        touched = _longest_touch(trace, with_surface(hybrid.fits, kind))
         if len(touched):
             title = f"The {name} that was felt longest, {len(touched)} ticks"
             middle = int(touched[len(touched) // 2])
-            draw_model(trace, channel("hybrid"), middle, folder / name, scene, title=title, caption=caption)
+            draw_model(hybrid, middle, folder / name, scene, title=title, caption=caption)
             drawn.append(name)
     return drawn
 

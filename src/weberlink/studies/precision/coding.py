@@ -5,7 +5,6 @@ after it was sent: the force of the model that had arrived by then, against the 
 latency it is the coding error, which is within the deadband by law.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from statistics import median
@@ -14,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel
+from weberlink.codec import Channel, force_channel
 from weberlink.codec.predictors import HYBRID, FitLimits
-from weberlink.geometry.vector import ZERO, Vector, distance
+from weberlink.codec.replay import code
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.replay import replay, signal_of
 from weberlink.studies.precision.measurement import Point, dominates, front
@@ -163,23 +162,8 @@ def study(
 
 def felt_errors(trace: Trace, channel: Channel, latency_ticks: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Felt error and deadband of each tick [N], each of shape (n,)."""
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    under_way: deque[tuple[int, Update]] = deque()
-    errors: list[float] = []
-    bounds: list[float] = []
-    forces: list[list[float]] = trace.force_n.tolist()
-    positions: list[list[float]] = trace.position_m.tolist()
-    for tick, (f, p) in enumerate(zip(forces, positions, strict=True)):
-        force: Vector = (f[0], f[1], f[2])
-        position: Vector = (p[0], p[1], p[2])
-        update = encoder.encode(tick, force, position)
-        if update is not None:
-            under_way.append((tick + latency_ticks, update))
-        while under_way and under_way[0][0] <= tick:
-            decoder.apply(under_way.popleft()[1])
-        errors.append(distance(decoder.value(tick, position) or ZERO, force))
-        bounds.append(encoder.bound)
-    return np.array(errors), np.array(bounds)
+    ticks = list(code(channel, signal_of(trace).samples, delay_ticks=latency_ticks))
+    return np.array([tick.error for tick in ticks]), np.array([tick.bound for tick in ticks])
 
 
 def _check_range(name: str, trace: Trace, channel: Channel) -> None:

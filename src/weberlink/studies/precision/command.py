@@ -1,7 +1,6 @@
 """The `precision` command: work-precision studies of the integrators and of the codec."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,6 +22,7 @@ from weberlink.studies.precision.study import (
     Recommendation,
     automatic,
 )
+from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.configuration import load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
@@ -37,48 +37,27 @@ GOAL = 1e-3
 MISSING = "-"
 
 
-@dataclass(frozen=True)
-class PrecisionSection:
-    """One study: its part of the document, its table, and a function that draws its figures into a folder."""
-
-    name: str
-    document: Any
-    table: Table
-    draw: Callable[[Path], None]
+Sections = dict[str, StudyResult]
+"""The studies by name."""
 
 
-@dataclass(frozen=True)
-class Precision:
-    """The studies, with their document, table and figures."""
+def combined(sections: Sections, facts: dict[str, Any]) -> StudyResult:
+    """All studies as one result, with the environment `facts`."""
+    whole = Table.grid()
+    for section in sections.values():
+        whole.add_row(section.table)
+        whole.add_row("")
+    whole.add_row(footer(facts))
 
-    sections: list[PrecisionSection]
-    facts: dict[str, Any]
-
-    @property
-    def document(self) -> dict[str, Any]:
-        return {**{section.name: section.document for section in self.sections}, "environment": self.facts}
-
-    @property
-    def table(self) -> Table:
-        whole = Table.grid()
-        for section in self.sections:
-            whole.add_row(section.table)
-            whole.add_row("")
-        whole.add_row(footer(self.facts))
-        return whole
-
-    def draw(self, folder: Path) -> None:
-        """Write the figures.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
-        folder.mkdir(parents=True, exist_ok=True)
-        for section in self.sections:
+    def draw(folder: Path) -> None:
+        for section in sections.values():
             section.draw(folder)
 
+    document = {name: section.document for name, section in sections.items()} | {"environment": facts}
+    return StudyResult(document, whole, draw)
 
-def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Precision:
+
+def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> StudyResult:
     """Measure everything.
 
     Args:
@@ -95,10 +74,11 @@ def run(*, full: bool, plots: bool, progress: Progress = lambda *_: None) -> Pre
     facts = environment()
     caption = footer(facts)
     signal = FULL_SIGNAL_S if full else SIGNAL_S
-    return Precision([integrators(full, caption, progress), codec(SCENES, signal, caption, progress)], facts)
+    sections = {"integrators": integrators(full, caption, progress), "codec": codec(SCENES, signal, caption, progress)}
+    return combined(sections, facts)
 
 
-def integrators(full: bool, caption: str, progress: Progress) -> PrecisionSection:
+def integrators(full: bool, caption: str, progress: Progress) -> StudyResult:
     """The integrators of the simulated robot on problems with known solutions."""
     effort = FULL if full else DEFAULT
     results = study.study(effort, chooser=automatic, progress=progress)
@@ -113,12 +93,12 @@ def integrators(full: bool, caption: str, progress: Progress) -> PrecisionSectio
         "repeats_most": effort.repeats,
         "problems": [result.as_json() for result in results],
     }
-    return PrecisionSection("integrators", document, summary(results), draw)
+    return StudyResult(document, summary(results), draw)
 
 
 def codec(
     scenes: Sequence[str], duration: float, caption: str, progress: Progress, recorded_ticks: int | None = None
-) -> PrecisionSection:
+) -> StudyResult:
     """The predictors of the force channel on the shipped recording and on simulated signals, over Weber factors.
 
     Args:
@@ -142,12 +122,8 @@ def codec(
 
         coding_figure(coded, folder / "coding.png", caption)
 
-    return PrecisionSection(
-        "codec",
-        coded.as_json() | {"signal_s": {name: _length(t) for name, t in traces.items()}},
-        _coding_table(coded),
-        draw,
-    )
+    document = coded.as_json() | {"signal_s": {name: _length(t) for name, t in traces.items()}}
+    return StudyResult(document, _coding_table(coded), draw)
 
 
 def _signal(name: str, duration: float) -> Trace:
@@ -168,13 +144,11 @@ def _coding_table(coded: CodingStudy) -> Table:
     verdicts = coded.verdicts()
     beaten = [verdict.trace for verdict in verdicts if not verdict.on_front]
     place = "on the Pareto front of every signal" if not beaten else f"off the Pareto front of {', '.join(beaten)}"
-    table = Table(
-        box=None, pad_edge=False, padding=(0, 2, 0, 0), title_justify="left", caption_justify="left",
+    table = plain_table(
+        "predictor", "packets/s", "RMS N", "max N", "outside", "us/tick", "on the front",
         title=f"codec at k = {RECOMMENDED[1]:g}, {len(verdicts) - 1} signals together, felt a tick late",
         caption=f"{RECOMMENDED[0]} is {place}",
     )  # fmt: skip
-    for name in ("predictor", "packets/s", "RMS N", "max N", "outside", "us/tick", "on the front"):
-        table.add_column(name, justify="left" if name == "predictor" else "right", no_wrap=True)
     for row in coded.pooled:
         if row.weber == RECOMMENDED[1]:
             table.add_row(
@@ -187,46 +161,46 @@ def _coding_table(coded: CodingStudy) -> Table:
 def summary(results: Sequence[ProblemResult]) -> Table:
     """Both tables, one above the other."""
     whole = Table.grid()
-    whole.add_row(prices(results))
+    whole.add_row(_prices(results))
     whole.add_row("")
-    whole.add_row(recommendations(results))
+    whole.add_row(_recommendations(results))
     return whole
 
 
-def prices(results: Sequence[ProblemResult]) -> Table:
-    """CPU time for an error of 0.1 %, a dash where no step reaches it, and the orders that were seen."""
+def _prices(results: Sequence[ProblemResult]) -> Table:
+    """CPU time for an error of 0.1 % (a dash if no step reaches it), and the measured orders."""
     names = list(dict.fromkeys(row.integrator for result in results for row in result.rows))
-    table = _bare(f"CPU ms per simulated s for {100 * GOAL:g} % position error; orders of position, force", gap=2)
-    table.add_column("problem", no_wrap=True)
-    for name in names:
-        table.add_column(name, justify="right", no_wrap=True)
-        table.add_column("order", justify="right", no_wrap=True)
+    title = f"CPU ms per simulated s for {100 * GOAL:g} % position error; orders of position, force"
+    table = plain_table("problem", *(heading for name in names for heading in (name, "order")), title=title)
     for result in results:
         cells = []
         for name in names:
             mine = [row for row in result.rows if row.integrator == name]
-            cells += [price(mine), slopes([order for order in result.orders if order.integrator == name])]
+            cells += [_price(mine), _slopes([order for order in result.orders if order.integrator == name])]
         table.add_row(result.problem.name, *cells)
     return table
 
 
-def recommendations(results: Sequence[ProblemResult]) -> Table:
+def _recommendations(results: Sequence[ProblemResult]) -> Table:
     """The choice of `integrator: auto` for a tick of 1 ms."""
-    table = _bare("integrator: auto at 1 kHz, against the cheapest that is as good", gap=1)
-    for name in ("problem", "auto", "x/tick", "position", "force", "ms/s", "cheapest", "x time"):
-        table.add_column(name, justify="left" if name in ("problem", "auto", "cheapest") else "right", no_wrap=True)
+    table = plain_table(
+        "problem", "auto", "x/tick", "position", "force", "ms/s", "cheapest", "x time",
+        title="integrator: auto at 1 kHz, against the cheapest with the same error", padding=(0, 1, 0, 0),
+    )  # fmt: skip
+    for place in (1, 6):
+        table.columns[place].justify = "left"
     for result in results:
         if result.recommendation is not None:
-            table.add_row(result.problem.name, *choice(result.recommendation))
+            table.add_row(result.problem.name, *_choice(result.recommendation))
     return table
 
 
-def price(rows: Sequence[IntegratorRow]) -> str:
+def _price(rows: Sequence[IntegratorRow]) -> str:
     good = [row.run_time for row in rows if row.position_error <= GOAL]
     return f"{1e3 * min(good):.3g}" if good else MISSING
 
 
-def slopes(orders: Sequence[ConvergenceOrder]) -> str:
+def _slopes(orders: Sequence[ConvergenceOrder]) -> str:
     """Fitted orders, position first; a mark where theory is missed."""
     if not orders:
         return ""
@@ -238,7 +212,7 @@ def slopes(orders: Sequence[ConvergenceOrder]) -> str:
     return " ".join(texts) + ("!" if missed else "")
 
 
-def choice(recommendation: Recommendation) -> list[str]:
+def _choice(recommendation: Recommendation) -> list[str]:
     row, rival = recommendation.row, recommendation.rival
     itself = rival is row or recommendation.on_front
     return [
@@ -250,7 +224,3 @@ def choice(recommendation: Recommendation) -> list[str]:
         "itself" if itself else f"{rival.integrator} {rival.step.substeps}",
         "1" if itself else f"{recommendation.excess:.2f}",
     ]
-
-
-def _bare(title: str, gap: int) -> Table:
-    return Table(title=title, title_justify="left", box=None, pad_edge=False, padding=(0, gap, 0, 0))

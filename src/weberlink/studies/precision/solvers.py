@@ -166,7 +166,7 @@ def collocation(stretch: Stretch) -> Outcome:
 
 
 def collocated(stretch: Stretch, state: Array, length: float, scale: Array) -> tuple[CollocationStep, float]:
-    """One step by simplified Newton iteration, and its tail in units of what is allowed; infinite if it failed."""
+    """One step by simplified Newton iteration, and its tail relative to the tolerance; infinite if it failed."""
     weights, series, _ = tableau()
     field = stretch.field
     slopes = np.tile(np.array(field(state.tolist())), (STAGES, 1))
@@ -180,7 +180,7 @@ def collocated(stretch: Stretch, state: Array, length: float, scale: Array) -> t
         slopes = slopes + correction
         size = float(np.max(np.abs(correction)))
         if not size < smallest:
-            break  # what is left is rounding, or it does not converge; the check below tells
+            break  # rounding is reached, or it does not converge; checked below
         smallest = size
     largest = np.max(np.abs(slopes), axis=0)
     if not np.all(np.abs(correction) <= 1e-9 * (largest + 1e-12)):

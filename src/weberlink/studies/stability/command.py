@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
@@ -13,6 +12,7 @@ from rich.table import Table
 
 from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.studies.parallel import parallel_map
+from weberlink.studies.result import StudyResult, plain_table
 from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, timing
 from weberlink.studies.stability.measured_wall import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict
@@ -32,30 +32,7 @@ Result = WallRow | CellVerdict
 Progress = Callable[[int, int], None]
 
 
-@dataclass(frozen=True)
-class Stability:
-    """A finished map with its document, table and figures."""
-
-    rows: list[WallRow]
-    verdicts: list[tuple[SystemCell, CellVerdict]]
-    document: dict[str, Any]
-    table: Table
-    caption: str
-
-    def draw(self, folder: Path) -> None:
-        """Write the figures.
-
-        Raises:
-            OSError: if the folder or a file in it cannot be made.
-        """
-        from weberlink.studies.stability.figures import stability_map, stability_wall  # noqa: PLC0415 - slow import
-
-        folder.mkdir(parents=True, exist_ok=True)
-        stability_wall(self.rows, folder / "stability_wall.png", self.caption)
-        stability_map(self.verdicts, folder / "stability_map.png", self.caption)
-
-
-def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> Stability:
+def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> StudyResult:
     """Compute the map. It does not depend on the number of workers.
 
     Args:
@@ -76,7 +53,7 @@ def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> 
 
 def assemble(
     rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], *, full: bool, run_time: float
-) -> Stability:
+) -> StudyResult:
     """The map of what was computed, in a run time [s]."""
     facts = environment()
     caption = footer(facts, SEED)
@@ -88,7 +65,14 @@ def assemble(
         "run_time_s": run_time,
         "environment": facts,
     }
-    return Stability(rows, verdicts, document, _table(rows, verdicts, run_time, caption), caption)
+
+    def draw(folder: Path) -> None:
+        from weberlink.studies.stability.figures import stability_map, stability_wall  # noqa: PLC0415 - slow import
+
+        stability_wall(rows, folder / "stability_wall.png", caption)
+        stability_map(verdicts, folder / "stability_map.png", caption)
+
+    return StudyResult(document, _table(rows, verdicts, run_time, caption), draw)
 
 
 def arrangements() -> list[tuple[str, str]]:
@@ -174,9 +158,8 @@ def _length(task: Task) -> float:
 
 def _table(rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], run_time: float, caption: str) -> Table:
     text = f"{_about(rows)}\n{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s\n{caption}"
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=text, caption_justify="left")
-    for name in ("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer"):
-        table.add_column(name, justify="left" if name in ("slice", "control") else "right", no_wrap=True)
+    table = plain_table("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer", caption=text)
+    table.columns[1].justify = "left"
     groups: dict[tuple[str, str], list[CellVerdict]] = {}
     for cell, verdict in verdicts:
         groups.setdefault((cell.slice, f"{cell.scheme} {cell.predictor}"), []).append(verdict)

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from weberlink.codec import Channel, force_channel, position_channel
-from weberlink.codec.deadband import Deadband
+from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import Vector
@@ -14,7 +14,9 @@ def force_deadband(system: System, weber: float) -> Deadband:
     """The shape that the file asks for, at a Weber factor that a session may have changed."""
     force = system.codec.force
     settings = force.deadband
-    return settings.deadband.configured(weber, force.floor_n, force.reference, system.tick_period, settings.options)
+    return settings.deadband.configured(
+        DeadbandSetup(weber, force.floor_n, force.reference, system.tick_period, settings.options)
+    )
 
 
 def measure_of(system: System) -> Callable[[Vector, Vector], float] | None:

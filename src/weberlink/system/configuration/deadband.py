@@ -19,8 +19,10 @@ class ShapeSettings(BaseModel):
 
     @classmethod
     def variants(cls) -> list[type["ShapeSettings"]]:
-        """The settings of each built-in shape."""
-        return [settings_of(name) for name in DEADBANDS.built_in] if cls is ShapeSettings else []
+        """The settings of all shapes, for messages: the built-in ones and those made so far."""
+        for name in DEADBANDS.built_in:
+            settings_of(name)
+        return cls.__subclasses__()
 
     @property
     def deadband(self) -> type[Deadband]:

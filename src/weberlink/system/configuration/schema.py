@@ -15,7 +15,7 @@ from weberlink.codec.deadband import DEADBANDS
 from weberlink.master import devices
 from weberlink.slave import robots
 from weberlink.system.configuration import model
-from weberlink.system.configuration.deadband import ShapeSettings
+from weberlink.system.configuration.deadband import settings_of
 from weberlink.system.configuration.model import System
 
 
@@ -31,7 +31,7 @@ def schema() -> dict[str, Any]:
         other = {"properties": {"driver": {"not": {"enum": list(table.BUILT_IN)}, "type": "string"}}}
         definitions[owner]["properties"][field] = {"type": "object", "required": ["driver"], "oneOf": [*choices, other]}
     del definitions["ShapeSettings"]
-    shapes = {each.__name__: each.model_json_schema() for each in ShapeSettings.variants()}
+    shapes = {each.__name__: each.model_json_schema() for each in map(settings_of, DEADBANDS.built_in)}
     definitions.update(shapes)
     # A deadband of another package may take any options.
     other_shape = {"not": {"enum": list(DEADBANDS.built_in)}, "type": "string"}

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.geometry.vector import Vector
+from weberlink.protocol.states import State
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import Records, Series
 
@@ -145,6 +146,17 @@ def _quaternions(rotations: Series) -> tuple[Series, Series]:
 
 def _distances(a: Series, b: Series) -> Series:
     return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
+
+
+def engaged(records: Records) -> NDArray[np.bool_]:
+    flags: NDArray[np.bool_] = records["state"] == State.ENGAGED.value
+    return flags
+
+
+def in_session(records: Records) -> NDArray[np.bool_]:
+    """Engaged ticks without ramps, which count for errors."""
+    flags: NDArray[np.bool_] = engaged(records) & (records["ramping"] == 0)
+    return flags
 
 
 def tally(counts: dict[int, int], values: NDArray[Any]) -> None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.protocol.states import State
+from weberlink.system.scoring.channel import in_session
 from weberlink.system.scoring.energy import Records
 
 Array = NDArray[np.float64]
@@ -104,9 +104,7 @@ class FeltError:
 
     def add(self, master: Records, slave: Records) -> None:
         """Take the records of the same ticks of both sides."""
-        counts = np.ones(len(slave), dtype=bool)
-        for side in (master, slave):
-            counts &= (side["state"] == State.ENGAGED.value) & (side["ramping"] == 0)
+        counts = in_session(master) & in_session(slave)
         force = slave["raw"][counts]
         error = np.linalg.norm(master["output"][counts] - force, axis=1)
         self._square_sum += float(np.square(error / self._threshold.of(force)).sum())

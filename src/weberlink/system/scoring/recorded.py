@@ -46,14 +46,12 @@ class RecordedSession:
         rate_hz: of the ticks.
         bank: names of the predictors of the force channel.
         torque_bank: of the torque channel; None for a session of three degrees of freedom.
-        began_s: wall clock at `at` = 0 [s since 1970].
     """
 
     master: Records
     slave: Records
     rate_hz: float
     bank: tuple[str, ...]
-    began_s: float
     torque_bank: tuple[str, ...] | None = None
 
     @property
@@ -107,8 +105,7 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
             f"{' and '.join(sorted(names))}, rates {' and '.join(f'{rate:g}' for rate in sorted(rates))} Hz"
         )
     rate = rates.pop()
-    (reference, _), side = found.get(MASTER) or found[SLAVE], MASTER if MASTER in found else SLAVE
-    origin = reference.origins[side]
+    reference, _ = found.get(MASTER) or found[SLAVE]
     if len(found) == 2 and found[MASTER][0] is not found[SLAVE][0]:
         slave = _on_the_masters_clock(found[SLAVE], found[MASTER], rate)
         _check_overlap(found[MASTER][1], slave, found)
@@ -120,7 +117,6 @@ def put_together(recordings: Sequence[Recording]) -> RecordedSession:
         rate_hz=rate,
         bank=tuple(reference.facts.get("bank", "").split()),
         torque_bank=tuple(reference.facts[TORQUE_BANK].split()) if TORQUE_BANK in reference.facts else None,
-        began_s=origin.wall_s - origin.monotonic_s,
     )
 
 

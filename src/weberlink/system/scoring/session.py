@@ -10,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.control.table import SCHEMES
-from weberlink.protocol.states import State
-from weberlink.system.scoring.channel import ChannelScore, Measure, angles_between, none_for_nan, tally, turns
+from weberlink.system.scoring.channel import (
+    ChannelScore,
+    Measure,
+    angles_between,
+    engaged,
+    in_session,
+    none_for_nan,
+    tally,
+    turns,
+)
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records, Series
 
@@ -41,13 +49,13 @@ class _SideScore:
         if not len(records):
             return
         self.ticks += len(records)
-        engaged = _engaged(records)
-        self.engaged += int(engaged.sum())
+        counted = engaged(records)
+        self.engaged += int(counted.sum())
         self.limited += int((records["clipped"] > 0).sum())
         self.last = records[-1]
         for name in ("lateness", "work", "codec", "rtt", "one_way"):
             getattr(self, name).add(records[f"{name}_us"])
-        tally(self.schemes, records["control"][engaged])
+        tally(self.schemes, records["control"][counted])
         least, most = float(records["tank"].min()), float(records["tank"].max())
         self.tank = (least, most) if self.tank is None else (min(least, self.tank[0]), max(most, self.tank[1]))
 
@@ -136,9 +144,9 @@ class SessionScore:
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
         if len(slave):  # the coding error needs no records of the master
-            in_session = slave[_in_session(slave)]
+            counted = slave[in_session(slave)]
             for channel in self._from_slave.values():
-                channel.add_sender(slave, in_session)
+                channel.add_sender(slave, counted)
         self._join()
 
     @property
@@ -203,8 +211,8 @@ class SessionScore:
         passed = max(0, int(nearest[-1]) - 1) if ready else 0
         self._waiting = [master[passed:], slave[ready:]]
         self._work = [self._work[0][passed:], self._work[1][ready:]]
-        self._link_energy.add(given, taken, _engaged(matched) & _engaged(now))
-        counts = close & _in_session(matched) & _in_session(now)
+        self._link_energy.add(given, taken, engaged(matched) & engaged(now))
+        counts = close & in_session(matched) & in_session(now)
         matched, now = matched[counts], now[counts]
         for channel in self._from_slave.values():
             channel.compare(now, matched)
@@ -252,17 +260,6 @@ def _packets(sender: _SideScore, receiver: _SideScore, duration: float, *, rotat
         "reduction_all": 1.0 - datagrams / seen.engaged if seen.engaged else None,
         "bytes_per_s": sender.counter("bytes_sent") / duration if sender.ticks and duration else None,
     }
-
-
-def _engaged(records: Records) -> NDArray[np.bool_]:
-    engaged: NDArray[np.bool_] = records["state"] == State.ENGAGED.value
-    return engaged
-
-
-def _in_session(records: Records) -> NDArray[np.bool_]:
-    """Engaged ticks without ramps."""
-    counts: NDArray[np.bool_] = _engaged(records) & (records["ramping"] == 0)
-    return counts
 
 
 def _percentiles(histogram: Distribution) -> dict[str, float | None]:

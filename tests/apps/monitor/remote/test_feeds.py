@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from tests.apps.monitor.feeds import RATE, description, pieces, records
 from tests.examples import examples
-from weberlink.apps.monitor.remote.feeds import HELD_S, MARGIN_S, RECENT_S, WAITING_S, MasterClock, RemoteSide
+from weberlink.apps.monitor.remote.feeds import HELD_S, RECENT_S, WAITING_S, MasterClock, RemoteSide
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
-from weberlink.apps.monitor.remote.stream import StreamError
+from weberlink.protocol.sealed_stream import StreamError
+from weberlink.system.scoring.recorded import MARGIN_S
 from weberlink.system.scoring.session import Records
 
 TICK_0 = 10.0

@@ -1,4 +1,4 @@
-"""The messages of an open connection: there and back, and bounded whatever comes."""
+"""Messages of the telemetry link: round trip and limits."""
 
 import json
 import zlib
@@ -21,7 +21,7 @@ from weberlink.apps.monitor.remote.messages import (
     read_introduction,
     read_records,
 )
-from weberlink.apps.monitor.remote.stream import LONGEST_PAYLOAD, StreamError
+from weberlink.protocol.sealed_stream import LONGEST_PAYLOAD, StreamError
 
 BEGIN = SideIntroduction("7", "slave", 1000.0, 12.5, description("slave"))
 

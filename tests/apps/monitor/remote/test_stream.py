@@ -11,23 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.apps.monitor.remote import stream
-from weberlink.apps.monitor.remote.stream import (
-    LONGEST_FRAME,
-    LONGEST_PAYLOAD,
-    RELEASE,
-    RefusedError,
-    SecureStream,
-    StreamError,
-    accept,
-    connect,
-    telemetry_key,
-)
+from weberlink.apps.monitor.remote.stream import MessageStream, accept, connect, telemetry_terms
 from weberlink.protocol.dialer import Dialer
-from weberlink.protocol.handshake import INSTANCE_BYTES, Caller, pack_agreement
+from weberlink.protocol.events import DropReason
+from weberlink.protocol.handshake import INSTANCE_BYTES, LocalEnd, pack_agreement
 from weberlink.protocol.listener import Listener
 from weberlink.protocol.psk import PresharedKey
-from weberlink.protocol.reasons import DropReason
+from weberlink.protocol.sealed_stream import LONGEST_FRAME, LONGEST_PAYLOAD, RefusedError, StreamCall, StreamError
 
 KEY = bytes(range(32))
 LIMIT_S = 5.0
@@ -55,15 +45,15 @@ def run(test: Coroutine[Any, Any, None]) -> None:
     asyncio.run(asyncio.wait_for(test, 10 * LIMIT_S))
 
 
-def caller(there: Pipe, back: Pipe, key: bytes = KEY) -> Coroutine[Any, Any, SecureStream]:
-    return connect(back.reader, there, telemetry_key(key), LIMIT_S)  # type: ignore[arg-type]
+def caller(there: Pipe, back: Pipe, key: bytes = KEY) -> Coroutine[Any, Any, MessageStream]:
+    return connect(back.reader, there, telemetry_terms(key), LIMIT_S)  # type: ignore[arg-type]
 
 
-def called(there: Pipe, back: Pipe, key: bytes = KEY) -> Coroutine[Any, Any, SecureStream | None]:
-    return accept(there.reader, back, telemetry_key(key), LIMIT_S)  # type: ignore[arg-type]
+def called(there: Pipe, back: Pipe, key: bytes = KEY) -> Coroutine[Any, Any, MessageStream | None]:
+    return accept(there.reader, back, telemetry_terms(key), LIMIT_S)  # type: ignore[arg-type]
 
 
-async def opened() -> tuple[SecureStream, SecureStream, Pipe, Pipe]:
+async def opened() -> tuple[MessageStream, MessageStream, Pipe, Pipe]:
     """Both ends of a connection, and its two directions."""
     there, back = Pipe(), Pipe()
     one, other = await asyncio.gather(caller(there, back), called(there, back))
@@ -71,10 +61,9 @@ async def opened() -> tuple[SecureStream, SecureStream, Pipe, Pipe]:
     return one, other, there, back
 
 
-async def hello(key: bytes = KEY, release: bytes = RELEASE) -> bytes:
+def hello(key: bytes = KEY) -> bytes:
     """The first frame of a caller."""
-    security = telemetry_key(key)
-    message = release + security.call(release, os.urandom(security.private_size)).hello(b"")
+    message = StreamCall(telemetry_terms(key), os.urandom).hello()
     return len(message).to_bytes(2, "little") + message
 
 
@@ -113,12 +102,12 @@ def test_longest_payload_is_the_limit() -> None:
 
 
 @examples(30)
-@given(st.binary(max_size=300), st.integers(0, 64), st.integers(1, 255))
+@given(st.binary(max_size=300), st.integers(0, 511), st.integers(1, 255))
 def test_caller_without_the_key_gets_no_answer(noise: bytes, place: int, bits: int) -> None:
     async def test() -> None:
-        changed = bytearray(await hello())
+        changed = bytearray(hello())
         changed[2 + place] ^= bits
-        for data in (noise, bytes(changed), await hello(bytes(32)), b"GET / HTTP/1.1\r\n\r\n"):
+        for data in (noise, bytes(changed), hello(bytes(32)), b"GET / HTTP/1.1\r\n\r\n"):
             assert await answered(data) == []
 
     run(test())
@@ -154,15 +143,15 @@ def test_replayed_caller_opens_nothing() -> None:
     run(test())
 
 
-def test_other_release_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("change", [{"version": 3}, {"agreement": {"records": 1}}])
+def test_other_release_is_refused_with_the_reason(change: dict[str, Any]) -> None:
     async def test() -> None:
         there, back = Pipe(), Pipe()
+        terms = telemetry_terms(KEY)._replace(**change)
         one = asyncio.ensure_future(caller(there, back))
-        await asyncio.sleep(0)
-        with monkeypatch.context() as patch:
-            patch.setattr(stream, "RELEASE", RELEASE[:-1] + b"\xff")
-            assert await called(there, back) is None
-        with pytest.raises(RefusedError, match="another release"):
+        assert await accept(there.reader, back, terms, LIMIT_S) is None  # type: ignore[arg-type]
+        assert len(back.sent[0]) < len(there.sent[0])
+        with pytest.raises(RefusedError, match="the same one on both"):
             await one
 
     run(test())
@@ -219,23 +208,15 @@ def test_repeated_missing_or_reflected_message_ends_the_connection() -> None:
 def test_no_message_is_valid_in_the_daemons_protocol() -> None:
     """The daemons prove the same key."""
     daemons = PresharedKey(KEY)
-    agreement = pack_agreement({"rate_hz": 1000})
-    dialer = Dialer(
-        daemons,
-        os.urandom,
-        agreement,
-        2,
-        0.0,
-        caller=Caller("master", bytes(INSTANCE_BYTES)),
-        stamp=lambda now: 1,
-    )
+    end = LocalEnd(daemons, os.urandom, pack_agreement({"rate_hz": 1000}), 2, 0.0, "master", "")
+    dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     dialer.start(0.0)
     theirs = dialer.hello(0.0)
 
     async def test() -> None:
         assert await answered(len(theirs).to_bytes(2, "little") + theirs) == []
-        ours = (await hello())[2:]
-        listener = Listener(daemons, os.urandom, {}, 2, 0.0, lambda *_: None, name="slave")  # type: ignore[arg-type]
+        ours = hello()[2:]
+        listener = Listener(end._replace(name="slave"), lambda *_: None)  # type: ignore[arg-type,return-value]
         assert isinstance(listener.receive(ours, ("192.0.2.1", 1), 0.0), DropReason)
 
     run(test())

@@ -10,7 +10,8 @@ from select import select
 from time import monotonic, sleep
 
 from weberlink.master.devices.contract import DeviceFault
-from weberlink.master.devices.haply.device import HaplyDevice, HaplyOptions
+from weberlink.master.devices.haply.device import HaplyDevice
+from weberlink.master.devices.haply.options import HaplyOptions
 
 TICK = 0.001
 

@@ -18,7 +18,7 @@ ANY = replace(V3, whole_counts=False)
 degrees = st.floats(-720.0, 720.0, width=32)
 
 
-def test_the_setup_is_in_the_order_of_the_firmware() -> None:
+def test_setup_has_firmware_order() -> None:
     """Ports 1 and 2 are bits 1 and 2; on this device the first of everything hangs on port 2."""
     expected = bytes((1, V2.id, 3, 0, 1, 3, 0, 1, 0, 0)) + pack("<4f", -61.0, 10752.0, 241.0, 10752.0)
     assert V2.setup == expected
@@ -39,7 +39,7 @@ def test_directions_and_angles_go_with_their_port() -> None:
     assert board.angles(bytes((board.id,)) + pack("<2f", 1.0, 2.0)) == (2.0, 1.0)
 
 
-def test_another_setup_has_another_id_and_none_is_that_of_the_vendors_programs() -> None:
+def test_every_setup_has_its_own_id() -> None:
     boards = [version.board for version in VERSIONS.values()]
     boards += [HaplyBoard(V3.motors, V3.encoders, (168.0, 12.0 + i)) for i in range(1, 5)]
     assert len({board.id for board in boards}) == len(boards)
@@ -57,7 +57,7 @@ def test_a_good_reply_gives_its_angles(first: float, second: float) -> None:
 @given(
     reply=st.one_of(st.binary(max_size=24), st.binary(min_size=8, max_size=8).map(lambda rest: V3.bare_reply + rest))
 )
-def test_whatever_comes_is_two_numbers_or_a_bad_reply(reply: bytes) -> None:
+def test_any_reply_is_angles_or_bad_reply(reply: bytes) -> None:
     try:
         angles = ANY.angles(reply)
     except BadReply as bad:

@@ -16,6 +16,7 @@ from time import monotonic, sleep
 
 import pytest
 
+from tests.hardware.scripted import wait_for
 from tests.master.devices.haply import host
 from weberlink.geometry.vector import ZERO, norm
 from weberlink.hardware.emulator import PtyDevice
@@ -97,15 +98,8 @@ def pushing(folder: Path) -> Iterator[Host]:
             process.communicate()
 
 
-def wait_for(what: Callable[[], bool]) -> None:
-    until = monotonic() + PATIENCE_S
-    while not what():
-        assert monotonic() < until, "it did not come to be so"
-        sleep(0.001)
-
-
 @pytest.mark.realtime
-def test_a_stopped_program_has_no_force_and_begins_again_from_zero(tmp_path: Path) -> None:
+def test_stopped_program_has_no_force_and_ramps_again(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
         for stopped_s in (0.1, 0.5):
             began = monotonic()
@@ -121,7 +115,7 @@ def test_a_stopped_program_has_no_force_and_begins_again_from_zero(tmp_path: Pat
 
 
 @pytest.mark.realtime
-def test_a_killed_program_has_no_force_and_leaves_the_port(tmp_path: Path) -> None:
+def test_killed_program_has_no_force_and_frees_port(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
         wait_for(at.pushes)
         guardian = at.guardian
@@ -131,7 +125,7 @@ def test_a_killed_program_has_no_force_and_leaves_the_port(tmp_path: Path) -> No
 
 
 @pytest.mark.realtime
-def test_a_loop_that_stands_still_has_no_force_though_its_device_thread_runs(tmp_path: Path) -> None:
+def test_stalled_loop_ends_force_despite_device_thread(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
 
         def stall() -> None:
@@ -155,7 +149,7 @@ def test_without_its_guardian_a_program_ends_without_force(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("sent", range(10))
-def test_behind_a_part_of_a_message_the_torque_is_taken_off_all_the_same(sent: int) -> None:
+def test_torques_off_works_behind_a_partial_message(sent: int) -> None:
     """And the board still knows the device: a plain zero would be swallowed, and its rest be taken for resets."""
     emulator, board = Logged(), KIND.board
     push(emulator, board)
@@ -167,7 +161,7 @@ def test_behind_a_part_of_a_message_the_torque_is_taken_off_all_the_same(sent: i
     assert board.angles(emulator.replies(3.0)[-1])
 
 
-def test_behind_a_part_of_a_message_a_plain_zero_leaves_a_torque() -> None:
+def test_plain_zero_behind_partial_message_leaves_torque() -> None:
     """What the ignored bytes are for."""
     emulator, board = Logged(), KIND.board
     push(emulator, board)

@@ -2,21 +2,20 @@
 
 from collections.abc import Callable, Iterator
 from threading import Thread
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any
 
 import pytest
 
+from tests.hardware.scripted import wait_for
 from tests.master.devices.polhem.boards import ScriptedHidBoard
-from weberlink.geometry.vector import ZERO, Vector, distance
-from weberlink.hardware.guardian import Guardian
+from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import DeviceFault
 from weberlink.master.devices.polhem.driver import PolhemDevice
 from weberlink.master.devices.polhem.hid_device import PolhemHidDevice, ReportExchange
 from weberlink.master.devices.polhem.hid_protocol import LONG, SHORT, WATCHDOG_S, SetCounters
 from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
-from weberlink.master.emulators.polhem.hid_board import PolhemHidEmulator, PolhemHidEmulatorOptions
 
 TICK = 0.001
 PATIENCE = 10.0
@@ -26,19 +25,12 @@ MIDDLE = (*WOODY.counts_at(ZERO), 0, 0, 0)
 Make = Callable[..., PolhemDevice]
 
 
-def until(condition: Callable[[], bool]) -> None:
-    deadline = monotonic() + PATIENCE
-    while not condition():
-        assert monotonic() < deadline, "waited in vain"
-        sleep(0.001)
-
-
 @pytest.fixture
 def device_on() -> Iterator[Make]:
     """Makes a device on a board; with force, whatever the signs."""
     made: list[PolhemDevice] = []
 
-    def make(board: "ScriptedHidBoard | Desk", **settings: Any) -> PolhemDevice:
+    def make(board: ScriptedHidBoard, **settings: Any) -> PolhemDevice:
         options = PolhemHidOptions(port="/dev/hidraw9", **settings)
         options = options.model_copy(update={"signs_checked": PolhemHidDevice.fingerprint(options)})
         signs = PolhemHidDevice.fingerprint(options)
@@ -66,7 +58,7 @@ def press_until(device: PolhemDevice, force: Vector, condition: Callable[[], boo
         device.command(force, monotonic())
         return condition()
 
-    until(pressed)
+    wait_for(pressed)
 
 
 def test_the_report_that_has_waited_is_not_believed(device_on: Make) -> None:
@@ -74,12 +66,6 @@ def test_the_report_that_has_waited_is_not_believed(device_on: Make) -> None:
     device = device_on(board)
     device.open(monotonic())
     assert device.latest(monotonic()).position == pytest.approx(ZERO, abs=1e-4)
-
-
-def test_a_silent_board_is_started_by_zeros(device_on: Make) -> None:
-    board = ScriptedHidBoard(MIDDLE)
-    device_on(board).open(monotonic())
-    assert board.commands[0] == (0, 0, 0)
 
 
 def test_force_and_button(device_on: Make) -> None:
@@ -90,7 +76,7 @@ def test_force_and_button(device_on: Make) -> None:
     expected = tuple(map(int, WOODY.currents_ma(force, MIDDLE)))
     press_until(device, force, lambda: board.commands[-1] == expected)
     board.button = True
-    until(lambda: device.latest(monotonic()).buttons == 1)
+    wait_for(lambda: device.latest(monotonic()).buttons == 1)
     device.close()
     assert (board.commands[-1], board.closed) == ((0, 0, 0), 1)
 
@@ -115,63 +101,7 @@ def test_reports_of_the_other_length_are_refused(device_on: Make, said: int, sen
     assert not any(any(command) for command in board.commands if isinstance(command, tuple))
 
 
-class Desk:
-    """An emulated device in place of its port, in real time."""
-
-    def __init__(self, **options: Any) -> None:
-        still = {"script": [{"motion": "rest", "duration_s": 1000.0}], "tremor_m": 0.0}
-        self.emulator = PolhemHidEmulator(PolhemHidEmulatorOptions.model_validate({"handle": still, **options}))
-        self.emulator.advance(monotonic())
-
-    def __call__(self, path: str) -> "Desk":
-        return self
-
-    def write(self, report: bytes) -> None:
-        self.emulator.receive(report, monotonic())
-
-    def read_all(self, until: float) -> list[bytes]:
-        while True:
-            now = monotonic()
-            self.emulator.advance(now)
-            reports = self.emulator.replies(now)
-            if reports or now >= until:
-                return reports
-            sleep(0.0002)
-
-    def guard(self, guardian: Guardian) -> None:
-        pass  # who has the device in hand stops with it
-
-    def close(self) -> None:
-        pass
-
-
-@pytest.mark.parametrize(
-    ("built", "settings"),
-    [
-        ({"report": 14}, {}),
-        ({"report": 8}, {}),
-        ({"report": 8, "host": "haptikfabrikenapi"}, {"motor_directions": (1, 1, 1)}),
-        ({"report": 14, "encoder_signs": (-1, 1, 1)}, {"encoder_directions": (-1, 1, 1)}),
-        ({"report": 14, "motor_signs": (-1, 1, 1)}, {"motor_directions": (-1, 1, 1)}),
-        ({"report": 14, "parameters": "woodenhaptics_2019"}, {"parameters": "woodenhaptics_2019"}),
-        ({"report": 8, "parameters": "aluhaptics_v2"}, {"parameters": "aluhaptics_v2"}),
-        ({"report": 14, "parameters": "polhem_v3"}, {"parameters": "polhem_v3"}),
-    ],
-    ids=["14 bytes", "8 bytes", "other motors", "encoder A", "motor A", "2019", "aluhaptics", "polhem"],
-)
-def test_hand_and_force_agree_on_a_device_as_published(
-    device_on: Make, built: dict[str, Any], settings: dict[str, Any]
-) -> None:
-    desk = Desk(**built)
-    device = device_on(desk, report_bytes=built["report"], **settings)
-    device.open(monotonic())
-    force = (0.3, 0.6, -0.4)
-    press_until(device, force, lambda: distance(desk.emulator.force, force) < 0.05)
-    assert distance(device.latest(monotonic()).position, desk.emulator.position) < 5e-4
-    device.close()
-
-
-def test_held_in_its_home_pose_the_counters_are_set(device_on: Make) -> None:
+def test_homing_at_open_sets_the_counters(device_on: Make) -> None:
     board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     device = device_on(board, homing="at_open")
     device.open(monotonic())
@@ -186,14 +116,14 @@ def test_counters_may_hold_the_home_counts(device_on: Make) -> None:
     assert SetCounters((8, 9, 10, 0, 30, 0)) in board.commands
 
 
-def test_the_gimbal_of_a_polhem_is_wired_last_to_first(device_on: Make) -> None:
+def test_polhem_gimbal_is_reversed_over_hid(device_on: Make) -> None:
     mechanism = PARAMETERS["polhem_v1"].on("hid14").mechanism
     device = device_on(ScriptedHidBoard((*mechanism.counts_at(ZERO), 256, 128, 0)), parameters="polhem_v1")
     device.open(monotonic())
     assert device.latest(monotonic()).orientation == mechanism.orientation((*mechanism.counts_at(ZERO), 0, 128, 256))
 
 
-def test_a_board_that_does_not_set_its_counters_is_refused(device_on: Make) -> None:
+def test_board_that_ignores_set_counters_is_refused(device_on: Make) -> None:
     board = ScriptedHidBoard((900, -70, 5, 1, 2, 3))
     board.sets_counters = False
     with pytest.raises(DeviceFault, match="does not set its counters"):
@@ -211,12 +141,12 @@ def test_the_older_kind_is_homed_on_the_host(device_on: Make) -> None:
         device_on(board, homing="button", report_bytes=8).open(monotonic())
 
 
-def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) -> None:
+def test_old_button_press_does_not_count(device_on: Make) -> None:
     board = ScriptedHidBoard(MIDDLE)
     board.calibrate = True
 
     def press_later() -> None:
-        until(lambda: not board.calibrate and len(board.commands) > 10)
+        wait_for(lambda: not board.calibrate and len(board.commands) > 10)
         board.calibrate = True
 
     person = Thread(target=press_later)
@@ -230,7 +160,7 @@ def test_a_press_of_long_ago_does_not_count_and_a_new_one_does(device_on: Make) 
     ]
 
 
-def test_a_lost_report_is_followed_by_zeros_and_many_are_a_fault(device_on: Make) -> None:
+def test_lost_report_causes_zeros_and_many_a_fault(device_on: Make) -> None:
     board = ScriptedHidBoard(MIDDLE)
     device = device_on(board)
     device.open(monotonic())
@@ -250,11 +180,11 @@ def test_unplugged_and_back_without_them(device_on: Make) -> None:
     device = device_on(board, reconnect_s=0.2)
     device.open(monotonic())
     board.plugged = False
-    until(lambda: board.closed > 0)
+    wait_for(lambda: board.closed > 0)
     board.counts = (0,) * 6
     board.plugged = True
     with pytest.raises(DeviceFault, match="lost its home"):
-        until(lambda: not device.latest(monotonic()))
+        wait_for(lambda: not device.latest(monotonic()))
 
 
 def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
@@ -268,4 +198,4 @@ def test_counters_are_followed_beyond_16_bits(device_on: Make) -> None:
     device.open(monotonic())
     board.counts = (near[0], near[1], near[2] + shift + 30, 0, 0, 0)
     expected = mechanism.position((near[0], near[1], near[2] + 30))
-    until(lambda: device.latest(monotonic()).position == pytest.approx(expected, abs=1e-5))
+    wait_for(lambda: device.latest(monotonic()).position == pytest.approx(expected, abs=1e-5))

@@ -52,14 +52,7 @@ def asked(dialogue: LockStep[int, int], message: int) -> int | str:
         return str(reply)
 
 
-def test_every_answer_is_that_to_its_message() -> None:
-    line = DelayedLine()
-    dialogue = talk(line)
-    assert [asked(dialogue, message) for message in range(5)] == list(range(5))
-    assert [message for _, message in line.sent] == list(range(5))
-
-
-def test_a_message_that_is_no_longer_fresh_does_not_go_out() -> None:
+def test_stale_message_is_replaced_by_rest() -> None:
     line = DelayedLine()
     dialogue = talk(line)
     assert dialogue.ask(1, PATIENCE, line.now) == 1
@@ -67,14 +60,14 @@ def test_a_message_that_is_no_longer_fresh_does_not_go_out() -> None:
     assert [message for _, message in line.sent] == [1, REST]
 
 
-def test_where_none_comes_the_device_is_told_to_rest_at_once() -> None:
+def test_missing_answer_sends_rest_at_once() -> None:
     line = DelayedLine()
     line.lost = 1
     assert asked(talk(line), 1) == "does not answer"
     assert line.sent == [(100.0, 1), (100.0 + PATIENCE, REST)]
 
 
-def test_after_a_pause_of_the_device_it_goes_on_as_soon_as_all_has_come() -> None:
+def test_dialogue_resumes_when_owed_answers_have_come() -> None:
     line = DelayedLine()
     dialogue = talk(line)
     line.late = 0.03
@@ -86,7 +79,7 @@ def test_after_a_pause_of_the_device_it_goes_on_as_soon_as_all_has_come() -> Non
     assert replies[first:] == list(range(2 + first, 9))
 
 
-def test_a_lost_answer_is_given_up_after_a_silence() -> None:
+def test_lost_answer_is_given_up_after_silence() -> None:
     line = DelayedLine()
     dialogue = talk(line)
     line.lost = 2
@@ -97,32 +90,8 @@ def test_a_lost_answer_is_given_up_after_a_silence() -> None:
     assert asked(dialogue, 8) == 8
 
 
-@pytest.mark.parametrize(
-    "late",
-    [
-        0.0101,
-        0.013,
-        0.02,
-        0.05,
-        0.099,
-        0.105,
-        0.111,
-        0.115,
-        0.119,
-        0.15,
-        0.2,
-        0.21,
-        0.255,
-        0.265,
-        0.27,
-        0.275,
-        0.28,
-        0.285,
-        0.3,
-        0.5,
-    ],
-)
-def test_on_a_line_that_is_always_late_no_answer_is_taken_for_that_to_another_message(late: float) -> None:
+@pytest.mark.parametrize("late", [0.0101, 0.02, 0.099, 0.111, 0.15, 0.21, 0.255, 0.27, 0.285, 0.3, 0.5])
+def test_late_answers_are_never_mixed_up(late: float) -> None:
     line = DelayedLine()
     dialogue = talk(line)
     assert asked(dialogue, 0) == 0
@@ -135,7 +104,7 @@ def test_on_a_line_that_is_always_late_no_answer_is_taken_for_that_to_another_me
     assert all(any(at <= rest <= at + PATIENCE + 1e-9 for rest in rested) for at in pushed[1:-1]), "never held for long"
 
 
-def test_an_answer_that_nobody_asked_for_is_a_reason_to_doubt() -> None:
+def test_unexpected_answer_is_doubted() -> None:
     line = DelayedLine()
     dialogue = talk(line)
     line.coming.append((line.now, 99))

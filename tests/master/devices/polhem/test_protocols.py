@@ -51,7 +51,7 @@ def test_bracket_currents_come_back(ma: tuple[int, int, int]) -> None:
 
 
 @pytest.mark.parametrize("ma", [(6001, 0, 0), (0, -6001, 0)])
-def test_a_current_that_would_be_taken_for_zero_is_our_own_fault(ma: tuple[int, int, int]) -> None:
+def test_current_beyond_firmware_limit_raises(ma: tuple[int, int, int]) -> None:
     with pytest.raises(ValueError, match="6000"):
         encode_currents(ma)
 
@@ -76,7 +76,7 @@ def test_answers_come_whole_however_the_stream_is_cut(said: list[SerialStatus], 
 
 @examples(40)
 @given(st.lists(st.binary(max_size=300), max_size=5), statuses)
-def test_garbage_never_raises_and_is_over_at_the_next_answer(garbage: list[bytes], status: SerialStatus) -> None:
+def test_garbage_ends_at_the_next_answer(garbage: list[bytes], status: SerialStatus) -> None:
     reader = SerialStatusReader()
     for part in garbage:
         reader.feed(part)
@@ -84,7 +84,7 @@ def test_garbage_never_raises_and_is_over_at_the_next_answer(garbage: list[bytes
     assert reader.feed(encode_status(status))[-1:] == [status]
 
 
-def test_a_spoilt_answer_is_counted_and_the_next_is_heard() -> None:
+def test_malformed_answer_is_counted_and_next_heard() -> None:
     reader = SerialStatusReader()
     good = encode_status(SerialStatus(1, (1, 2, 3, 4, 5, 6)))
     assert len(reader.feed(b"[1,2,x,4,5,6,7,0]\n" + good + b"[1,2,3]\n")) == 1
@@ -120,27 +120,6 @@ def test_long_reports_come_back(
 ) -> None:
     sensors = Sensors((*main, *gimbal), button, calibrate)
     assert decode_sensors(encode_sensors(sensors)) == sensors
-
-
-@examples(40)
-@given(triples, st.integers(0, 65535))
-def test_short_reports_come_back(main: tuple[int, int, int], number: int) -> None:
-    sensors = Sensors(main, number=number)
-    assert decode_sensors(encode_sensors(sensors)) == sensors
-
-
-@examples(40)
-@given(triples, st.sampled_from([LONG, SHORT]))
-def test_report_currents_come_back(ma: tuple[int, int, int], size: int) -> None:
-    report = encode_command(ma, size)
-    assert len(report) == size
-    assert decode_command(report) == ma
-
-
-@examples(40)
-@given(st.tuples(*[int16] * 6))
-def test_counters_come_back(counts: tuple[int, int, int, int, int, int]) -> None:
-    assert decode_command(encode_command(SetCounters(counts), LONG)) == SetCounters(counts)
 
 
 @examples(40)

@@ -47,7 +47,7 @@ class Logging(PolhemSerialEmulator):
         return answers
 
 
-def test_a_stopped_host_leaves_no_force_and_comes_back_from_zero(tmp_path: Path) -> None:
+def test_stopped_host_has_no_force_and_ramps_again(tmp_path: Path) -> None:
     emulator = Logging()
 
     def until_pushed() -> None:

@@ -86,14 +86,14 @@ def test_forces_are_felt_where_they_are_commanded(host: Host, wire: Wire, name: 
     assert distance(felt(device(host, wire, name), driver(wire, name, **options), force), force) < 0.03
 
 
-def test_the_two_hosts_of_8_byte_boards_have_other_motors() -> None:
+def test_hosts_of_8_byte_boards_differ_in_motors() -> None:
     """The driver's default is one of them; with the other the force goes astray, and the force check shows it."""
     emulator = device("haptikfabrikenapi", "hid8", "woodenhaptics_2015")
     assert distance(felt(emulator, driver("hid8", "woodenhaptics_2015"), FORCES[2]), FORCES[2]) > norm(FORCES[2])
 
 
 @pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1), (1, 1, -1)])
-def test_an_encoder_and_a_motor_are_turned_round_one_by_one(signs: tuple[int, int, int]) -> None:
+def test_encoder_and_motor_signs_are_independent(signs: tuple[int, int, int]) -> None:
     name = "woodenhaptics_2015"
     published = driver("hid8", name).mechanism.drive
 
@@ -111,7 +111,7 @@ def test_an_encoder_and_a_motor_are_turned_round_one_by_one(signs: tuple[int, in
         assert distance(felt(emulator, driver("hid8", name, **options), force), force) < 0.03
 
 
-def test_every_wiring_of_the_drivers_has_a_host_to_try_it_with() -> None:
+def test_every_driver_wiring_has_an_emulated_host() -> None:
     for name, parameters in PARAMETERS.items():
         for wire in parameters.wirings:
             assert (wire, name) in {(each, of) for _, each, of in ALL}
@@ -135,8 +135,3 @@ def test_the_weight_of_the_links_is_carried(name: str) -> None:
         force = mechanism.carrying_force(counts) if carry else ZERO
         now, _ = command(emulator, mechanism.limited_currents_ma(force, counts, 5.0, 3000.0), now)
         assert (norm(emulator.force) < 0.02) == carry
-
-
-def test_a_weight_that_nobody_published_is_refused() -> None:
-    with pytest.raises(ValueError, match="no masses are published"):
-        device("hfabapi", "serial", "vintage_phantom", weight=True)

@@ -43,7 +43,7 @@ class Desk:
         return answer
 
 
-def test_currents_flow_push_the_hand_and_stay_until_the_next_message() -> None:
+def test_currents_hold_until_the_next_message() -> None:
     desk = Desk(parameters="woodenhaptics_2015", model="woodenhaptics")
     mechanism = PARAMETERS["woodenhaptics_2015"].mechanism
     before = desk.emulator.position
@@ -63,13 +63,13 @@ def test_currents_flow_push_the_hand_and_stay_until_the_next_message() -> None:
     assert desk.emulator.last_force_at == pytest.approx(desk.now, abs=2 * TICK)
 
 
-def test_a_current_over_the_limit_is_no_current_and_the_others_flow() -> None:
+def test_current_over_limit_is_no_current() -> None:
     desk = Desk()
     assert desk.say(b"[6001,-6000,-2147483648]\n")[0].error == 0
     assert desk.emulator.currents_ma == (0.0, -6000.0, 0.0)
 
 
-def test_the_watchdog_bites_in_time_however_late_anybody_looks() -> None:
+def test_watchdog_trips_at_its_own_time() -> None:
     desk = Desk(handle={**STILL, "hand": {"stiffness_n_m": 100.0}})
     desk.ask(500, 0, 0)
     fed = desk.now
@@ -95,7 +95,7 @@ def test_the_watchdog_bites_in_time_however_late_anybody_looks() -> None:
         (b"[1,2\0,3]", [1024]),
     ],
 )
-def test_a_wrong_message_gets_its_error_the_last_counts_and_no_current(data: bytes, errors: list[int]) -> None:
+def test_wrong_message_gets_its_error_and_no_current(data: bytes, errors: list[int]) -> None:
     desk = Desk(handle={})
     last = desk.ask(100, 100, 100).counts
     desk.wait(0.05)
@@ -111,17 +111,6 @@ def test_a_wrong_message_gets_its_error_the_last_counts_and_no_current(data: byt
     assert desk.emulator.currents_ma == (7.0, 8.0, 9.0)
 
 
-@pytest.mark.parametrize(
-    "data",
-    [b"[1,-2,3]", b"[1,-2,3]\n", b"[1,-2,3]\r\n\0\0\0\0\0", b"\0\0\n[1,-2,3]", b"[ 1, -2,+3]", b"[[1,-2,3.5]"],
-)
-def test_filling_around_a_message_is_no_error(data: bytes) -> None:
-    desk = Desk()
-    (answer,) = desk.say(data)
-    assert answer.error == 0
-    assert desk.emulator.currents_ma == (1.0, -2.0, 3.0)
-
-
 def test_the_host_that_runs_ahead_is_told_so() -> None:
     desk = Desk(processing_s=0.0005)
     for current in (1, 2, 3):  # the second and the third wait together, while the first is worked on
@@ -130,15 +119,7 @@ def test_the_host_that_runs_ahead_is_told_so() -> None:
     assert desk.emulator.currents_ma == (1.0, 0.0, 0.0)
 
 
-def test_the_button_sets_all_counters_to_zero_where_the_handle_is() -> None:
-    desk = Desk()
-    assert max(map(abs, desk.ask().counts[:3])) > 100
-    desk.emulator.inject("button")
-    desk.wait(TICK)
-    assert desk.ask().counts[:3] == (0, 0, 0)
-
-
-def test_a_restart_loses_home_and_current_and_what_was_said() -> None:
+def test_restart_loses_home_and_current() -> None:
     desk = Desk()
     desk.ask(900, 0, 0)
     desk.emulator.receive(b"[1,2", desk.now)
@@ -153,7 +134,7 @@ def test_a_restart_loses_home_and_current_and_what_was_said() -> None:
     assert max(map(abs, answer.counts[:3])) < 20, "the hand swings back by so much in a millisecond"
 
 
-def test_a_stuck_encoder_keeps_its_count_while_the_others_go_on() -> None:
+def test_injected_stuck_encoder_keeps_its_count() -> None:
     desk = Desk(handle={})
     desk.emulator.inject("stuck_encoder", 2.0)
     desk.wait(TICK)
@@ -183,7 +164,7 @@ def test_a_tripped_watchdog_answers_but_gives_no_current() -> None:
     assert desk.emulator.currents_ma == (300.0, 0.0, 0.0)
 
 
-def test_it_may_say_to_be_another_model_or_to_have_a_broken_gimbal() -> None:
+def test_wrong_model_and_gimbal_errors_can_be_injected() -> None:
     desk = Desk(model="polhem", handle={})
     desk.emulator.inject("wrong_model", 3.0)
     desk.emulator.inject("gimbal_error", 5.0)
@@ -198,22 +179,6 @@ def test_it_may_say_to_be_another_model_or_to_have_a_broken_gimbal() -> None:
     assert later.counts[:3] != first.counts[:3]
     assert (later.counts[3], later.counts[5]) == (first.counts[3], first.counts[5])
     assert later.counts[4] != first.counts[4]
-
-
-@pytest.mark.parametrize(
-    ("word", "value"),
-    [
-        ("stuck_encoder", 7.0),
-        ("stuck_encoder", 1.5),
-        ("wrong_model", 4.0),
-        ("gimbal_error", float("nan")),
-        ("x_mm", 201.0),
-        ("z_mm", float("nan")),
-    ],
-)
-def test_faults_that_cannot_be_are_refused(word: str, value: float) -> None:
-    with pytest.raises(ValueError, match=word):
-        Desk().emulator.inject(word, value)
 
 
 @examples(30)

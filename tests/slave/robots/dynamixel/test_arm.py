@@ -31,12 +31,6 @@ def moved(joints: Joints, index: int, by: float) -> Joints:
     return (a, b, c, d)
 
 
-def test_stretched_out_it_is_as_long_as_the_drawing_says() -> None:
-    straight = arm_pose((0.0, 0.0, 0.0, 0.0))
-    assert straight.tip == pytest.approx((0.012 + 0.024 + 0.124 + 0.126, 0.0, 0.017 + 0.0595 + 0.128))
-    assert straight.pitch == 0.0
-
-
 @given(poses)
 def test_the_jacobian_is_the_derivative_of_the_tip(joints: Joints) -> None:
     rows = arm_pose(joints).jacobian()
@@ -47,7 +41,7 @@ def test_the_jacobian_is_the_derivative_of_the_tip(joints: Joints) -> None:
 
 
 @given(poses)
-def test_what_holds_the_arm_is_the_derivative_of_its_potential_energy(joints: Joints) -> None:
+def test_gravity_is_the_gradient_of_potential_energy(joints: Joints) -> None:
     gravity = arm_pose(joints).gravity
     for index in range(4):
         ahead, behind = (arm.potential_energy(moved(joints, index, by)) for by in (STEP, -STEP))
@@ -61,16 +55,6 @@ def test_force_times_velocity_is_torque_times_rates(joints: Joints, rates: Joint
     assert dot(force, here.velocity(rates)) == pytest.approx(work, abs=1e-9)
     by_rows = tuple(sum(j * q for j, q in zip(row, rates, strict=True)) for row in here.jacobian())
     assert here.velocity(rates) == pytest.approx(by_rows, abs=1e-9)
-
-
-@given(poses)
-def test_the_inverse_finds_the_angles_again(joints: Joints) -> None:
-    here = arm_pose(joints)
-    if here.reach <= 0.01:  # behind the axis, where joint 1 would have to turn round
-        return
-    solutions = [inverse(here.tip, here.pitch, elbow_up) for elbow_up in (True, False)]
-    near = [each for each in solutions if each is not None and max(map(abs, _differences(each, joints))) < 1e-5]
-    assert near or not within_limits(joints, margin=1e-6)
 
 
 @given(st.tuples(st.floats(0.12, 0.26), st.floats(-0.12, 0.12), st.floats(0.05, 0.25)), st.floats(0.0, 1.2))
@@ -90,7 +74,7 @@ def test_out_of_reach_there_is_no_solution(tip: Vector) -> None:
     assert inverse_nearest(tip, 0.0) is None
 
 
-def test_the_nearest_pitch_is_taken_where_the_wanted_one_is_out_of_reach() -> None:
+def test_nearest_reachable_pitch_is_used() -> None:
     tip = (0.12, 0.12, 0.05)
     assert inverse(tip, 0.0) is None
     joints = inverse_nearest(tip, 0.0)
@@ -102,13 +86,13 @@ def test_the_nearest_pitch_is_taken_where_the_wanted_one_is_out_of_reach() -> No
 
 
 @given(poses)
-def test_the_least_current_allowed_carries_the_arm_however_it_stands(joints: Joints) -> None:
+def test_smallest_current_limit_carries_the_arm(joints: Joints) -> None:
     assert max(map(abs, arm_pose(joints).gravity)) <= 1.65 * WEIGHT_A
     assert DynamixelOptions(max_current_ma=650.0).max_current_ma >= 1e3 * WEIGHT_A
 
 
 @given(poses, small)
-def test_the_mass_matrix_is_symmetric_and_kinetic_energy_positive(joints: Joints, rates: Joints) -> None:
+def test_mass_matrix_is_symmetric_positive_definite(joints: Joints, rates: Joints) -> None:
     here = arm_pose(joints)
     columns = [here.momentum(moved((0.0, 0.0, 0.0, 0.0), index, 1.0), ROTOR) for index in range(4)]
     for i in range(4):
@@ -116,7 +100,3 @@ def test_the_mass_matrix_is_symmetric_and_kinetic_energy_positive(joints: Joints
             assert columns[i][k] == pytest.approx(columns[k][i], abs=1e-15)
     energy = sum(p * q for p, q in zip(here.momentum(rates, ROTOR), rates, strict=True))
     assert energy >= ROTOR * sum(q * q for q in rates)
-
-
-def _differences(a: Joints, b: Joints) -> list[float]:
-    return [x - y for x, y in zip(a, b, strict=True)]

@@ -20,8 +20,7 @@ from weberlink.slave.robots.contract import RobotFault, RobotReading
 from weberlink.slave.robots.dynamixel import registers
 from weberlink.slave.robots.dynamixel.bus import MotorBus
 from weberlink.slave.robots.dynamixel.driver import DynamixelRobot
-from weberlink.slave.robots.dynamixel.options import DynamixelOptions, corners
-from weberlink.slave.scenes.scene import Scene
+from weberlink.slave.robots.dynamixel.options import DynamixelOptions
 
 PATIENCE = 10.0
 TICK = 0.001
@@ -96,17 +95,12 @@ def test_the_spec_states_lag_and_uncertainty() -> None:
     assert DynamixelRobot(DynamixelOptions(bus_watchdog_ms=90.0), None, TICK).spec.watchdog_s == pytest.approx(0.1)
 
 
-def test_the_example_sends_nothing_finer_than_its_arm_can_tell() -> None:
+def test_example_deadband_exceeds_force_uncertainty() -> None:
     example = yaml.safe_load((CONFIGS / "phantom-arm.yaml").read_text())
     options = {name: value for name, value in example["slave"]["robot"].items() if name != "driver"}
     spec = DynamixelRobot(DynamixelOptions.model_validate(options), None, TICK).spec
     assert example["codec"]["force"]["floor_n"] > spec.force_error[0]
     assert example["codec"]["force"]["floor_n"] < spec.force_n, "or nothing is ever felt"
-
-
-def test_it_has_no_use_for_a_scene() -> None:
-    with pytest.raises(ValueError, match=r"^scene: dynamixel is a real robot"):
-        DynamixelRobot(DynamixelOptions(), Scene([]), TICK)
 
 
 @pytest.mark.parametrize(
@@ -128,15 +122,9 @@ def test_it_has_no_use_for_a_scene() -> None:
         ({"stifness_n_m": 100.0}, "Extra inputs are not permitted"),
     ],
 )
-def test_what_cannot_work_is_refused(options: dict[str, Any], says: str) -> None:
+def test_impossible_options_are_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(ValidationError, match=says):
         DynamixelOptions(**options)
-
-
-def test_a_faster_bus_allows_a_stiffer_tip() -> None:
-    options = DynamixelOptions(baud=3_000_000, rate_hz=500.0, damping_rate_s=25.0, stiffness_n_m=1500.0)
-    assert options.reading_s < 0.0015
-    assert len(corners(options.workspace_m)) == 9
 
 
 def test_it_is_opened_moved_and_left_holding(wire: PtyDevice) -> None:
@@ -150,18 +138,7 @@ def test_it_is_opened_moved_and_left_holding(wire: PtyDevice) -> None:
     assert torque(wire) == [1, 1, 1, 1]
 
 
-def test_asked_twice_for_the_same_moment_it_says_the_same(wire: PtyDevice) -> None:
-    robot = robot_at(wire)
-    robot.open(monotonic())
-    moment = monotonic() + PATIENCE
-    first = robot.latest(moment)
-    sleep(0.1)
-    assert robot.latest(moment) == first
-    until(robot, None, lambda _: robot.latest(moment + monotonic()).at > first.at)
-    robot.close()
-
-
-def test_a_loop_that_stops_leaves_the_arm_where_it_is(wire: PtyDevice) -> None:
+def test_arm_holds_when_the_loop_stops(wire: PtyDevice) -> None:
     robot = robot_at(wire)
     robot.open(monotonic())
     goal = (0.19, 0.02, 0.18)
@@ -181,7 +158,7 @@ def test_it_goes_home_before_it_goes_limp(wire: PtyDevice) -> None:
     assert emulator_of(wire).tip[2] < 0.22, "from 0.24"
 
 
-def test_an_arm_that_is_held_up_on_its_way_home_holds(wire: PtyDevice) -> None:
+def test_interrupted_way_home_ends_in_hold(wire: PtyDevice) -> None:
     robot = robot_at(wire, on_close="rest", home_m=(0.15, 0.0, 0.2))
     robot.open(monotonic())
     emulator_of(wire).inject("overload", 4)
@@ -189,7 +166,7 @@ def test_an_arm_that_is_held_up_on_its_way_home_holds(wire: PtyDevice) -> None:
     assert torque(wire) == [1, 1, 1, 0]
 
 
-def test_a_port_that_is_not_there_is_one_line(tmp_path: Path) -> None:
+def test_missing_port_error_is_one_line(tmp_path: Path) -> None:
     robot = DynamixelRobot(DynamixelOptions(port=str(tmp_path / "none")), None, TICK)
     with pytest.raises(RobotFault, match=r"^dynamixel: .*there is no such port") as caught:
         robot.open(monotonic())
@@ -198,7 +175,7 @@ def test_a_port_that_is_not_there_is_one_line(tmp_path: Path) -> None:
         robot.latest(monotonic())
 
 
-def test_an_arm_that_is_plugged_in_again_is_taken_up_without_a_jump(wire: PtyDevice) -> None:
+def test_reconnected_arm_resumes_without_jump(wire: PtyDevice) -> None:
     robot = robot_at(wire, reconnect_s=PATIENCE)
     robot.open(monotonic())
     goal = (0.17, 0.0, 0.2)
@@ -213,7 +190,7 @@ def test_an_arm_that_is_plugged_in_again_is_taken_up_without_a_jump(wire: PtyDev
     robot.close()
 
 
-def test_an_arm_that_stays_away_is_a_fault_with_its_reason(wire: PtyDevice) -> None:
+def test_unplugged_arm_is_a_fault_with_reason(wire: PtyDevice) -> None:
     robot = robot_at(wire)
     robot.open(monotonic())
     wire.unplug()

@@ -85,7 +85,7 @@ def test_killed_in_contact_the_arm_lets_go(tmp_path: Path) -> None:
         assert arm.currents() == 0.0, "nobody takes it up again"
 
 
-def test_stopped_in_contact_the_arm_lets_go_and_later_only_holds(tmp_path: Path) -> None:
+def test_stopped_host_releases_and_later_holds(tmp_path: Path) -> None:
     with pressing(tmp_path) as arm:
         assert arm.send(signal.SIGSTOP) <= WITHIN_S
         sleep(0.5)

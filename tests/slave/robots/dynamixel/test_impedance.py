@@ -1,14 +1,14 @@
 """Springs, dampers and what they may not do; stability near rest with a whole cycle of delay."""
 
+from itertools import pairwise
 from math import hypot
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.slave.robots.dynamixel.stability import largest_eigenvalue, workspace
-from weberlink.geometry.vector import ZERO, Vector, add
+from weberlink.geometry.vector import ZERO, Vector, add, distance
 from weberlink.slave.robots.dynamixel.arm import (
     LEAST_ROTOR_INERTIA_KG_M2,
     LOWER,
@@ -22,6 +22,7 @@ from weberlink.slave.robots.dynamixel.impedance import (
     LIMIT_MARGIN_RAD,
     SLOWEST_HZ,
     ImpedanceGains,
+    TipGoal,
     currents,
     fastest_damping,
     joint_torques,
@@ -46,12 +47,12 @@ def torque(joints: Joints, offset: Vector = ZERO, speeds: Joints = STILL, turn: 
 
 
 @given(free)
-def test_at_its_goal_the_arm_is_held_against_its_weight_and_no_more(joints: Joints) -> None:
+def test_torque_at_the_goal_is_gravity_compensation(joints: Joints) -> None:
     assert torque(joints) == pytest.approx(STILL, abs=1e-12)
 
 
 @given(free, offsets)
-def test_the_tip_is_pulled_to_its_goal_by_a_bounded_spring(joints: Joints, offset: Vector) -> None:
+def test_spring_force_is_bounded(joints: Joints, offset: Vector) -> None:
     stiffness = ImpedanceGains().stiffness
     stretched = stiffness * hypot(*offset)
     scale = stiffness * min(1.0, 5.0 / stretched) if stretched > 0.0 else 0.0
@@ -70,7 +71,7 @@ def test_the_damper_only_takes_energy(joints: Joints, speeds: Joints) -> None:
 
 
 @given(free, st.floats(-1.0, 1.0))
-def test_the_pitch_is_turned_without_a_force_on_the_tip(joints: Joints, turn: float) -> None:
+def test_pitch_torque_exerts_no_tip_force(joints: Joints, turn: float) -> None:
     here = arm_pose(joints)
     null = null_direction(here)
     motion = (0.0, *null)
@@ -84,15 +85,8 @@ def test_the_pitch_is_turned_without_a_force_on_the_tip(joints: Joints, turn: fl
     assert along * sum(null) * turn >= -1e-12, "towards the pitch that is wanted"
 
 
-def test_an_arm_stretched_out_straight_has_no_motion_of_its_own() -> None:
-    straight = arm_pose(
-        (0.0, float(np.pi / 2 - np.arctan2(0.024, 0.128)), -float(np.pi / 2 - np.arctan2(0.024, 0.128)), 0.0)
-    )
-    assert null_direction(straight) == (0.0, 0.0, 0.0)
-
-
 @given(poses)
-def test_near_a_limit_a_spring_pushes_back_and_elsewhere_none_does(joints: Joints) -> None:
+def test_limit_springs_act_near_limits_only(joints: Joints) -> None:
     pushing = torque(joints)
     if within_limits(joints, LIMIT_MARGIN_RAD):
         assert pushing == pytest.approx(STILL, abs=1e-12)
@@ -131,16 +125,14 @@ def test_within_its_bounds_any_published_motor_is_stable(rate: float, rotor: flo
 
 
 @given(poses, st.sampled_from(SPREAD), st.sampled_from((LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2)))
-def test_within_its_bounds_it_is_stable_up_to_the_joint_limits(
-    joints: Joints, motor: tuple[float, float], rotor: float
-) -> None:
+def test_stable_up_to_the_joint_limits(joints: Joints, motor: tuple[float, float], rotor: float) -> None:
     damping = fastest_damping(250.0, rotor)
     gains = ImpedanceGains(stiffest(damping, 250.0, rotor), damping, rotor=rotor)
     largest = largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=motor[0], torque=motor[1] / 1.78)
     assert largest < 1.0 + 1e-9, "1 where no spring holds a joint"
 
 
-def test_a_damping_made_for_light_rotors_is_unstable_when_it_takes_them_for_heavy_ones() -> None:
+def test_damping_bound_depends_on_assumed_rotor_inertia() -> None:
     """Why the bound on the damping depends on the inertia: 50/s was the default when the rotors were left out."""
     assert fastest_damping(250.0, LEAST_ROTOR_INERTIA_KG_M2) > 50.0 > fastest_damping(250.0, ROTOR_INERTIA_KG_M2)
     gains = ImpedanceGains(200.0, 50.0)
@@ -150,14 +142,41 @@ def test_a_damping_made_for_light_rotors_is_unstable_when_it_takes_them_for_heav
     assert light > 1.02
 
 
-@pytest.mark.parametrize("rotor", [LEAST_ROTOR_INERTIA_KG_M2, ROTOR_INERTIA_KG_M2])
-def test_the_bound_is_near_where_it_swings_up(rotor: float) -> None:
-    damping = 0.5 * fastest_damping(250.0, rotor)
-    gains = ImpedanceGains(3.0 * stiffest(damping, 250.0, rotor), damping, rotor=rotor)
-    assert max(largest_eigenvalue(joints, gains, 1.0 / 250.0, rotor=rotor) for joints in workspace()) > 1.0
+HERE: Vector = (0.2, 0.0, 0.1)
+THERE: Vector = (0.2, 0.0, 0.12)
+PERIOD = 0.004
 
 
-def test_the_defaults_are_within_the_bound() -> None:
-    gains = ImpedanceGains()
-    assert gains.damping_rate <= fastest_damping(250.0, gains.rotor)
-    assert gains.stiffness <= stiffest(gains.damping_rate, 250.0, gains.rotor)
+def run(goal: TipGoal, command: Vector | None, tip: Vector, begin: float, cycles: int) -> list[Vector]:
+    return [goal.next(command, tip, begin + (number + 1) * PERIOD) for number in range(cycles)]
+
+
+def test_first_command_is_approached_at_limited_speed() -> None:
+    goal = TipGoal(0.1, 0.1)
+    goal.place(HERE, 5.0)
+    points = run(goal, THERE, HERE, 5.0, 60)
+    assert not goal.holding
+    for a, b in pairwise([HERE, *points]):
+        assert distance(a, b) <= 0.1 * PERIOD + 1e-12
+    assert points[40] != THERE
+    assert points[-1] == THERE
+    assert goal.next(HERE, HERE, 6.0) == HERE
+
+
+def test_a_gap_shorter_than_the_patience_changes_nothing() -> None:
+    goal = TipGoal(0.1, 0.1)
+    goal.place(HERE, 5.0)
+    run(goal, THERE, HERE, 5.0, 60)
+    assert set(run(goal, None, HERE, 5.24, 24)) == {THERE}
+
+
+def test_goal_holds_after_pause_and_resumes_smoothly() -> None:
+    goal = TipGoal(0.1, 0.1)
+    goal.place(HERE, 5.0)
+    run(goal, THERE, HERE, 5.0, 60)
+    pressed_at = (0.2, 0.0, 0.113)
+    run(goal, None, pressed_at, 5.24, 30)
+    assert goal.holding
+    assert goal.next(None, (0.21, 0.0, 0.1), 5.4) == pressed_at, "where it was then, not where it drifts to"
+    first = goal.next(THERE, pressed_at, 5.404)
+    assert 0.0 < distance(first, pressed_at) <= 0.1 * PERIOD + 1e-12

@@ -56,11 +56,6 @@ def test_any_value_of_a_register_comes_back(register: Register, data: st.DataObj
             register.encode(beyond)
 
 
-def test_a_negative_current_and_a_tripped_watchdog_are_twos_complement() -> None:
-    assert registers.PRESENT_CURRENT.decode(b"\xf0\xff") == -16
-    assert registers.BUS_WATCHDOG.decode(b"\xff") == registers.WATCHDOG_TRIPPED
-
-
 def test_units() -> None:
     assert registers.angle(2048) == 0.0
     assert registers.angle(2048 + 1024) == pytest.approx(pi / 2)
@@ -77,9 +72,3 @@ def test_alarms_are_named_by_their_bits() -> None:
     assert "voltage" in both
     assert "overheating" in both
     assert registers.hardware_error_text(0x80) == "alarm bit 7"
-
-
-def test_the_motor_of_the_arm_is_known_and_controls_its_current() -> None:
-    assert registers.MODELS[registers.OPENMANIPULATOR_X_MODEL] == "XM430-W350"
-    assert registers.OPENMANIPULATOR_X_MODEL not in registers.WITHOUT_CURRENT_CONTROL
-    assert registers.MODELS.keys() > registers.WITHOUT_CURRENT_CONTROL

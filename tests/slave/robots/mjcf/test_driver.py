@@ -1,7 +1,6 @@
 """The driver on models of a few lines: what it keeps beyond the contract of every driver."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -10,48 +9,15 @@ pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 from tests.slave.robots.mjcf.models import GROUND, MASS, TICK, gantry, hold, robot, wall
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots.contract import RobotFault
-from weberlink.slave.robots.mjcf.driver import LONGEST_GAP, MujocoRobot
+from weberlink.slave.robots.mjcf.driver import LONGEST_GAP
 
 STIFF = 5000.0
 SERIES = 1.0 / (1.0 / GROUND + 1.0 / STIFF)
 """What is felt of the ground through a control of STIFF [N/m]."""
-PLATE = (
-    '<body name="plate" pos="0 0 0.0055"><joint type="slide" axis="0 0 1"/>'
-    '<geom type="box" size="0.02 0.02 0.0005" mass="0.1" condim="1"/></body>'
-)
-"""100 g that lies on the ball from above."""
-
-
-def test_the_same_calls_give_the_same_run_bit_for_bit(tmp_path: Path) -> None:
-    def run(made: MujocoRobot) -> list[tuple[Vector, Vector]]:
-        found = []
-        for _ in range(2):  # a second session starts afresh, also after one that ended in contact
-            made.open(0.0)
-            now = 0.0
-            for tick in range(1, 200):
-                now += TICK * (1.0 + 0.3 * (tick % 3)) + (0.02 if tick == 50 else 0.0)
-                made.command((0.0001 * tick, 0.0, 0.03 - 0.0003 * tick), now)
-                reading = made.latest(now)
-                found.append((reading.position, reading.force))
-            made.close()
-        assert found[:199] == found[199:]
-        assert found[-1][1][2] > 5.0
-        return found
-
-    first, second = (robot(tmp_path, gantry(wall() + PLATE), home_m=(0.0, 0.0, 0.03)) for _ in range(2))
-    assert run(first) == run(second)
-
-
-def test_it_goes_where_it_is_told_on_every_axis(tmp_path: Path) -> None:
-    made = robot(tmp_path, gantry())
-    made.open(0.0)
-    reading = hold(made, (0.01, -0.02, 0.04), 500)
-    assert reading.position == pytest.approx((0.01, -0.02, 0.04))
-    assert reading.force == ZERO
 
 
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
-def test_a_wall_on_any_side_pushes_back_along_its_normal(tmp_path: Path, force: str) -> None:
+def test_wall_pushes_back_along_its_normal(tmp_path: Path, force: str) -> None:
     """Both springs in series; the sensor is turned, and the weight that hangs on it is not felt."""
     room = wall((1.0, 0.0, 0.0), 0.04) + wall((0.0, -1.0, 0.0), 0.04) + wall((0.0, 0.0, -1.0), 0.04)
     made = robot(tmp_path, gantry(room), force=force, stiffness_n_m=STIFF)
@@ -60,16 +26,6 @@ def test_a_wall_on_any_side_pushes_back_along_its_normal(tmp_path: Path, force: 
     felt = 0.01 * SERIES
     assert reading.force == pytest.approx((felt, -felt, -felt), rel=1e-6)
     assert reading.position == pytest.approx((-0.05 + felt / STIFF, 0.05 - felt / STIFF, 0.05 - felt / STIFF))
-
-
-@pytest.mark.parametrize("force", ["contacts", "wrist"])
-def test_what_lies_on_it_weighs_on_it(tmp_path: Path, force: str) -> None:
-    """m g downwards, and the control gives way by m g / k."""
-    made = robot(tmp_path, gantry(PLATE), force=force)
-    made.open(0.0)
-    reading = hold(made, ZERO, 1500)
-    assert reading.force == pytest.approx((0.0, 0.0, -0.1 * 9.81), abs=1e-6)
-    assert reading.position == pytest.approx((0.0, 0.0, -0.1 * 9.81 / 1000.0), abs=1e-9)
 
 
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
@@ -90,7 +46,7 @@ def test_nothing_is_felt_in_free_space(tmp_path: Path, force: str) -> None:
     assert reading.position == pytest.approx(ZERO, abs=1e-4)
 
 
-def test_the_sensor_feels_the_inertia_of_what_hangs_on_it(tmp_path: Path) -> None:
+def test_force_sensor_feels_inertia(tmp_path: Path) -> None:
     """Jerked upwards, the tool holds back: downwards, by its share of the mass times the acceleration."""
     made = robot(tmp_path, gantry(), force="wrist")
     made.open(0.0)
@@ -99,15 +55,7 @@ def test_the_sensor_feels_the_inertia_of_what_hangs_on_it(tmp_path: Path) -> Non
     assert made.latest(TICK).force == pytest.approx((0.0, 0.0, -pulled / 3.0), rel=1e-6)
 
 
-def test_the_sensor_saturates_at_its_range_and_keeps_the_direction(tmp_path: Path) -> None:
-    walls = wall() + wall((1.0, 0.0, 0.0))
-    made = robot(tmp_path, gantry(walls), force_n=2.0)
-    made.open(0.0)
-    reading = hold(made, (-0.03, 0.0, -0.04), 500)
-    assert reading.force == pytest.approx((1.2, 0.0, 1.6))
-
-
-def test_a_long_gap_is_not_replayed(tmp_path: Path) -> None:
+def test_long_gap_is_skipped(tmp_path: Path) -> None:
     """It moves on as far as in the longest gap, and no further."""
     positions = []
     for gap in (LONGEST_GAP, 3600.0):
@@ -122,9 +70,7 @@ def test_a_long_gap_is_not_replayed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("timestep", "stiffness", "steps"), [(0.1, 500.0, 1), (0.0003, 500.0, 4), (0.1, 2e5, 3)])
-def test_steps_divide_a_tick_and_are_short_enough_for_the_control(
-    tmp_path: Path, timestep: float, stiffness: float, steps: int
-) -> None:
+def test_steps_divide_tick_and_suit_the_control(tmp_path: Path, timestep: float, stiffness: float, steps: int) -> None:
     """sqrt(2e5 / 0.2) is 1 rad per tick, at most 0.4 of it per step."""
     made = robot(tmp_path, gantry(timestep=timestep), stiffness_n_m=stiffness)
     assert f"{steps} step" in made.description()
@@ -132,16 +78,7 @@ def test_steps_divide_a_tick_and_are_short_enough_for_the_control(
     assert hold(made, (0.0, 0.0, 0.01), 1000).position == pytest.approx((0.0, 0.0, 0.01), abs=1e-9)
 
 
-def test_it_tells_what_is_in_the_file_and_how_it_is_driven(tmp_path: Path) -> None:
-    made = robot(tmp_path, gantry(PLATE), stiffness_n_m=2000.0)
-    assert made.description() == (
-        "model.xml: bodies 3, dofs 4, 1 step of 1 ms per tick; 2000 N/m on 0.2 kg, lags a ramp by 20.0 ms"
-    )
-    assert made.spec.stiffness_n_m == 2000.0
-    assert made.spec.workspace_m == ((-0.06, -0.06, -0.06), (0.06, 0.06, 0.06))
-
-
-def test_a_robot_has_the_axes_that_its_joints_give_it(tmp_path: Path) -> None:
+def test_axes_follow_from_joints(tmp_path: Path) -> None:
     joints = '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
     made = robot(tmp_path, gantry(joints=joints))
     assert made.spec.axes == "xz"
@@ -151,7 +88,7 @@ def test_a_robot_has_the_axes_that_its_joints_give_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [(1e308, 0.0, 0.0), (1e12, -1e12, 0.0)])
 @pytest.mark.parametrize("force", ["contacts", "wrist"])
-def test_an_absurd_command_is_a_fault_of_the_robot_and_is_not_printed(
+def test_extreme_command_is_a_silent_robot_fault(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: Vector, force: str
 ) -> None:
     folder = tmp_path / "working"
@@ -168,31 +105,6 @@ def test_an_absurd_command_is_a_fault_of_the_robot_and_is_not_printed(
     assert hold(made, ZERO, 10, start=2.0).position == pytest.approx(ZERO, abs=1e-12)
     assert tuple(capfd.readouterr()) == ("", "")
     assert list(folder.iterdir()) == []
-
-
-def test_a_fault_of_something_else_in_the_file_counts_as_well(tmp_path: Path) -> None:
-    """A second body that flies apart leaves the forces on the first without meaning."""
-    bomb = '<body pos="1 0 0"><joint type="slide" stiffness="-1e9"/><geom size="0.1" pos="0 0 1e-3" mass="1"/></body>'
-    made = robot(tmp_path, gantry(bomb + wall()))
-    made.open(0.0)
-    with pytest.raises(RobotFault, match="the simulation cannot go on"):
-        hold(made, ZERO, 200)
-
-
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        ({"workspace_m": 0.0}, r"workspace_m\n.*expected half an edge"),
-        ({"workspace_m": [[0, 1], [1, 0], [0, 1]]}, "y must rise"),
-        ({"home_m": [0, 0, 1]}, r"home_m: \[0, 0, 1\] is outside of workspace_m"),
-        ({"colour": "red"}, "colour"),
-        ({"force_n": -1}, "force_n"),
-        ({"damping_ratio": 3}, "damping_ratio"),
-    ],
-)
-def test_wrong_options_are_refused_by_name(options: dict[str, Any], named: str) -> None:
-    with pytest.raises(ValueError, match=named):
-        MujocoRobot.Options(model=Path("model.xml"), **options)
 
 
 def test_the_workspace_may_be_given_axis_by_axis(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def test_a_file_that_is_not_there(tmp_path: Path, name: str) -> None:
         MujocoRobot(MujocoRobot.Options(model=tmp_path / name), None, TICK)
 
 
-def test_a_scene_beside_that_of_the_file_is_refused(tmp_path: Path) -> None:
+def test_second_scene_is_refused(tmp_path: Path) -> None:
     scene = Scene([SceneObject(PlaneShape(ZERO, (0.0, 0.0, 1.0)), 500.0)])
     robot(tmp_path, gantry())
     with pytest.raises(ValueError, match=r"^driver mujoco: touches what is in its MJCF file; leave slave\.scene out$"):
@@ -80,7 +80,7 @@ print(sorted(name for name in sys.modules if name.startswith(("mujoco.", "numpy"
 """
 
 
-def test_without_the_package_the_options_are_there_and_the_robot_says_what_is_missing() -> None:
+def test_missing_mujoco_is_reported_at_construction() -> None:
     ended = subprocess.run([sys.executable, "-c", WITHOUT], capture_output=True, text=True, timeout=60, check=False)
     assert ended.stderr == ""
     assert ended.stdout.splitlines() == [

@@ -36,7 +36,7 @@ def test_the_file_of_one_s_own_is_felt(tmp_path: Path) -> None:
         assert abs(force[0]) + abs(force[1]) < 0.1 * force[2]
 
 
-def test_the_table_of_options_is_that_of_the_driver() -> None:
+def test_page_lists_all_options() -> None:
     table = dict(
         re.findall(r"^\| `(\w+)` \| ([^|]*?) ?\|", PAGE.partition("## Options")[2].partition("##")[0], re.MULTILINE)
     )

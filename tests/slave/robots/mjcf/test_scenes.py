@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from functools import cache
-from math import cos, pi, sin
+from math import cos, sin
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -12,8 +12,8 @@ import yaml
 
 pytest.importorskip("mujoco", reason="needs mujoco (extra: mujoco)")
 
-from tests.slave.robots.mjcf.models import TICK, lead, readings
-from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from tests.slave.robots.mjcf.models import TICK, lead
+from weberlink.geometry.vector import Vector, add, distance, dot, norm, scale, subtract
 from weberlink.slave.robots.mjcf.driver import MujocoRobot
 
 CONFIGS = Path(__file__).parents[4] / "configs"
@@ -51,46 +51,10 @@ def pressed(robot: MujocoRobot, surface: Vector, normal: Vector, depth: float) -
     return lead(robot, above, before, add(surface, scale(normal, -depth))).force
 
 
-@pytest.mark.parametrize("file", ["mujoco-arm.yaml", "mujoco-peg.yaml"])
-def test_they_wait_at_home_and_follow_in_free_space(file: str) -> None:
-    robot = MujocoRobot(MujocoRobot.Options(**named(file)), None, TICK)
-    robot.open(0.0)
-    home = (0.0, 0.0, 0.03)
-    assert distance(robot.latest(0.0).position, home) < 1e-6
-    speed = 0.01 * 2.0 * pi
-    circle = [
-        (0.01 * (cos(2.0 * pi * t) - 1.0), 0.01 * sin(2.0 * pi * t), 0.03) for t in (n * TICK for n in range(1000))
-    ]
-    behind = [distance(goal, reading.position) for goal, reading in zip(circle, readings(robot, circle), strict=True)]
-    assert max(behind) < speed * 0.016  # the lag that they tell of is at most 14.5 ms
-    assert robot.latest(1.0).force == pytest.approx(ZERO, abs=0.01)
-
-
 @pytest.mark.parametrize("at", [(0.0, 0.045, 0.0), (0.05, -0.05, 0.0), (-0.058, 0.058, 0.0), (0.0, -0.04, 0.0)])
 def test_the_plane_pushes_up(arm: MujocoRobot, at: Vector) -> None:
     for depth in (0.002, 0.006):
         assert pressed(arm, at, (0.0, 0.0, 1.0), depth) == pytest.approx((0.0, 0.0, FELT * depth), rel=0.01, abs=1e-3)
-
-
-@pytest.mark.parametrize("azimuth", [0.0, 1.0, 2.5, 4.0])
-@pytest.mark.parametrize("tilt", [0.0, 0.15, 0.3])
-def test_the_dome_pushes_away_from_its_middle(arm: MujocoRobot, tilt: float, azimuth: float) -> None:
-    normal = direction(tilt, azimuth)
-    force = pressed(arm, add(DOME, scale(normal, DOME_RADIUS)), normal, 0.004)
-    assert force == pytest.approx(scale(normal, FELT * 0.004), rel=0.01, abs=1e-3)
-
-
-@pytest.mark.parametrize("azimuth", [0.0, 1.0, 2.5, 4.0])
-@pytest.mark.parametrize("tilt", [0.0, 0.15, 0.3, 0.45, 0.6])
-def test_the_bowl_pushes_towards_its_middle(arm: MujocoRobot, tilt: float, azimuth: float) -> None:
-    outwards = direction(tilt, azimuth)
-    place = (BOWL[0] + BOWL_RADIUS * outwards[0], BOWL_RADIUS * outwards[1], BOWL[2] - BOWL_RADIUS * outwards[2])
-    inwards = unit(subtract(BOWL, place))
-    force = pressed(arm, place, inwards, 0.004)
-    assert 500.0 < dot(force, inwards) / 0.004 < 800.0
-    assert norm(subtract(force, scale(inwards, dot(force, inwards)))) < 0.1 * norm(force)
-    if tilt:
-        assert dot(force, (outwards[0], outwards[1], 0.0)) < 0.0, "concave: towards the axis"
 
 
 CONTACTS = [
@@ -126,7 +90,7 @@ def test_a_command_that_rests_feeds_no_energy(file: str, goal: Vector) -> None:
         assert distance(reading.force, rest.force) < 0.01
 
 
-def test_the_wall_pushes_the_peg_back_and_rubs_no_more_than_friction_allows(peg: MujocoRobot) -> None:
+def test_wall_force_on_peg_is_within_friction_cone(peg: MujocoRobot) -> None:
     force = lead(peg, (0.01, 0.02, 0.03), (0.026, 0.02, 0.03)).force
     assert force == pytest.approx((-FELT * 0.006, 0.0, 0.0), rel=0.01, abs=0.02)
     for sliding in along((0.026, 0.02, 0.03), (0.026, -0.02, 0.03)):
@@ -141,7 +105,7 @@ def along(start: Vector, end: Vector, ticks: int = 400) -> Iterator[Vector]:
         yield add(start, scale(subtract(end, start), tick / ticks))
 
 
-def test_the_peg_goes_into_the_hole_as_far_as_its_bottom_and_its_sides(peg: MujocoRobot) -> None:
+def test_peg_goes_into_the_hole_to_its_bottom(peg: MujocoRobot) -> None:
     mouth, inside = (0.0, 0.0, 0.0), (0.035, 0.0, 0.0)
     assert norm(lead(peg, mouth, inside).force) < 0.02
     assert lead(peg, mouth, inside, (0.051, 0.0, 0.0)).force == pytest.approx(

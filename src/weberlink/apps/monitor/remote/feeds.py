@@ -7,35 +7,27 @@ from typing import Any
 import numpy as np
 
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
-from weberlink.apps.monitor.remote.stream import StreamError
 from weberlink.apps.monitor.rings import Feed, RingFeed, find_rings, joined
 from weberlink.control.table import SCHEMES
+from weberlink.protocol.sealed_stream import StreamError
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.scoring.recorded import ANOTHER_CLOCK_S, COUNTERS, LATEST_S, MARGIN_S, VECTORS
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import FIELDS
 from weberlink.telemetry.ring import RingFormatError
 
 RECENT_S = 5.0
 """How far back a new feed begins."""
 WAITING_S = 20.0
 """How many records wait to be read; older ones are dropped."""
-COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
-"""Columns that count since the daemon began."""
-ANOTHER_CLOCK_S = 0.1
-"""A larger jump of the peer's clock means another peer, or a restarted one."""
-MARGIN_S = 1.0
-"""How much of the slave's time before the master's belongs to their session."""
 HELD_S = 10.0
 """How long records wait until the clocks are related."""
 CLOSE_S = 3.0
 """Largest difference in time of the newest records of two sides of one session, as telemetry is late, too."""
 TAIL_S = 0.5
 """How much of the slave still belongs to a session whose master has ended."""
-_LATEST_S = 1e10
-_VECTORS = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
 
 
 class RemoteSide:
@@ -101,9 +93,9 @@ class RemoteSide:
         at = records["at"]
         valid = (
             np.isfinite(at).all()
-            and (np.abs(at) < _LATEST_S).all()
+            and (np.abs(at) < LATEST_S).all()
             and (np.diff(at) >= 0.0).all()
-            and all(np.isfinite(records[name]).all() for name in _VECTORS)
+            and all(np.isfinite(records[name]).all() for name in VECTORS)
             and (records["selected"] < self._bank).all()
             and (records["rotation_selected"] < self._torque_bank).all()
             and (records["control"] < len(SCHEMES)).all()

@@ -15,11 +15,12 @@ from weberlink.apps.monitor.remote.messages import (
     read_introduction,
     read_records,
 )
-from weberlink.apps.monitor.remote.stream import RefusedError, SecureStream, StreamError, close, connect
+from weberlink.apps.monitor.remote.stream import MessageStream, close, connect
 from weberlink.apps.monitor.rings import RingFeed
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.watch import SessionWatcher
-from weberlink.protocol.psk import PresharedKey
+from weberlink.apps.tasks import first_result
+from weberlink.protocol.sealed_stream import RefusedError, StreamError, StreamTerms
 from weberlink.telemetry.ring import RingFormatError
 
 NAME = "remote"
@@ -38,7 +39,7 @@ class Following:
     """Follows the sessions of one host.
 
     Args:
-        key: see `stream.telemetry_key`.
+        terms: see `stream.telemetry_terms`.
         address: host and port.
         watch: shows the sessions.
         where: folder of this host's rings, for the other side of a session; None for those of this user.
@@ -47,13 +48,13 @@ class Following:
 
     def __init__(
         self,
-        key: PresharedKey,
+        terms: StreamTerms,
         address: tuple[str, int],
         watch: SessionWatcher,
         where: Path | None,
         tell: Callable[[str], None],
     ) -> None:
-        self._key = key
+        self._terms = terms
         self._host, self._port = address
         self._watch = watch
         self._where = where
@@ -93,7 +94,7 @@ class Following:
             why = error.strerror or str(error)
             return f"cannot be reached ({why}); start there: weberlink monitor --share ADDRESS:PORT --key-file KEY"
         try:
-            stream = await connect(reader, writer, self._key, CONNECT_S)
+            stream = await connect(reader, writer, self._terms, CONNECT_S)
             await stream.send(LinkMessage.READY, b"", CONNECT_S)
             self._say("connected")
             await self._follow(stream)
@@ -105,17 +106,17 @@ class Following:
             await close(writer)
         return "connection lost; reconnecting"
 
-    async def _follow(self, stream: SecureStream) -> None:
+    async def _follow(self, stream: MessageStream) -> None:
         self._introduced.clear()
         giving_up = asyncio.get_running_loop().call_later(INTRODUCE_S, self._drop_unless_introduced)
-        living = asyncio.ensure_future(_send_alive(stream))
         try:
-            while True:
-                self._take(*await stream.receive(SILENCE_S))
+            await first_result([self._receive(stream), _send_alive(stream)])
         finally:
             giving_up.cancel()
-            living.cancel()
-            await asyncio.gather(living, return_exceptions=True)
+
+    async def _receive(self, stream: MessageStream) -> None:
+        while True:
+            self._take(*await stream.receive(SILENCE_S))
 
     def _take(self, kind: int, payload: bytes) -> None:
         if kind == LinkMessage.BEGIN:
@@ -218,7 +219,7 @@ def _check_description(introduction: SideIntroduction) -> None:
         raise StreamError("its description of the session cannot be read; use the same release on both hosts")
 
 
-async def _send_alive(stream: SecureStream) -> None:
+async def _send_alive(stream: MessageStream) -> None:
     while True:
         await asyncio.sleep(ALIVE_S)
         await stream.send(LinkMessage.ALIVE, b"", SILENCE_S)

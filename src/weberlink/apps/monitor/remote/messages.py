@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from weberlink.apps.monitor.remote.stream import LONGEST_PAYLOAD, StreamError
+from weberlink.protocol.sealed_stream import LONGEST_PAYLOAD, StreamError
 from weberlink.system.bounded_json import parse
 from weberlink.system.configuration import SIDES
 from weberlink.system.scoring.session import Records

@@ -18,10 +18,10 @@ from weberlink.apps.monitor.remote.messages import (
     pack_introduction,
     pack_records,
 )
-from weberlink.apps.monitor.remote.stream import SecureStream, StreamError, accept, close
-from weberlink.apps.monitor.rings import RingFeed, RingFile, find_rings
-from weberlink.protocol.psk import PresharedKey
-from weberlink.telemetry.ring import RingFormatError
+from weberlink.apps.monitor.remote.stream import MessageStream, accept, close
+from weberlink.apps.monitor.rings import RingFeed, RingFile, RingOpener, find_rings
+from weberlink.apps.tasks import first_result
+from weberlink.protocol.sealed_stream import StreamError, StreamTerms
 
 LOOK_S = 0.05
 FIND_S = 0.25
@@ -43,7 +43,7 @@ class Sharing:
     """The server.
 
     Args:
-        key: see `stream.telemetry_key`.
+        terms: see `stream.telemetry_terms`.
         where: folder of the rings; None for those of this user.
         only: name of the session to share; None for the newest.
         tell: called with lines for the user.
@@ -52,13 +52,13 @@ class Sharing:
 
     def __init__(
         self,
-        key: PresharedKey,
+        terms: StreamTerms,
         where: Path | None,
         only: str | None,
         tell: Callable[[str], None],
         handshake_s: float = HANDSHAKE_S,
     ) -> None:
-        self._key = key
+        self._terms = terms
         self._where = where
         self._only = only
         self._tell = tell
@@ -91,7 +91,7 @@ class Sharing:
             stream = await self._admitted(task, peer, reader, writer)
             if stream is not None and self._viewers < MOST_CALLERS:
                 await self._serve(stream, peer)
-        except (OSError, asyncio.CancelledError):
+        except (OSError, StreamError, asyncio.CancelledError):
             pass  # the caller is gone, or proved nothing
         finally:
             await close(writer)
@@ -99,14 +99,14 @@ class Sharing:
 
     async def _admitted(
         self, task: asyncio.Task[None], peer: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> SecureStream | None:
+    ) -> MessageStream | None:
         """Let a caller prove the key; it may expel another one that has not yet."""
         expelled = self._unproven.admit(task, origin(peer))
         if expelled is not None:
             expelled.cancel()
         try:
             async with asyncio.timeout(self._handshake_s):
-                stream = await accept(reader, writer, self._key, self._handshake_s)
+                stream = await accept(reader, writer, self._terms, self._handshake_s)
                 if stream is None:
                     return None
                 kind, _ = await stream.receive(self._handshake_s)
@@ -114,23 +114,19 @@ class Sharing:
         finally:
             self._unproven.leave(task)
 
-    async def _serve(self, stream: SecureStream, peer: str) -> None:
+    async def _serve(self, stream: MessageStream, peer: str) -> None:
         self._viewers += 1
         self._tell(f"{peer} connected")
         outlet = RingMessages(self._where, self._only)
-        halves = [asyncio.ensure_future(half) for half in (_send(outlet, stream), _listen(stream))]
         try:
-            await asyncio.wait(halves, return_when=asyncio.FIRST_COMPLETED)
+            await first_result([_send(outlet, stream), _listen(stream)])
         finally:
-            for half in halves:
-                half.cancel()
-            await asyncio.gather(*halves, return_exceptions=True)
             outlet.close()
             self._viewers -= 1
             self._tell(f"{peer} disconnected")
 
 
-async def _send(outlet: "RingMessages", stream: SecureStream) -> None:
+async def _send(outlet: "RingMessages", stream: MessageStream) -> None:
     alive_at = 0.0
     while True:
         now = monotonic()
@@ -143,7 +139,7 @@ async def _send(outlet: "RingMessages", stream: SecureStream) -> None:
         await asyncio.sleep(LOOK_S)
 
 
-async def _listen(stream: SecureStream) -> None:
+async def _listen(stream: MessageStream) -> None:
     """Check that the caller is alive and sends nothing else."""
     while True:
         kind, payload = await stream.receive(SILENCE_S)
@@ -163,7 +159,7 @@ class RingMessages:
         self._only = only
         self._feeds: dict[str, RingFeed] = {}
         self._session: str | None = None
-        self._known: set[tuple[str, int]] = set()
+        self._opener = RingOpener()
         self._find_at = 0.0
 
     def close(self) -> None:
@@ -199,19 +195,10 @@ class RingMessages:
             if self._feeds:
                 break
 
-    def _open(self, found: RingFile) -> Messages:
-        key = (str(found.path), found.inode)
-        if key in self._known or found.side in self._feeds:
-            return
-        self._known.add(key)
-        try:
-            feed = RingFeed(found.path)
-        except (RingFormatError, OSError):
-            return
-        if not feed.alive:
-            feed.close()
-            return
-        self._feeds[found.side] = feed
-        self._session = found.session
-        introduction = SideIntroduction(found.session, found.side, feed.rate_hz, feed.began, feed.description)
-        yield LinkMessage.BEGIN, pack_introduction(introduction)
+    def _open(self, ring: RingFile) -> Messages:
+        feed = None if ring.side in self._feeds else self._opener.open(ring)
+        if feed is not None:
+            self._feeds[ring.side] = feed
+            self._session = ring.session
+            introduction = SideIntroduction(ring.session, ring.side, feed.rate_hz, feed.began, feed.description)
+            yield LinkMessage.BEGIN, pack_introduction(introduction)

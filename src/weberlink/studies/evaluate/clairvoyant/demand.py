@@ -186,14 +186,9 @@ def bounded(deadband: Deadband) -> bool:
 
 
 def demand_of(force: Array, position: Array, channel: Channel) -> Demand:
-    """The condition of a force channel; its deadband must be `bounded`.
+    """The condition of a force channel on finite forces [N] and positions [m]; its deadband must be `bounded`.
 
     The encoder does not send an error that the quantized sample would not reduce.
-
-    Args:
-        force: measured, shape (n, 3) [N], finite.
-        position: commanded, shape (n, 3) [m], finite.
-        channel: with wire and deadband.
     """
     wire = channel.value_quantizer
     seen = _confined(force, wire)

@@ -1,0 +1,42 @@
+"""The result of a study, and the plain tables in which studies are printed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """A finished study.
+
+    Args:
+        document: for JSON.
+        table: for the terminal.
+        figures: draws the figures into an existing folder; it imports matplotlib.
+    """
+
+    document: dict[str, Any]
+    table: Table
+    figures: Callable[[Path], None]
+
+    def draw(self, folder: Path) -> None:
+        """Make the folder and draw the figures.
+
+        Raises:
+            OSError: if the folder or a file in it cannot be made.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        self.figures(folder)
+
+
+def plain_table(first: str, *others: str, right: bool = True, **options: Any) -> Table:
+    """A table without lines; the columns after the first are right-justified unless `right` is false."""
+    justified = {"title_justify": "left", "caption_justify": "left"}
+    table = Table(box=None, pad_edge=False, **({"padding": (0, 2, 0, 0)} | justified | options))
+    table.add_column(first, no_wrap=True)
+    for name in others:
+        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+    return table

@@ -1,0 +1,305 @@
+"""`adaptive`: a shadow sends when an encoder with its candidate alone would, and the best record is chosen."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import cache
+from itertools import pairwise
+from math import exp, nan, pi, sin
+from random import Random
+
+import pytest
+
+from tests.codec.contacts import GodObject, contact, rubbing_stream, stroke
+from tests.codec.law import FITTED
+from tests.codec.signals import Stream
+from weberlink.codec import Channel, Encoder, force_channel
+from weberlink.codec.adaptive import MEMORY, REST, AdaptiveChoice, Shadow
+from weberlink.codec.deadband import ForceDeadband
+from weberlink.codec.predictors import PREDICTORS, FitLimits, Model
+from weberlink.codec.predictors.contact import ContactEstimator
+from weberlink.codec.predictors.contract import KEPT, EncodeContext, FittedCandidate, History
+from weberlink.codec.predictors.model import Hold, Line
+from weberlink.codec.predictors.surface import FrictionalHypothesis
+from weberlink.codec.replay import code
+from weberlink.codec.sample import Sample
+from weberlink.geometry.vector import ZERO, Vector, distance
+
+LIMITS = FitLimits()
+
+
+def up(force: float) -> Vector:
+    return (0.0, 0.0, force)
+
+
+def bank(*names: str) -> Channel:
+    return force_channel(predictor="adaptive", bank=names)
+
+
+def sends(channel: Channel, stream: Stream) -> list[int]:
+    return [tick for tick, coded in enumerate(code(channel, stream)) if coded.update is not None]
+
+
+# History.
+
+
+def test_a_history_keeps_the_latest_samples_and_ends_at_a_gap() -> None:
+    history = History()
+    for tick in range(1000):
+        assert history.add(tick, up(tick), (float(tick), 0.0, 0.0)) == (tick > 0)
+        assert min(tick + 1, KEPT) <= len(history) == len(history.places) <= 2 * KEPT
+        first = tick + 1 - len(history)
+        assert history.values == [up(each) for each in range(first, tick + 1)]
+    for other in (1001, 999, 998, 0, 10**9):  # a gap, a repetition, or a step back
+        history = History()
+        history.add(998, up(1.0), ZERO)
+        history.add(999, up(1.0), ZERO)
+        assert not history.add(other, ZERO, ZERO)
+        assert (history.values, history.places) == ([ZERO], [ZERO])
+        assert history.add(other + 1, ZERO, ZERO)
+
+
+# Shadows.
+
+
+def zoh_shadow(selector: int = 0) -> Shadow:
+    return Shadow(selector, FittedCandidate(PREDICTORS["zoh"], LIMITS), ZERO)
+
+
+def shadowed(channel: Channel, shadow: Shadow, stream: Stream, found: ContactEstimator | None = None) -> list[int]:
+    """Ticks of its sends, in the loop of `AdaptiveChoice`."""
+    history, sent, deadband = History(), [], channel.deadband
+    for tick, (force, position) in enumerate(stream):
+        bound = deadband.bound(force, force, force, 0.0)
+        follows = history.add(tick, force, position)
+        if found is not None:
+            found.follow(history, follows)
+        if shadow.follow(tick, force, position, bound, deadband.error):
+            sent.append(tick)
+            shadow.send(channel.grid.sample(tick, channel.grid.levels(force, position)), bound, history)
+    return sent
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_a_fitted_candidate_sends_at_the_ticks_of_its_encoder(name: str) -> None:
+    """Not so estimated ones: their shadows follow the model itself, not the wire's rounding of its parameters."""
+    channel = force_channel(predictor=name)
+    stream = contact(GodObject(400.0), ticks=2500, noise=0.0)  # so calm that no candidate is suspended
+    stream = [(ZERO, position) for _, position in stream[:50]] + stream[50:]
+    sent = shadowed(channel, Shadow(0, FittedCandidate(PREDICTORS[name], LIMITS), ZERO), stream)
+    assert sent == sends(channel, stream)
+    assert len(sent) > 1
+
+
+def test_the_shadow_of_friction_remembers_the_motion() -> None:
+    """Without, it would send three times as often."""
+    channel, found = force_channel(predictor="surface"), ContactEstimator(0.04)
+    stream = contact(GodObject(800.0, 0.0, 0.3), ticks=4000)
+    sent = shadowed(channel, Shadow(0, FrictionalHypothesis(found, LIMITS), ZERO), stream, found)
+    holds = sends(force_channel(predictor="zoh"), stream)
+    assert sum(tick >= 400 for tick in sent) < 0.1 * sum(tick >= 400 for tick in holds)
+
+
+def test_before_the_first_sample_a_force_rests_and_a_position_is_sent() -> None:
+    assert not zoh_shadow().follow(0, up(0.05), ZERO, 0.1, distance)
+    assert zoh_shadow().follow(0, up(0.2), ZERO, 0.1, distance)
+    assert Shadow(0, FittedCandidate(PREDICTORS["zoh"], LIMITS), None).follow(0, ZERO, ZERO, 0.1, distance)
+
+
+def test_the_error_is_that_of_the_prediction_before_the_send() -> None:
+    shadow = zoh_shadow(3)
+    assert shadow.follow(5, up(2.0), ZERO, 0.2, distance)
+    assert (shadow.selector, shadow.error) == (3, 2.0)
+    shadow.send(Sample(5, up(2.0), ZERO), 0.2, History())
+    assert not shadow.follow(6, up(2.15), ZERO, 0.2, distance)
+    assert shadow.error == pytest.approx(0.15)
+    shadow.send(Sample(17, up(nan), ZERO), 0.1, History())
+    assert shadow.follow(18, ZERO, ZERO, 0.1, distance)
+
+
+class Noted:
+    """Keeps what it was told, and draws a line through it."""
+
+    def __init__(self) -> None:
+        self.contexts: list[EncodeContext] = []
+
+    def model(self, context: EncodeContext) -> Model | None:
+        self.contexts.append(context)
+        return Line(context.newest.value, up(0.1), context.newest.tick) if len(self.contexts) > 1 else None
+
+
+def test_a_candidate_is_told_of_its_own_sends_and_held_without_a_model() -> None:
+    noted = Noted()
+    shadow, history = Shadow(0, noted, ZERO), History()
+    one, other, third = (Sample(tick, up(1.0), ZERO) for tick in (2, 10, 10 + 65_536))
+    for sample in (one, other, third):
+        shadow.send(sample, 0.3, history)
+        shadow.follow(sample.tick + 5, up(1.0), ZERO, 9.0, distance)
+        assert shadow.error == pytest.approx(0.0 if sample is one else 0.5)
+    assert [(told.newest, told.earlier) for told in noted.contexts] == [(one, None), (other, one), (third, None)]
+    assert all((told.bound, told.history) == (0.3, history) for told in noted.contexts)
+
+
+def sent_at(*ticks: int) -> Shadow:
+    shadow = zoh_shadow()
+    for tick in ticks:
+        shadow.send(Sample(tick, ZERO, ZERO), 0.1, History())
+    return shadow
+
+
+@pytest.mark.parametrize("now", [300, 400, 5000])
+def test_a_record_is_the_sends_slowly_forgotten(now: int) -> None:
+    ticks = (10, 60, 300)
+    shadow = sent_at(*ticks)
+    for asked in range(300, now, 10):  # asking changes nothing
+        shadow.record(asked)
+    assert shadow.record(now) == pytest.approx(sum(exp((tick - now) / MEMORY) for tick in ticks))
+    assert sent_at().record(500) == 0.0 == sent_at(0).record(2**70)
+
+
+def test_a_tick_count_that_restarts_forgets_nothing() -> None:
+    assert sent_at(2**24 - 5).record(3) == pytest.approx(1.0)
+    # Nor is the candidate suspended for all the ticks there were.
+    assert sent_at(2**24 - 6, 2**24 - 5).follow(3, up(1.0), ZERO, 0.1, distance)
+
+
+def test_a_hopeless_candidate_is_suspended_and_its_record_goes_on() -> None:
+    channel, shadow = force_channel(predictor="zoh"), zoh_shadow()
+    sent = shadowed(channel, shadow, [(up(1.0 + tick % 2), ZERO) for tick in range(400)])
+    assert max(later - earlier for earlier, later in pairwise(sent)) >= REST
+    assert len(sent) < 400 / 3
+    assert shadow.record(399) > sent_at(*range(0, 400, 5)).record(399)
+    # One that lasts four ticks never is.
+    slower = [(up(1.0 + tick // 4 % 2), ZERO) for tick in range(200)]
+    assert shadowed(channel, zoh_shadow(), slower) == list(range(0, 200, 4))
+
+
+# The choice.
+
+
+@cache
+def wall() -> Stream:
+    return contact(GodObject(800.0), ticks=3000)
+
+
+@cache
+def rubbing() -> Stream:
+    return contact(GodObject(800.0, 0.0, 0.3), ticks=3000)
+
+
+@cache
+def moving() -> Stream:
+    def path(t: float) -> Vector:
+        a, b, height = stroke(t)
+        return a, b, height + 0.9 * lift(t)
+
+    def lift(t: float) -> float:
+        return 0.016 * sin(2.0 * pi * t)
+
+    return contact(GodObject(800.0), ticks=3000, path=path, lift=lift)
+
+
+@cache
+def nothing_but_noise() -> Stream:
+    """A force that steps at random, and a hand that goes elsewhere: neither place nor slope says anything."""
+    random, force, stream = Random(3), 2.0, []
+    for tick in range(3000):
+        if tick % 60 == 0:
+            force = random.uniform(1.0, 3.0)
+        noise = [random.gauss(0.0, 0.02) for _ in range(3)]
+        a, b, height = stroke(tick * 1e-3)
+        stream.append(((noise[0], noise[1], force + noise[2]), (a, b, height)))
+    return stream
+
+
+@cache
+def tremor() -> Stream:
+    """A slow wave, and on it a tremor of a little more than the deadband and the noise of a sensor."""
+    random, stream = Random(8), []
+    for tick in range(3000):
+        t = tick * 1e-3
+        force = 2.5 + 0.5 * sin(2.0 * pi * 0.8 * t) + 0.4 * sin(2.0 * pi * 8.0 * t) + random.gauss(0.0, 0.02)
+        stream.append((up(force), ZERO))
+    return stream
+
+
+@cache
+def ramps() -> Stream:
+    """A force that rises and falls evenly whatever the hand does."""
+    return [(up(2.0 + 1.9 * abs((tick / 400) % 2 - 1)), ZERO) for tick in range(3000)]
+
+
+@pytest.mark.parametrize(
+    ("names", "stream", "best", "least"),
+    [
+        (("zoh", "plane"), wall, {"plane"}, 0.9),
+        (("zoh", "linear", "surface"), wall, {"surface"}, 0.9),
+        (("zoh", "linear", "affine"), wall, {"affine"}, 0.6),
+        (("zoh", "trend", "plane", "surface"), rubbing, {"surface"}, 0.75),
+        (("zoh", "plane", "sphere"), moving, {"zoh", "plane"}, 0.3),
+        (("zoh", "plane", "surface"), moving, {"surface"}, 0.75),
+        (("zoh", "linear", "plane", "sphere"), nothing_but_noise, {"zoh"}, 0.8),
+        (("zoh", "trend"), tremor, {"trend"}, 0.7),
+        (("zoh", "linear", "plane"), ramps, {"linear"}, 0.9),
+    ],
+)
+def test_what_is_clearly_best_is_in_use(
+    names: tuple[str, ...], stream: Callable[[], Stream], best: set[str], least: float
+) -> None:
+    used = Counter(names[coded.selected] for coded in list(code(bank(*names), stream()))[1000:])
+    assert sum(used[name] for name in best) >= least * used.total(), used
+
+
+@pytest.mark.parametrize("names", [("zoh", "plane"), ("zoh", "linear", "plane", "surface")])
+@pytest.mark.parametrize("stream", [wall, rubbing, moving, nothing_but_noise, ramps])
+def test_it_sends_hardly_more_than_the_best_of_its_bank(names: tuple[str, ...], stream: Callable[[], Stream]) -> None:
+    """A quarter more, and a few while it learns, on three seconds."""
+    alone = [len(sends(force_channel(predictor=name), stream())) for name in names]
+    assert len(sends(bank(*names), stream())) <= 1.25 * min(alone) + 10
+
+
+def test_it_changes_with_the_signal_and_back() -> None:
+    """Within two seconds of each change."""
+    used = [coded.selected == 2 for coded in code(bank("zoh", "linear", "plane"), [*wall(), *ramps(), *wall()])]
+    first, between, last = (sum(used[start + 2000 : start + 3000]) / 1000 for start in (0, 3000, 6000))
+    assert min(first, last) > 0.8
+    assert between < 0.2
+
+
+def test_the_record_of_a_deselected_predictor_is_kept() -> None:
+    encoder, first = Encoder(bank("zoh", "plane")), None
+    encoder.retune(ForceDeadband(0.1, 0.02), [0])
+    for tick, sample in enumerate(wall()):
+        if tick == 2000:
+            encoder.retune(ForceDeadband(0.1, 0.02), [0, 1])
+        update = encoder.encode(tick, *sample)
+        if update is not None and tick >= 2000 and first is None:
+            first = update.selector
+    assert first == 1
+
+
+@pytest.mark.parametrize("names", [("zoh", "plane", "linear"), ("sphere", "zoh"), tuple(PREDICTORS)])
+def test_the_first_of_equals_is_chosen_and_held_without_a_history(names: Sequence[str]) -> None:
+    choice = AdaptiveChoice(bank(*names))
+    choice.follow(0, up(1.0), ZERO, 0.1)
+    for first, name in enumerate(names):
+        simplest = [each for each in range(first, len(names)) if PREDICTORS[names[each]].doubt == 1.0]
+        selector, _ = choice.choose(simplest or [first], Sample(0, up(1.0), ZERO), None, 0.1)
+        assert selector == (simplest or [first])[0]
+        assert choice.choose([first], Sample(0, up(1.0), ZERO), None, 0.1)[1] in (None, Hold(up(1.0))), name
+
+
+@pytest.mark.parametrize("bound", [0.0, 1e-300])
+def test_a_deadband_of_zero_divides_by_nothing(bound: float) -> None:
+    choice = AdaptiveChoice(force_channel(predictor="adaptive"))
+    for tick in range(60):
+        choice.follow(tick, up(1.0 + tick % 3), ZERO, bound)
+        choice.choose(range(5), Sample(tick, up(1.0), ZERO), None, bound)
+
+
+def test_only_a_surface_follows_the_contact() -> None:
+    """What a bank does not need is not computed."""
+    for name, predictor in PREDICTORS.items():
+        assert (predictor.candidates(LIMITS, 0.04).follow is not None) == (name == "surface")
+    encoder = Encoder(bank("zoh", "surface"))
+    for tick, sample in enumerate(rubbing_stream(1, ticks=50)):
+        encoder.encode(tick, *sample)

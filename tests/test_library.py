@@ -1,0 +1,39 @@
+"""The public names of the library, and the examples of docs/library.md."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import weberlink
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "docs" / "library.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^## (.*?)\n.*?```python\n(.*?)```", PAGE, flags=re.DOTALL | re.MULTILINE)
+LIMIT_US = 20_000
+"""Of the import, which takes about 500 us on an idle machine."""
+
+
+def test_every_public_name_is_there_and_documented() -> None:
+    for name in weberlink.__all__:
+        assert getattr(weberlink, name) is not None
+        assert name in PAGE or name in ("__version__", "Channel", "CodedTick", "Trace")
+    assert PAGE.count("```python") == len(BLOCKS)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        weberlink.nothing  # noqa: B018
+
+
+def test_importing_the_package_loads_nothing_else() -> None:
+    script = "import sys; before = set(sys.modules); import weberlink; print(*sorted(set(sys.modules) - before))"
+    run = subprocess.run([sys.executable, "-X", "importtime", "-c", script], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["weberlink"]
+    (line,) = [line for line in run.stderr.splitlines() if line.endswith("weberlink")]
+    assert int(line.split("|")[1]) < LIMIT_US
+
+
+@pytest.mark.parametrize(("title", "source"), BLOCKS, ids=[title for title, _ in BLOCKS])
+def test_example_of_the_documentation_runs(title: str, source: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    exec(compile(source, f"docs/library.md: {title}", "exec"), {"__name__": "example"})
