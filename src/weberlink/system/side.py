@@ -61,8 +61,6 @@ COLUMNS = {
     "state": "endpoint.state.value",
     "fault": "faults.active",
     "control": "schemes[control.active]",
-    "selected": "force.selected",
-    "position_selected": "position.selected",
     "sent": "outgoing[0].update is not None",
     "received": "incoming[0].received",
     "settings": "tuning.generation & 0xFF",
@@ -73,7 +71,6 @@ ROTATION_COLUMNS = {
     "rotation_updates_received": "statistics.updates_received[torque.stream]",
     "rotation_raw": "rotation.sensor.value",
     "rotation_bound": "rotation.encoder.bound",
-    "rotation_selected": "torque.selected",
     "rotation_sent": "rotation.update is not None",
 }
 """The same for the rotation, where there is one; `rotation` is the outgoing channel of its stream."""
