@@ -84,13 +84,19 @@ COLUMNS = {
     "position": "port.hand.value",
     "decoded": "port.displays[0].decoded",
     "output": "port.displays[0].output",
+    "selected": "force.decoder.selected",
+    "position_selected": "position.encoder.mirror.selected",
     "slew_ticks": "port.slew_ticks",
     "clipped": "port.clipped",
     "ramping": "port.gate.ramping if port.enabled else RELEASED",
     "buttons": "port.buttons & 0xFF",
 }
 """Expressions for the telemetry of this end."""
-ROTATION_COLUMNS = {"rotation_decoded": "port.displays[1].decoded", "rotation_output": "port.displays[1].output"}
+ROTATION_COLUMNS = {
+    "rotation_decoded": "port.displays[1].decoded",
+    "rotation_output": "port.displays[1].output",
+    "rotation_selected": "torque.decoder.selected",
+}
 
 
 class OperatorPort:

@@ -14,12 +14,18 @@ COLUMNS = {
     "position": "port.commanded",
     "decoded": "force.held or ZERO",
     "output": "port.applied",
+    "selected": "force.encoder.mirror.selected",
+    "position_selected": "position.decoder.selected",
     "clipped": "port.clipped",
     "ramping": "RELEASED if port.by_button and endpoint.state is ENGAGED and not (side.engaged or side.pace.settling)"
     " else port.ramping",
 }
 """Expressions for the telemetry of this end."""
-ROTATION_COLUMNS = {"rotation_decoded": "torque.held or ZERO", "rotation_output": "port.followers[0].applied"}
+ROTATION_COLUMNS = {
+    "rotation_decoded": "torque.held or ZERO",
+    "rotation_output": "port.followers[0].applied",
+    "rotation_selected": "torque.encoder.mirror.selected",
+}
 
 
 class ChannelFollower(Protocol):
@@ -125,15 +131,17 @@ class RobotPort:
 
     @property
     def clipped(self) -> bool:
-        if self._guard.clipped or not self.followers:  # the quick way for three degrees of freedom
-            return self._guard.clipped
-        return any(follower.clipped for follower in self.followers)
+        clipped = self._guard.clipped
+        for follower in self.followers:
+            clipped |= follower.clipped
+        return clipped
 
     @property
     def ramping(self) -> bool:
-        if self._guard.ramping or not self.followers:
-            return self._guard.ramping
-        return any(follower.ramping for follower in self.followers)
+        ramping = self._guard.ramping
+        for follower in self.followers:
+            ramping |= follower.ramping
+        return ramping
 
     def shown(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""

@@ -29,11 +29,11 @@ class WallModel(Protocol):
 
     @property
     def stiffness(self) -> float:
-        """Of the wall [N/m]: half the square of its force by this is the energy that it stores."""
+        """Of the wall [N/m]; it stores half the square of its force divided by this [J]."""
         ...
 
     def at(self, tick: float, position: Vector) -> Vector:
-        """The force of the wall at a position [m]; a wall that rests does not read the tick."""
+        """The force of the wall [N] at a position [m]; the tick is not read."""
         ...
 
 
@@ -56,13 +56,13 @@ class Control(Protocol):
         ...
 
     def reset(self) -> None:
-        """A new session: nothing of the old one counts."""
+        """Begin a new session."""
         ...
 
     def resume(self, peer_credit: int) -> None:
-        """The same session goes on after an interruption: no force, motion, model or energy from before counts.
+        """Go on after an interruption of the session: drop force, motion, model and energy from before.
 
-        A debt stays, and so does what was handed to the other side, since `credit` never decreases.
+        A debt stays, and so does `credit`, which never decreases.
 
         Args:
             peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`; all of it is given up.
@@ -72,7 +72,7 @@ class Control(Protocol):
 
 @runtime_checkable
 class Imposable(Protocol):
-    """A scheme that chooses among others, and can be told which."""
+    """A scheme that chooses among others and can be held to one."""
 
     def impose(self, scheme: str | None) -> None:
         """Hold the scheme of this name from now on, whatever the delay; None to choose again."""
@@ -80,7 +80,7 @@ class Imposable(Protocol):
 
 
 class MasterControl(Control, Protocol):
-    """The operator's side of a scheme. In a tick: `learn` what came, `observe`, `render`, then `displayed`."""
+    """The operator's end of a scheme. In a tick: `learn` for each update, `observe`, `render`, then `displayed`."""
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         """Take what an update says.
@@ -104,23 +104,23 @@ class MasterControl(Control, Protocol):
         ...
 
     def render(self, force: Vector) -> Vector:
-        """The force to display [N], from the one that the decoder says."""
+        """The force to display [N], from the decoded one."""
         ...
 
     def displayed(self, force: Vector) -> None:
-        """What the device was told in the end [N]; it is held until the next tick."""
+        """Take the force that the device was commanded [N], which is held until the next tick."""
         ...
 
 
 class SlaveControl(Control, Protocol):
-    """The teleoperator's side of a scheme. In a tick: `follow`, then `observe` once the robot has been read."""
+    """The teleoperator's end of a scheme. In a tick: `follow`, then `observe` once the robot has been read."""
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
-        """Where the robot may be told to go.
+        """The position to command [m].
 
         Args:
-            target: where the operator is, as decoded [m].
-            here: where the robot was told to be last [m].
+            target: decoded position of the operator [m].
+            here: last commanded position [m].
             elapsed: since the last call [s].
             peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
             quality: of the link.
@@ -131,15 +131,15 @@ class SlaveControl(Control, Protocol):
         """Book the work of this tick.
 
         Args:
-            position: where the robot was told to be [m].
-            force: of the environment on the robot, as the operator is shown it [N].
+            position: as commanded [m].
+            force: of the environment on the robot [N].
         """
         ...
 
 
 @dataclass(frozen=True)
 class SchemeParameters:
-    """What the two sides of a scheme are built from.
+    """Parameters of both ends of a scheme.
 
     Args:
         tick_period: of both sides [s].

@@ -9,7 +9,7 @@ from math import hypot
 from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
-"""At most this part of the tank may be foreseen to leave in one tick."""
+"""At most this part of the tank may be predicted to leave in one tick."""
 STEEPEST = 300.0
 """A received force may rise this fast [N/s]: a new model comes as a steep ramp and not as a blow."""
 RECOVERY = 0.2

@@ -23,11 +23,11 @@ class Ticking(Protocol):
 
     @property
     def stopped(self) -> bool:
-        """The side has come to rest, whoever began the stop; the run ends after this tick."""
+        """Whether the side has come to rest; the run ends after this tick."""
 
     @property
     def outcome(self) -> str | None:
-        """How the run ended in the words of the side, if it has any."""
+        """How the run ended, as the side says it; None to leave that to the run."""
 
     def tick(self, index: int, deadline: float, now: float) -> None:
         """Do the work of tick `index`. An index that was skipped is a deadline that was missed."""

@@ -30,10 +30,6 @@ class OutgoingChannel:
         self.held: Vector | None = None
         self.model: ModelRecord = UNFITTED
 
-    @property
-    def selected(self) -> int:
-        return self.encoder.mirror.selected
-
     def reset(self) -> None:
         self.encoder.reset()
         self.model = UNFITTED
@@ -85,10 +81,6 @@ class IncomingChannel:
         self._learner = learner
         self.received = 0
         self.model: ModelRecord = UNFITTED
-
-    @property
-    def selected(self) -> int:
-        return self.decoder.selected
 
     def reset(self) -> None:
         self.decoder.reset()

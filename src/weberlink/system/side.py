@@ -61,22 +61,19 @@ COLUMNS = {
     "state": "endpoint.state.value",
     "fault": "faults.active",
     "control": "schemes[control.active]",
-    "selected": "force.selected",
-    "position_selected": "position.selected",
     "sent": "outgoing[0].update is not None",
     "received": "incoming[0].received",
     "settings": "tuning.generation & 0xFF",
 }
 """Expressions for the telemetry fields that both ends fill alike; a channel is known by its name and by its place."""
 ROTATION_COLUMNS = {
-    "rotation_updates_sent": "statistics.updates_sent[1]",
-    "rotation_updates_received": "statistics.updates_received[1]",
-    "rotation_raw": "outgoing[1].sensor.value",
-    "rotation_bound": "outgoing[1].encoder.bound",
-    "rotation_selected": "torque.selected",
-    "rotation_sent": "outgoing[1].update is not None",
+    "rotation_updates_sent": "statistics.updates_sent[torque.stream]",
+    "rotation_updates_received": "statistics.updates_received[torque.stream]",
+    "rotation_raw": "rotation.sensor.value",
+    "rotation_bound": "rotation.encoder.bound",
+    "rotation_sent": "rotation.update is not None",
 }
-"""The same for a session of six degrees of freedom."""
+"""The same for the rotation, where there is one; `rotation` is the outgoing channel of its stream."""
 
 
 class Side:
@@ -137,13 +134,16 @@ class Side:
         self._is_fresh = True
         self._last_reading_at = nan
         self._peer_tick = 0.0
-        self._row = compile_row(
-            COLUMNS | (ROTATION_COLUMNS if len(outgoing) > 1 else {}) | dict(port.columns), self._names()
-        )
+        self._row = self._compile_row()
 
-    def _names(self) -> dict[str, Any]:
-        """What the expressions of telemetry can name."""
-        return {channel.name: channel for channel in self._channels} | {
+    def _compile_row(self) -> Callable[[float, float, int], Record]:
+        """The function that makes a telemetry record, from the expressions of both ends and of the port."""
+        names: dict[str, Any] = {channel.name: channel for channel in self._channels}
+        columns = COLUMNS | dict(self.port.columns)
+        if "torque" in names:
+            columns |= ROTATION_COLUMNS
+            names["rotation"] = names["orientation" if self._leads else "torque"]
+        names |= {
             "side": self,
             "port": self.port,
             "control": self.port.control,
@@ -160,6 +160,7 @@ class Side:
             "RELEASED": RELEASED,
             "ENGAGED": State.ENGAGED,
         }
+        return compile_row(columns, names)
 
     @property
     def outcome(self) -> str | None:

@@ -63,7 +63,7 @@ class RingInUseError(FileExistsError):
 
 
 def default_path(name: str) -> Path:
-    """Where a ring of this name belongs: the runtime directory of this user, which is made if there is none.
+    """The path of a ring: in the runtime directory of this user, which is created if there is none.
 
     Raises:
         ValueError: the name is empty or would lead to another directory.
@@ -99,12 +99,12 @@ def _parse_header(path: Path, fd: int) -> Header:
 
 
 def is_alive(header: Header) -> bool:
-    """Whether the very process that wrote this header still runs; a reused process id does not count."""
+    """Whether the process that wrote this header still runs; a reused process id does not count."""
     return process_started(header.pid) == header.pid_started
 
 
 def process_started(pid: int) -> int | None:
-    """When a process started, in clock ticks since boot; None if there is none, or only its exit status is left."""
+    """When a process started, in clock ticks since boot; None if it does not run, or is a zombie."""
     try:
         status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
     except (FileNotFoundError, ProcessLookupError):
@@ -115,7 +115,7 @@ def process_started(pid: int) -> int | None:
 
 
 class RingWriter:
-    """Publishes records in a ring file; made by `create`, and owned by one thread."""
+    """Publishes records in a ring file; for one thread."""
 
     __slots__ = ("_closed", "_count", "_counter", "_end", "_map", "_pack", "_slot", "path")
 
@@ -132,7 +132,7 @@ class RingWriter:
 
     @classmethod
     def create(cls, path: str | Path, *, side: str, rate_hz: float, capacity: int) -> Self:
-        """Make the file, all of its memory at once, in place of one left by a writer that is dead.
+        """Create the file with all of its memory, in place of one that a dead writer left.
 
         Args:
             path: as of `default_path`.
@@ -176,7 +176,7 @@ class RingWriter:
         self._slot = slot if slot < self._end else RECORDS_AT
 
     def close(self, *, unlink: bool = True) -> None:
-        """Mark the end, release the memory and remove the file; readers keep what they have mapped. May be repeated."""
+        """Mark the end, release the memory and remove the file; readers keep their mapping. May be repeated."""
         if self._closed:
             return
         self._closed = True
@@ -214,7 +214,7 @@ def _place(path: Path, header: Header) -> mmap:
     fd, draft = mkstemp(prefix=f"{path.name}.", dir=path.parent)
     try:
         size = RECORDS_AT + header.capacity * header.record_size
-        # Claimed now: memory that turns out to be missing at a later store kills the process in the middle of a tick.
+        # Allocated now: missing memory at a later store would kill the process in the middle of a tick.
         os.posix_fallocate(fd, 0, size)
         mapping = mmap(fd, size, flags=MAP_SHARED | MAP_POPULATE)
         mapping[: HEADER.size] = HEADER.pack(*header)

@@ -35,12 +35,12 @@ class ForeignFileError(OSError):
 
 @dataclass(frozen=True)
 class Places:
-    """Where a runtime directory may be; tests give places of their own.
+    """Where a runtime directory may be.
 
     Args:
         environment: variables of this process.
         users: directory with one directory for each user who is logged in.
-        shared: directory in memory in which everybody may make files, with the sticky bit set.
+        shared: directory in memory in which everybody may create files, with the sticky bit set.
         mounts: the kernel's table of mounts.
     """
 
@@ -74,11 +74,11 @@ class Places:
             ) from None
 
     def memory(self) -> Path:
-        """The directory, kept in memory, in which that of this user is or would be made; it need not be there."""
+        """The parent directory in memory in which the directory of this user is or would be created."""
         return next((base for base in self._bases() if _is_private(base) and self._in_memory(base)), self.shared)
 
     def directories(self) -> list[Path]:
-        """All directories of this user that there are: sessions started in other ways may use another one."""
+        """All existing directories of this user: sessions started in other ways may use another one."""
         candidates = [*(base / NAME for base in self._bases()), self._plain, *self._suffixed()]
         return [path for path in candidates if _trouble(path) is None]
 
@@ -87,7 +87,7 @@ class Places:
         return self.shared / f"{NAME}-{os.geteuid()}"
 
     def _bases(self) -> list[Path]:
-        """The directories that a login gives its user, the one that the environment names first."""
+        """The directories of a login, the one that the environment names first."""
         named = Path(self.environment.get("XDG_RUNTIME_DIR", ""))
         usual = self.users / str(os.geteuid())
         return [named, usual] if named.is_absolute() and named != usual else [usual]
@@ -102,7 +102,7 @@ class Places:
                 yield path
 
     def _in_memory(self, path: Path) -> bool:
-        """Whether no disk backs a directory: a page that goes to disk would hold up a tick."""
+        """Whether no disk backs a directory: writing a page to disk would delay a tick."""
         device = path.stat().st_dev
         number = f"{os.major(device)}:{os.minor(device)}"
         try:
@@ -147,7 +147,7 @@ def open_file(path: Path, longest: int) -> int:
 
 
 def check(path: Path, status: os.stat_result, kind: int) -> None:
-    """See that a file is of a kind, as of `stat.S_IFMT`, and belongs to this user or to root.
+    """Check that a file is of a kind, as of `stat.S_IFMT`, and belongs to this user or to root.
 
     Raises:
         ForeignFileError: it is not, or does not.
