@@ -9,8 +9,9 @@ from statistics import median
 from time import perf_counter
 from typing import Protocol, runtime_checkable
 
-from weberlink.codec import Channel, Decoder, Encoder
+from weberlink.codec import Channel
 from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.codec.replay import code
 from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.master.devices.contract import Device
@@ -166,17 +167,8 @@ def _uncoded_kbit(system: System, tag: int) -> float:
 
 def _codec_us(channel: Channel) -> float:
     """Median time per tick [us] on a stroke over a soft wall, which sends as often as real contact does."""
-    encoder, decoder = Encoder(channel), Decoder(channel)
-    times = []
-    for tick in range(SAMPLES):
-        position, force = _stroke(tick)
-        began = perf_counter()
-        update = encoder.encode(tick, force, position)
-        if update is not None:
-            decoder.apply(update)
-        decoder.value(tick, position)
-        times.append(perf_counter() - began)
-    return median(times) * 1e6
+    samples = ((force, position) for position, force in map(_stroke, range(SAMPLES)))
+    return median(coded.seconds for coded in code(channel, samples, stopwatch=perf_counter)) * 1e6
 
 
 def _scene_us(scene: Scene) -> float:
@@ -217,10 +209,12 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
             f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; "
             "use tdpa, mmt or auto"
         )
-    if system.control.scheme in ("mmt", "auto") and not _knows_geometry(system):
+    if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
         yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model"
 
 
-def _knows_geometry(system: System) -> bool:
+def _fits_a_surface(system: System) -> bool:
     force = system.codec.force
-    return any(PREDICTORS[name].geometric for name in (force.bank if force.predictor in BANKS else (force.predictor,)))
+    return any(
+        PREDICTORS[name].describes_contact for name in (force.bank if force.predictor in BANKS else (force.predictor,))
+    )
