@@ -159,9 +159,9 @@ def test_keygen_writes_a_private_file_and_never_over_another(tmp_path: Path) -> 
 # --- simulate
 
 
-def test_simulate_refuses_what_has_a_time_of_its_own() -> None:
+def test_simulate_refuses_hardware_drivers() -> None:
     line = complaint(run("simulate", CONFIGS / "phantom-arm.yaml"))
-    assert "master.device.driver: polhem_serial is hardware" in line
+    assert "master.device.driver: polhem_serial is a hardware driver" in line
     assert "weberlink emulate polhem_serial" in line
 
 
