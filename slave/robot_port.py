@@ -120,6 +120,9 @@ class RobotPort:
         self._trip_squared = (trip_force * (1.0 + 1e-9)) ** 2
         self._is_overloaded = False
         self._where: Vector = ZERO
+        # Bound here: both are called in every tick.
+        self.latest = robot.latest
+        self.shown = self._shown_in_all if followers else guard.shown
 
     @property
     def trouble(self) -> str | None:
@@ -143,7 +146,7 @@ class RobotPort:
             ramping |= follower.ramping
         return ramping
 
-    def shown(self, felt: Vector) -> Vector:
+    def _shown_in_all(self, felt: Vector) -> Vector:
         """What may be shown of a force or torque: all, once the robot is where the operator is in every channel."""
         shown = self._guard.shown(felt)
         for follower in self.followers:
@@ -157,9 +160,6 @@ class RobotPort:
 
     def close(self) -> None:
         self.robot.close()
-
-    def latest(self, now: float) -> RobotReading:
-        return self.robot.latest(now)
 
     def accept(self, reading: RobotReading) -> bool:
         self._where = reading.position

@@ -79,6 +79,7 @@ class IncomingChannel:
         self.name, self.stream, self.decoder = name, stream, decoder
         self._place = place
         self._learner = learner
+        self._value = decoder.value
         self.received = 0
         self.model: ModelRecord = UNFITTED
 
@@ -102,4 +103,5 @@ class IncomingChannel:
 
     def decode(self, tick: float) -> Vector | None:
         """The value now; `tick` is of the peer. None before the first update."""
-        return self.decoder.value(tick, ZERO if self._place is None else self._place.value)
+        place = self._place
+        return self._value(tick, ZERO if place is None else place.value)

@@ -109,6 +109,7 @@ class Side:
         self.port = port
         self.outgoing, self.incoming = outgoing, incoming
         self._channels: list[OutgoingChannel | IncomingChannel] = [*outgoing, *incoming]
+        self._sensors = tuple(channel.sensor for channel in outgoing)
         self.tuning = tuning
         self.endpoint = endpoint
         self.failure: str | None = None
@@ -334,21 +335,23 @@ class Side:
         except port.fault as fault:
             self._lose(str(fault), now)
             return
-        for channel in self.outgoing:
-            complaint = channel.sensor.complaint(reading)
-            if complaint is not None:
+        if port.ended:
+            self.stop(now, "completed")
+        complaint = "gives no new sample"
+        for sensor in self._sensors:
+            problem = sensor.complaint(reading)
+            if problem is not None:
+                complaint = problem
                 break
         else:
-            complaint = "gives no new sample"
             if reading.at != self._last_reading_at:
                 self._last_reading_at = reading.at
-                for channel in self.outgoing:
-                    channel.sensor.take(reading)
+                for sensor in self._sensors:
+                    sensor.take(reading)
                 self._watchdog.feed(now)
                 if port.accept(reading):
                     self._faults.meet(Fault.TRIPPED)
-        if port.ended:
-            self.stop(now, "completed")
+                return
         if self._watchdog.expired(now):
             why = f": {port.trouble}" if port.trouble else ""
             self._lose(f"{port.name} {complaint}{why}", now)
