@@ -33,7 +33,7 @@ def test_wrong_arguments_are_one_line(arguments: tuple[str, ...], complaint: str
     assert ended.stdout == ""
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_a_failed_measurement_has_status_1() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -46,7 +46,8 @@ def test_a_failed_measurement_has_status_1() -> None:
     assert "Traceback" not in complaints
 
 
-@pytest.mark.realtime
+@pytest.mark.hunt  # half a minute alone on the machine
+@pytest.mark.realtime(alone=True)
 def test_a_quick_run_measures_everything(tmp_path: Path) -> None:
     out = tmp_path / "bench.json"
     with Program("bench", "--quick", "--json", out, "--plots", tmp_path / "figures") as program:

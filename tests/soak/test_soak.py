@@ -17,7 +17,7 @@ from tests.soak.faults import FAULTS
 from tests.system.processes import PATIENCE, ROOT, until
 from weberlink.telemetry.runtime_directory import directories
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.realtime(alone=True)
 
 
 def soak(*arguments: object) -> subprocess.Popen[str]:

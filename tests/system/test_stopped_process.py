@@ -15,7 +15,7 @@ from tests.system.processes import Program, until
 from weberlink.master.devices.haply.device import HaplyDevice
 from weberlink.master.devices.threaded_device import RAMP_S
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.realtime(alone=True)
 
 LIMIT_S = 0.1
 FILE = """

@@ -123,6 +123,8 @@ def bench(
     set_: Set = None,
 ) -> None:
     """Measure real-time figures beside this machine's limits."""
+    clone = Path(__file__).resolve().parents[3]  # of an editable install; `benchmarks` is not part of the package
+    sys.path.append(str(clone))
     try:
         from benchmarks.arrangement import BenchError  # noqa: PLC0415
         from benchmarks.study import run  # noqa: PLC0415

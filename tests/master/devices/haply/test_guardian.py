@@ -98,7 +98,7 @@ def pushing(folder: Path) -> Iterator[Host]:
             process.communicate()
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_stopped_program_has_no_force_and_ramps_again(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
         for stopped_s in (0.1, 0.5):
@@ -114,7 +114,7 @@ def test_stopped_program_has_no_force_and_ramps_again(tmp_path: Path) -> None:
             assert max(b - a for a, b in pairwise(forces)) <= STEP_N * 1.01
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_killed_program_has_no_force_and_frees_port(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
         wait_for(at.pushes)
@@ -124,7 +124,7 @@ def test_killed_program_has_no_force_and_frees_port(tmp_path: Path) -> None:
         SerialPort(str(tmp_path / "tty")).close()
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_stalled_loop_ends_force_despite_device_thread(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
 
@@ -137,7 +137,7 @@ def test_stalled_loop_ends_force_despite_device_thread(tmp_path: Path) -> None:
         wait_for(at.pushes)
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_without_its_guardian_a_program_ends_without_force(tmp_path: Path) -> None:
     with pushing(tmp_path) as at:
         wait_for(at.pushes)

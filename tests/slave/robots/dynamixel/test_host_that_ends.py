@@ -20,7 +20,7 @@ from weberlink.hardware.emulator import PtyDevice
 from weberlink.slave.emulators.dynamixel import DynamixelEmulator, DynamixelEmulatorOptions
 from weberlink.slave.robots.dynamixel import options, registers
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.realtime(alone=True)
 
 WITHIN_S = 0.1
 WATCHDOG_S = 1e-3 * options.DynamixelOptions().bus_watchdog_ms
