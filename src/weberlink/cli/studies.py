@@ -129,7 +129,7 @@ def bench(
         from benchmarks.arrangement import BenchError  # noqa: PLC0415
         from benchmarks.study import run  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        if error.name != "benchmarks":
+        if (error.name or "").partition(".")[0] != "benchmarks":
             raise
         fail("bench runs from a clone of the repository: make bench", 2)
 

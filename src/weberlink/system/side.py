@@ -378,12 +378,12 @@ class Side:
         )
         engaged = encodes and self.endpoint.is_peer_encoding(now) and self._stopping is None
         encoded, was_engaged = self._encodes, self.engaged
-        self._encodes, self.engaged = encodes, engaged
-        begins = engaged and not was_engaged
-        if self._leads:
-            begins |= encodes and not encoded
-            # Told before energy is booked: what is said now carries the credit of the last tick.
+        if self._leads:  # told before energy is booked: what is said now carries the credit of the last tick
             self.endpoint.report_encoding(now, is_encoding=encodes)
+        if encodes is encoded and engaged is was_engaged and not pace.stalled:
+            return
+        self._encodes, self.engaged = encodes, engaged
+        begins = (engaged and not was_engaged) or (self._leads and encodes and not encoded)
         if (pace.stalled and self._leads) or (begins and not self._is_fresh):
             self._restart()
         if was_engaged and not engaged and not self._leads and not pace.settling:
@@ -429,7 +429,9 @@ class Side:
             if peer_time is not None:  # a session that is over leaves its last force, which fades
                 self._peer_tick = peer_time / self._tick_period
         began = self._stopwatch()
-        values = [channel.decode(self._peer_tick) for channel in self.incoming]
+        values = []
+        for channel in self.incoming:
+            values.append(channel.decode(self._peer_tick))  # noqa: PERF401 - a comprehension costs a call
         self.codec_time += self._stopwatch() - began
         self.port.actuate(values, now, elapsed, self.pace.step, engaged=self.engaged)
         if self._faults.active is not Fault.NONE and not self.port.tripped:
