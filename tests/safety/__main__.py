@@ -34,6 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     facts = environment()
     text = "\n".join(
         [
+            "# Safety runs",
+            "",
             f"{len(runs)} runs in virtual time; {len(broken)} broke a law.",
             "",
             *by_fault(runs),
