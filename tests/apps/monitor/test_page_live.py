@@ -93,7 +93,7 @@ def test_picture_of_the_demonstration(page: Browser, demonstration: tuple[int, s
     path = tmp_path / "monitor.png"
     page.wait(lambda: page.data("scene") == "webgl", "the 3-D view")
     # From 10 s on the hand comes by the top of the dome, which makes the better picture.
-    page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 2.0), "a full window")
+    page.wait(lambda: page.number("duration") > (10.0 if PICTURE else 5.0), "a full window")
     page.run(PAUSE_IN_CONTACT, IN_CONTACT_N, ["sphere"] if PICTURE else ["plane", "sphere"])
     page.wait(lambda: page.text("pause") == "Resume", "the hand on a surface")
     page.picture(path)
