@@ -26,7 +26,7 @@ def rows(schema: dict[str, Any], definitions: dict[str, Any], path: str) -> list
         where = f"{path}.{name}" if path else name
         options = [field, *field.get("anyOf", []), *field.get("oneOf", []), *field.get("allOf", [])]
         below = [definitions[each["$ref"].rpartition("/")[2]] for each in options if "$ref" in each]
-        drivers = [each for each in field.get("oneOf", []) if "properties" in each]
+        drivers = [each for each in field.get("oneOf", []) if "driver" in each.get("properties", {})]
         if not below or "default" in field:
             kind = field.get("type") or " or ".join(each.get("type", "object") for each in options[1:]) or "object"
             values = ", ".join(f"`{value}`" for value in field.get("enum", [])) or kind
