@@ -24,7 +24,7 @@ from tests.system.test_daemons import free_port
 from weberlink.apps.monitor.metrics import COUNTERS
 from weberlink.protocol.keys import generate
 
-LENGTH_S = 2
+LENGTH_S = 3
 Figures = dict[str, Any]
 
 
@@ -155,7 +155,7 @@ async def asked(url: str, session: str) -> dict[tuple[Any, ...], float]:
         return await metrics(client, url, session)
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     last = final(watched.page)
     assert last["seen_from_start"]
@@ -165,12 +165,12 @@ def test_final_figures_on_the_page_equal_the_report(watched: Watched) -> None:
     assert last["faults"] == watched.report["faults"]
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_late_page_ends_with_the_same_figures(watched: Watched) -> None:
     assert final(watched.late)["figures"] == final(watched.page)["figures"]
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_page_gets_ordered_rows_and_every_send(watched: Watched) -> None:
     for messages in (watched.page, watched.late):
         assert messages[0]["type"] == "hello" and messages[0]["session"] == watched.session
@@ -183,7 +183,7 @@ def test_page_gets_ordered_rows_and_every_send(watched: Watched) -> None:
         assert sent == watched.report[channel]["packets"]
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_greeting_describes_the_session(watched: Watched) -> None:
     hello = [message for message in watched.page if message["type"] == "hello"][-1]
     assert hello["present"] == ["master", "slave"]
@@ -194,7 +194,7 @@ def test_greeting_describes_the_session(watched: Watched) -> None:
     assert hello["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_metrics_equal_the_report(watched: Watched) -> None:
     told, report = watched.metrics, watched.report
     for side in ("master", "slave"):
@@ -223,7 +223,7 @@ def test_metrics_equal_the_report(watched: Watched) -> None:
     assert told["weberlink_session_live",] == 0 and told["weberlink_session_seen_from_start",] == 1
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_other_host_sees_the_same_read_only(watched: Watched) -> None:
     last = final(watched.remote)
     assert last["seen_from_start"]
@@ -234,7 +234,7 @@ def test_other_host_sees_the_same_read_only(watched: Watched) -> None:
     assert answer["accepted"] is False
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_monitor_has_lower_priority_than_daemons(watched: Watched) -> None:
     assert watched.niceness >= 5
 
@@ -289,7 +289,7 @@ def test_missing_server_is_one_line_and_page_is_served(tmp_path: Path, key: Path
             assert monitor.finish()[0] == 0
 
 
-@pytest.mark.realtime
+@pytest.mark.realtime(alone=True)
 def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) -> None:
     """The slave is followed over the link, the master on this host; `info` puts the two files on one clock."""
     address = f"127.0.0.1:{free_port()}"

@@ -18,7 +18,7 @@ from tests.system.systems import CONFIGS
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path
 
-pytestmark = pytest.mark.realtime
+pytestmark = pytest.mark.realtime(alone=True)
 
 PICTURE = os.environ.get("WEBERLINK_MONITOR_PICTURE")
 """Where a picture of the page on the demonstration is put, such as docs/figures/monitor.png; unset for nowhere."""
