@@ -11,25 +11,24 @@ that the robot felt.
 import argparse
 import hashlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from tempfile import gettempdir
 from typing import Any
 
-try:
-    from weberlink.protocol.emulation import EmulatedLink
-    from weberlink.system.configuration import ConfigurationError, load
-    from weberlink.system.simulate import simulate
-except ModuleNotFoundError:  # before the move into one namespace
-    from weberlink.protocol.emulation import EmulatedLink
-    from weberlink.system.configuration import ConfigurationError, load
-    from weberlink.system.simulate import simulate
+from weberlink.protocol.emulation import EmulatedLink
+from weberlink.system.configuration import ConfigurationError, load
+from weberlink.system.simulate import simulate
 
 ROOT = Path(__file__).parents[1]
 STORED = Path(__file__).with_suffix(".json")
 DURATION = 5.0
 HARDWARE = {"phantom-arm.yaml"}
+KEY = Path(gettempdir()) / f"weberlink-behaviour-{os.getuid()}.key"
+ENCRYPTED = ("link.security=psk", f"link.key_file={KEY}")
 LAN = ("link.listen=127.0.0.1:47000", "link.slave=127.0.0.1:47000", "link.security=none")
 LOOPBACK = {
     **{
@@ -50,7 +49,8 @@ LOOPBACK = {
         "link.emulate.seed=3",
     ),
     "position zoh": ("codec.position.predictor=zoh",),
-    "no session security": ("link.security=none",),
+    "encrypted": ENCRYPTED,
+    "encrypted, faults": (*ENCRYPTED, "link.emulate={delay_ms: 12, jitter_ms: 4, loss: 0.1, burst: 3, seed: 3}"),
 }
 
 
@@ -101,6 +101,9 @@ def main() -> int:
     arguments.add_argument("--write", action="store_true")
     arguments.add_argument("--only", default="")
     chosen = arguments.parse_args()
+    KEY.unlink(missing_ok=True)
+    KEY.touch(0o600)
+    KEY.write_text(f"weberlink-key-1 {bytes(range(32)).hex()}\n", encoding="ascii")  # the same key, the same datagrams
     todo = [case for case in cases() if chosen.only in case[0]]
     with ProcessPoolExecutor(2) as pool:
         found = {each.pop("name"): each for each in pool.map(digest, todo)}
