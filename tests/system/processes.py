@@ -51,6 +51,14 @@ def document(text: str) -> dict[str, Any]:
     return parsed
 
 
+def faults_of(summary: dict[str, Any]) -> dict[str, dict[str, int]]:
+    """Faults that a live session reports at each end, without stalls: those of 20 ms and more are the host's."""
+    return {
+        side: {fault: count for fault, count in counts.items() if fault != "stalled"}
+        for side, counts in summary["faults"].items()
+    }
+
+
 class Telemetry:
     """Everything a daemon records, also once it has ended; to be looked at more often than the ring is long (10 s)."""
 

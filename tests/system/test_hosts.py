@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.processes import Program, document, until
+from tests.system.processes import Program, document, faults_of, until
 from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.system.configuration import load
@@ -74,7 +74,7 @@ def test_two_hosts_with_the_same_file_exchange_position_and_force(hosts: tuple[s
     assert [(status, errors) for status, _, errors in (felt, moved)] == [(0, "")] * 2
     operators, robots = document(felt[1]), document(moved[1])
     assert (operators["outcome"], robots["outcome"]) == ("completed", "terminated")
-    assert (operators["faults"], robots["faults"]) == ({"master": {}}, {"slave": {}})
+    assert (faults_of(operators), faults_of(robots)) == ({"master": {}}, {"slave": {}})
     assert operators["position"]["packets"] > 0
     assert robots["force"]["packets"] > 0
     for summary in (operators, robots):

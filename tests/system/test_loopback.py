@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.system.processes import ENGAGED, Program, document, until
+from tests.system.processes import ENGAGED, Program, document, faults_of, until
 from tests.system.systems import CONFIGS
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.ring import process_started
@@ -84,7 +84,7 @@ def test_every_documented_figure_is_there_and_a_number(three_seconds: tuple[str,
     _, summary = three_seconds
     for path in NUMBERS:
         assert isinstance(figure(summary, path), int | float), path
-    assert summary["faults"] == {"master": {}, "slave": {}}
+    assert faults_of(summary) == {"master": {}, "slave": {}}
     assert summary["outcome"] == "completed"
 
 
@@ -200,10 +200,9 @@ def test_a_stall_of_one_end_does_not_pass_for_silence_of_the_other() -> None:
         program.send(signal.SIGTERM)
         status, output, errors = program.finish()
     assert (status, errors) == (0, "")
-    faults = document(output)["faults"]
-    assert faults["master"] == {"silence": 3}
-    assert faults["slave"]["stalled"] == 3
-    assert "silence" not in faults["slave"]
+    summary = document(output)
+    assert faults_of(summary) == {"master": {"silence": 3}, "slave": {}}
+    assert summary["faults"]["slave"]["stalled"] >= 3
 
 
 def test_after_a_stall_of_the_master_force_begins_at_zero_and_fades_in() -> None:
