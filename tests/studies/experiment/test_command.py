@@ -203,9 +203,10 @@ def test_a_person_rates_leaves_and_continues(tmp_path: Path) -> None:
     """Both sides as processes, each trial recorded."""
     pytest.importorskip("mcap")
     screens = []
+    patient = ("link.silence_ms=2000",)  # a trial that a stall of the host disturbs would rightly come again
     for typed, end in (("\n" * 6 + "\n4\n\n2\n", "continue with: "), ("\n3\n", "continue with: ")):
         screen = io.StringIO()
-        request = ExperimentRequest(FILE, (), tmp_path, 1, 0, SHORT, simulate=False, record=True)
+        request = ExperimentRequest(FILE, patient, tmp_path, 1, 0, SHORT, simulate=False, record=True)
         words = run(request, ports=_ports, source=io.StringIO(typed), screen=screen, report=lambda done, of: None)
         assert words.startswith(end), words
         screens.append(screen.getvalue())
