@@ -5,10 +5,10 @@
 | HELLO | kind u8, version u8, identity 8s, stamp u64 | first message of the key exchange |
 | WELCOME | kind u8, version u8, stamp u64 of the HELLO that it answers | second message |
 
-Little endian. The header of the HELLO is the prologue of the key exchange (`protocol.security`), so a changed header
-opens no session. The payload of both messages is a msgpack map: `Hello`; `Welcome`, or `refusal` (text: why there is no
-session), or `newest` (the stamp that the next HELLO must exceed). Header and `refusal` are the same in every version
-from 2 on, so that two versions can tell each other apart.
+Little endian. The header of the HELLO is the prologue of the key exchange (`weberlink.protocol.security`), so a changed
+header opens no session. The payload of both messages is a msgpack map: that of a HELLO is `Hello`; that of a WELCOME is
+`Welcome`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must exceed). Header
+and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
 
 The identity is a hash of the master's name. The stamp [ns] rises with every HELLO of a master, so that a responder
 drops a recorded HELLO for the cost of a look-up. Both messages carry the sender's clock, so the first two datagrams

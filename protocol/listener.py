@@ -1,16 +1,16 @@
-"""The responder's half of the handshake: answer HELLOs (counterpart: `protocol.dialer`).
+"""The responder's half of the handshake: answer the HELLOs of `weberlink.protocol.dialer`.
 
 An answer opens a pending session. It becomes the session of the endpoint when the first datagram under its keys
 arrives, which only the sender of the HELLO can make: a replayed HELLO opens nothing.
 
 A HELLO is processed in this order, from cheap to expensive:
 
-1. A look-up, if its stamp is not above the newest one that this master has proven. Replays end here.
-2. Opening its payload. A forgery ends here, and changes nothing.
-3. A key exchange, rate-limited for each master, or a refusal, rate-limited for all. The stamp counts as proven anyway.
+1. Look up its stamp. A HELLO whose stamp is not above the newest one that this master has proven is a replay: drop it.
+2. Open its payload. A forgery is dropped, and changes nothing. From here on the stamp counts as proven.
+3. Make a key exchange, rate-limited for each master, or a refusal, rate-limited for all.
 
 A restarted listener knows no stamps, so replays pass step 1 until the first HELLO of the master itself is opened. Its
-stamp is above theirs. From then on they end at step 1, and the master's next HELLO is within the rate limit.
+stamp is above theirs. From then on they are dropped in step 1, and the master's next HELLO is within the rate limit.
 """
 
 from collections import deque

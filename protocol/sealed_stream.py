@@ -12,7 +12,7 @@ from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.wire import Kind
 
 LONGEST_PAYLOAD = 60_000
-"""AES-CCM with a nonce of 13 bytes takes up to 65,535 bytes."""
+"""Longest payload of a message [bytes]; AES-CCM with a nonce of 13 bytes takes up to 65,535."""
 LONGEST_FRAME = LONGEST_PAYLOAD + 64
 _HEADER = 4
 _OPENING = 2
