@@ -49,10 +49,9 @@ def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     end.hear(2, 0.02, DEAF, says_encoding=False, now=0.03)
     end.hear(1, 0.01, DEAF, says_encoding=True, now=0.04)
-    assert not end.is_peer_encoding
-    assert end.encoder_heard_at == -inf
+    assert end.encodes_until == end.encoder_heard_at == -inf
     end.hear(3, 0.05, DEAF, says_encoding=None, now=0.06)
-    assert not end.is_peer_encoding
+    assert end.encodes_until == -inf
     end.hear(4, 0.06, DEAF, says_encoding=True, now=0.07)
-    assert end.is_peer_encoding
     assert end.encoder_heard_at == 0.07
+    assert end.encodes_until == 0.07 + SILENCE
