@@ -47,7 +47,7 @@ def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
             assert not window.is_new(number)
 
 
-def test_a_huge_leap_forgets_but_never_admits_twice() -> None:
+def test_huge_leap_admits_no_number_twice() -> None:
     window = ReplayWindow()
     window.mark(5)
     window.mark(2**60)
@@ -64,7 +64,7 @@ def meter(numbers: list[int]) -> LossMeter:
 
 
 @given(st.sets(st.integers(0, 200), min_size=1))
-def test_in_order_the_count_is_that_of_the_gaps(received: set[int]) -> None:
+def test_loss_in_order_is_the_number_of_gaps(received: set[int]) -> None:
     numbers = sorted(received)
     settled = [*numbers, *range(numbers[-1] + 1, numbers[-1] + 1 + LOSS_PATIENCE)]
     assert meter(settled).lost == numbers[-1] - numbers[0] + 1 - len(numbers)

@@ -119,7 +119,7 @@ def test_nothing_gets_through_a_blackout() -> None:
 
 @examples(25)
 @given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.floats(1.0, 10.0))
-def test_the_same_seed_does_the_same_harm(seed: int, loss: float, burst: float) -> None:
+def test_same_seed_causes_the_same_faults(seed: int, loss: float, burst: float) -> None:
     faults = {
         "delay_s": 0.01, "jitter_s": 0.01, "loss": loss, "burst": burst,
         "reorder": 0.1, "duplicate": 0.1, "corrupt": 0.1, "rate_bit_s": 1e6,
@@ -161,7 +161,7 @@ def test_every_datagram_is_accounted_for() -> None:
         ("blackouts", ((0.0, 1.0, 0.0),)),
     ],
 )
-def test_a_fault_that_cannot_be_is_named(field: str, value: object) -> None:
+def test_invalid_fault_is_named(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         Emulation(**{field: value})  # type: ignore[arg-type]
 

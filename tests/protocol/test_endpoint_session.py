@@ -33,7 +33,7 @@ def matches(event: UpdateReceived, tick: int) -> bool:
 
 
 @pytest.mark.parametrize("security", suites())
-def test_what_is_sent_arrives_once_and_as_it_was(security: Security) -> None:
+def test_updates_arrive_once_and_unchanged(security: Security) -> None:
     sent: list[int] = []
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
@@ -97,7 +97,7 @@ def test_invalid_updates_raise_and_send_nothing() -> None:
 
 
 @pytest.mark.parametrize(("security", "seed"), [(suites()[0], 0), (suites()[1], 1)])
-def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: int) -> None:
+def test_nothing_false_or_old_is_delivered_over_a_bad_link(security: Security, seed: int) -> None:
     """30 % loss in bursts of 20, reordering, duplicates and bit errors, both ways, for 5 s of updates at 100 Hz."""
     sent: dict[Role, list[int]] = {Role.INITIATOR: [], Role.RESPONDER: []}
     renewals = {Role.INITIATOR: 0, Role.RESPONDER: 0}
@@ -131,7 +131,7 @@ def test_in_a_storm_nothing_false_or_old_is_delivered(security: Security, seed: 
         assert receiver.endpoint.statistics.dropped[DropReason.BAD_TAG] > 0
 
 
-def test_repeats_end_in_a_blackout_and_resume_after_it() -> None:
+def test_repeats_end_in_a_blackout() -> None:
     pair = Pair().engage()
     pair.forward, pair.backward = pair.link(DARK), pair.link(DARK)
     pair.master.send(pair.now, pair.ticks)
@@ -361,7 +361,7 @@ def test_heartbeats_keep_their_interval_and_their_absence_is_silence() -> None:
 
 
 @pytest.mark.parametrize(("loss", "delay"), [(0.01, 0.045), (0.1, 0.005), (0.3, 0.0005)])
-def test_no_alarm_is_false_however_long_the_path(loss: float, delay: float) -> None:
+def test_losses_on_a_long_path_cause_no_silence(loss: float, delay: float) -> None:
     lossy = Emulation(delay_s=delay, loss=loss)
     ends = {"silence": patience(delay)}
     pair = Pair(forward=lossy, backward=lossy, seed=21, master=ends, slave=ends).connect().run(10.0)

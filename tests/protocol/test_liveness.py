@@ -1,4 +1,4 @@
-"""Loop age: what an end may conclude from an echo, for any clocks and delays; two ends in test_endpoint_session."""
+"""Loop age from an echo, for any clocks and delays. Two ends that use it are in test_endpoint_session."""
 
 from math import floor, inf, nextafter
 
@@ -14,7 +14,7 @@ DELAYS = st.floats(0.0, SILENCE)
 
 @given(OFFSETS, OFFSETS, DELAYS, st.floats(0.0, 0.9 * SILENCE), DELAYS)
 def test_echo_tells_departure_on_own_clock(own: float, other: float, there: float, wait: float, back: float) -> None:
-    """At 3 s of the world one end sends, the other answers after a while; both clocks are anyhow."""
+    """One end sends 3 s after the start, the other answers after a while; both clocks have any offset."""
     peer = Liveness(0.0, SILENCE, 3.0 + own, 3.0 + there + other)
     echo = peer.echo(3.0 + there + wait + other)
     end = Liveness(0.0, SILENCE, 0.0, own)
@@ -24,7 +24,7 @@ def test_echo_tells_departure_on_own_clock(own: float, other: float, there: floa
     rounding = 1e-9 * (1.0 + abs(own))
     assert true - rounding <= age <= true + SILENCE / UNITS + rounding
     if age <= SILENCE:
-        assert back <= SILENCE + rounding, "what is executed left no longer ago"
+        assert back <= SILENCE + rounding, "an update with this echo left no longer ago"
 
 
 @given(st.integers(0, 10**7))

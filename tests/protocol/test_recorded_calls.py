@@ -157,7 +157,7 @@ def test_master_with_stepped_clock_continues_from_newest_stamp(back: float) -> N
     assert restarted.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_a_repeated_answer_about_stamps_moves_nothing_back() -> None:
+def test_answer_about_stamps_never_lowers_the_stamp() -> None:
     pair = Pair()
     pair.slave.endpoint.connect(0.0)
     pair.slave.endpoint.receive_datagram(recorded(1, first=10**12)[0], STRANGER, 0.0)

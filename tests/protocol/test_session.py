@@ -99,7 +99,7 @@ def test_evidence_of_a_loss_brings_the_repeat_forward() -> None:
     assert sender.sender.next_timer(is_engaged=True, is_encoding=True) > 0.53
 
 
-def test_who_is_asked_answers_at_once() -> None:
+def test_question_is_answered_at_once() -> None:
     sender, receiver, _, _ = pair(Checksum(), silence=10.0)
     overdue = 9.0
     data = sender.sender.handle_timer(overdue, is_engaged=True, is_encoding=True)
@@ -126,7 +126,7 @@ def test_updates_before_the_first_report_are_untimed() -> None:
     assert isinstance(deliver(receiver, sender.sender.send_update(0.02, sample_update(2)), 0.02), UpdateReceived)
 
 
-def test_an_update_that_contradicts_itself_is_malformed() -> None:
+def test_update_with_a_gap_of_zero_is_malformed() -> None:
     """A previous sample at no distance; no owner can send it, a peer with a fault can."""
     direction = DirectionLayout([3])
     layout = direction.updates[0]

@@ -46,7 +46,7 @@ def test_offset_and_delay_of_a_symmetric_link(offset: float) -> None:
     assert clock.age(offset + 4.0, 3.0) == 0.0
 
 
-def test_nothing_is_claimed_before_both_directions_are_measured() -> None:
+def test_nothing_is_known_before_both_directions_are_measured() -> None:
     clock = Clock(0.0, 5.0, 1.0)
     assert clock.rtt is clock.one_way is None
     assert clock.peer_time(1.0) is clock.age(5.0, 1.0) is clock.arrival_bound(1.0) is None

@@ -24,7 +24,7 @@ def of(side: Side, stream: int) -> list[UpdateReceived]:
 
 
 @pytest.mark.parametrize("security", suites())
-def test_each_arrives_once_and_as_it_was(security: object) -> None:
+def test_updates_of_each_stream_arrive_once_and_unchanged(security: object) -> None:
     sent: dict[int, list[int]] = {0: [], 1: []}
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
