@@ -22,6 +22,7 @@ from weberlink.protocol.handshake import (
     read_integer,
     read_map,
     read_welcome,
+    unexpected_slave,
 )
 from weberlink.protocol.security import Outgoing, Protection
 
@@ -162,8 +163,3 @@ class Dialer:
             return unexpected_slave(self.expects, welcome.name)
         self.expects, self.takes_over = welcome.name, False
         return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6)
-
-
-def unexpected_slave(expected: str, name: str) -> str:
-    """Message to the user: another slave than the expected one answered."""
-    return f"the master expects slave {expected!r}, and {name!r} answered"

@@ -219,7 +219,13 @@ def pack_agreement(agreement: Mapping[str, object]) -> bytes:
     return packed
 
 
+def unexpected_slave(expected: str, name: str) -> str:
+    """Message to the user: another slave than the expected one answered."""
+    return f"the master expects slave {expected!r}, and {name!r} answered"
+
+
 def version_mismatch(master: int, slave: int) -> str:
+    """Message to the user: the two ends speak different versions of the protocol."""
     return _difference("protocol version", Role.INITIATOR, master, slave)
 
 

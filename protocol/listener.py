@@ -19,7 +19,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
-from weberlink.protocol.dialer import unexpected_slave
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
@@ -36,6 +35,7 @@ from weberlink.protocol.handshake import (
     read_hello,
     read_hello_header,
     read_map,
+    unexpected_slave,
     version_mismatch,
 )
 from weberlink.protocol.security import Incoming, Protection
@@ -186,7 +186,7 @@ class Listener:
         if hello.expects and hello.expects != self._end.name:
             return unexpected_slave(hello.expects, self._end.name)
         if self._end.expects and hello.name != self._end.expects:
-            return f"slave {self._end.name!r} serves master {self._end.expects!r} alone, and {hello.name!r} called"
+            return f"slave {self._end.name!r} serves master {self._end.expects!r} only, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):
             return message
         if serving is None or hello.instance == serving.instance or hello.takes_over:

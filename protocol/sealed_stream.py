@@ -115,7 +115,7 @@ class StreamCall:
         """
         opened = self._exchange.open(frame[_OPENING:])
         if opened is None:
-            raise RefusedError("it does not prove the key; --key-file must be a copy of the one there")
+            raise RefusedError("it does not hold the same key: --key-file must name a copy of its key file")
         packed, protection = opened
         body = read_map(packed)
         if body is not None and isinstance(body.get("refusal"), str):

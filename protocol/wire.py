@@ -48,6 +48,7 @@ CLEAR_BYTES = 4
 """Size of kind and sequence number, which are not encrypted."""
 HEAD_BYTES = 12
 TICK_BITS = 16
+TICK_MASK = (1 << TICK_BITS) - 1
 CHANGE_TICK_BITS = 32
 ACK_BYTES = 2
 TOKEN_BYTES = 8

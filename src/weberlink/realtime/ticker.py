@@ -69,7 +69,7 @@ class Ticker:
         if not (isfinite(period_s) and period_s >= SHORTEST_PERIOD_S):
             raise ValueError(f"period_s must be finite and at least {SHORTEST_PERIOD_S} s, got {period_s}")
         if start_at is not None and not (isfinite(start_at) and start_at > 0.0):
-            raise ValueError(f"start_at must be a positive moment of time.monotonic, got {start_at}")
+            raise ValueError(f"start_at must be a positive time of time.monotonic, got {start_at}")
         self._period_ns = round(period_s * NANOSECONDS)
         self._start_ns = 0 if start_at is None else round(start_at * NANOSECONDS)
         self._on_tick = on_tick
