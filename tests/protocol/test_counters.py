@@ -92,7 +92,7 @@ def test_the_estimate_follows_the_loss(loss: float) -> None:
             estimates.append(made.fraction)
     late = estimates[5000:]
     mean = sum(late) / len(late)
-    assert loss * 0.9 < mean < loss + 0.1
+    assert loss * 0.9 < mean < 1.2 * loss + 0.005, "the larger of two averages is a little too high"
     for number in range(20_000, 35_000):
         made.record(number)
     assert made.fraction < 1e-4
