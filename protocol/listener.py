@@ -5,7 +5,8 @@ arrives, which only the sender of the HELLO can make: a replayed HELLO opens not
 
 A HELLO is processed in this order, from cheap to expensive:
 
-1. Look up its stamp. A HELLO whose stamp is not above the newest one that this master has proven is a replay: drop it.
+1. Look up its stamp. If it is not above the newest one that this master has proven, it counts as a replay: the HELLO is
+   dropped, or answered with that stamp at a limited rate, because the master's clock may have gone back.
 2. Open its payload. A forgery is dropped, and changes nothing. From here on the stamp counts as proven.
 3. Make a key exchange, rate-limited for each master, or a refusal, rate-limited for all.
 
