@@ -1,6 +1,6 @@
-"""Datagram session between the two ends of a teleoperation link: sans-I/O core, and an asyncio shell in `protocol.aio`.
+"""Datagram session between the two ends of a teleoperation link, sans I/O; `weberlink.protocol.aio` is the shell.
 
-The core is pure: sockets, clocks and randomness are handed in. Security suites are imported where they are chosen
+The core is pure: sockets, clocks and randomness are passed in. Security suites are imported where they are chosen
 (`weberlink.protocol.psk`, `weberlink.protocol.checksum`).
 """
 

@@ -1,7 +1,7 @@
 """Security suite without a key, for loopback: detects damaged and misdirected datagrams, not forged ones.
 
-A CRC-32 that starts from a session id, the direction and the full sequence number, so that a damaged, reflected or
-misnumbered datagram and one of another session fail as they would under a real key.
+The tag is a CRC-32 that starts from the session, the direction and the full sequence number. So a datagram that is
+damaged, reflected, misnumbered or of another session is rejected, as it would be under a real key.
 """
 
 from hashlib import sha256
@@ -75,7 +75,7 @@ def _unwrap(before: bytes, message: bytes) -> bytes | None:
 
 
 def _ciphers(transcript: bytes) -> "tuple[ChecksumCipher, ChecksumCipher]":
-    """Of the direction from the initiator, and of the other."""
+    """The cipher of the direction from the initiator, and that of the other direction."""
     session = sha256(transcript).digest()
     forward, backward = (ChecksumCipher(int.from_bytes(session[at : at + 4], "little")) for at in (0, 4))
     return forward, backward

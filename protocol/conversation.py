@@ -1,4 +1,4 @@
-"""The conversation with the peer: its state, its present session, and what the owner reads and says in it."""
+"""The conversation with the peer: its state, its present session, and what the owner reads and sends in it."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from math import inf
@@ -15,12 +15,12 @@ from weberlink.update import Update
 
 ENCODING_REPORT_S = 0.02
 ENCODING_REPORT_TICKS = 10
-"""An encoder counts as running for so long, or for so many ticks, after its owner last said so."""
+"""How long an encoder counts as running after its owner last reported it: the longer of the two."""
 MOST_TICKS = 1 << TICK_BITS - 1
 """Ticks that the silence limit may span."""
 QUIET_SHARE, LONGEST_QUIET = 0.2, 0.05
-"""For what share of the silence limit, and for how long at most [s], nothing must come from the peer's address before
-another one is used."""
+"""How long nothing must come from the peer's address before another one is used: a share of the silence limit, and the
+longest time [s]."""
 
 
 def session_parameters(
@@ -147,12 +147,12 @@ class Conversation:
         """Cumulative count granted by the peer in this session, as far as known: never more than it granted."""
         return 0 if self._session is None else self._session.credit.known
 
-    # --- what the owner says
+    # --- what the owner sends
 
     def send_update(self, now: float, update: Update, stream: int = 0) -> bool:
         """Send a new state of a stream to the peer, and repeat it until it arrives.
 
-        To a peer that has fallen silent the update is sent as well, and is repeated once the peer is back.
+        A silent peer is sent the update too; it is repeated once the peer is back.
 
         Args:
             now: [s].
@@ -209,7 +209,7 @@ class Conversation:
         return True
 
     def answer_change(self, refusal: str | None) -> None:
-        """Answer the change that the peer has proposed last: None to make it at its tick, or in short why not."""
+        """Answer the newest change that the peer has proposed; `refusal` is None to accept it, else a short reason."""
         if self._session is not None:
             self._session.sender.negotiation.answer(refusal)
             self._due = None

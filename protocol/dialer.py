@@ -1,4 +1,4 @@
-"""The initiator's half of the handshake: send HELLOs until one is answered (counterpart: `protocol.listener`).
+"""The initiator's half of the handshake: send HELLOs until `weberlink.protocol.listener` answers one.
 
 Each HELLO is a key exchange of its own, with a fresh ephemeral key, because one key must not seal two different HELLOs.
 The exchanges of the latest HELLOs stay open: on a long path the answer to one arrives after the next ones have left.
@@ -22,23 +22,30 @@ from weberlink.protocol.handshake import (
     read_integer,
     read_map,
     read_welcome,
+    unexpected_slave,
 )
 from weberlink.protocol.security import Outgoing, Protection
 
 FIRST_INTERVAL = 0.02
 LONGEST_INTERVAL = 0.1
-"""A slave under a flood of calls reads only a part of them; ten calls per second get through."""
+"""Pauses between HELLOs, which double [s]. A slave under a flood of calls reads only a part of them; at ten calls per
+second a master gets through."""
 OPEN_CALLS = 16
 """HELLOs whose answer is still accepted."""
 
 
 class Answer(NamedTuple):
-    """An accepting WELCOME: the keys, and one measurement of the link in each direction [s]."""
+    """An accepting WELCOME.
+
+    Args:
+        protection: keys of the session.
+        peer_clock: departure of the WELCOME on the peer's clock [s].
+        outward_delay: raw delay of the HELLO that it answers, as the peer measured it [s].
+    """
 
     protection: Protection
     peer_clock: float
     outward_delay: float
-    name: str
 
 
 class Dialer:
@@ -67,8 +74,9 @@ class Dialer:
             instance: random bytes of this run of it.
             takes_over: as of the attribute.
             stamp: wall clock [ns] at `now` [s]; if it goes back, stamps go on rising by one.
-            silence: of the session [s]; the round trip is shorter. Pauses grow from a twentieth to a fifth of it, or to
-                the longer constants, so that the listener keeps the session of each HELLO until its answer is back.
+            silence: limit of the session [s], longer than the round trip. Pauses between HELLOs grow from a twentieth
+                to a fifth of it, at least from `FIRST_INTERVAL` to `LONGEST_INTERVAL`, so that the listener still holds
+                the pending session of a HELLO when its answer arrives.
         """
         self._end = end
         self._instance = instance
@@ -116,8 +124,8 @@ class Dialer:
         """Take a WELCOME.
 
         Returns:
-            The session that it opens, the text of a refusal, the reason to drop it, or None if its only consequence is
-            that the next HELLO is due at once.
+            The session that it opens, the text of a refusal, the reason to drop it, or None if it only makes the next
+            HELLO due at once.
         """
         answered = read_answered(data)
         exchange = None if answered is None else self._open.get(answered)
@@ -154,9 +162,4 @@ class Dialer:
         if self.expects and welcome.name != self.expects:
             return unexpected_slave(self.expects, welcome.name)
         self.expects, self.takes_over = welcome.name, False
-        return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6, welcome.name)
-
-
-def unexpected_slave(expected: str, name: str) -> str:
-    """Message to the user: another slave than the expected one answered."""
-    return f"the master expects slave {expected!r}, and {name!r} answered"
+        return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6)

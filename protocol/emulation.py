@@ -1,6 +1,6 @@
 """Emulate a faulty link, seeded: delay, jitter, loss, reordering, duplicates, bit errors, a rate limit, blackouts.
 
-The same object serves virtual time and real sockets; random numbers are handed in.
+The same object serves virtual time and real sockets; random numbers are passed in.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ REORDER_HOLD = 0.005
 QUEUE_S = 0.25
 """A rate-limited link drops what would wait longer than this [s]."""
 HEADER_BYTES = 28
-"""IPv4 and UDP headers, which take their share of the rate."""
+"""IPv4 and UDP headers, which count towards the rate."""
 CAPACITY = 16_384
 """Datagrams under way; more are dropped."""
 
@@ -89,10 +89,10 @@ class LinkCounters:
 
 
 class EmulatedLink(Generic[T]):
-    """One direction of a faulty link; `T` is whatever the owner wants back with a datagram (an address)."""
+    """One direction of a faulty link; `T` is what the owner gets back with a datagram, such as an address."""
 
     def __init__(self, emulation: Emulation, uniform: Callable[[], float], epoch: float = 0.0) -> None:
-        """Lay the link.
+        """Set up the link.
 
         Args:
             uniform: random numbers in [0, 1), from a seeded generator.

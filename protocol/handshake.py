@@ -5,10 +5,10 @@
 | HELLO | kind u8, version u8, identity 8s, stamp u64 | first message of the key exchange |
 | WELCOME | kind u8, version u8, stamp u64 of the HELLO that it answers | second message |
 
-Little endian. The header of the HELLO is the prologue of the key exchange (`protocol.security`), so a changed header
-opens no session. The payload of both messages is a msgpack map: `Hello`; `Welcome`, or `refusal` (text: why there is no
-session), or `newest` (the stamp that the next HELLO must exceed). Header and `refusal` are the same in every version
-from 2 on, so that two versions can tell each other apart.
+Little endian. The header of the HELLO is the prologue of the key exchange (`weberlink.protocol.security`), so a changed
+header opens no session. The payload of both messages is a msgpack map: that of a HELLO is `Hello`; that of a WELCOME is
+`Welcome`, or `refusal` (text: why there is no session), or `newest` (the stamp that the next HELLO must exceed). Header
+and `refusal` are the same in every version from 2 on, so that two versions can tell each other apart.
 
 The identity is a hash of the master's name. The stamp [ns] rises with every HELLO of a master, so that a responder
 drops a recorded HELLO for the cost of a look-up. Both messages carry the sender's clock, so the first two datagrams
@@ -219,7 +219,13 @@ def pack_agreement(agreement: Mapping[str, object]) -> bytes:
     return packed
 
 
+def unexpected_slave(expected: str, name: str) -> str:
+    """Message to the user: another slave than the expected one answered."""
+    return f"the master expects slave {expected!r}, and {name!r} answered"
+
+
 def version_mismatch(master: int, slave: int) -> str:
+    """Message to the user: the two ends speak different versions of the protocol."""
     return _difference("protocol version", Role.INITIATOR, master, slave)
 
 

@@ -1,10 +1,10 @@
 """Schedule heartbeats, and decide whether one asks for an answer.
 
 Any datagram shows that this end is alive, so heartbeats fill the gaps between updates. Without loss the loop age
-(`protocol.liveness`) is at most the round trip and one interval of each end. An end whose loop age is larger asks every
-few milliseconds, and is answered at once: each answered question brings the loop age back to the round trip. So the
-interval is half of what round trip and questions leave of the silence limit, and the number of questions follows from
-the measured loss.
+(`weberlink.protocol.liveness`) is at most the round trip and one interval of each end. An end whose loop age is larger
+asks every few milliseconds, and is answered at once: each answered question brings the loop age back to the round trip.
+So the interval is half of what round trip and questions leave of the silence limit, and the number of questions follows
+from the measured loss.
 """
 
 from math import ceil, inf, log
@@ -14,25 +14,26 @@ from weberlink.protocol.liveness import FADE_SHARE, UNITS
 LONGEST_INTERVAL = 0.2
 """Longest gap between datagrams without loss [s]."""
 LEAST_SHARE = 0.1
-"""Shortest gap without loss, as a share of the silence limit: a limit too short for its path must not cause a flood."""
+"""Shortest gap, as a share of the silence limit: a limit too short for its path must not cause a flood."""
 ROUND_TRIP_SHARE = 0.4
 """Largest round trip, as a share of the silence limit, that is advised. Two round trips pass before the first echo of a
 session; where these take longer than the limit, it falls silent for some ticks as it begins."""
 LATE_TICKS = 3
-"""Lateness of both ends together with a heartbeat, in ticks."""
+"""How late both ends together send their heartbeats [ticks]."""
 INTRODUCTIONS = 5
 INTRODUCTION_INTERVAL = 0.02
 """Pace of the first heartbeats, sent beside updates [s]: the peer cannot date our updates before it has a report."""
 REPORT_INTERVAL = 1.0
 """A heartbeat goes out at least this often, however many updates do [s]."""
 ASK_PACE = 0.004
-"""Least time between two asks [s], so that a silence of 100 ms hears at most 25 of them."""
+"""Least time between two questions [s], so that at most 25 are sent in a silence of 100 ms."""
 LEAST_QUESTIONS = 2
-"""Before the silence limit, on a link that has lost nothing yet: the first loss must not end a contact."""
+"""Questions before the silence limit on a link that has lost nothing yet: the first loss must not end a contact."""
 MOST_QUESTIONS = 50
 FALSE_ALARMS_PER_S = 1.0 / 3600.0
 CHANCE_FADES_PER_S = 1.0 / 10.0
-"""A fade that begins by chance ends with the next datagram; a false alarm ends the contact."""
+"""How often losses may cause a needless silence, and a needless fade [1/s]. A fade ends with the next datagram; a false
+alarm ends the contact."""
 
 
 class HeartbeatSchedule:
@@ -97,7 +98,7 @@ class HeartbeatSchedule:
         self._due_engaged = None
 
     def reported(self, now: float, *, is_confirmed: bool) -> None:
-        """That datagram was a heartbeat; `is_confirmed`: the peer was heard under these keys."""
+        """The datagram was a heartbeat; `is_confirmed`: whether the peer was heard under these keys."""
         if now >= self._ask_due():
             self._asked_at = now
         self._reported_at = now

@@ -59,7 +59,7 @@ def _read(descriptor: int, path: Path) -> bytes:
     if not stat.S_ISREG(status.st_mode):
         raise KeyFileError(f"{path} is not a file")
     owner, user = status.st_uid, os.geteuid()
-    if owner not in (0, user):  # who could put another key there at any time
+    if owner not in (0, user):  # the owner could replace the key at any time
         raise KeyFileError(f"{path} belongs to user id {owner}, this is {user}; run: sudo chown {user} {path}")
     if status.st_mode & 0o077:
         mode = stat.S_IMODE(status.st_mode)

@@ -1,16 +1,17 @@
-"""The responder's half of the handshake: answer HELLOs (counterpart: `protocol.dialer`).
+"""The responder's half of the handshake: answer the HELLOs of `weberlink.protocol.dialer`.
 
 An answer opens a pending session. It becomes the session of the endpoint when the first datagram under its keys
 arrives, which only the sender of the HELLO can make: a replayed HELLO opens nothing.
 
 A HELLO is processed in this order, from cheap to expensive:
 
-1. A look-up, if its stamp is not above the newest one that this master has proven. Replays end here.
-2. Opening its payload. A forgery ends here, and changes nothing.
-3. A key exchange, rate-limited for each master, or a refusal, rate-limited for all. The stamp counts as proven anyway.
+1. Look up its stamp. If it is not above the newest one that this master has proven, it counts as a replay: the HELLO is
+   dropped, or answered with that stamp at a limited rate, because the master's clock may have gone back.
+2. Open its payload. A forgery is dropped, and changes nothing. From here on the stamp counts as proven.
+3. Make a key exchange, rate-limited for each master, or a refusal, rate-limited for all.
 
 A restarted listener knows no stamps, so replays pass step 1 until the first HELLO of the master itself is opened. Its
-stamp is above theirs. From then on they end at step 1, and the master's next HELLO is within the rate limit.
+stamp is above theirs. From then on they are dropped in step 1, and the master's next HELLO is within the rate limit.
 """
 
 from collections import deque
@@ -19,7 +20,6 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
-from weberlink.protocol.dialer import unexpected_slave
 from weberlink.protocol.events import Address, DropReason
 from weberlink.protocol.handshake import (
     HELLO_HEADER,
@@ -36,6 +36,7 @@ from weberlink.protocol.handshake import (
     read_hello,
     read_hello_header,
     read_map,
+    unexpected_slave,
     version_mismatch,
 )
 from weberlink.protocol.security import Incoming, Protection
@@ -186,7 +187,7 @@ class Listener:
         if hello.expects and hello.expects != self._end.name:
             return unexpected_slave(hello.expects, self._end.name)
         if self._end.expects and hello.name != self._end.expects:
-            return f"slave {self._end.name!r} serves master {self._end.expects!r} alone, and {hello.name!r} called"
+            return f"slave {self._end.name!r} serves master {self._end.expects!r} only, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):
             return message
         if serving is None or hello.instance == serving.instance or hello.takes_over:

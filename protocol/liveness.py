@@ -34,7 +34,6 @@ class Liveness:
         confirmed_at: departure of our newest datagram that the peer is known to have heard [s]; -inf before the first.
         encoder_heard_at: arrival of the newest fresh datagram that left while the peer's encoder ran, with no update
             known to be missing since its departure [s]; -inf before the first.
-        is_peer_encoding: whether the peer's encoder ran, by the newest fresh datagram that says so.
         encodes_until: until when the peer's updates may be executed [s]; -inf if they may not.
         in_touch_at: the earlier of `confirmed_at` and `encoder_heard_at` [s]; out of touch since then.
     """
@@ -57,7 +56,6 @@ class Liveness:
         self.heard_at = now
         self.confirmed_at = confirmed_at
         self.encoder_heard_at = self.encodes_until = self.in_touch_at = -inf
-        self.is_peer_encoding = False
 
     def echo(self, now: float) -> int:
         """The echo of a datagram that leaves now."""
@@ -91,7 +89,6 @@ class Liveness:
         self.confirmed_at = max(self.confirmed_at, self.confirmation(echo, now))
         if says_encoding is not None and sequence > self._newest:
             self._newest = sequence
-            self.is_peer_encoding = says_encoding
             if says_encoding:
                 self.encoder_heard_at = now
             self.encodes_until = self.encoder_heard_at + self._silence if says_encoding else -inf

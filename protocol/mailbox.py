@@ -33,7 +33,7 @@ class Statistics:
     overflowed: int = 0
     """Datagrams of ours that the owner did not fetch in time."""
     dropped: Counter[DropReason] = field(default_factory=Counter)
-    """Received and dropped, by reason; `drops` is their sum."""
+    """Datagrams received and dropped, by reason; `drops` is their sum."""
     drops: int = 0
     rtt: float | None = None
     """Round trip of the newest datagrams of the two directions [s]."""

@@ -1,8 +1,8 @@
 """Negotiation of parameter changes that both ends make at the same tick.
 
-One end proposes, the other answers; both repeat until the other has heard. That an answer was heard is not confirmed
-again: if every answer is lost until the tick has passed, the proposer makes the change when the first one arrives, and
-the other end has made it by then.
+One end proposes, the other answers. A proposal is repeated until it is answered, and each repeat is answered again. An
+answer is not acknowledged: if all answers are lost until the tick has passed, the other end makes the change at the
+tick, and the proposer makes it when the first answer arrives.
 """
 
 from math import inf
@@ -17,7 +17,14 @@ ACCEPTED, REFUSED = b"\x01", b"\x00"
 
 
 class Change(NamedTuple):
-    """A proposal or an answer: number (3 bits), the sender's tick of a proposal (0 in an answer), and the content."""
+    """A proposal or an answer.
+
+    Args:
+        number: of the proposal, 0..`NUMBERS` - 1.
+        tick: of the sender, at which to make the change; 0 in an answer.
+        body: what is to change, or the answer.
+        is_answer: which of the two it is.
+    """
 
     number: int
     tick: int
@@ -50,7 +57,7 @@ class ParameterNegotiation:
         """Begin a proposal; there must be none under way.
 
         Args:
-            tick: of ours, at which the change is to be made.
+            tick: of ours, at which to make the change.
             body: what is to be changed.
             now: [s].
         """
@@ -60,7 +67,7 @@ class ParameterNegotiation:
         self._due = now
 
     def answer(self, refusal: str | None) -> None:
-        """Answer the newest proposal of the peer: None to accept it, or why not."""
+        """Answer the newest proposal of the peer; `refusal` is None to accept it, else the reason."""
         assert self._answering is not None
         body = ACCEPTED if refusal is None else REFUSED + refusal.encode(errors="replace")
         self._answer = Change(self._answering[0], 0, body, is_answer=True)

@@ -1,13 +1,13 @@
 """Security suite with a pre-shared key: fresh session keys, every datagram encrypted and authenticated.
 
-This module and `protocol.noise` load `cryptography`; they are imported only where a key is configured.
+This module and `weberlink.protocol.noise` load `cryptography`; they are imported only where a key is configured.
 
-- Handshake: Noise_NNpsk0_25519_AESGCM_SHA256 (`protocol.noise`). A key that leaks later does not reveal recorded
-  sessions.
+- Handshake: Noise_NNpsk0_25519_AESGCM_SHA256 (`weberlink.protocol.noise`). A key that leaks later does not reveal
+  recorded sessions.
 - Secret of a direction: HKDF-Extract (RFC 5869) of that direction's key from Split(), with the handshake hash as salt.
 - Key and nonce salt of a direction: HKDF-Expand of its secret. The next secret: HKDF-Expand of it under another label.
 - Datagrams: AES-128-CCM with an 8-byte tag (RFC 6655 uses the same), which keeps a 3-DoF update at 48 bytes. Nonce:
-  5 bytes of salt for the direction and the full sequence number, which never repeats under a key.
+  5 bytes of salt for the direction and the full sequence number (8 bytes), which never repeats under a key.
 """
 
 from hmac import digest
@@ -19,7 +19,6 @@ from weberlink.protocol.noise import OVERHEAD, PRIVATE_BYTES, PSK_BYTES, Initiat
 from weberlink.protocol.security import Protection
 from weberlink.protocol.wire import CLEAR_BYTES
 
-KEY_BYTES = PSK_BYTES
 SECRET_BYTES = 32
 _CCM_KEY = 16
 _SALT = 5
@@ -37,10 +36,10 @@ class PresharedKey:
         """Take the shared key.
 
         Raises:
-            ValueError: if the key is not of `KEY_BYTES`.
+            ValueError: if the key does not have `PSK_BYTES`.
         """
-        if len(key) != KEY_BYTES:
-            raise ValueError(f"a pre-shared key has {KEY_BYTES} bytes, not {len(key)}")
+        if len(key) != PSK_BYTES:
+            raise ValueError(f"a pre-shared key has {PSK_BYTES} bytes, not {len(key)}")
         self._key = SharedKey(key)
 
     def call(self, prologue: bytes, private: bytes) -> Initiator[Protection]:

@@ -12,7 +12,7 @@ from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.wire import Kind
 
 LONGEST_PAYLOAD = 60_000
-"""AES-CCM with a nonce of 13 bytes takes up to 65,535 bytes."""
+"""Longest payload of a message [bytes]; AES-CCM with a nonce of 13 bytes takes up to 65,535."""
 LONGEST_FRAME = LONGEST_PAYLOAD + 64
 _HEADER = 4
 _OPENING = 2
@@ -115,7 +115,7 @@ class StreamCall:
         """
         opened = self._exchange.open(frame[_OPENING:])
         if opened is None:
-            raise RefusedError("it does not prove the key; --key-file must be a copy of the one there")
+            raise RefusedError("it does not hold the same key: --key-file must name a copy of its key file")
         packed, protection = opened
         body = read_map(packed)
         if body is not None and isinstance(body.get("refusal"), str):

@@ -1,7 +1,7 @@
 """What a security suite provides, the key exchange of the handshake, and the protection of a session.
 
-There are two suites: `protocol.psk` (default between hosts) and `protocol.checksum` (for loopback). This file imports
-neither, so that a side without a key never loads a crypto library.
+There are two suites: `weberlink.protocol.psk` (default between hosts) and `weberlink.protocol.checksum` (for loopback).
+This file imports neither, so that a side without a key never loads a crypto library.
 """
 
 from typing import Protocol

@@ -14,7 +14,7 @@ from weberlink.protocol.timing import Clock
 from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
     PHASE,
-    TICK_BITS,
+    TICK_MASK,
     DirectionLayout,
     Report,
     pack_bye,
@@ -28,11 +28,11 @@ from weberlink.update import Update
 SLACK = 0.001
 """Added to the measured bound on delays, because both ends work in ticks [s]."""
 UNMEASURED_RTT = 0.2
+"""Assumed round trip until it is measured [s]."""
 REKEY_AFTER_S = 120.0
 REKEY_AFTER = 1 << 20
 """For how long, and for how many datagrams, one key seals what an end sends; far below the limit of AES-CCM (RFC 9147,
 section 4.5.3)."""
-_TICK_MASK = (1 << TICK_BITS) - 1
 _CHANGE_TICK_MASK = (1 << CHANGE_TICK_BITS) - 1
 
 
@@ -142,6 +142,7 @@ class Sender:
         return sequence, self._seal(sequence, clear, now)
 
     def send_heartbeat(self, now: float, *, is_encoding: bool = False) -> bytes:
+        """The datagram of a heartbeat, which reports our measurements and may ask for an answer."""
         minimum, latest, late = self._clock.report()
         report = Report(
             round(minimum * 1e6), round(latest * 1e6), round(late * 1e6), round(min(self._loss.fraction, 1.0) * 65_535)
@@ -163,6 +164,7 @@ class Sender:
         return self._seal(sequence, clear, now)
 
     def send_bye(self, now: float, reason: str) -> bytes:
+        """The datagram of a farewell; `reason` is cut to `LONGEST_REASON` bytes."""
         sequence = self._number(now)
         return self._seal(sequence, pack_bye(sequence & SEQUENCE_MASK, self._word(now), reason), now)
 
@@ -173,6 +175,7 @@ class Sender:
         return self._seal(sequence, clear, now)
 
     def send_change(self, now: float) -> bytes:
+        """The datagram of the message of `negotiation` that is due."""
         rtt = self._clock.rtt
         change = self.negotiation.take(now, UNMEASURED_RTT if rtt is None else rtt + self._clock.jitter)
         sequence = self._number(now)
@@ -194,7 +197,7 @@ class Sender:
 
     def _word(self, now: float, tick: int = 0) -> int:
         ack = self.delivered[0] & ACKNOWLEDGEMENT_MASK
-        return pack_word(ack, self._clock.stamp(now), self._liveness.echo(now), tick & _TICK_MASK)
+        return pack_word(ack, self._clock.stamp(now), self._liveness.echo(now), tick & TICK_MASK)
 
     def _further_acks(self) -> tuple[int, ...]:
         if not self._outgoing.further_acks:

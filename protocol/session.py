@@ -25,6 +25,7 @@ from weberlink.protocol.wire import (
     CHANGE_TICK_BITS,
     PHASE,
     TICK_BITS,
+    TICK_MASK,
     Head,
     Kind,
     Report,
@@ -51,7 +52,6 @@ LONGEST_SILENCE = 10.0
 _HEARTBEAT, _BYE, _CHANGE, _PATH = int(Kind.HEARTBEAT), int(Kind.BYE), int(Kind.CHANGE), int(Kind.PATH)
 _WITHOUT_TAIL = (_BYE, _CHANGE, _PATH)
 """Kinds that carry neither credit nor acknowledgements of further streams."""
-_TICK_MASK = (1 << TICK_BITS) - 1
 
 OwnersOutcome = UpdateReceived | PeerClosed | ChangeProposed | ChangeAnswered
 Outcome = OwnersOutcome | PathAsked | PathAnswered | DropReason | None
@@ -249,7 +249,7 @@ class Session:
         not count: otherwise an attacker who drops only updates could keep an old one in use as long as heartbeats come.
         """
         if head.kind == _HEARTBEAT:
-            if head.is_encoding and head.tick != sum(self._held_ticks) & _TICK_MASK:
+            if head.is_encoding and head.tick != sum(self._held_ticks) & TICK_MASK:
                 return None
             return head.is_encoding
         return True if head.is_encoding else None

@@ -24,7 +24,7 @@ class State(Enum):
     LISTENING = auto()
     """Waiting to be called."""
     ENGAGED = auto()
-    """In a session whose loop age (`protocol.liveness`) is within the silence limit: each end hears the other."""
+    """In a session whose loop age (`Liveness`) is within the silence limit: each end hears the other."""
     SILENT = auto()
     """In a session whose loop age has passed the silence limit; it ends a few seconds later."""
     CLOSED = auto()

@@ -67,7 +67,6 @@ class Clock:
 
     Attributes:
         late: by how much few datagrams of the outward direction exceed their least delay [s].
-        peer_latest: excess of the latest of them [s].
         rtt: round trip of the latest datagrams of the two directions [s]; None until both are measured.
         one_way: delay of the latest datagram of the peer [s]; None until both are measured.
         jitter: by how much few datagrams exceed their least delay, in the worse of the two directions [s].
@@ -87,7 +86,7 @@ class Clock:
         self._variation = 0.0
         self._latest = 0.0
         self._outward: float | None = None
-        self.peer_latest = 0.0
+        self._outward_latest = 0.0
         self.late = 0.0
         self._offset: float | None = None
         self._early_limit = _EARLY_LIMIT_UNMAPPED
@@ -139,23 +138,18 @@ class Clock:
         if not _LEAST_RTT - EARLY_LIMIT <= self._inward.value + minimum <= LONGEST_RTT:
             return False
         self._outward = minimum
-        self.peer_latest = latest
+        self._outward_latest = latest
         self.late = min(late, LONGEST_RTT)
         self._map()
         self._measure()
         return True
 
-    @property
-    def offset(self) -> float | None:
-        """Peer's clock minus ours [s]; None until both directions are measured."""
-        return self._offset
-
     def peer_time(self, now: float) -> float | None:
-        """The peer's clock now [s]."""
+        """The peer's clock now [s]; None until both directions are measured."""
         return None if self._offset is None else now - self._epoch + self._offset
 
     def latest_receivable_peer_time(self, now: float) -> float | None:
-        """The peer's clock at the departure of a datagram that arrives now with the least delay [s]."""
+        """The peer's clock at the departure of a datagram that arrives now with the least delay [s]; None likewise."""
         return None if self._offset is None else now - self._epoch - self._inward.value
 
     def age(self, departure: float, now: float) -> float | None:
@@ -183,6 +177,6 @@ class Clock:
     def _measure(self) -> None:
         """Compute what is read in every tick and changes with a datagram only."""
         latest = self._latest
-        self.rtt = None if self._outward is None else max(0.0, latest + self._outward + self.peer_latest)
+        self.rtt = None if self._outward is None else max(0.0, latest + self._outward + self._outward_latest)
         self.one_way = None if self._offset is None else max(0.0, latest + self._offset)
         self.jitter = max(self.late, self.report()[2])

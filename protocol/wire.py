@@ -10,7 +10,7 @@ endian; n is the number of values that the two ends agreed on for the stream.
 | head | ack | H | 2 | low 16 bits of the number of the newest update received of the first stream |
 | head | sent | 3s | 3 | sender's clock, in 10 us, low 24 bits |
 | head | tick | H | 2 | sample tick on the sender's clock, low 16 bits; a heartbeat adds the newest of all streams |
-| head | echo | B | 1 | departure, on the receiver's clock, of the newest datagram heard from it (`protocol.liveness`) |
+| head | echo | B | 1 | departure, on the receiver's clock, of the newest datagram heard from it (`Liveness.echo`) |
 | update | newest | nh | 2n | levels of the newest sample |
 | previous | gap | H | 2 | ticks between the two samples, 1..65535 |
 | previous | difference | nH | 2n | newest minus previous, modulo 2^16, hence always exact |
@@ -26,13 +26,13 @@ endian; n is the number of values that the two ends agreed on for the stream.
 | change | body | 1-200s | 1-200 | what is to change, or the answer: 1 for yes, 0 and why not |
 | path | token | 8s | 8 | random bytes, which the answer returns |
 
-The mark of an update: a previous sample follows, or what the sender put in its place. Of a heartbeat: an answer is
-wanted at once. Of a change or path: it is an answer. The selector of a heartbeat is 1 if the sender's encoder runs,
-which an update says by itself; that of a change numbers the proposal. The key phase flips with each new key of the
-direction.
+The mark of an update means that a previous sample, or model parameters in its place, follow; of a heartbeat, that the
+sender wants an answer at once; of a change or path, that it is an answer. The selector of an update is that of its
+predictor; of a heartbeat, it is 1 if the sender's encoder runs (it runs whenever an update is sent); of a change, it is
+the number of the proposal. The key phase flips with each new key of the direction.
 
-After these the tag of the security suite. Kind and sequence stay in clear, and are authenticated; what follows them is
-encrypted where the suite encrypts. Handshake datagrams (`protocol.handshake`) share only the first byte with this.
+The tag of the security suite comes last. Kind and sequence are authenticated and not encrypted; a suite with a key
+encrypts what follows them. Handshake datagrams (`weberlink.protocol.handshake`) share only the first byte with this.
 """
 
 from collections.abc import Collection, Sequence
@@ -45,16 +45,17 @@ from weberlink.protocol.events import DropReason
 from weberlink.update import MAX_GAP, MAX_SELECTOR, ModelParameters, PreviousSample, Update, parameter_bits
 
 CLEAR_BYTES = 4
-"""Kind and sequence number, which travel in clear."""
+"""Size of kind and sequence number, which are not encrypted."""
 HEAD_BYTES = 12
 TICK_BITS = 16
+TICK_MASK = (1 << TICK_BITS) - 1
 CHANGE_TICK_BITS = 32
 ACK_BYTES = 2
 TOKEN_BYTES = 8
 LONGEST_REASON = 64
 LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
-"""Nothing longer is sent or read; only a handshake with a very long agreement comes near it."""
+"""Longest datagram that is sent or read [bytes]; only a handshake with a very long agreement comes near it."""
 MARK = 0b1000
 PHASE = 0b1000_0000
 

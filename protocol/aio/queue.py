@@ -12,9 +12,9 @@ from weberlink.protocol.events import Address
 from weberlink.protocol.wire import LONGEST_DATAGRAM
 
 SLICE_S = 2e-4
-"""Longest piece of work before the loop does other things; a single datagram may take longer [s]."""
+"""Longest time spent on datagrams before the event loop does other work [s]; a single datagram may take longer."""
 MOST_S = 2e-3
-"""Work that can be saved up in quiet times [s]: about fifty datagrams of a peer after a stall."""
+"""Largest balance of the budget [s], for the datagrams of a peer that wait after a stall."""
 
 Take = Callable[[bytes, Address, float], None]
 
@@ -22,12 +22,12 @@ Take = Callable[[bytes, Address, float], None]
 class WorkBudget:
     """Processor time that may be spent: a share of the time that passes, saved up to a limit (token bucket).
 
-    It counts time and not datagrams, because one of the peer costs ten times a foreign one. The debt is bounded too:
-    otherwise the peer would not be heard for several times as long as this process had stood still.
+    It counts time and not datagrams, because a datagram of the peer costs several times as much as a foreign one. The
+    debt is bounded too: otherwise, after a stall, the peer would not be heard for several times as long as it lasted.
 
     Args:
         share: of one processor, in (0, 1].
-        most: that can be saved up, and owed [s].
+        most: largest balance, and largest debt [s].
         now: [s].
     """
 
@@ -61,7 +61,6 @@ class ReceiveQueue:
 
     Attributes:
         socket: non-blocking and bound; closed with the queue.
-        errors: reads that the system refused, such as for an ICMP error of an earlier send.
     """
 
     def __init__(
@@ -83,7 +82,6 @@ class ReceiveQueue:
             share: of a processor that reading may cost, in (0, 1].
         """
         self.socket = bound
-        self.errors = 0
         self._loop = loop
         self._now = now
         self._take = take
@@ -97,7 +95,7 @@ class ReceiveQueue:
         self._budget.limit(share)
 
     def read(self) -> bool:
-        """Take what has come, as far as the budget goes; whether there was anything."""
+        """Take the datagrams that wait, within the budget; returns whether there were any."""
         if self._resume is not None:
             return False
         spent = self._drain()
@@ -114,7 +112,7 @@ class ReceiveQueue:
         return self.socket.fileno() >= 0
 
     def _drain(self) -> float | None:
-        """Take datagrams until there are none or a slice is over; the time that took, None if there were none."""
+        """Take datagrams until none are left or a slice is over; returns the time spent [s], None if none came."""
         began: float | None = None
         now = 0.0
         while self.is_open:
@@ -122,8 +120,7 @@ class ReceiveQueue:
                 data, source = self.socket.recvfrom(LONGEST_DATAGRAM + 1)
             except BlockingIOError:
                 break
-            except OSError:
-                self.errors += 1
+            except OSError:  # such as an ICMP error of an earlier send
                 continue
             if began is None:
                 began = now = self._now()

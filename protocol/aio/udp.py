@@ -12,6 +12,7 @@ address may change meanwhile.
 import asyncio
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from errno import EADDRINUSE
 from math import inf
 
@@ -43,12 +44,12 @@ class UdpShell:
         listen: Address = _ANY_PORT,
         link: EmulatedLink[Address] | None = None,
     ) -> None:
-        """Prepare; nothing is claimed before `open`.
+        """Prepare; `open` claims the port.
 
         Args:
             now: the clock of the endpoint [s], such as `time.monotonic`.
             listen: own host and port; "" for all interfaces, 0 for any port.
-            link: faults to put on what is sent; None for none.
+            link: applies faults to what is sent; None for none.
         """
         self._endpoint = endpoint
         self._now = now
@@ -62,7 +63,6 @@ class UdpShell:
         self._numeric: dict[Address, Address] = {}
         self._timer: asyncio.TimerHandle | None = None
         self._timer_at = inf
-        self._send_errors = 0
 
     @property
     def address(self) -> Address:
@@ -70,14 +70,6 @@ class UdpShell:
         assert self._open is not None
         host, port = self._open.socket.getsockname()[:2]
         return host, port
-
-    @property
-    def socket_errors(self) -> int:
-        """Sends and reads that the system refused (peer not there, buffer full, no route).
-
-        Each counts as a lost datagram, which the protocol tolerates.
-        """
-        return self._send_errors + sum(queue.errors for queue in (self._open, self._peer) if queue is not None)
 
     async def open(self, loop: asyncio.AbstractEventLoop) -> None:
         """Resolve names, claim the port and listen.
@@ -96,7 +88,7 @@ class UdpShell:
             self._names[peer] = self._endpoint.peer
             self._numeric[self._endpoint.peer] = peer
         bound = self._bind(family, local)
-        # Set only now: the port was ours alone when it was claimed, and stays so for who does not ask to share it.
+        # Set only now, so that the port had to be free. Only sockets that set the option too can share it from here on.
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         self._open = self._queue(bound, PEER_SHARE)
         self.flush(self._now())
@@ -187,8 +179,8 @@ class UdpShell:
     def _read(self) -> None:
         """Receive from the peer; the loop wakes by itself for other datagrams.
 
-        Reads one slice, or, before the peer counts as silent, as much as the budget allows: after a stall of this
-        process the oldest datagrams come first, which are too old to count.
+        Reads one slice; if the peer would count as silent, as much as the budget allows. After a stall of this process
+        the oldest datagrams come first, and are too old to count.
         """
         queue = self._peer or self._open
         while queue is not None and queue.read():
@@ -215,7 +207,7 @@ class UdpShell:
             connected.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
             connected.bind(self._open.socket.getsockname())
             connected.connect(address)
-        except OSError:  # without it the session goes on, only less protected
+        except OSError:  # the session goes on without it, less protected against floods
             connected.close()
             return
         self._peer = self._queue(connected, PEER_SHARE)
@@ -224,7 +216,6 @@ class UdpShell:
     def _leave_peer(self) -> None:
         if self._peer is None or self._open is None:
             return
-        self._send_errors += self._peer.errors
         self._peer.close()
         self._peer = None
         self._open.limit(PEER_SHARE)
@@ -238,7 +229,6 @@ class UdpShell:
     def _send(self, data: bytes, address: Address) -> None:
         if self._open is None:
             return
-        try:
+        # A send that the system refuses (peer not there, buffer full, no route) is a lost datagram.
+        with suppress(OSError):
             self._open.socket.sendto(data, self._numeric.get(address, address))
-        except OSError:
-            self._send_errors += 1

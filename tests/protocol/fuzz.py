@@ -1,4 +1,4 @@
-"""Throws mutated datagrams at live endpoints: `python -m tests.protocol.fuzz --seconds 60 --seed N`.
+"""Send mutated datagrams to endpoints in session: `python -m tests.protocol.fuzz --seconds 60 --seed N`.
 
 Three kinds of harm: bytes changed on the way, which no tag survives; contents changed under a valid tag or proof, as a
 peer with a fault (or anyone, on a link without a key) could send them; and datagrams of other times and sessions. The
@@ -26,7 +26,7 @@ STRANGER = ("203.0.113.9", 9)
 
 
 class Meddler:
-    """A suite whose owner now and then seals something else than was meant: an authentic peer with a fault."""
+    """A suite that now and then seals changed content: an authentic peer with a fault."""
 
     def __init__(self, inner: Security, random: Random, rate: float) -> None:
         self.inner, self.random, self.rate = inner, random, rate
@@ -77,7 +77,7 @@ class MeddledProtection:
 
 
 def mutate(data: bytes, random: Random) -> bytes:
-    """One of the things that can happen to bytes."""
+    """Change bytes at random."""
     changed = bytearray(data)
     match random.randrange(6):
         case 0:
@@ -108,7 +108,7 @@ def forge_hello(security: Security, random: Random, recorded: bytes) -> bytes:
 
 
 def harm(pair: Pair, side: Side, source: tuple[str, int], recorded: list[bytes], random: Random) -> None:
-    """Give one endpoint something it should not get."""
+    """Deliver a wrong datagram to one endpoint."""
     data = random.choice(recorded)
     choice = random.random()
     if choice < 0.6:
@@ -167,7 +167,7 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
 
 
 def recover(pair: Pair, streams: int) -> None:
-    """Left in peace, the two must be in a session again and carry updates, unless one was told to go."""
+    """Without further harm, the two must be in a session again and carry updates, unless one was closed."""
     pair.run(8.0)
     if State.CLOSED in (pair.master.endpoint.state, pair.slave.endpoint.state):
         return

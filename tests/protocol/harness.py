@@ -38,11 +38,14 @@ TICK = 0.001
 SILENCE = 0.1
 INTERVAL = HeartbeatSchedule(0.0, silence=SILENCE, tick_period=TICK).interval
 """Of heartbeats over a path without delay [s]."""
+MENDED_WITHIN = 0.15
+"""Time after the last loss, if nobody fell silent, in which the newest update arrives: one interval of the other end's
+heartbeats for the evidence, and the longest pace between two repeats [s]."""
 
 
 @dataclass
 class Side:
-    """An endpoint with its clock, and everything it told."""
+    """An endpoint with its clock, and everything that it reported."""
 
     endpoint: Endpoint
     address: Address
@@ -52,7 +55,7 @@ class Side:
     received_at: list[tuple[float, UpdateReceived]] = field(default_factory=list)
     sessions: int = 0
     renewals: int = 0
-    """How often the owner was told that the peer needs a new state."""
+    """Events after which the owner must send a new state."""
 
     def local(self, world: float) -> float:
         return self.offset + world * (1.0 + self.drift)
@@ -74,9 +77,8 @@ class Side:
         return tick
 
     def refusal(self) -> str:
-        """The message of the one refusal that it was told."""
+        """The message of its only refusal."""
         (refused,) = self.of(Refused)
-        assert isinstance(refused, Refused)
         return refused.message
 
     def of(self, kind: type[Event]) -> list[Event]:
@@ -90,7 +92,7 @@ class Side:
 
 
 def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
-    """An endpoint with plain values, but for what a test changes."""
+    """An endpoint with plain values, except for `changes`."""
     arguments: dict[str, object] = {
         "role": role,
         "agreement": AGREEMENT,
@@ -106,7 +108,7 @@ def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
 
 
 def exchanged(security: Security, seed: int = 1, prologue: bytes = b"") -> tuple[Protection, Protection]:
-    """Both ends of a session of its own: the initiator's and the responder's."""
+    """Keys of a new session: the initiator's and the responder's."""
     entropy = Random(f"exchange {seed}").randbytes
     outgoing = security.call(prologue, entropy(security.private_size))
     incoming = security.hear(prologue, outgoing.hello(b"hello"))
@@ -171,7 +173,7 @@ class Pair:
         self.sent_to: list[tuple[Address, int]] = []
         """Target and kind of the same."""
         self.swallow: Callable[[Side, bytes], bool] = lambda side, data: False
-        """A fault aimed at certain datagrams, on top of those of the links."""
+        """Whether to drop a datagram of this sender, in addition to the faults of the links."""
 
     def link(self, emulation: Emulation | None) -> EmulatedLink[tuple[Address, Address]]:
         self.seed += 1
@@ -198,9 +200,9 @@ class Pair:
         return self
 
     def run(self, duration: float) -> "Pair":
-        """Let the world go on for `duration` seconds.
+        """Advance the time of the world by `duration` [s].
 
-        Ticks in which no owner does anything are left out, but for the first, which takes what a test did meanwhile.
+        Ticks in which no owner does anything are skipped, except for the first, which sends what a test has queued.
         """
         end = self.now + duration
         is_idle = False
@@ -260,18 +262,23 @@ class Pair:
             side.collect(self.now)
 
 
+def patience(delay: float) -> float:
+    """A silence limit that is long enough for a path with this one-way delay [s]."""
+    return max(SILENCE, 3.0 * 2.0 * delay)
+
+
 def suites() -> list[Security]:
     return [PresharedKey(KEY), Checksum()]
 
 
 def sample_update(tick: int) -> Update:
-    """An update of a position sample that tells its tick."""
+    """An update of a position sample that depends on its tick."""
     newest = (tick % 1000, -tick % 1000, 7)
     return Update(tick, tick % 8, newest, PreviousSample(3, (newest[0] - 5, newest[1] + 5, -7)))
 
 
 def engaged(security: Security, outgoing: int = 6) -> tuple[Endpoint, Endpoint]:
-    """A master and a slave, which sends `outgoing` values, that have found each other at time 0."""
+    """A master and a slave, which sends `outgoing` values, engaged at time 0."""
     master = make_endpoint(Role.INITIATOR, security=security, incoming_values=(outgoing,))
     slave = make_endpoint(Role.RESPONDER, security=security, outgoing_values=(outgoing,))
     slave.connect(0.0)

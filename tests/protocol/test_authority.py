@@ -1,4 +1,4 @@
-"""Who is who: names and instances, one master at a time, and what a refused call does not touch."""
+"""Names and instances: a slave serves one master at a time, and a refused call changes nothing."""
 
 from random import Random
 
@@ -49,7 +49,7 @@ def test_second_run_of_the_same_master_is_refused() -> None:
     assert "another run of" in refusal
 
 
-def test_a_silent_session_is_still_that_of_its_master() -> None:
+def test_silent_session_still_belongs_to_its_master() -> None:
     pair = named()
     pair.swallow = lambda side, data: side is pair.master
     pair.run(0.15)
@@ -159,7 +159,7 @@ def test_a_master_keeps_to_the_first_slave_that_answered() -> None:
 
 @pytest.mark.parametrize("security", suites())
 def test_a_master_refuses_a_welcome_under_another_name(security: Security) -> None:
-    """Of a peer with the key that does not look at what the master expects."""
+    """The peer has the key, and ignores the name that the master expects."""
     end = LocalEnd(security, Random(1).randbytes, b"", 2, 0.0, "ann@operator", "robot:47000")
     dialer = Dialer(end, bytes(INSTANCE_BYTES), stamp=lambda now: 1)
     for name in ("toy:47000", "robot:47000"):
@@ -186,7 +186,7 @@ def test_a_slave_of_the_same_name_may_be_restarted() -> None:
     assert len(pair.master.of(Connected)) == 2
 
 
-def test_a_refused_call_is_told_while_nobody_is_served() -> None:
+def test_refused_call_is_reported_while_no_master_is_served() -> None:
     pair = Pair(slave={"agreement": {**AGREEMENT, "rate_hz": 500}}).connect().run(0.3)
     assert pair.slave.of(Refused) == pair.master.of(Refused) != []
 
@@ -213,7 +213,7 @@ def test_recorded_calls_of_another_configuration_change_nothing() -> None:
 
 @pytest.mark.parametrize("delay", [0.001, 0.02])
 def test_one_of_two_simultaneous_masters_is_served(delay: float) -> None:
-    """Both have a pending session; the first datagram decides."""
+    """Both have a pending session; the first datagram under its keys decides."""
     pair = Pair(forward=Emulation(delay_s=delay), master={"name": "ann@operator"}, slave={"name": "robot:47000"})
     pair.connect()
     other = join(pair)

@@ -47,7 +47,7 @@ def test_each_number_is_new_once_and_old_ones_never(numbers: list[int]) -> None:
             assert not window.is_new(number)
 
 
-def test_a_huge_leap_forgets_but_never_admits_twice() -> None:
+def test_huge_leap_admits_no_number_twice() -> None:
     window = ReplayWindow()
     window.mark(5)
     window.mark(2**60)
@@ -64,7 +64,7 @@ def meter(numbers: list[int]) -> LossMeter:
 
 
 @given(st.sets(st.integers(0, 200), min_size=1))
-def test_in_order_the_count_is_that_of_the_gaps(received: set[int]) -> None:
+def test_loss_in_order_is_the_number_of_gaps(received: set[int]) -> None:
     numbers = sorted(received)
     settled = [*numbers, *range(numbers[-1] + 1, numbers[-1] + 1 + LOSS_PATIENCE)]
     assert meter(settled).lost == numbers[-1] - numbers[0] + 1 - len(numbers)
@@ -92,7 +92,7 @@ def test_the_estimate_follows_the_loss(loss: float) -> None:
             estimates.append(made.fraction)
     late = estimates[5000:]
     mean = sum(late) / len(late)
-    assert loss * 0.9 < mean < loss + 0.1
+    assert loss * 0.9 < mean < 1.2 * loss + 0.005, "the larger of two averages is a little too high"
     for number in range(20_000, 35_000):
         made.record(number)
     assert made.fraction < 1e-4

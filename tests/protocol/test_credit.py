@@ -1,4 +1,4 @@
-"""Credit: by itself, and over two real endpoints. Whoever spends it must never be told of more than was handed over."""
+"""Credit, by itself and over two real endpoints: the known credit must never exceed what was granted."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,14 @@ STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2
 
 @dataclass(frozen=True)
 class Sending:
-    """One datagram: what was handed over since the one before, its field, when it arrives after it left, how often."""
+    """One datagram.
+
+    Args:
+        step: credit granted since the datagram before.
+        bits: of its field.
+        transit: time on the way, in places of the sequence.
+        copies: how often it arrives.
+    """
 
     step: int
     bits: int
@@ -49,8 +56,8 @@ def arrivals(sent: list[Sending]) -> list[tuple[int, int, int]]:
 
 
 @given(sendings(2**18))
-def test_never_more_is_known_than_was_handed_over(sent: list[Sending]) -> None:
-    """Whatever is lost, doubled or overtaken, and however large the steps; nor does it ever fall."""
+def test_known_credit_never_exceeds_granted(sent: list[Sending]) -> None:
+    """Whatever is lost, doubled or overtaken, and however large the steps. It never falls either."""
     credit = Credit()
     largest, known, newest = 0, 0, -1
     for sequence, count, bits in arrivals(sent):
@@ -59,13 +66,13 @@ def test_never_more_is_known_than_was_handed_over(sent: list[Sending]) -> None:
         assert known <= credit.known <= largest
         known = credit.known
         if bits == HEARTBEAT_CREDIT_BITS and sequence > newest:
-            assert known == count, "the long field makes up for what the short one could not tell"
+            assert known == count, "the long field restores what the short one lost"
         newest = max(newest, sequence)
 
 
 @given(sendings(2**UPDATE_CREDIT_BITS // 40 - 1), st.integers(0, 2**36))
-def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int) -> None:
-    """If less than the range of its field was handed over unheard; near any wrap of either field."""
+def test_whole_credit_is_known_from_the_next_datagram_on(sent: list[Sending], start: int) -> None:
+    """If less than the range of its field was granted unheard; near any wrap of either field."""
     credit = Credit()
     counts = [*range(0, start, 2**31), start]
     for sequence, count in enumerate(counts):
@@ -77,7 +84,7 @@ def test_all_is_known_from_the_next_datagram_on(sent: list[Sending], start: int)
         assert credit.known == start + newest
 
 
-def test_what_was_handed_over_cannot_be_taken_back() -> None:
+def test_granted_credit_cannot_fall() -> None:
     credit = Credit()
     credit.granted = 5
     with pytest.raises(ValueError, match="fall from 5 to 4"):
@@ -90,16 +97,16 @@ def test_what_was_handed_over_cannot_be_taken_back() -> None:
 @pytest.mark.parametrize(("seed", "step"), [(0, 7), (1, 1000)])
 def test_known_credit_never_exceeds_granted_in_a_storm(seed: int, step: int) -> None:
     """30 % loss in bursts, reordering, duplicates and bit errors; then peace, in which all is known."""
-    handed = {Role.INITIATOR: 0, Role.RESPONDER: 0}
+    granted = {Role.INITIATOR: 0, Role.RESPONDER: 0}
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:
         for side, other in (pair.sides, pair.sides[::-1]):
-            assert side.endpoint.peer_credit <= handed[other.endpoint.role]
+            assert side.endpoint.peer_credit <= granted[other.endpoint.role]
         if now > 6.0:  # a storm may end with a new session, whose counts begin at 0
             return
         for side in pair.sides:
             side.endpoint.credit += step
-            handed[side.endpoint.role] = max(handed[side.endpoint.role], side.endpoint.credit)
+            granted[side.endpoint.role] = max(granted[side.endpoint.role], side.endpoint.credit)
             if tick % 10 == 0:
                 side.endpoint.send_update(now, sample_update(tick))
 
@@ -123,17 +130,17 @@ def test_updates_repeats_and_heartbeats_carry_present_credit() -> None:
         pair.run(0.001)
     repeat = pair.tap[-1][2]
     pair.slave.endpoint.receive_datagram(repeat, MASTER, pair.now)
-    assert pair.slave.endpoint.peer_credit == 70_001 % 2**16, "more than 16 bits were unheard: too low, not too high"
+    assert pair.slave.endpoint.peer_credit == 70_001 % 2**16, "over 16 bits were granted unheard: too low"
     pair.run(0.1)
-    assert pair.slave.endpoint.peer_credit == 70_001, "a heartbeat has told"
+    assert pair.slave.endpoint.peer_credit == 70_001, "a heartbeat has arrived"
     pair.master.endpoint.credit = 70_002
     pair.run(0.1)
     assert pair.slave.endpoint.peer_credit == 70_002
 
 
 @pytest.mark.parametrize("reason", [DropReason.STALE, DropReason.SUPERSEDED])
-def test_late_news_are_still_true(reason: DropReason) -> None:
-    """A stale update is the newest news; one that was superseded by a repeat of what is newer tells nothing more."""
+def test_late_datagram_still_tells_its_credit(reason: DropReason) -> None:
+    """A stale update carries the newest count; a superseded one carries an older count, which is ignored."""
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 5
     pair.master.endpoint.send_update(pair.now, sample_update(pair.ticks))
@@ -151,7 +158,7 @@ def test_late_news_are_still_true(reason: DropReason) -> None:
     assert pair.slave.endpoint.peer_credit == (6 if reason is DropReason.SUPERSEDED else 5)
 
 
-def test_what_cannot_be_true_is_not_believed() -> None:
+def test_credit_of_an_implausible_datagram_is_ignored() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED).engage()
     pair.master.endpoint.credit = 5
     for at, tick in ((pair.now + 60.0, 0), (pair.now, 10**6)):
@@ -163,10 +170,10 @@ def test_what_cannot_be_true_is_not_believed() -> None:
     assert pair.slave.endpoint.peer_credit == 0
 
 
-def test_a_new_session_starts_at_nothing_on_both_ends() -> None:
+def test_new_session_starts_without_credit_at_both_ends() -> None:
     pair = Pair(master=CARRIED, slave=CARRIED)
     pair.master.endpoint.credit = 3
-    assert pair.master.endpoint.credit == 0, "there is nobody to hand it to"
+    assert pair.master.endpoint.credit == 0, "there is no session"
     pair.engage()
     for side in pair.sides:
         side.endpoint.credit = 1000

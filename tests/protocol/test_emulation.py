@@ -1,4 +1,5 @@
 from itertools import groupby, pairwise
+from math import sqrt
 from random import Random
 
 import pytest
@@ -53,7 +54,7 @@ def test_delay_and_jitter_keep_bounds_and_order() -> None:
 @pytest.mark.parametrize("loss", [0.0, 0.01, 0.3, 1.0])
 def test_independent_losses_have_their_rate_and_no_memory(loss: float) -> None:
     lost = [not arrived for arrived in fates(link(loss=loss), 16_000)]
-    assert sum(lost) / len(lost) == pytest.approx(loss, abs=0.012)
+    assert sum(lost) / len(lost) == pytest.approx(loss, abs=4.0 * sqrt(loss * (1.0 - loss) / len(lost)))
     if loss == 0.3:
         after = [later for earlier, later in pairwise(lost) if earlier]
         assert sum(after) / len(after) == pytest.approx(loss, abs=0.03)
@@ -119,7 +120,7 @@ def test_nothing_gets_through_a_blackout() -> None:
 
 @examples(25)
 @given(st.integers(0, 2**32), st.floats(0.0, 0.5), st.floats(1.0, 10.0))
-def test_the_same_seed_does_the_same_harm(seed: int, loss: float, burst: float) -> None:
+def test_same_seed_causes_the_same_faults(seed: int, loss: float, burst: float) -> None:
     faults = {
         "delay_s": 0.01, "jitter_s": 0.01, "loss": loss, "burst": burst,
         "reorder": 0.1, "duplicate": 0.1, "corrupt": 0.1, "rate_bit_s": 1e6,
@@ -161,7 +162,7 @@ def test_every_datagram_is_accounted_for() -> None:
         ("blackouts", ((0.0, 1.0, 0.0),)),
     ],
 )
-def test_a_fault_that_cannot_be_is_named(field: str, value: object) -> None:
+def test_invalid_fault_is_named(field: str, value: object) -> None:
     with pytest.raises(ValueError, match=field):
         Emulation(**{field: value})  # type: ignore[arg-type]
 

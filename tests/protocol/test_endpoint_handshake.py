@@ -146,7 +146,7 @@ def test_a_call_is_answered_however_long_the_path() -> None:
         assert len(pair.slave.of(Connected)) == 1
 
 
-def test_handshake_datagrams_that_a_role_does_not_take() -> None:
+def test_handshake_datagrams_for_the_other_role_are_dropped() -> None:
     pair = Pair().engage()
     hello = next(data for _, _, data in pair.tap if kind_of(data) == Kind.HELLO)
     welcome = next(data for _, _, data in pair.tap if kind_of(data) == Kind.WELCOME)
@@ -251,8 +251,8 @@ def test_a_responder_listens_again_when_the_master_leaves() -> None:
     assert pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_proven_random_bytes_are_malformed() -> None:
-    """A peer with the key, or anyone where there is none, may send any body."""
+def test_authentic_random_bytes_are_malformed() -> None:
+    """A peer with the key, or any sender where there is no key, may send any body."""
     random = Random(5)
     for security in suites():
         slave = make_endpoint(Role.RESPONDER, security=security)

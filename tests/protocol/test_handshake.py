@@ -53,7 +53,7 @@ def test_headers_survive(version: int, identity: bytes, stamp: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "a" * (LONGEST_NAME + 1), "a\x1b[2J", "a\n", "\u202e"])
-def test_what_is_no_name_is_refused(name: str) -> None:
+def test_invalid_name_is_refused(name: str) -> None:
     with pytest.raises(ValueError, match="printable"):
         check_name(name)
     assert read_hello({**HELLO._asdict(), "name": name}) is None
@@ -86,7 +86,7 @@ def test_any_bytes_are_a_map_or_none(packed: bytes) -> None:
         b"\xd6\xff\xff\xff\xff\xff",
     ],
 )
-def test_what_is_no_map_of_texts_is_none(packed: bytes) -> None:
+def test_bytes_that_are_no_map_with_text_keys_are_none(packed: bytes) -> None:
     assert read_map(packed) is None
 
 
@@ -136,7 +136,7 @@ def test_both_ends_say_the_same_about_a_difference(master: dict[str, object], sl
 
 
 @given(AGREEMENTS)
-def test_an_agreement_is_the_same_after_travel(agreement: dict[str, object]) -> None:
+def test_an_agreement_survives_packing(agreement: dict[str, object]) -> None:
     assert read_map(pack_agreement(agreement)) == agreement
 
 
@@ -150,11 +150,11 @@ def test_tuple_and_list_agree() -> None:
     assert differences(Role.INITIATOR, ours, theirs) == ""
 
 
-def test_a_null_is_not_nothing() -> None:
+def test_none_differs_from_a_missing_key() -> None:
     assert differences(Role.INITIATOR, {"a": None}, {}) == "a: master has None, slave has nothing"
 
 
 @pytest.mark.parametrize("value", [object(), {1, 2}, 2**70])
-def test_what_cannot_travel_is_named(value: object) -> None:
+def test_value_that_cannot_be_packed_is_named(value: object) -> None:
     with pytest.raises(ValueError, match=r"'codec\.x'"):
         pack_agreement({"codec.x": value})

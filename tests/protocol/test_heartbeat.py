@@ -1,4 +1,4 @@
-"""The schedule by itself; two ends that use it are in test_endpoint_session."""
+"""The schedule by itself. Two ends that use it are in test_endpoint_session."""
 
 from math import inf
 
@@ -49,7 +49,7 @@ def test_any_datagram_postpones_heartbeats_except_reports() -> None:
     assert schedule.due(is_engaged=False) == REPORT_INTERVAL
 
 
-def test_loss_makes_them_denser_until_a_limit() -> None:
+def test_loss_shortens_the_interval_down_to_a_limit() -> None:
     schedule = introduced()
     intervals = []
     for loss in (0.0, 0.01, 0.1, 0.3, 1.0):

@@ -34,7 +34,7 @@ def test_a_missing_file_names_the_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o620, 0o644, 0o666])
-def test_a_file_that_others_may_touch_names_the_remedy(tmp_path: Path, mode: int) -> None:
+def test_key_file_open_to_others_is_refused_with_the_remedy(tmp_path: Path, mode: int) -> None:
     path = tmp_path / "link.key"
     generate(path)
     path.chmod(mode)
@@ -60,7 +60,7 @@ def test_a_directory_is_no_key(tmp_path: Path) -> None:
         (b"x" * 100_000, "not a key file"),
     ],
 )
-def test_what_is_no_key_is_refused(tmp_path: Path, content: bytes, message: str) -> None:
+def test_other_contents_are_no_key(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "link.key"
     path.write_bytes(content)
     path.chmod(0o600)
@@ -84,7 +84,7 @@ def test_a_key_of_another_user_is_no_key(tmp_path: Path) -> None:
         load(path)
 
 
-def test_a_pipe_in_its_place_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_is_no_key_and_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "key", 0o600)
     with pytest.raises(KeyFileError, match="not a file"):
         load(tmp_path / "key")

@@ -1,4 +1,4 @@
-"""Loop age: what an end may conclude from an echo, for any clocks and delays; two ends in test_endpoint_session."""
+"""Loop age from an echo, for any clocks and delays. Two ends that use it are in test_endpoint_session."""
 
 from math import floor, inf, nextafter
 
@@ -14,7 +14,7 @@ DELAYS = st.floats(0.0, SILENCE)
 
 @given(OFFSETS, OFFSETS, DELAYS, st.floats(0.0, 0.9 * SILENCE), DELAYS)
 def test_echo_tells_departure_on_own_clock(own: float, other: float, there: float, wait: float, back: float) -> None:
-    """At 3 s of the world one end sends, the other answers after a while; both clocks are anyhow."""
+    """One end sends 3 s after the start, the other answers after a while; both clocks have any offset."""
     peer = Liveness(0.0, SILENCE, 3.0 + own, 3.0 + there + other)
     echo = peer.echo(3.0 + there + wait + other)
     end = Liveness(0.0, SILENCE, 0.0, own)
@@ -24,7 +24,7 @@ def test_echo_tells_departure_on_own_clock(own: float, other: float, there: floa
     rounding = 1e-9 * (1.0 + abs(own))
     assert true - rounding <= age <= true + SILENCE / UNITS + rounding
     if age <= SILENCE:
-        assert back <= SILENCE + rounding, "what is executed left no longer ago"
+        assert back <= SILENCE + rounding, "an update with this echo left no longer ago"
 
 
 @given(st.integers(0, 10**7))
@@ -49,10 +49,9 @@ def test_overtaken_datagram_does_not_say_that_the_encoder_runs() -> None:
     end = Liveness(0.0, SILENCE, 0.0, 0.0)
     end.hear(2, 0.02, DEAF, says_encoding=False, now=0.03)
     end.hear(1, 0.01, DEAF, says_encoding=True, now=0.04)
-    assert not end.is_peer_encoding
-    assert end.encoder_heard_at == -inf
+    assert end.encodes_until == end.encoder_heard_at == -inf
     end.hear(3, 0.05, DEAF, says_encoding=None, now=0.06)
-    assert not end.is_peer_encoding
+    assert end.encodes_until == -inf
     end.hear(4, 0.06, DEAF, says_encoding=True, now=0.07)
-    assert end.is_peer_encoding
     assert end.encoder_heard_at == 0.07
+    assert end.encodes_until == 0.07 + SILENCE

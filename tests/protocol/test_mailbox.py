@@ -13,7 +13,7 @@ def test_datagrams_leave_in_order_and_once() -> None:
     assert (statistics.sent, statistics.bytes_sent) == (2, 3)
 
 
-def test_the_oldest_datagram_gives_way() -> None:
+def test_full_queue_drops_the_oldest_datagram() -> None:
     statistics = Statistics()
     mailbox = Mailbox(statistics)
     for number in range(QUEUED_DATAGRAMS + 3):

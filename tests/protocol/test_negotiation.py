@@ -1,4 +1,4 @@
-"""Changes that both ends make at one moment, over links that lose what says so."""
+"""Changes that both ends make at the same tick, over links that lose proposals and answers."""
 
 import pytest
 
@@ -111,7 +111,7 @@ def test_change_too_far_ahead_is_dropped() -> None:
     assert not proposals(pair)
 
 
-def test_an_answer_to_nothing_is_nothing() -> None:
+def test_answer_without_a_matching_proposal_is_ignored() -> None:
     negotiation = ParameterNegotiation()
     assert negotiation.heard_answer(3, b"\x01") is None
     negotiation.propose(10, BODY, 0.0)

@@ -1,4 +1,4 @@
-"""A session of one stream: its bytes are those that were recorded before there could be a second."""
+"""A session of one stream: its datagrams equal those recorded before there were sessions of two."""
 
 from hashlib import sha256
 
@@ -16,7 +16,7 @@ RECORDED = {
     ("psk", False): "ec4e485491766472ed0002e492db9afdec214644c61606cbe652d8a2205ad3b3",
     ("psk", True): "dc4ee5e76d805a77e11da4878225cba27ef8610fe6221b7bdfb7829b52f1fbf0",
 }
-"""Of the script below: SHA-256 of every datagram in the order in which they left."""
+"""SHA-256 over all datagrams of the session below, in the order in which they left."""
 
 
 def drive(pair: Pair, now: float, tick: int) -> None:
@@ -31,7 +31,7 @@ def drive(pair: Pair, now: float, tick: int) -> None:
 
 @pytest.mark.parametrize("suite", ["checksum", "psk"])
 @pytest.mark.parametrize("carries_credit", [False, True])
-def test_the_bytes_are_those_of_before(suite: str, carries_credit: bool) -> None:
+def test_datagrams_equal_the_recorded_ones(suite: str, carries_credit: bool) -> None:
     security: Security = Checksum() if suite == "checksum" else PresharedKey(KEY)
     faulty = Emulation(delay_s=0.003, jitter_s=0.002, loss=0.1, reorder=0.05, duplicate=0.05)
     changes = {"security": security, "carries_credit": carries_credit, "incoming_values": (3,), "outgoing_values": (3,)}

@@ -1,4 +1,4 @@
-"""Where traffic goes when datagrams come from elsewhere: an attacker who copies, a peer that moves."""
+"""The peer's address when datagrams come from elsewhere: an attacker who copies, a peer that moves."""
 
 from random import Random
 
@@ -60,7 +60,7 @@ def test_nothing_moves_without_the_token() -> None:
     assert path.address == HOME
 
 
-def test_racer_who_drops_nothing_gets_only_challenges() -> None:
+def test_attacker_who_copies_datagrams_gets_only_challenges() -> None:
     """Every datagram of the master also arrives earlier, from the attacker's address, from the first one on."""
 
     def on_tick(pair: Pair, now: float, tick: int) -> None:

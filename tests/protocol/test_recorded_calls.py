@@ -1,6 +1,7 @@
-"""Played-back and forged calls: what they cost, and that the master gets in while they come."""
+"""Replayed and forged calls: what they cost, and that the master connects while they arrive."""
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import cycle
 from random import Random
 
@@ -8,6 +9,8 @@ import pytest
 
 from tests.protocol.harness import AGREEMENT, KEY, MASTER, Pair, make_endpoint
 from weberlink.protocol import DropReason, Endpoint, Role, State
+from weberlink.protocol.aio.queue import MOST_S
+from weberlink.protocol.aio.udp import PEER_SHARE
 from weberlink.protocol.dialer import Dialer
 from weberlink.protocol.handshake import INSTANCE_BYTES, HelloHeader, LocalEnd, pack_agreement, read_hello_header
 from weberlink.protocol.listener import (
@@ -25,7 +28,7 @@ STRANGER = ("203.0.113.9", 9)
 
 
 def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1) -> list[bytes]:
-    """HELLOs of earlier runs of a master: proven, with rising stamps, and nobody waits for their answers."""
+    """HELLOs of earlier runs of a master: proven, with rising stamps."""
     stamps = iter(range(first, first + count * step, step))
     entropy = Random(f"{name} {first}").randbytes
     end = LocalEnd(PresharedKey(KEY), entropy, pack_agreement(AGREEMENT), 2, 0.0, name, "")
@@ -35,7 +38,7 @@ def recorded(count: int, *, name: str = "master", first: int = 1, step: int = 1)
 
 
 def forged(count: int) -> list[bytes]:
-    """HELLOs of somebody without the key."""
+    """HELLOs of a sender without the key."""
     random = Random(4)
     header = HelloHeader(2, bytes(8), 2**60).pack()
     return [header + random.randbytes(494) for _ in range(count)]
@@ -86,8 +89,8 @@ def test_recordings_of_known_master_are_opened_rarely() -> None:
 
 
 @pytest.mark.parametrize("flood", [recorded(1), forged(50)])
-def test_what_is_dropped_leaves_the_pace_to_others(flood: list[bytes]) -> None:
-    """A call is answered at once, though others came at every instant before it."""
+def test_dropped_calls_do_not_delay_others(flood: list[bytes]) -> None:
+    """A call is answered at once, although a flood of others came before it."""
     slave = listening()
     slave.receive_datagram(flood[0], STRANGER, 0.0)
     answers(slave)
@@ -118,8 +121,8 @@ def test_pending_sessions_are_bounded() -> None:
     calls = [recorded(8, name=f"user{number}@host") for number in range(2 * KNOWN_MASTERS)]
     for step, hello in enumerate(hello for row in zip(*calls, strict=True) for hello in row):
         slave.receive_datagram(hello, STRANGER, step * EXCHANGE_PACE)
-        assert len(list(slave._listener.pending)) <= PENDING_LIMIT * KNOWN_MASTERS
-    assert len(list(slave._listener.pending)) >= KNOWN_MASTERS
+        assert len(slave._listener.pending) <= PENDING_LIMIT * KNOWN_MASTERS
+    assert len(slave._listener.pending) >= KNOWN_MASTERS
 
 
 def test_a_forgotten_master_does_not_reopen_its_recordings() -> None:
@@ -154,7 +157,7 @@ def test_master_with_stepped_clock_continues_from_newest_stamp(back: float) -> N
     assert restarted.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-def test_a_repeated_answer_about_stamps_moves_nothing_back() -> None:
+def test_answer_about_stamps_never_lowers_the_stamp() -> None:
     pair = Pair()
     pair.slave.endpoint.connect(0.0)
     pair.slave.endpoint.receive_datagram(recorded(1, first=10**12)[0], STRANGER, 0.0)
@@ -168,17 +171,15 @@ def test_a_repeated_answer_about_stamps_moves_nothing_back() -> None:
 
 
 RATE = 20_000
-"""Calls a second that somebody sends."""
-SHARE = 0.3
-"""Of a processor, that a shell spends on an open port (`weberlink.protocol.aio.udp.PEER_SHARE`)."""
+"""Calls per second of the flood."""
 BUFFER = 160
 """HELLOs that wait in the kernel before it drops (212,992 bytes of buffer, 1,280 for each)."""
 COST = {True: 60e-6, False: 10e-6}
-"""Of a HELLO that is opened, and of one that is not [s]: several times what was measured on a quiet machine."""
+"""Assumed processor time of a HELLO that is opened, and of one that is not [s]."""
 
 
 def flood_until_engaged(flood: Iterator[bytes], key: CountingKey, limit: float) -> float:
-    """Time until the master is in, which starts with the flood, at a slave that was just started [s]."""
+    """Time until the master is engaged [s]; master, slave and flood start together."""
     pair = Pair(slave={"security": key}).connect()
     slave, random = pair.slave.endpoint, Random(1)
     genuine: list[bytes] = []
@@ -192,7 +193,7 @@ def flood_until_engaged(flood: Iterator[bytes], key: CountingKey, limit: float) 
             arrivals.insert(random.randrange(len(arrivals)), (data, MASTER))
         genuine.clear()
         port = (port + arrivals)[:BUFFER]
-        budget = min(budget + SHARE * 0.001, 0.002)
+        budget = min(budget + PEER_SHARE * 0.001, MOST_S)
         while port and budget > 0.0:
             opened = key.opened
             slave.receive_datagram(*port.pop(0), pair.now)
@@ -202,22 +203,24 @@ def flood_until_engaged(flood: Iterator[bytes], key: CountingKey, limit: float) 
     return limit
 
 
+@cache
+def rising() -> list[bytes]:
+    return recorded(6_000)
+
+
 FLOODS = {
     "one recording": lambda: cycle(recorded(1)),
-    "rising stamps": lambda: iter(RISING),
-    "rising stamps, over and over": lambda: cycle(RISING[:500]),
+    "rising stamps": lambda: iter(rising()),
+    "rising stamps, over and over": lambda: cycle(rising()[:500]),
     "forty masters": lambda: cycle(
         [hello for row in zip(*(recorded(30, name=f"user{n}@host") for n in range(40)), strict=True) for hello in row]
     ),
     "forged": lambda: cycle(forged(100)),
 }
-RISING: list[bytes] = []
 
 
 @pytest.mark.parametrize("kind", FLOODS)
 def test_master_connects_under_20000_calls_a_second(kind: str) -> None:
-    if not RISING:
-        RISING.extend(recorded(6_000))
     flood = FLOODS[kind]()
-    endless = (hello for part in (flood, cycle(RISING[-1:])) for hello in part)
+    endless = (hello for part in (flood, cycle(rising()[-1:])) for hello in part)
     assert flood_until_engaged(endless, CountingKey(KEY), 3.5) <= 3.0

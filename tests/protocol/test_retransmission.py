@@ -25,7 +25,7 @@ def test_nothing_is_due_without_a_pending_update() -> None:
     assert retransmission.due_at(0.01, 0.1) == inf
 
 
-def test_evidence_is_worth_more_than_waiting() -> None:
+def test_evidence_brings_the_repeat_forward() -> None:
     retransmission = Retransmission()
     retransmission.begin(7, 1.0)
     assert retransmission.due_at(0.01, 0.1) == 1.1
@@ -44,7 +44,7 @@ def test_acknowledgement_of_any_repeat_counts_but_no_older_one() -> None:
 
 
 @given(st.floats(0.0, 1.0), st.floats(0.01, 30.0))
-def test_the_stated_bound_on_repeats(rtt: float, duration: float) -> None:
+def test_repeats_keep_to_their_bound_without_acknowledgements(rtt: float, duration: float) -> None:
     retransmission = Retransmission()
     retransmission.begin(0, 0.0)
     now, count = 0.0, 0
@@ -63,7 +63,7 @@ STEPS = st.lists(st.tuples(st.floats(0.0, 0.05), st.sampled_from(["update", "ack
 
 
 @given(STEPS, st.integers(0, MOST_COPIES), st.floats(0.0, 0.2))
-def test_the_stated_bound_holds_over_any_pattern(steps: list[tuple[float, str]], copies: int, rtt: float) -> None:
+def test_repeats_keep_to_their_bound_over_any_pattern(steps: list[tuple[float, str]], copies: int, rtt: float) -> None:
     """Whatever is lost or acknowledged, whenever updates come, however late the owner looks at the clock."""
     retransmission = Retransmission()
     now, number, begun_at, repeats = 0.0, 0, 0.0, 0

@@ -1,4 +1,4 @@
-"""Sealed streams: who may open one, and which messages open."""
+"""Sealed streams: who can open one, and which messages open."""
 
 from random import Random
 

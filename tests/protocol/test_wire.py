@@ -35,7 +35,7 @@ def documented(values: int) -> dict[str, int]:
 @pytest.mark.parametrize("streams", [1, 2])
 @pytest.mark.parametrize("carries_credit", [False, True])
 @pytest.mark.parametrize("values", [1, 2, 3, 6])
-def test_the_table_is_the_code(values: int, carries_credit: bool, streams: int) -> None:
+def test_documented_sizes_are_those_of_the_code(values: int, carries_credit: bool, streams: int) -> None:
     sizes = documented(values)
     direction = DirectionLayout((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
     lengths = direction.lengths(0)
@@ -78,7 +78,7 @@ def test_three_axis_update_fits_the_budget(streams: int, carries_credit: bool, p
         assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6, PreviousSample(6, (1,) * 6)), 0, acks)) + PSK_TAG == paired
 
 
-def test_one_axis_is_shorter_and_no_security_shorter_still() -> None:
+def test_one_axis_takes_24_bytes() -> None:
     assert len(UpdateLayout(2).pack(1, 2, Update(9, 5, (1, 2)))) + PSK_TAG == 24
     assert Checksum().tag_size < PSK_TAG
 

@@ -1,4 +1,4 @@
-"""When garbage is collected, and when it is not."""
+"""When garbage is collected."""
 
 import gc
 import weakref
@@ -79,6 +79,6 @@ def test_every_so_many_passes_one_is_full():
 
 
 @pytest.mark.parametrize("name", ["every_ticks", "full_every", "patience"])
-def test_an_interval_of_nothing_is_refused(name):
+def test_interval_of_zero_is_refused(name):
     with pytest.raises(ValueError, match=name):
         GarbageSchedule(**{"every_ticks": 1, name: 0})

@@ -1,4 +1,4 @@
-"""What the kernel grants, asked in child processes: most of it cannot be taken back."""
+"""What the kernel grants, asked in child processes, because most of it cannot be taken back."""
 
 import json
 import os
@@ -10,8 +10,6 @@ from pathlib import Path
 import pytest
 
 from weberlink.realtime.process import prepare
-
-ROOT = Path(__file__).parents[2]
 
 ASK = """
 import json, os, sys
@@ -54,9 +52,7 @@ child.wait()
 
 
 def python(code, *arguments, **options):
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)}, **options
-    )
+    return subprocess.Popen([sys.executable, "-c", code, *arguments], **options)
 
 
 def ask(priority, lock_memory, cpu, *, before=""):
@@ -66,7 +62,7 @@ def ask(priority, lock_memory, cpu, *, before=""):
     return json.loads(output)
 
 
-def test_what_is_granted_is_in_force_and_what_is_not_says_what_it_needs():
+def test_granted_rights_are_in_force_and_others_name_what_they_need():
     cpu = max(os.sched_getaffinity(0))
     seen = ask(7, True, cpu)
     grants = seen["grants"]
@@ -78,7 +74,7 @@ def test_what_is_granted_is_in_force_and_what_is_not_says_what_it_needs():
     assert (seen["locked_kb"] > 0) is grants["memory"]["granted"]
 
 
-def test_a_process_without_rights_is_told_what_it_lacks_and_goes_on():
+def test_process_without_rights_names_what_it_lacks_and_goes_on():
     seen = ask(7, True, None, before=GIVE_UP_RIGHTS)
     assert seen["grants"]["priority"] == {
         "granted": False,
@@ -107,19 +103,19 @@ def awake(place, asked):
         return json.loads(child.communicate()[0])
 
 
-def test_processors_are_kept_awake_by_a_request_that_is_held_to_the_end(tmp_path):
+def test_latency_request_is_held_until_the_process_ends(tmp_path):
     request = tmp_path / "latency"
     request.touch()
     assert awake(request, True) == [True, "processors awake", 1]
     assert request.read_bytes() == bytes(4), "zero microseconds, as the kernel reads it"
 
 
-def test_a_request_that_cannot_be_made_is_an_answer(tmp_path):
+def test_latency_request_that_fails_is_reported(tmp_path):
     assert awake(tmp_path / "none", True) == [False, f"not possible: this kernel has no {tmp_path / 'none'}", 0]
     assert awake(tmp_path / "none", False) == [False, "not asked for", 0]
 
 
-def test_a_cpu_that_this_machine_lacks_is_an_answer_that_names_those_it_has():
+def test_missing_cpu_is_reported_with_those_that_exist():
     before = os.sched_getaffinity(0)
     answer = prepare(0, False, 100_000).cpu
     assert not answer
@@ -166,16 +162,15 @@ if sys.argv[1] == "forbidden":
 if os.fork() == 0:
     os.abort()
 _, status = os.wait()
-if os.WCOREDUMP(status) == (sys.argv[1] == "allowed"):  # what it starts is bound as well
+if os.WCOREDUMP(status) == (sys.argv[1] == "allowed"):  # the limit holds for children too
     os.abort()
 """
 
 
 def dumps_core(folder: Path, how: str) -> bool:
-    """Whether a process that is ended by a fault of its own leaves a core, and so do those that it starts."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    """Whether a process that aborts leaves a core, and its child too."""
     arguments = ["sh", "-c", 'cd "$0" && exec "$@"', str(folder), sys.executable, "-c", DIE, how]
-    status = os.waitpid(os.posix_spawn("/bin/sh", arguments, environment), 0)[1]
+    status = os.waitpid(os.posix_spawn("/bin/sh", arguments, os.environ), 0)[1]
     if os.WIFEXITED(status) and os.WEXITSTATUS(status) == 1:
         pytest.skip("the limit of core dumps is lower here, and only root can raise it")
     assert os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGABRT

@@ -1,4 +1,4 @@
-"""The main of a daemon with a side and a transport that only keep a journal, under the real loop and real signals."""
+"""The event loop of a daemon, with a side and a transport that keep a journal of calls, and with real signals."""
 
 import asyncio
 import gc
@@ -80,7 +80,7 @@ def send(number):
 NEVER = 10**9
 
 
-def test_a_tick_serves_ticks_flushes_and_reports_in_this_order():
+def test_order_of_calls_in_a_tick():
     side = Side(leave=2)
     go(side, after_tick=lambda *_: side.journal.append("after"))
     assert side.journal == ["open", *["service", "tick", "flush", "after"] * 2, "close"]
@@ -160,7 +160,7 @@ def raise_fault(*_):
 def test_an_own_fault_stops_at_once_with_zero_force_and_propagates(place):
     side = Side()
     transport = Transport(side.journal)
-    # An instance attribute stands in front of the method of the fake.
+    # An instance attribute hides the method of the fake.
     setattr(side if place in ("tick", "stop") else transport, place, raise_fault)
     with pytest.raises(FaultError):
         go(side, transport=transport, duration_s=0.003)
@@ -169,7 +169,7 @@ def test_an_own_fault_stops_at_once_with_zero_force_and_propagates(place):
     assert not {"service", "tick"} & set(side.journal[side.journal.index("fail") :])
 
 
-def test_what_a_failing_side_says_is_still_sent():
+def test_datagrams_of_a_failing_side_are_still_sent():
     side = Side(at_tick={2: raise_fault})
     with pytest.raises(FaultError):
         go(side)

@@ -88,7 +88,7 @@ def test_the_timer_is_set_ahead_once_wake_ups_are_known_and_no_tick_is_early(loo
     assert indices[-1] - indices[0] + 1 == len(calls) + ticker.missed
 
 
-def test_a_machine_that_is_always_late_is_not_waited_for_longer_than_a_share_of_the_period(loop_run):
+def test_lead_is_bounded_by_a_share_of_the_period_where_ticks_are_always_late(loop_run):
     def stall(index):
         time.sleep(0.0003)
 
@@ -99,7 +99,7 @@ def test_a_machine_that_is_always_late_is_not_waited_for_longer_than_a_share_of_
 def test_a_start_in_the_past_begins_at_the_newest_deadline(loop_run):
     calls, ticker = collect(loop_run, 2, start_at=time.monotonic() - 100 * PERIOD)
     assert calls[0][0] >= 100
-    assert ticker.missed < 100, "what had passed before the first tick is nobody's"
+    assert ticker.missed < 100, "deadlines before the first tick do not count"
 
 
 def test_stopping_inside_a_tick_is_final_and_leaves_no_descriptor(loop_run):
@@ -136,7 +136,7 @@ def test_an_error_in_a_tick_stops_the_ticker_and_is_handed_over(loop_run):
     loop_run(main)
 
 
-def test_without_a_taker_an_error_goes_to_the_loop_and_the_ticker_is_stopped(loop_run):
+def test_error_without_a_handler_goes_to_the_loop_and_stops_the_ticker(loop_run):
     async def main():
         contexts = asyncio.Queue()
         asyncio.get_running_loop().set_exception_handler(lambda _, context: contexts.put_nowait(context))

@@ -1,4 +1,4 @@
-"""The cases: what the operator does, what the link does, and what predicts and controls meanwhile."""
+"""The cases: motion of the operator, fault of the link, predictors and control scheme."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from weberlink.codec.predictors import ADAPTIVE, HYBRID, PREDICTORS
 CUT = 0.9
 """When the link fails [s]."""
 DARK, LONG_DARK, FLAPPING = 0.6, 4.6, 2.0
-"""How long it stays cut; so that the session ends meanwhile; how long it flaps [s]."""
+"""Length of a cut, of one in which the session expires, and of a time in which the link flaps [s]."""
 AFTER = 1.2
-"""How long the link is good afterwards [s]."""
+"""How long the link is good after the fault [s]."""
 
 MOTIONS = {
     # At full speed through free space when the link fails.
@@ -84,7 +84,7 @@ class Case:
 
     @property
     def longest_dark(self) -> float:
-        """[s]."""
+        """Length of the longest cut [s]."""
         return 0.5 / self.flap_hz if self.flap_hz else self.dark
 
     @property
@@ -112,7 +112,7 @@ class Case:
 
 
 def every() -> Iterator[Case]:
-    """All of them."""
+    """All cases."""
     for direction, flap, scheme, (force, position), motion in product(
         DIRECTIONS, (0.0, *FLAPS_HZ), SCHEMES, PREDICTION, MOTIONS
     ):
@@ -130,6 +130,6 @@ def special() -> Iterator[Case]:
 
 
 def selection() -> Sequence[Case]:
-    """A short choice of all: each predictor, scheme, motion, direction and frequency, but not each with each."""
+    """A short selection: each predictor, scheme, motion, direction and frequency, but not all combinations."""
     chosen = [case for index, case in enumerate(every()) if index % 74 == 0]
     return [*chosen, *(case for index, case in enumerate(special()) if index % 5 == 0)]

@@ -11,12 +11,12 @@ from tests.system.systems import configuration
 from weberlink.protocol.emulation import Emulation
 
 WRAP_S = 2**24 * 1e-5
-"""After which a time stamp of 24 bits of 10 us says the same again [s]."""
+"""Time after which a time stamp (24 bits of 10 us) wraps [s]."""
 SILENCE_S = 0.1
 FROM_S, BATCH_S = 1.0, 0.23
-"""Datagrams that leave in this time are held."""
+"""Datagrams that leave in this time are held [s]."""
 QUICK_S = 10.0
-"""Longer ages are run at a tenth of the rate."""
+"""Longer ages are run at a tenth of the rate [s]."""
 AGES_S = (
     *(0.001, 0.005, 0.02, 0.05, 0.08, 0.095, 0.105, 0.12, 0.15, 0.2, 0.3),
     *(factor * 4.0 * SILENCE_S + offset for factor in (1, 2, 3, 5, 8) for offset in (-0.002, 0.0, 0.002, 0.05)),
@@ -29,7 +29,7 @@ TAPS = "[{motion: tap, at_m: [0, 0, 0], height_m: 0.002, frequency_hz: 5, count:
 
 @dataclass(frozen=True)
 class Held:
-    """One row: what was held, and what became of it.
+    """One row: which datagrams were held, and how many were executed.
 
     Args:
         direction: `TO_SLAVE` or `TO_MASTER`.
@@ -54,7 +54,7 @@ class Held:
 
 
 def hold(direction: str, mode: str, age: float) -> Held:
-    """Hold a batch in one direction for so long, in both others as usual."""
+    """Hold a batch of datagrams of one direction for `age` [s]; the other direction is not held."""
     return _run(direction, mode, age, lambda at: _age(at, mode, age))
 
 
@@ -62,7 +62,7 @@ def _age(at: float, mode: str, age: float) -> float | None:
     if FROM_S <= at < FROM_S + BATCH_S:
         return age
     if mode == ALL and FROM_S <= at < FROM_S + BATCH_S + age:
-        return 1e9  # never
+        return 1e9  # longer than any run
     return None
 
 

@@ -1,4 +1,4 @@
-"""Runs a case, and measures from outside what robot and hand did; then the laws."""
+"""Run a case, measure from outside what robot and hand did, and check the laws."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -17,7 +17,7 @@ from weberlink.system.simulation import Simulation, as_array
 from weberlink.telemetry.fault import Fault
 
 STILL = 1e-9
-"""[m] or [N]."""
+"""Smaller steps [m] and forces [N] count as none."""
 WALL_M_S = 1.0
 """The force may change as fast as on the device's stiffest wall, touched at this speed [m/s]."""
 BACK_S = 0.5
@@ -66,7 +66,7 @@ class Figures:
 
 @dataclass(frozen=True)
 class Run:
-    """A case, what came of it (None if a loop ended with an error), and which laws it broke."""
+    """A case, its figures (None if a side raised an error), and the laws that it broke."""
 
     case: Case
     figures: Figures | None
@@ -106,7 +106,7 @@ def run(case: Case) -> Run:
 def measure(
     case: Case, master: Any, slave: Any, forward: ObservedLink, backward: ObservedLink, *, loaded: Configuration
 ) -> Figures:
-    """The figures of a run, from the records of both sides and the book of the two links."""
+    """The figures of a run, from the records of both sides and of the two links."""
     at, limit = master["at"], loaded.system.link.silence_ms * 1e-3
     failing = (at >= CUT) & (at < case.restored)
     force = np.linalg.norm(master["output"], axis=1)

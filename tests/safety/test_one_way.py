@@ -52,7 +52,7 @@ def test_no_law_is_broken(case: Case) -> None:
     assert run(case).violations == ()
 
 
-def test_the_selection_has_something_of_everything() -> None:
+def test_selection_covers_every_value_of_each_factor() -> None:
     chosen = selection()
     assert {case.direction for case in chosen} == set(DIRECTIONS)
     assert {case.flap_hz for case in chosen} == {0.0, *FLAPS_HZ}

@@ -3,8 +3,8 @@
 import gc
 from time import perf_counter
 
-# A pass is expected to cost up to this many times the one before it.
 CAUTION = 2.0
+"""A pass is expected to take up to this many times as long as the one before it."""
 FIRST_GUESS_S = 1e-4
 YOUNG, FULL = 0, 2
 
@@ -44,15 +44,18 @@ class Passes:
 
 
 class GarbageSchedule:
-    """Runs a young pass when one is due and fits into the slack, and a full pass instead of every so many.
+    """Runs a pass when one is due and fits into the slack.
 
-    A pass that never fits runs anyway after `patience` times its interval, and is counted in `forced`: one late tick is
-    better than memory that grows until the process dies.
+    A pass that never fits runs anyway after `patience` intervals, and is counted in `forced`: one late tick is better
+    than memory that grows until the process dies.
 
     Args:
-        every_ticks: ticks between young passes.
-        full_every: every so many passes one is a full pass.
-        patience: how many intervals a due pass waits for slack.
+        every_ticks: interval between passes [ticks], >= 1.
+        full_every: one pass in so many is a full one, >= 1; the others are young ones.
+        patience: intervals after which a pass is forced, >= 1.
+
+    Raises:
+        ValueError: naming the argument.
     """
 
     __slots__ = ("_due", "_full_every", "_overdue", "_waited", "forced", "full", "young")
@@ -84,7 +87,7 @@ class GarbageSchedule:
         self._waited = 0
 
     def summary(self) -> dict[str, float]:
-        """For a report: passes of each kind, forced ones, and the longest of all [us]."""
+        """For a report: passes of each kind, forced passes, and the longest of all [us]."""
         return {
             "young": self.young.count,
             "full": self.full.count,

@@ -1,6 +1,6 @@
-"""Real-time rights of this process: scheduling, memory, CPU, timers, idle states, core dumps, death of the parent.
+"""Ask the kernel for what a daemon needs: scheduling, locked memory, a CPU, timers, no core dumps, end with its parent.
 
-A right that is missing is reported and not an error: the same program runs on a laptop and on a tuned machine.
+A right that is missing is reported, and is no error: the same program runs on a laptop and on a tuned machine.
 """
 
 import ctypes
@@ -11,6 +11,8 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from signal import Signals
 
+from weberlink.realtime.libc import LIBC, checked
+
 # <sys/prctl.h>, <sys/mman.h>
 _SET_PARENT_DEATH_SIGNAL = 1
 _SET_TIMER_SLACK = 29
@@ -18,14 +20,13 @@ _LOCK_CURRENT = 1
 _LOCK_FUTURE = 2
 _LATENCY_REQUEST = "/dev/cpu_dma_latency"
 
-_libc = ctypes.CDLL(None, use_errno=True)
-_libc.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
-_libc.mlockall.argtypes = (ctypes.c_int,)
+LIBC.prctl.argtypes = (ctypes.c_int, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong, ctypes.c_ulong)
+LIBC.mlockall.argtypes = (ctypes.c_int,)
 
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """Whether a request was granted, and in words what was granted or why not."""
+    """Whether a request was granted, and a text: what was granted, or why not."""
 
     granted: bool
     detail: str
@@ -90,10 +91,10 @@ def die_with_parent(signal: Signals, parent: int | None = None) -> None:
 
     Args:
         signal: what to receive.
-        parent: process id of the parent as that one knows it; without it, the parent at the time of this call.
+        parent: process id of the parent; None for the parent at the time of this call.
     """
     expected = os.getppid() if parent is None else parent
-    _checked(_libc.prctl(_SET_PARENT_DEATH_SIGNAL, signal, 0, 0, 0))
+    checked(LIBC.prctl(_SET_PARENT_DEATH_SIGNAL, signal, 0, 0, 0))
     if os.getppid() != expected:
         os.kill(os.getpid(), signal)
 
@@ -120,7 +121,7 @@ def _schedule(priority: int) -> Grant:
 
 def _lock_memory() -> None:
     try:
-        _checked(_libc.mlockall(_LOCK_CURRENT | _LOCK_FUTURE))
+        checked(LIBC.mlockall(_LOCK_CURRENT | _LOCK_FUTURE))
     except OSError as error:
         if error.errno in (errno.EPERM, errno.ENOMEM, errno.EAGAIN):
             raise PermissionError(errno.EPERM, "needs CAP_IPC_LOCK or a larger memlock limit") from error
@@ -136,7 +137,7 @@ def _pin(cpu: int) -> Grant:
 
 def _sharpen_timers() -> None:
     # The kernel may delay timers by 50 us to wake up less often; 1 ns is the least, as 0 means the default.
-    _checked(_libc.prctl(_SET_TIMER_SLACK, 1, 0, 0, 0))
+    checked(LIBC.prctl(_SET_TIMER_SLACK, 1, 0, 0, 0))
 
 
 def _stay_awake() -> Grant:
@@ -147,7 +148,7 @@ def _stay_awake() -> Grant:
         return Grant(False, f"not possible: this kernel has no {_LATENCY_REQUEST}")
     except OSError as error:
         return Grant(False, f"not permitted: needs write access to {_LATENCY_REQUEST} ({error.strerror})")
-    os.write(fd, (0).to_bytes(4, "little"))  # withdrawn by the kernel when the descriptor is closed: never, here
+    os.write(fd, (0).to_bytes(4, "little"))  # in force until the kernel closes the descriptor of the ended process
     return Grant(True, "processors awake")
 
 
@@ -159,9 +160,3 @@ def _asked(ask: Callable[[], None], detail: str, needs: str = "") -> Grant:
     except OSError as error:
         return Grant(False, f"not possible: {error.strerror}")
     return Grant(True, detail)
-
-
-def _checked(result: int) -> None:
-    if result < 0:
-        number = ctypes.get_errno()
-        raise OSError(number, os.strerror(number))

@@ -1,4 +1,4 @@
-"""The event loop of a daemon: ticks, signals, and the ways a run ends."""
+"""The event loop of a daemon: ticks, signals, and how a run ends."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -27,7 +27,7 @@ class Ticking(Protocol):
 
     @property
     def outcome(self) -> str | None:
-        """How the run ended, as the side says it; None to leave that to the run."""
+        """How the run ended, if the side ended it; None otherwise."""
 
     def tick(self, index: int, deadline: float, now: float) -> None:
         """Do the work of tick `index`. An index that was skipped is a deadline that was missed."""
@@ -140,7 +140,7 @@ class _Shell:
         loop.set_exception_handler(self._loop_fault)
         for number in stop_signals:
             loop.add_signal_handler(number, self._signal, number)
-        # A parent may have held them back while there was nobody to handle them.
+        # A parent may have blocked them until there is a handler.
         pthread_sigmask(SIG_UNBLOCK, stop_signals)
         try:
             await self._open(loop)
@@ -163,7 +163,7 @@ class _Shell:
         )
 
     async def _open(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Open the transport, unless a stop comes first: looking up a host may take longer than a user's patience."""
+        """Open the transport, unless a stop comes first: looking up a host may take long."""
         opening = self._transport.open(loop)
         if opening is None:
             return
@@ -224,7 +224,7 @@ class _Shell:
         if self._reason is None:
             self._stop(monotonic(), reason)
         if not self._ticker.running:
-            self._finish()  # nothing has moved yet, and no tick would ever finish the stop
+            self._finish()  # nothing has moved yet, and there is no tick that would finish the stop
 
     def _abandon(self, error: Exception) -> None:
         self._fail(error)

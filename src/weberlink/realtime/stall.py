@@ -1,4 +1,4 @@
-"""Stalls of this process and of a device, detected from the times that a caller gives."""
+"""Detect stalls of this process and of a device, from times that the caller passes in."""
 
 from math import inf
 
@@ -13,10 +13,10 @@ LONGEST_STEP = 2
 
 
 class StallDetector:
-    """Measures the time from tick to tick, and tells a late tick from a stall.
+    """Measures the time between ticks, and distinguishes a late tick from a stall.
 
     A process stalls when it is stopped (SIGSTOP), when its host is suspended, or when something blocks its loop.
-    What it knew before a stall is old: hand and robot may have moved meanwhile.
+    What the process knew before a stall is old: hand and robot may have moved meanwhile.
 
     Args:
         tick_period: [s], > 0.
@@ -56,7 +56,10 @@ class Watchdog:
     """Expires when it is not fed for longer than a limit.
 
     Args:
-        limit: longest time without food [s], > 0.
+        limit: longest time between two calls of `feed` [s], > 0.
+
+    Raises:
+        ValueError: the limit is not positive.
     """
 
     __slots__ = ("_fed_at", "_limit")

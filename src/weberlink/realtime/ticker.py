@@ -12,14 +12,13 @@ from weberlink.realtime import timerfd
 
 NANOSECONDS = 1_000_000_000
 SHORTEST_PERIOD_S = 1e-5
-LARGEST_LEAD_S = 1e-4
-"""On a machine that takes longer to wake up, ticks are late: no more time is spent in busy waiting."""
-LARGEST_LEAD_SHARE = 0.2
-"""Of a period, likewise."""
+LARGEST_LEAD_S, LARGEST_LEAD_SHARE = 1e-4, 0.2
+"""Bounds of the lead: a time [s] and a share of the period. So busy waiting is short; on a machine that takes longer to
+wake up, ticks are late."""
 _FIRST_REVISION, _REVISED_EVERY_S = 50, 1.0
 """Wake-ups until the lead is first set, and the time between two revisions [s]."""
 _WOKEN_BY = 0.5
-"""Share of wake-ups that come within the lead; busy waiting costs the others CPU time."""
+"""Share of wake-ups that come within the lead: with a larger one, more CPU time goes into busy waiting."""
 
 
 class Ticker:
@@ -30,15 +29,15 @@ class Ticker:
     late ticks would send a device commands that are out of date. Deadlines before the first wake-up do not count:
     opening a device may take as long as a person needs to home it.
 
-    A wake-up takes 20 to 100 us from the timer to the first line of Python. The timer is therefore set ahead by
-    `lead_s`, the median of the last wake-ups, revised once a second and bounded by `LARGEST_LEAD_S` and
-    `LARGEST_LEAD_SHARE`; the rest is busy waiting.
+    A wake-up takes some time from the timer to the first line of Python. The timer is therefore set ahead by `lead_s`,
+    the median of the last wake-ups, revised once a second and bounded by `LARGEST_LEAD_S` and `LARGEST_LEAD_SHARE`; the
+    rest is busy waiting.
 
     Args:
         period_s: time between deadlines [s], rounded to 1 ns.
         on_tick: receives the index, its deadline and the present [s, clock of `time.monotonic`].
         start_at: deadline of index 0 [s, same clock]; one period after `start()` if not given.
-        on_error: receives what `on_tick` raised, after the ticker has stopped. Without it the event loop receives it.
+        on_error: receives what `on_tick` raised, after the ticker has stopped; None to raise it into the event loop.
         leads: False to be woken at the deadlines themselves.
     """
 
@@ -70,7 +69,7 @@ class Ticker:
         if not (isfinite(period_s) and period_s >= SHORTEST_PERIOD_S):
             raise ValueError(f"period_s must be finite and at least {SHORTEST_PERIOD_S} s, got {period_s}")
         if start_at is not None and not (isfinite(start_at) and start_at > 0.0):
-            raise ValueError(f"start_at must be a positive moment of time.monotonic, got {start_at}")
+            raise ValueError(f"start_at must be a positive time of time.monotonic, got {start_at}")
         self._period_ns = round(period_s * NANOSECONDS)
         self._start_ns = 0 if start_at is None else round(start_at * NANOSECONDS)
         self._on_tick = on_tick
@@ -103,7 +102,7 @@ class Ticker:
         """Arm the timer in the running event loop; does nothing if it runs already.
 
         Raises:
-            RuntimeError: outside an event loop, or after `stop`: a ticker numbers one run.
+            RuntimeError: outside an event loop, or after `stop`: a ticker serves one run.
         """
         if self._loop is not None:
             return

@@ -17,6 +17,8 @@ if sys.version_info >= (3, 13):
 else:
     import ctypes
 
+    from weberlink.realtime.libc import LIBC, checked
+
     # These two flags are O_NONBLOCK and O_CLOEXEC on every Linux architecture; the third is from <sys/timerfd.h>.
     _FLAGS = os.O_NONBLOCK | os.O_CLOEXEC
     _ABSOLUTE = 1
@@ -27,27 +29,20 @@ else:
     class _TimerSpec(ctypes.Structure):
         _fields_ = (("it_interval", _TimeSpec), ("it_value", _TimeSpec))
 
-    _libc = ctypes.CDLL(None, use_errno=True)
-    _libc.timerfd_create.argtypes = (ctypes.c_int, ctypes.c_int)
-    _libc.timerfd_settime.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.POINTER(_TimerSpec), ctypes.c_void_p)
+    LIBC.timerfd_create.argtypes = (ctypes.c_int, ctypes.c_int)
+    LIBC.timerfd_settime.argtypes = (ctypes.c_int, ctypes.c_int, ctypes.POINTER(_TimerSpec), ctypes.c_void_p)
 
     def create() -> int:
         """A non-blocking timer on the clock of `time.monotonic`, closed on exec. The caller closes it."""
-        return _checked(_libc.timerfd_create(time.CLOCK_MONOTONIC, _FLAGS))
+        return checked(LIBC.timerfd_create(time.CLOCK_MONOTONIC, _FLAGS))
 
     def arm(fd: int, first_ns: int, interval_ns: int) -> None:
         """Expire at `first_ns` of the monotonic clock, at once if that has passed, then every `interval_ns`."""
         spec = _TimerSpec(_timespec(interval_ns), _timespec(first_ns))
-        _checked(_libc.timerfd_settime(fd, _ABSOLUTE, ctypes.byref(spec), None))
+        checked(LIBC.timerfd_settime(fd, _ABSOLUTE, ctypes.byref(spec), None))
 
     def _timespec(nanoseconds: int) -> _TimeSpec:
         return _TimeSpec(*divmod(nanoseconds, 1_000_000_000))
-
-    def _checked(result: int) -> int:
-        if result < 0:
-            number = ctypes.get_errno()
-            raise OSError(number, os.strerror(number))
-        return result
 
 
 def expirations(fd: int) -> int:

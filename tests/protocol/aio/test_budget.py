@@ -29,7 +29,7 @@ def test_debt_after_a_stall_is_bounded() -> None:
     assert budget.wait() == pytest.approx(0.002 / 0.3), "far below any limit of silence"
 
 
-def test_a_clock_that_stands_gives_nothing() -> None:
+def test_budget_does_not_grow_while_the_clock_stands() -> None:
     budget = WorkBudget(0.5, 1.0, 5.0)
     budget.spend(1.0, 5.0)
     assert budget.left(4.0) == 0.0

@@ -1,1 +1,1 @@
-"""Models of the protocol in Promela, and what runs them."""
+"""Models of the protocol in Promela, and the program that runs them."""

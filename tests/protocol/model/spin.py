@@ -1,4 +1,4 @@
-"""The runs of the models, and one of them through spin and the C compiler."""
+"""The runs of the models, and how spin and the C compiler execute one."""
 
 import re
 import shutil
@@ -9,7 +9,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 DEPTH = 2_000_000
-"""Longest path that the search follows; a run that is cut off there does not count as exhaustive."""
+"""Longest path that the search follows [steps]; a run that reaches it does not count as exhaustive."""
 PATIENCE = 300.0
 """Longest time that one run may take [s]."""
 
@@ -31,7 +31,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Found:
-    """What came of a run; `failure` is the assertion that does not hold, "" if all do."""
+    """The result of a run; `failure` is the assertion that does not hold, "" if all do."""
 
     failure: str
     is_exhaustive: bool
@@ -56,7 +56,7 @@ PASSING = (
     Run("authority: two masters, two slaves, all recorded", "authority"),
 )
 
-TODAY = (
+FORMER = (
     Run("link: age of what is taken, asymmetric path", "link", ("PROTOCOL=0", "CHECK=1")),
     Run("link: age of what is taken, stamps wrap", "link", ("PROTOCOL=0", "CHECK=1", "ERROR=0", "WRAP=9")),
     Run("link: age of what drives", "link", ("PROTOCOL=0", "CHECK=2")),
