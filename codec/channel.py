@@ -85,7 +85,7 @@ class Channel:
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction made finite and saturated as a measured value is; the newest sample if it overflowed."""
         quantizer = self.value_quantizer
-        if quantizer.says(predicted):
+        if quantizer.in_range(predicted):
             return predicted
         return quantizer.confine(predicted) if is_finite(predicted) else newest.value
 

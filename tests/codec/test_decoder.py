@@ -71,7 +71,7 @@ def test_whatever_an_update_says_the_force_is_finite_and_within_the_wire(
         value = decoder.value(tick, position)
         assert value is not None
         assert is_finite(value)
-        assert channel.value_quantizer.says(value)
+        assert channel.value_quantizer.in_range(value)
 
 
 def test_at_the_tick_of_a_sample_the_value_is_the_sample_even_on_a_stiff_model() -> None:
