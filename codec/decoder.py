@@ -104,13 +104,10 @@ class Decoder:
         return self._channel.displayable(value, newest)
 
     def _shown(self, tick: float, position: Vector) -> Vector | None:
-        """`value`, without a change of memory; earlier changes in this tick, which a mirror makes, are undone first."""
+        """The value before an update. A mirror was asked in this tick already; that change of memory is undone."""
         if self._noted is not None and self._noted[0] == tick:
             self._memory = self._noted[1]
-        memory = self._memory
-        shown = self.value(tick, position)
-        self._memory = memory
-        return shown
+        return self.value(tick, position)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """From near the sample, not from near the first value of the model, which may be off the sample already."""
