@@ -8,8 +8,8 @@ from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.control.auto import DWELL, HANDOVER, ORDER, AutoMaster, AutoSlave
 from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.energy import FORGIVENESS
 from weberlink.control.force_port import STEEPEST
-from weberlink.control.tdpa import FORGIVENESS
 from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3

@@ -67,19 +67,19 @@ def test_nor_does_it_over_links_and_walls_that_chance_makes(seed: int) -> None:
 
 @pytest.mark.parametrize("stiffness", [500.0, 1e4])
 def test_without_control_the_same_world_makes_energy(stiffness: float) -> None:
-    """Or the tests above could not fail."""
+    """Otherwise the tests above could not fail."""
     course = run("none", stiffness, Link(0.05), HANDS["arm"])
     assert course.generated_at_the_hand > 100.0 * BOUND
 
 
-@pytest.mark.parametrize(("stiffness", "felt", "on_the_wall"), [(500.0, 0.5, 3.0), (1e4, 0.5, 3.0)])
-def test_under_tdpa_the_wall_is_felt_and_pressed_on(stiffness: float, felt: float, on_the_wall: float) -> None:
-    """A control that gave no force at all would be passive too."""
+@pytest.mark.parametrize("stiffness", [500.0, 1e4])
+def test_under_tdpa_the_wall_is_felt_and_pressed_on(stiffness: float) -> None:
+    """A control that displays no force at all would be passive too."""
     course = run("tdpa", stiffness, Link(0.005), HANDS["arm"])
     assert max(course.forces) >= 3.0
-    assert max(course.wall_forces) >= on_the_wall
+    assert max(course.wall_forces) >= 3.0
     touching = [force for force, wall in zip(course.forces, course.wall_forces, strict=True) if wall > 2.0]
-    assert sum(touching) / len(touching) >= felt
+    assert sum(touching) / len(touching) >= 0.5
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.35])

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
+from tests.control.vectors import forces, positions, steps, vectors
 from tests.examples import examples
 from weberlink.control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
 
 TICK = 1e-3
 LEVEL = 0.015
@@ -82,7 +82,7 @@ def test_with_enough_in_the_tank_the_force_comes_back_whole(
         port.move(port.position)
         passed = port.passive(force, 1e3, TICK)
         port.hold(passed)
-    assert norm(subtract(passed, force)) <= 0.01 * 30.0 * 3.0**0.5
+    assert distance(passed, force) <= 0.01 * 30.0 * 3.0**0.5
 
 
 @given(force=forces, tank=st.floats(-1.0, 0.0))

@@ -15,7 +15,7 @@ from weberlink.control.contract import LinkQuality, MasterControl, SchemeParamet
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, interpolate
 
 ORDER = ("none", "tdpa", "mmt")
 """The schemes by rising delay."""
@@ -148,11 +148,7 @@ class AutoMaster:
         if share == 1.0:
             return wanted
         left = self._schemes[self._leaving].render(force)
-        return (
-            left[0] + share * (wanted[0] - left[0]),
-            left[1] + share * (wanted[1] - left[1]),
-            left[2] + share * (wanted[2] - left[2]),
-        )
+        return interpolate(left, wanted, share)
 
     def displayed(self, force: Vector) -> None:
         for scheme in self._schemes:

@@ -29,15 +29,13 @@ STABLE_SHARE = 0.5
 class EnergyTank:
     """Energy of one side [J]. The level falls below 0 where a tick took more than predicted."""
 
-    __slots__ = ("_handed", "_received", "level", "spilled")
+    __slots__ = ("_handed", "_received", "level")
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         self.level = 0.0
-        self.spilled = 0.0
-        """Energy given up for good."""
         self._handed = 0.0
         self._received = 0
 
@@ -65,16 +63,12 @@ class EnergyTank:
 
     def spill(self, cap: float) -> None:
         """Give up what is above the cap: an unbounded store would hide an active loop until it is spent."""
-        if self.level > cap:
-            self.spilled += self.level - cap
-            self.level = cap
+        self.level = min(self.level, cap)
 
-    def forgive(self, share: float) -> None:
-        """Give up this share of a debt, 0..1."""
+    def forgive(self, elapsed: float) -> None:
+        """Forget a debt with the time constant `FORGIVENESS`; `elapsed` since the last call [s]."""
         if self.level < 0.0:
-            given = self.level * min(1.0, share)
-            self.spilled += given
-            self.level -= given
+            self.level -= self.level * min(1.0, elapsed / FORGIVENESS)
 
 
 class CreditPrediction:

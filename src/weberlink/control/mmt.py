@@ -15,10 +15,10 @@ energy that sampling and model changes could make.
 from math import dist, hypot
 
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
-from weberlink.control.energy import FORGIVENESS, EnergyTank, LevelDrag
+from weberlink.control.energy import EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.model import SurfaceMixture
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, interpolate
 
 TURN = 0.05
 """Time in which a new model replaces the old one, where energy allows it [s]."""
@@ -82,7 +82,7 @@ class MmtMaster:
         _, stored = mixture.at(position)
         share = min(1.0, elapsed / TURN)
         mixture.turn(share, position, elapsed, tank.level - stored)
-        self._held = toward(self._held, self._fallback, share)
+        self._held = interpolate(self._held, self._fallback, share)
         tank.spill(stored + CAP * self._level)
         self._elapsed = elapsed
 
@@ -99,16 +99,7 @@ class MmtMaster:
 
     def forgive(self, elapsed: float) -> None:
         """Forget a debt slowly while another scheme is displayed."""
-        self._tank.forgive(elapsed / FORGIVENESS)
-
-
-def toward(start: Vector, goal: Vector, share: float) -> Vector:
-    """The point that lies this share of the way to the goal."""
-    return (
-        start[0] + share * (goal[0] - start[0]),
-        start[1] + share * (goal[1] - start[1]),
-        start[2] + share * (goal[2] - start[2]),
-    )
+        self._tank.forgive(elapsed)
 
 
 def agree(a: Vector, b: Vector) -> bool:

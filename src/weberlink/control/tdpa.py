@@ -13,10 +13,10 @@ first work has crossed the link, and stickiness when the hand turns back.
 from math import dist, hypot
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
-from weberlink.control.energy import FORGIVENESS, CreditPrediction, EnergyTank, LevelDrag
+from weberlink.control.energy import CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.motion_port import MotionPort
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, interpolate
 
 SHARE_AT_MASTER = 0.3
 """Level of the master's tank as a share of the slave's."""
@@ -99,7 +99,7 @@ class TdpaMaster(_TankedPort):
 
     def forgive(self, elapsed: float) -> None:
         """Forget a debt slowly while another scheme is displayed."""
-        self._tank.forgive(elapsed / FORGIVENESS)
+        self._tank.forgive(elapsed)
 
 
 class TdpaSlave(_TankedPort):
@@ -136,7 +136,7 @@ class TdpaSlave(_TankedPort):
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
         """As `follow`, without a limit of energy: a debt is forgotten slowly."""
         self._tank.receive(peer_credit)
-        self._tank.forgive(elapsed / FORGIVENESS)
+        self._tank.forgive(elapsed)
         return self._caught_up(target, here, elapsed)
 
     def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
@@ -146,12 +146,7 @@ class TdpaSlave(_TankedPort):
         drift = dist(here, target)
         if drift <= way:
             return target
-        share = way / drift
-        return (
-            here[0] + share * (target[0] - here[0]),
-            here[1] + share * (target[1] - here[1]),
-            here[2] + share * (target[2] - here[2]),
-        )
+        return interpolate(here, target, way / drift)
 
     def observe(self, position: Vector, force: Vector) -> None:
         tank = self._tank
