@@ -16,7 +16,7 @@ from weberlink.codec import Decoder, Update, force_channel
 from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
 from weberlink.codec.predictors.contract import EncodeContext, History
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 
 S = 800.0
 coordinates = st.floats(-0.02, 0.02)
@@ -163,6 +163,6 @@ def test_on_springs_it_sends_less_than_a_hold() -> None:
         return (0.01 * sin(2.0 * pi * t), 0.01 * sin(2.6 * pi * t + 1.0), 0.01 * sin(3.4 * pi * t))
 
     places = [at(tick * 1e-3) for tick in range(2000)]
-    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), add((x, y, z), ZERO)) for x, y, z in places]
+    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), (x, y, z)) for x, y, z in places]
     hold, affine = (sends(force_channel(predictor=predictor), stream) for predictor in ("zoh", "affine"))
     assert affine < 0.5 * hold

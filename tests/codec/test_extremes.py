@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from math import cos, inf, nan, sin, sqrt
+from math import cos, inf, nan, sin
 from sys import float_info
 from typing import Any
 
@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import ESTIMATED, FITTED, POSITION_BANKS, make_channel
+from tests.codec.law import ESTIMATED, FORCE_PREDICTORS, POSITION_BANKS, POSITION_PREDICTORS, half_step, make_channel
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.predictors import PREDICTORS
@@ -30,11 +30,6 @@ from weberlink.update import ModelParameters, Payload, PreviousSample, parameter
 Samples = Sequence[tuple[int, Vector, Vector]]
 """Tick, force [N] (position [m] on a position channel), commanded position [m]."""
 
-FORCE_PREDICTORS = (*FITTED, "hybrid")
-POSITION_PREDICTORS = ("zoh", "linear", "hybrid")
-FORCE_LAWS = (*FORCE_PREDICTORS, *ESTIMATED, "adaptive")
-POSITION_LAWS = (*POSITION_PREDICTORS, "trend", "adaptive")
-"""For which the laws are stated, and no number of updates: what the sender estimates may be tuned."""
 WEBER = 0.10
 FULL = 1e-3 * INT16_MAX
 """Range of a force on one axis [N]."""
@@ -80,8 +75,9 @@ class Case:
         return FORCE_PREDICTORS if self.of_force else POSITION_PREDICTORS
 
     @property
-    def laws(self) -> tuple[str, ...]:
-        return FORCE_LAWS if self.of_force else POSITION_LAWS
+    def fitted(self) -> tuple[str, ...]:
+        """Those for which `sent` is stated: a number of updates of an estimated predictor may change by tuning."""
+        return tuple(name for name in self.predictors if name not in (*ESTIMATED, "adaptive"))
 
     def build(self, predictor: str, **options: Any) -> Channel:
         if predictor == "adaptive" and not self.of_force:
@@ -260,7 +256,6 @@ def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
     encoder, decoder = Encoder(channel), Decoder(channel)
     quantizer = channel.value_quantizer
     layout = UpdateLayout(channel.grid.size, parametric=channel.parametric) if quantizer.limit < 1e6 else None
-    as_near_as_the_wire = 0.5 * quantizer.step * sqrt(quantizer.size)
     sent = 0
     for tick, value, position in case.samples:
         update = encoder.encode(tick, value, position)
@@ -274,7 +269,7 @@ def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
             assert decoded is not None
             assert decoded == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
             error = distance(decoded, quantizer.confine(value))
-            assert error <= max(encoder.bound * (1.0 + 1e-12), as_near_as_the_wire * (1.0 + 1e-9))
+            assert error <= max(encoder.bound * (1.0 + 1e-12), half_step(channel))
         assert decoder.state == encoder.mirror.state
     return sent, encoder.rejected, decoder
 
@@ -290,9 +285,9 @@ def check_displayable(decoded: Vector | None, channel: Channel) -> None:
 
 
 COMBINATIONS = [
-    pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.predictors
+    pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.fitted
 ]
-LAWS = [pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.laws]
+LAWS = [pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.predictors]
 
 
 @pytest.mark.parametrize(("case", "predictor"), COMBINATIONS)
