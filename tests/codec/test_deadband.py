@@ -1,4 +1,4 @@
-"""Deadbands: closed forms, what each claims, and the law of the codec with each of them."""
+"""Deadbands: closed forms, the claims of each, and the law of the codec with each of them."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -95,7 +95,7 @@ def test_the_error_of_a_cone_is_in_units_of_its_bound() -> None:
 def test_below_the_floor_a_cone_has_no_direction() -> None:
     assert accepts(CONE, at(180.0, 0.009), at(0.0, 0.01))
     assert not accepts(CONE, at(180.0, 0.011), at(0.0, 0.01))
-    # Further apart than the floor, though neither is above it.
+    # The difference exceeds the floor, though neither force does.
     assert not accepts(CONE, at(180.0, 0.02), at(0.0, 0.02))
     assert accepts(CONE, ZERO, at(0.0, 0.02))
     assert not accepts(CONE, ZERO, at(0.0, 0.021))
@@ -134,12 +134,12 @@ def test_a_level_is_crossed_when_the_hysteresis_is_exceeded() -> None:
     assert LEVELS.error(at(0.0, 10.5), at(0.0, 13.0)) == pytest.approx(13.0 - 11.0)
     assert LEVELS.error(at(0.0, 13.0), at(0.0, 10.5)) == pytest.approx(12.1 - 10.5)
     assert LEVELS.error(at(0.0, 2.5), at(0.0, 9.5)) == pytest.approx(9.5 - 3.0)
-    # Below the lowest level there is no force, but a difference above the floor counts, however turned.
+    # Below the lowest level the magnitude counts as 0, but a difference above the floor counts in any direction.
     assert LEVELS.error(at(180.0, 0.9), at(0.0, 0.99)) > 0.0
     assert accepts(LEVELS, ZERO, at(33.0, 0.99))
     assert accepts(LEVELS, ZERO, at(0.0, 1.24))
     assert not accepts(LEVELS, ZERO, at(0.0, 1.26))
-    # A force that turns crosses no level but leaves the cone, unless it is less apart than the floor of 1 N.
+    # A force that turns crosses no level but leaves the cone, unless the difference is below the floor of 1 N.
     assert accepts(LEVELS, at(19.9, 5.0), at(0.0, 5.0))
     assert not accepts(LEVELS, at(20.1, 5.0), at(0.0, 5.0))
     assert accepts(LEVELS, at(20.1, 1.05), at(0.0, 1.05))

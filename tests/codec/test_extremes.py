@@ -1,6 +1,6 @@
-"""The codec at its edges: a table of signals, what is stated of each, and laws that hold for all of them.
+"""The codec in extreme cases: a table of signals with their expected results, and laws that hold for all of them.
 
-Every update goes over the wire's own layout, its tick truncated, before the decoder sees it.
+Every update passes through the wire layout, with a truncated tick, before the decoder gets it.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ WEBER = 0.10
 FULL = 1e-3 * INT16_MAX
 """Range of a force on one axis [N]."""
 LATENCY = 7
-"""Of the wire [ticks]."""
+"""Delay of the wire [ticks]."""
 FORCE_LIMIT = 10.0
 
 NO_FLOOR = partial(force_channel, floor=0.0)
@@ -46,16 +46,16 @@ TWO_AXES = partial(force_channel, axes="xz", position_step=2e-6)
 
 @dataclass(frozen=True)
 class Case:
-    """A signal, and what becomes of it at k = 0.10.
+    """A signal, and the expected result at k = 0.10.
 
     Args:
-        name: of the signal.
-        samples: of the signal.
-        sent: number of updates of each predictor, or of all.
-        decoded: what the other end holds at the last sample; None where each predictor holds its own.
-        believed: predictors that believe a fitted model then; all others hold a sample, or nothing.
-        channel: of the predictor, the Weber factor and the reference.
-        rejected: samples that are not finite.
+        name: description of the signal.
+        samples: the signal.
+        sent: number of updates, by predictor or the same for all.
+        decoded: value at the other end at the last sample; None if it depends on the predictor.
+        believed: predictors that use a fitted model then; all others hold a sample, or have none.
+        channel: makes the channel of a predictor.
+        rejected: number of samples that are not finite.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Case:
 
     @property
     def fitted(self) -> tuple[str, ...]:
-        """Those for which `sent` is stated: a number of updates of an estimated predictor may change by tuning."""
+        """The predictors with an expected number of updates; that of an estimated predictor may change by tuning."""
         return tuple(name for name in self.predictors if name not in (*ESTIMATED, "adaptive"))
 
     def build(self, predictor: str, **options: Any) -> Channel:
@@ -99,13 +99,13 @@ def at_rest(*forces: Vector) -> Samples:
 
 
 def press(*, start: int = 0, ticks: int = 200, force: float = 1.0) -> Samples:
-    """Evenly into a flat wall of 500 N/m, from 2 mm deep to 12 mm; `force` is the unit [N]."""
+    """At constant speed into a flat wall of 500 N/m, from 2 mm to 12 mm deep; forces are multiplied by `force`."""
     depths = [2e-3 + 5e-5 * tick for tick in range(ticks)]
     return [(start + tick, up(force * 500.0 * depth), up(-depth)) for tick, depth in enumerate(depths)]
 
 
 def roll(radius: float, *, aside: float = 0.0) -> Samples:
-    """Over the top of a ball of 500 N/m, 2 mm deep and deeper; `aside` [m] in y, which the ball does not know."""
+    """Over the top of a ball of 500 N/m, from 2 mm to 4 mm deep; the y of the position is `aside` [m] off."""
     samples = []
     for tick in range(200):
         angle = (0.02 - 2e-4 * tick) / radius
@@ -117,7 +117,7 @@ def roll(radius: float, *, aside: float = 0.0) -> Samples:
 
 
 def wire(update: Update, layout: UpdateLayout) -> Update:
-    """What the receiver makes of an update that was `LATENCY` ticks under way."""
+    """An update as the receiver decodes it after `LATENCY` ticks."""
     layout.check(update)
     data = layout.pack(0, pack_word(0, 0, 0, update.tick & (1 << TICK_BITS) - 1), update)
     head = read_head(data[0], data[CLEAR_BYTES:])
@@ -252,7 +252,7 @@ CASES = [
 
 
 def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
-    """Run a case, with the laws that hold for all; updates sent, samples rejected, the decoder."""
+    """Run a case and assert the laws of all cases; returns updates sent, samples rejected, and the decoder."""
     encoder, decoder = Encoder(channel), Decoder(channel)
     quantizer = channel.value_quantizer
     layout = UpdateLayout(channel.grid.size, parametric=channel.parametric) if quantizer.limit < 1e6 else None
@@ -275,7 +275,7 @@ def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
 
 
 def check_displayable(decoded: Vector | None, channel: Channel) -> None:
-    """What a device may be given: finite, on the axes that travel, within their range, and then limited."""
+    """Assert that a value is finite, 0 on unused axes and within range, and that the force limiter limits it."""
     if decoded is None:
         assert channel.rest is None
         return
@@ -325,7 +325,7 @@ probes = st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers
 def test_no_peer_can_make_a_decoder_display_what_it_must_not(
     of_force: bool, updates: list[Any], probes: list[tuple[float, Vector]], axes: str
 ) -> None:
-    """Any levels, gap, selector and time; refused where they do not fit, and then as if they had not come."""
+    """With any levels, gap, selector and time; an update that does not fit is refused and changes nothing."""
     channel = make_channel(
         "adaptive", position=not of_force, axes=axes, **({"bank": tuple(PREDICTORS)} if of_force else {})
     )

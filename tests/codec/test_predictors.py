@@ -1,4 +1,4 @@
-"""One contract for every predictor that is fitted to two samples, and the geometry each fit must recover."""
+"""The contract of every predictor that is fitted to two samples, and the geometry that each fit must recover."""
 
 from math import inf, nan
 from typing import Any
@@ -61,7 +61,7 @@ def test_no_samples_make_a_fit_or_a_prediction_raise(
 def test_every_model_passes_through_its_newest_sample(
     name: str, forces: tuple[Vector, Vector], positions: tuple[Vector, Vector], gap: int
 ) -> None:
-    """But for the sphere, whose two samples over-determine it: it passes between them, and not far from the newest."""
+    """Except the sphere, which two samples over-determine: it passes near the newest one."""
     newest, previous = (
         Sample(gap, scale(forces[0], 50.0), positions[0]),
         Sample(0, scale(forces[1], 50.0), positions[1]),

@@ -1,4 +1,4 @@
-"""Energy tanks and what travels between them, the prediction of credit, and the drag that fills a tank."""
+"""Energy tanks and the credit between them, the prediction of credit, and the drag that fills a tank."""
 
 from math import isfinite
 
@@ -15,9 +15,9 @@ from weberlink.control.force_port import LEAST_STEP, ForcePort
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
 LARGEST = 100.0
-"""Of the work in a test [J]."""
+"""Largest work in a test [J]."""
 MOST = 1e-3
-"""Of a prediction [J]."""
+"""Largest prediction [J]."""
 LEVEL = 0.05
 TICK = 1e-3
 
@@ -33,7 +33,7 @@ operations = st.one_of(
 
 
 class TwoTanks:
-    """Both ends, and every sum that one of them ever told: the link delivers any, in any order, or none."""
+    """Both ends, and every credit that they sent: the link delivers any of them, in any order, or none."""
 
     def __init__(self) -> None:
         self.tanks = EnergyTank(), EnergyTank()
@@ -160,7 +160,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(
 @given(mass=st.floats(0.001, 0.1), speed=st.floats(0.001, 0.5), damping=st.floats(1.0, 100.0))
 @examples(40)
 def test_a_free_mass_comes_to_rest_and_gains_no_speed(mass: float, speed: float, damping: float) -> None:
-    """From 1 g on, or slow: a drag of less than `LEAST_STEP` does not show how light a hand is. The first tick does."""
+    """From 1 g on. A drag below `LEAST_STEP` does not show how light a hand is; the first tick does."""
     drag, port = LevelDrag(damping, LEVEL), ForcePort(TICK, LEVEL)
     at, start, swing = 0.0, speed, STRONGEST * TICK / mass
     for _ in range(600):

@@ -1,4 +1,4 @@
-"""The mixture of surfaces: conservative while it rests, and never dearer to change than it may be."""
+"""The mixture of surfaces: conservative between changes, and no change costs more energy than allowed."""
 
 from itertools import pairwise
 
@@ -28,7 +28,7 @@ Change = tuple[WallModel | None, Vector, int, float]
 
 
 def changed(course: list[Change]) -> SurfaceMixture:
-    """A mixture that wanted these, for so many ticks each, with so much energy to spare."""
+    """A mixture after these changes, each with its surface, hand, duration in ticks and spare energy."""
     mixture = SurfaceMixture()
     for surface, hand, ticks, spare in course:
         mixture.want(surface, hand)
@@ -67,7 +67,7 @@ def test_a_change_stores_no_more_than_there_is_to_spare(
 
 @given(changes, hands)
 def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course: list[Change], hand: Vector) -> None:
-    """Weights are shares that add up to one at most."""
+    """The sum of the weights is at most 1."""
     force, stored = changed(course).at(hand)
     alone = [(norm(surface.at(0.0, hand)), surface.stiffness) for surface, *_ in course if surface is not None]
     assert norm(force) <= max((pressed for pressed, _ in alone), default=0.0) * (1.0 + 1e-9)
@@ -123,7 +123,7 @@ def test_what_takes_energy_is_turned_into_even_in_debt(first: WallModel, second:
 
 @pytest.mark.parametrize("ticks", [3, 10, 30, 100])
 def test_updates_in_quick_succession_do_not_wear_the_wall_away(ticks: int) -> None:
-    """More surfaces than it may hold, each of which gets but little weight: the force is that of all of them."""
+    """With more surfaces than it may hold, each with little weight, the force is that of all of them."""
     hand = (0.0, 0.0, -0.01)
     mixture = changed([(Wall(500.0), hand, 1000, 1.0)])
     for number in range(1, 60):

@@ -1,4 +1,4 @@
-"""How the two sides of the passivity approach share energy, and how the robot comes back to the operator."""
+"""How the two ends of the passivity approach share energy, and how the robot returns to the operator."""
 
 import pytest
 
@@ -15,7 +15,7 @@ QUALITY = LinkQuality(0.1, 0.0)
 
 
 def press(master: TdpaMaster, depth: float, ticks: int, force: float) -> float:
-    """Push evenly against a force that is held; returns the work done [J]."""
+    """Push at constant speed against a constant force; returns the work done [J]."""
     for tick in range(ticks + 1):
         master.observe((0.0, 0.0, -depth * tick / ticks), TICK, 0, QUALITY)
         master.displayed((0.0, 0.0, force))

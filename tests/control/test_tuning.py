@@ -1,4 +1,4 @@
-"""LiveSettings that change while a session lives."""
+"""Settings that change during a session."""
 
 import pytest
 
