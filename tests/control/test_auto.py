@@ -31,7 +31,7 @@ class Operator:
         self.control.learn(WALL, (0.0, 0.0, 2.5), (0.0, 0.0, -0.005))
 
     def go(self, height: float, seconds: float, delay: float, decoded: Vector | None = None) -> None:
-        """Move to a height [m] at constant speed; `delay` is the round trip [s], `decoded` by default the wall's force."""
+        """Move evenly to a height [m]; `delay` is the round trip [s], `decoded` by default the force of the wall."""
         ticks, start = round(seconds / TICK), self.at
         for tick in range(1, ticks + 1):
             self.at = start + (height - start) * tick / ticks
