@@ -1,9 +1,9 @@
-"""Adaptive choice of the predictor: at every send, the candidate that would have sent least often lately.
+"""Adaptive choice of the predictor: every send uses the candidate that would have sent least often in the recent past.
 
-Each candidate of each predictor in the bank runs a deadband loop of its own, a shadow. Its record is the number of its
-sends, slowly forgotten: over a few sends similar candidates cannot be told apart, and the choice would be noise
-(docs/adaptive/ compares other time constants). The receiver knows nothing of this: choice and parameters travel in the
-update.
+Each candidate of each predictor in the bank runs its own deadband loop, a shadow encoder. Its record is the number of
+its sends with exponential forgetting. The time constant is long, because a few sends do not tell similar candidates
+apart (docs/adaptive/ compares other time constants). The receiver needs none of this: choice and parameters travel in
+the update.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,13 +19,13 @@ from weberlink.update import MAX_GAP
 MEMORY = 3000.0
 """Time constant of the record [ticks]."""
 HOPELESS = 3
-"""A candidate whose model lasts no more ticks than this is suspended: it costs more time than it could save."""
+"""A candidate whose model lasted this many ticks or fewer is suspended: it costs run time and saves no update."""
 REST = 16
-"""Ticks for which it is suspended; it counts as sending as often as it did."""
+"""Length of a suspension [ticks]; meanwhile one send per `HOPELESS` ticks is added to the record."""
 PRESENT = 12.0
-"""What an error of one deadband or more at this moment counts for, in sends."""
+"""Weight of the present error in the choice: an error of one deadband or more counts as this many sends."""
 LEAST_FORCE_STEPS = 10.0
-"""A contact is a force of so many wire steps at least, and twice the deadband at rest."""
+"""Smallest force that counts as contact, in wire steps; twice the deadband at rest if that is more."""
 
 Measure = Callable[[Vector, Vector], float]
 
@@ -34,10 +34,10 @@ class Shadow:
     """One candidate and its deadband loop.
 
     Attributes:
-        selector: index in the bank of the predictor whose model the candidate makes.
-        candidate: that makes it.
-        doubt: factor on its record, as the choice compares it.
-        error: of its prediction at the newest sample, in the unit of the values, before any send of its own.
+        selector: index in the bank of the candidate's predictor.
+        candidate: makes the models.
+        doubt: factor on the record when candidates are compared.
+        error: error of the prediction at the newest sample, before any send, in the unit of the values.
     """
 
     def __init__(self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0) -> None:
@@ -54,7 +54,7 @@ class Shadow:
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, measure: Measure) -> bool:
         """Predict a sample; returns whether this candidate would send it."""
-        if self._wakes - REST <= tick < self._wakes:  # False if the sender's ticks restarted
+        if self._wakes - REST <= tick < self._wakes:  # suspended, and the sender's ticks did not restart
             return False
         model = self._model
         if model is None:
@@ -67,7 +67,7 @@ class Shadow:
         return not error <= bound
 
     def send(self, sample: Sample, bound: float, history: History) -> None:
-        """Do what a sender with this candidate alone would do now."""
+        """Make a new model, as a sender with this candidate alone would do now."""
         earlier = self._newest
         tick = sample.tick
         lasted = tick - earlier.tick if earlier is not None else MAX_GAP + 1
@@ -83,13 +83,12 @@ class Shadow:
         self._sends += sends
 
     def record(self, tick: int) -> float:
-        """Recent sends; the fewer the better."""
+        """Number of recent sends; fewer is better."""
         self._forget(tick)
         return self._sends
 
     def _forget(self, tick: int) -> None:
-        # If the sender's ticks restarted, nothing is forgotten.
-        passed = max(0, tick - self._at)
+        passed = max(0, tick - self._at)  # 0 if the sender's ticks restarted
         self._at = tick
         self._sends *= exp(-passed / MEMORY)
 
@@ -118,11 +117,11 @@ class AdaptiveChoice:
                 self._followers.append(candidates.follow)
 
     def measure_with(self, measure: Measure) -> None:
-        """Compare errors as another deadband does, from now on."""
+        """Measure errors with this function of a deadband from now on."""
         self._measure = measure
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
-        """Take in a sample as measured, within the range of the wire; `place` is where models are evaluated."""
+        """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
         follows = history.add(tick, actual, place)
         for follow in self._followers:
@@ -137,7 +136,7 @@ class AdaptiveChoice:
     def choose(
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
     ) -> tuple[int, Model | None]:
-        """The best of the allowed selectors for a sample to send, and its model; None to hold the sample."""
+        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample."""
         best = min(
             (shadow for shadow in self._shadows if shadow.selector in selectors),
             key=lambda shadow: self._cost(shadow, newest.tick, bound),

@@ -1,4 +1,4 @@
-"""What the two ends of a coded signal must agree on, in one immutable object that both build from the same file."""
+"""A channel: all that the two ends of a coded signal must agree on. Both build it from the same configuration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,15 +27,16 @@ class Channel:
     """One coded direction.
 
     Args:
-        bank: names of the predictors, in the order of selectors; one unless hybrid or adaptive.
+        bank: names of the predictors; a selector is an index in it. One name unless hybrid or adaptive.
         deadband: the bound on an unsent error.
         value_quantizer: the wire grid of the coded value.
-        position_quantizer: the grid of the position that travels with a force; None where the value is the position.
-        rest: what both ends hold before the first update; None where nothing can be assumed, and the first sample is
-            always sent.
+        position_quantizer: the grid of the position that travels with a force; None if the value is the position.
+        rest: value at both ends before the first update; None if nothing can be assumed and the first sample is always
+            sent.
         fit_limits: the range in which a fitted contact is accepted.
-        adaptive: whether the sender chooses as `codec.adaptive` or as the paper does; the receiver need not know.
-        smoothing: over which ramp an update changes the value; None for at once.
+        adaptive: True if the sender chooses as in `weberlink.codec.adaptive`, False for the paper's choice. The
+            receiver does not need it.
+        smoothing: the ramp over which an update changes the value; None for a step.
 
     Raises:
         ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
@@ -55,14 +56,14 @@ class Channel:
             raise ValueError(f"bank must name at most {MAX_SELECTOR + 1} predictors, not {len(self.bank)}")
         unknown = [name for name in self.bank if name not in PREDICTORS]
         if unknown or not self.bank or len(set(self.bank)) != len(self.bank):
-            raise ValueError(f"bank must name predictors of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
+            raise ValueError(f"bank must name some of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
         if self.position_quantizer is None:
             geometric = [name for name in self.bank if PREDICTORS[name].geometric]
             if geometric:
-                raise ValueError(f"{', '.join(geometric)}: geometry predicts forces; a position channel has none")
+                raise ValueError(f"{', '.join(geometric)}: predicts forces from positions; not for a position channel")
         estimated = [name for name in self.bank if PREDICTORS[name].estimated]
         if estimated and len(self.bank) > 1 and not self.adaptive:
-            raise ValueError(f"{', '.join(estimated)}: a hybrid fits no parameters; choose {ADAPTIVE} for this bank")
+            raise ValueError(f"{', '.join(estimated)}: not for {HYBRID}, which sends no parameters; use {ADAPTIVE}")
 
     @property
     def predictors(self) -> tuple[Predictor, ...]:
@@ -70,7 +71,7 @@ class Channel:
 
     @property
     def estimates(self) -> bool:
-        """Whether the sender reads all samples, and not only those sent."""
+        """Whether the sender needs all samples, not only those sent."""
         return self.adaptive or self.predictors[0].estimated
 
     @property
@@ -78,19 +79,19 @@ class Channel:
         """Selectors whose updates carry model parameters."""
         return tuple(selector for selector, predictor in enumerate(self.predictors) if predictor.estimated)
 
-    @property  # not cached: a cache in __dict__ would make every other attribute slower to read
+    @property  # not a cached_property: its entry in __dict__ would slow down the reading of every other attribute
     def grid(self) -> SampleGrid:
         return SampleGrid(self.value_quantizer, self.position_quantizer)
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
-        """A prediction made finite and saturated as a measured value is; the newest sample if it overflowed."""
+        """A prediction saturated as a measured value is; the newest sample if the prediction is not finite."""
         quantizer = self.value_quantizer
-        if quantizer.says(predicted):
+        if quantizer.in_range(predicted):
             return predicted
         return quantizer.confine(predicted) if is_finite(predicted) else newest.value
 
     def place(self, position: Vector) -> Vector:
-        """Where a model is evaluated: on the axes that travel, saturated as the positions of samples are."""
+        """The position at which a model is evaluated [m]: saturated as the position of a sample is."""
         return position if self.position_quantizer is None else self.position_quantizer.confine(position)
 
 
@@ -109,21 +110,24 @@ def force_channel(
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
 ) -> Channel:
-    """The backward channel: forces [N], each with the commanded position [m] that it belongs to.
+    """Make the backward channel: forces [N], each with the commanded position [m] at which it was measured.
 
     Args:
-        predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for all of `bank`.
-        bank: what these choose among, by default `HYBRID_BANK` or `ADAPTIVE_BANK`; not read otherwise.
+        predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for a choice among `bank`.
+        bank: the predictors to choose among, by default `HYBRID_BANK` or `ADAPTIVE_BANK`; otherwise not read.
         weber: Weber factor k, >= 0.
         floor: absolute threshold [N], >= 0.
-        reference: which force k scales.
-        axes: the axes that travel.
-        force_step: wire step [N].
-        position_step: wire step [m].
+        reference: the force that k scales.
+        axes: the axes that are sent.
+        force_step: wire step [N], > 0.
+        position_step: wire step [m], > 0.
         fit_limits: the range in which a fitted contact is accepted.
-        saturates: False lifts the int16 range, for studies off the wire.
-        deadband: of another shape; Weber factor, floor and reference are its own, and those given are not read then.
-        smoothing: over which ramp an update changes the force.
+        saturates: False lifts the int16 range, for studies without a wire.
+        deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
+        smoothing: the ramp over which an update changes the force; None for a step.
+
+    Raises:
+        ValueError: as `Channel`, or for a number out of range.
     """
     if bank is None:
         bank = ADAPTIVE_BANK if predictor == ADAPTIVE else HYBRID_BANK
@@ -149,7 +153,11 @@ def position_channel(
     position_step: float = 1e-5,
     saturates: bool = True,
 ) -> Channel:
-    """The forward channel: commanded positions [m]. Arguments as for `force_channel`; `bound` [m] is that at rest."""
+    """Make the forward channel: commanded positions [m].
+
+    Arguments and errors as for `force_channel`. The deadband is `bound` [m] at rest, and wider by `weber` times the
+    distance moved in a tick.
+    """
     return Channel(
         bank=tuple(bank) if predictor in BANKS else (predictor,),
         deadband=PositionDeadband(weber, bound),

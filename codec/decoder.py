@@ -1,4 +1,4 @@
-"""The receiving end: it holds the model of the newest update and says the value at any tick and position."""
+"""The receiving end: it evaluates the model of the newest update at any tick and position."""
 
 from typing import Any
 
@@ -13,12 +13,12 @@ from weberlink.update import Update
 class Decoder:
     """The mirror of an `Encoder`.
 
-    Its state is a function of the newest update that arrived and of the positions since, so after any loss, reordering
-    or late start it agrees with the encoder from the next update on (with smoothing, when the ramp is over).
+    Its state depends only on the newest update that arrived and on the positions since. So after a loss, a reordering
+    or a late start it agrees with the encoder from the next update on (with smoothing, from the end of the ramp on).
 
     Attributes:
         newest: the newest sample received; None before the first.
-        model: of that sample; None before the first.
+        model: the model of that sample; None before the first.
         selected: index in the bank of the predictor in use.
     """
 
@@ -29,7 +29,7 @@ class Decoder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal: `value` is the channel's rest until the first update."""
+        """Forget the signal: `value` returns the channel's `rest` until the first update."""
         self.model: Model | None = None
         self._first: Vector = ZERO
         self._memory: Any = None
@@ -40,24 +40,24 @@ class Decoder:
 
     @property
     def state(self) -> tuple[int, Model | None, Sample | None, Any]:
-        """All that a prediction depends on but for a ramp: selector, model, newest sample, and the model's memory."""
+        """All that a prediction depends on, except a ramp: selector, model, newest sample and memory of the model."""
         return self.selected, self.model, self.newest, self._memory
 
     @property
     def surface(self) -> ContactSurface | None:
-        """The contact surface of the model in use; None if it describes none."""
+        """The contact surface of the model in use; None if the model describes none."""
         return None if self.model is None else self.model.surface()
 
     @property
     def record(self) -> ModelRecord:
-        """The model in use in numbers."""
+        """The model in use, as telemetry records it."""
         return UNFITTED if self.model is None else self.model.record()
 
     def apply(self, update: Update) -> None:
-        """Take over the state that an update carries.
+        """Replace the state by that of an update.
 
         Raises:
-            ValueError: if it does not fit the channel (selector, number of levels, payload); the state is unchanged.
+            ValueError: if selector, number of levels or payload do not fit the channel; the state is unchanged then.
         """
         channel, grid = self._channel, self._grid
         if len(update.newest) != grid.size:
@@ -73,14 +73,15 @@ class Decoder:
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
-        """The value now: finite, and within the range of the wire.
+        """The predicted value, finite and within the range of the wire.
 
         Args:
-            tick: now on the sender's tick clock; fractional between its ticks.
-            position: the commanded position now [m]; not read on a position channel. Friction remembers it.
+            tick: the present time on the sender's tick clock; fractional between its ticks.
+            position: the present commanded position [m]; not read on a position channel. A model with friction
+                remembers it, so call this once per tick.
 
         Returns:
-            Force [N] or position [m]; before the first update the channel's `rest`.
+            Force [N] or position [m]; the channel's `rest` before the first update.
         """
         newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
@@ -104,16 +105,13 @@ class Decoder:
         return self._channel.displayable(value, newest)
 
     def _shown(self, tick: float, position: Vector) -> Vector | None:
-        """`value`, without a change of memory; earlier changes in this tick, which a mirror makes, are undone first."""
+        """The value before an update. A mirror was asked in this tick already; that change of memory is undone."""
         if self._noted is not None and self._noted[0] == tick:
             self._memory = self._noted[1]
-        memory = self._memory
-        shown = self.value(tick, position)
-        self._memory = memory
-        return shown
+        return self.value(tick, position)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
-        """From near the sample, not from near the first value of the model, which may be off the sample already."""
+        """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
         channel, first, newest = self._channel, self._first, self.newest
         assert channel.smoothing is not None
         assert newest is not None

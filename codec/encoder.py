@@ -1,4 +1,4 @@
-"""The sending end: predicts what the decoder holds, and makes an update when that leaves the deadband."""
+"""The sending end: predicts what the decoder holds, and makes an update when the error leaves the deadband."""
 
 from collections.abc import Sequence
 from math import inf
@@ -15,19 +15,19 @@ from weberlink.update import MAX_GAP, Update
 class Encoder:
     """Closed-loop deadband coding with a bank of predictors.
 
-    The encoder compares with a mirror of the decoder, to which it applies the updates it returns. The law: on a
-    lossless link, at every tick the mirror's value is within the deadband of the actual one, or as near as the wire can
-    say: half a step per axis. Where the bound is finer than the grid, an update that would not be nearer is not sent.
+    The encoder compares each sample with a mirror of the decoder, to which it applies the updates it returns. The law:
+    on a lossless link, at every tick, the mirror's value is within the deadband of the measured one, or within half a
+    wire step per axis if that is more. An update that would not be nearer than the prediction is not sent.
 
-    A bank of several is the paper's hybrid: at a send it chooses the predictor whose value *before* the update is
-    closest (after it, all would pass through the sample) and keeps it until the next send. An adaptive channel chooses
-    by the record of the predictors instead (`weberlink.codec.adaptive`).
+    With several predictors in the bank this is the paper's hybrid: at a send it chooses the predictor whose value
+    *before* the update is closest (after it, all of them pass through the sample) and uses it until the next send. An
+    adaptive channel chooses by the records of the predictors instead (`weberlink.codec.adaptive`).
 
     Attributes:
-        mirror: what the other end holds if nothing was lost.
-        bound: the deadband of the sample coded last, in the unit of the values.
-        predicted: what the other end held then, before any update; None while it held nothing.
-        rejected: samples that were not finite and so were not coded.
+        mirror: the state of the other end if no update was lost.
+        bound: the deadband of the last coded sample, in the unit of the values.
+        predicted: the value at the other end for that sample, before any update; None if it had none.
+        rejected: number of samples that were not finite, and so were not coded.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -44,7 +44,7 @@ class Encoder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal, because the other end started anew. Deadband and selection stay."""
+        """Forget the signal, because the other end started anew. Deadband and selected predictors stay."""
         self.mirror.reset()
         if self._choice is not None:
             self._choice.reset()
@@ -57,14 +57,14 @@ class Encoder:
         self._forced = False
 
     def restart(self) -> None:
-        """Forget the signal and send the next sample in any case, because the other end's state is unknown."""
+        """Forget the signal and send the next sample unconditionally, because the other end's state is unknown."""
         self.reset()
         self._forced = True
 
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
-        """Change deadband and predictors from the next sample on; the other end need not know.
+        """Change deadband and predictors from the next sample on; the other end does not need to know.
 
-        If the predictor in use is no longer selected, the next sample is sent whatever its error.
+        If the predictor in use is no longer selected, the next sample is sent unconditionally.
 
         Args:
             deadband: the bound on an unsent error.
@@ -86,13 +86,13 @@ class Encoder:
         """Code the sample of one tick.
 
         Args:
-            tick: the sender's tick number, rising from call to call.
+            tick: the sender's tick number, higher in every call.
             value: measured force [N] or position [m]; saturated at the range of the wire.
-            position: commanded position that a force belongs to [m]; not read on a position channel.
+            position: commanded position at which a force was measured [m]; not read on a position channel.
 
         Returns:
-            The update to send, or None while the prediction is good enough. A sample that is not finite is counted
-            and ignored.
+            The update to send; None if the prediction is good enough, or if the sample is not finite (counted in
+            `rejected`).
         """
         if not (is_finite(value) and is_finite(position)):
             self.rejected += 1
@@ -137,12 +137,12 @@ class Encoder:
         return Update(tick, selector, levels, payload)
 
     def _usable(self, tick: int) -> Sample | None:
-        """The sample sent before, if it is near enough in time to predict from."""
+        """The sample sent before; None if it is more than `MAX_GAP` ticks old."""
         earlier = self._newest
         return earlier if earlier is not None and 0 < tick - earlier.tick <= MAX_GAP else None
 
     def _choose(self, tick: int, actual: Vector, position: Vector) -> int:
-        """The paper's smallest w_i = |f_pred,i - f| / |f|; |f| is common to all and left out."""
+        """The paper's choice: the smallest w_i = |f_pred,i - f| / |f|. The common divisor |f| is left out."""
         newest, previous, selectors = self._newest, self._previous, self._selectors
         if newest is None or len(selectors) == 1:
             return selectors[0]

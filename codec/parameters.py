@@ -1,4 +1,4 @@
-"""Numbers of a model as a string of bits."""
+"""Number formats of model parameters, and their packing into bits."""
 
 from collections.abc import Sequence
 from math import frexp, ldexp
@@ -9,7 +9,7 @@ _LARGEST_EXPONENT = (1 << EXPONENT_BITS) - 1
 
 
 def pack(values: Sequence[int], widths: Sequence[int]) -> int:
-    """The bits of fields, each 0 <= value < 2**width; the last field is in the lowest bits."""
+    """Pack fields, each 0 <= value < 2**width, into one integer; the last field takes the lowest bits."""
     bits = 0
     for value, width in zip(values, widths, strict=True):
         bits = bits << width | value
@@ -17,7 +17,7 @@ def pack(values: Sequence[int], widths: Sequence[int]) -> int:
 
 
 def unpack(bits: int, widths: Sequence[int]) -> list[int]:
-    """The fields again; whatever the bits, each is within its width."""
+    """Unpack the fields of any integer >= 0; each is within its width, and higher bits are ignored."""
     values = []
     for width in reversed(widths):
         values.append(bits & ((1 << width) - 1))
@@ -27,12 +27,12 @@ def unpack(bits: int, widths: Sequence[int]) -> list[int]:
 
 
 class Block(NamedTuple):
-    """Numbers of one kind under a common exponent: the largest has `width` - 1 digits, the others as many fewer.
+    """A block floating-point format: `size` numbers with a common exponent, set by the largest of them.
 
     Args:
-        unit: of the last digit at exponent 0, > 0.
-        width: bits of a number, with its sign, >= 2.
-        size: how many they are.
+        unit: value of the last bit at exponent 0, > 0.
+        width: bits of a number, including the sign, >= 2.
+        size: count of numbers, >= 1.
     """
 
     unit: float
@@ -44,7 +44,10 @@ class Block(NamedTuple):
         return (EXPONENT_BITS, *(self.width,) * self.size)
 
     def levels(self, numbers: Sequence[float]) -> list[int]:
-        """Towards zero, so that what must stay within a bound does, to a rounding; saturated. All must be finite."""
+        """The exponent, then one level per number. Finite numbers are rounded towards zero and saturated.
+
+        So a decoded number never exceeds a bound of the number, except by a rounding error.
+        """
         top = (1 << (self.width - 1)) - 1
         largest = max(map(abs, numbers)) / self.unit
         beyond = frexp(largest / (top + 1))[1] if largest < 1e300 else _LARGEST_EXPONENT
@@ -59,15 +62,16 @@ class Block(NamedTuple):
 
 
 class Float(NamedTuple):
-    """A number whose relative error matters: a small float, off by at most one part in 2**(digits + 1).
+    """A small floating-point format; its relative error is at most 2**-(digits + 1).
 
-    No logarithm is taken, which every library rounds as it likes: two hosts decode the same number.
+    The only exception is the smallest positive signed number, which is encoded as the next one. No logarithm is used,
+    because its rounding depends on the library: two hosts decode the same number.
 
     Args:
         low: smallest magnitude, > 0.
-        octaves: bits of the exponent; 2**octaves doublings of `low` can be said.
-        digits: bits behind the leading one.
-        signed: whether there is a sign, and a magnitude below `low` is 0; otherwise it is `low`.
+        octaves: bits of the exponent; the range is 2**octaves doublings of `low`.
+        digits: bits of the fraction.
+        signed: True: there is a sign bit, and a magnitude below `low` becomes 0. False: it becomes `low`.
     """
 
     low: float
@@ -80,7 +84,7 @@ class Float(NamedTuple):
         return self.octaves + self.digits + self.signed
 
     def level(self, number: float) -> int:
-        """The nearest, saturated."""
+        """The nearest level, saturated."""
         size = abs(number) / self.low
         if self.signed and not size >= 1.0:
             return 0
@@ -89,7 +93,7 @@ class Float(NamedTuple):
         level = min(level, (1 << self.octaves + self.digits) - 1)
         if not self.signed:
             return level
-        # The sign is the lowest bit; level 0 of a positive number is that of 0, so the smallest is said as the next.
+        # The sign is the lowest bit. Level 0 stands for 0, so the smallest positive number takes the next level, 2.
         return max(level << 1 | (number < 0.0), 1 if number < 0.0 else 2)
 
     def number(self, level: int) -> float:
@@ -106,12 +110,12 @@ class Float(NamedTuple):
 
 
 class Uniform(NamedTuple):
-    """A number from `low` in equal steps.
+    """Numbers in equal steps.
 
     Args:
-        low: of level 0.
-        step: > 0.
-        width: bits.
+        low: the number of level 0.
+        step: distance between two levels, > 0.
+        width: bits of a level.
     """
 
     low: float
@@ -119,7 +123,7 @@ class Uniform(NamedTuple):
     width: int
 
     def level(self, number: float) -> int:
-        """The nearest, saturated."""
+        """The nearest level, saturated."""
         return max(0, min((1 << self.width) - 1, round((number - self.low) / self.step)))
 
     def number(self, level: int) -> float:

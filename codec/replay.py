@@ -1,4 +1,4 @@
-"""The coding loop: a signal through an encoder and a decoder, tick by tick, as the two daemons would run them."""
+"""The coding loop: a signal runs through an encoder and a decoder, tick by tick, as in the two daemons."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -16,14 +16,14 @@ class CodedTick(NamedTuple):
     """What happened in one tick.
 
     Args:
-        update: sent in this tick; None where the prediction was good enough.
-        predicted: what the other end held of the sample before any update of it [N or m]; zero while it held nothing.
-        displayed: what it holds after the updates that arrived in this tick.
-        error: distance of `displayed` from the sample. `channel.deadband.error` may measure otherwise.
-        bound: the deadband, in the measure of the deadband.
+        update: the update sent in this tick; None if the prediction was good enough.
+        predicted: value at the other end before any update of this sample [N or m]; zero if it had none.
+        displayed: value at the other end after the updates that arrived in this tick [N or m].
+        error: distance of `displayed` from the sample [N or m]; `channel.deadband.error` may measure otherwise.
+        bound: the deadband of the sample, to compare with `channel.deadband.error`.
         selected: index in the bank of the predictor in use at the decoder.
-        model: in use at the decoder; None before the first update.
-        seconds: run time of encode plus decode by the stopwatch.
+        model: the model in use at the decoder; None before the first update.
+        seconds: run time of encode and decode by the stopwatch [s].
     """
 
     update: Update | None
@@ -48,17 +48,20 @@ def code(
     """Code a signal over a link without loss.
 
     Args:
-        channel: as both ends build it.
-        samples: value and position of each tick, from tick 0; on a position channel the second is not read.
-        delay_ticks: after which an update arrives.
-        stopwatch: seconds from any origin, to measure the run time; nothing is measured by default.
-        encoder: a fresh one of the channel by default; likewise `decoder`. Both may be read between ticks.
+        channel: the channel of both ends.
+        samples: value and position of each tick, from tick 0; the position is not read on a position channel.
+        delay_ticks: one-way delay of an update [ticks], >= 0.
+        stopwatch: returns the time from any origin [s], to measure run time; by default none is measured.
+        encoder: a new one of the channel by default; likewise `decoder`. Both may be read between ticks.
+
+    Yields:
+        One `CodedTick` for each sample.
     """
     encoder, decoder = encoder or Encoder(channel), decoder or Decoder(channel)
     encode, apply, value = encoder.encode, decoder.apply, decoder.value
     under_way: deque[tuple[int, Update]] = deque()
     for tick, ((fx, fy, fz), (px, py, pz)) in enumerate(samples):
-        # Made here, as a daemon has just made them: a vector from elsewhere in memory would have to be fetched first.
+        # New tuples, as in a daemon, which has just made them: the measured run time includes no cache misses for them.
         sample, position = (fx, fy, fz), (px, py, pz)
         began = stopwatch()
         update = encode(tick, sample, position)

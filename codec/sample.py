@@ -1,4 +1,4 @@
-"""A sample as both ends hold it, and the grid of integers on which it travels."""
+"""A sample as both ends hold it, and its conversion to and from wire levels."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ class Sample(NamedTuple):
     Args:
         tick: sender's tick number.
         value: the coded quantity: force [N] on the backward channel, position [m] on the forward one.
-        position: commanded position [m] that the value belongs to; on the forward channel the value itself.
+        position: commanded position [m] at which the force was measured; on the forward channel the value itself.
     """
 
     tick: int
@@ -24,8 +24,8 @@ class SampleGrid(NamedTuple):
     """The wire grids of one channel.
 
     Args:
-        value: of the coded value.
-        position: of the position that travels with it; None where the value is the position.
+        value: grid of the coded value.
+        position: grid of the position that travels with it; None if the value is the position.
     """
 
     value: Quantizer
@@ -33,17 +33,17 @@ class SampleGrid(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Integers of one sample on the wire."""
+        """Number of integers of one sample on the wire, 1 to 6."""
         return self.value.size + (self.position.size if self.position is not None else 0)
 
     def levels(self, value: Vector, position: Vector) -> tuple[int, ...]:
-        """Wire levels of a finite sample."""
+        """Wire levels of a finite sample: those of the value, then those of the position."""
         if self.position is None:
             return self.value.levels(value)
         return self.value.levels(value) + self.position.levels(position)
 
     def sample(self, tick: int, levels: tuple[int, ...]) -> Sample:
-        """The sample that `size` levels stand for, as both ends hold it."""
+        """The sample of `size` levels, as both ends hold it."""
         value = self.value.value(levels[: self.value.size])
         if self.position is None:
             return Sample(tick, value, value)

@@ -1,9 +1,8 @@
-"""Smooth updates: what a new model changes at once is given back over some ticks, within the deadband.
+"""Smooth updates: a ramp within the deadband replaces part of the jump that an update makes.
 
-When an update arrives, the value jumps by what the old model was wrong, a just noticeable difference at least. Part of
-the jump is kept and taken off in equal steps: a ramp. The encoder's mirror does the same, so its law holds with the
-ramp and not in spite of it. The lag is the length of the ramp, and what of the jump exceeds the deadband does not lag
-at all.
+When an update arrives, the displayed value jumps by the error of the old model, at least one just noticeable
+difference. Smoothing holds part of the jump back and removes it in equal steps. The encoder's mirror does the same, so
+the law of the encoder still holds. The held part lags by the length of the ramp at most; the rest does not lag.
 """
 
 from dataclasses import dataclass
@@ -13,12 +12,11 @@ from weberlink.geometry.vector import Vector, norm, scale
 
 @dataclass(frozen=True, slots=True)
 class Smoothing:
-    """How a change of model is spread.
+    """Length and size of the ramp.
 
     Args:
         ticks: length of the ramp, >= 1.
-        share: of the deadband that the ramp may use, 0 to 0.9: the rest is for the error that the new model makes
-            meanwhile.
+        share: largest ramp as a share of the deadband, 0 to 0.9; the rest is for the error of the new model meanwhile.
 
     Raises:
         ValueError: for a number out of range.
@@ -34,15 +32,15 @@ class Smoothing:
             raise ValueError(f"share must be 0 to 0.9, not {self.share!r}")
 
     def kept(self, jump: Vector, bound: float) -> Vector:
-        """The part of a jump that is given back later.
+        """The part of a jump that is held back: the same direction, at most `share` of the deadband.
 
         Args:
-            jump: from the new sample to the value displayed before.
-            bound: the deadband at the new sample.
+            jump: from the new sample to the value displayed before [N].
+            bound: the deadband at the new sample [N].
         """
         longest, length = self.share * bound, norm(jump)
         return jump if length <= longest else scale(jump, longest / length)
 
     def remaining(self, since: float) -> float:
-        """Share of it that is still there so many ticks after the sample, 0 to 1."""
+        """The share of the held part, 0 to 1, that is left `since` ticks after the sample."""
         return min(1.0, max(0.0, 1.0 - since / self.ticks))

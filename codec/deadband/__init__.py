@@ -1,6 +1,7 @@
-"""Deadbands: how far a prediction may be off before a sample is sent. docs/deadbands.md says how to choose one.
+"""Deadbands: the prediction error at which a sample is sent. docs/deadbands.md helps to choose one.
 
-A new one for forces is a file beside these and a line here, or an entry point of the group `weberlink.deadbands`.
+To add one for forces, write a file in this folder and a line here, or an entry point of the group
+`weberlink.deadbands`.
 """
 
 from typing import Any
@@ -31,7 +32,7 @@ DEADBANDS: Registry[type[Deadband]] = Registry(
     "weberlink.deadbands",
     _check,
 )
-"""Those of a force, by name."""
+"""The deadbands of a force, by name."""
 
 __all__ = [
     "DEADBANDS",

@@ -1,9 +1,9 @@
-"""Magnitude and direction apart: a shell of Weber's law, cut by a cone around the measured force.
+"""Separate thresholds of magnitude and direction: Weber's law on the magnitude, a cone around the measured force.
 
-People tell directions of force apart from 18.4 degrees on if they see what they touch, 25.6 if they do not and 31.9 if
-vision misleads them (means; Barbagli, Salisbury, Ho, Spence, Tan, "Haptic discrimination of force direction and the
-influence of visual information", ACM Trans. Applied Perception, 2006). An isotropic deadband of k = 0.10 resends from 6
-degrees on. docs/deadbands.md says how well this is known.
+The mean JND of the direction of a force is 18.4 degrees with matching vision, 25.6 without vision and 31.9 with
+misleading vision (Barbagli, Salisbury, Ho, Spence, Tan, "Haptic discrimination of force direction and the influence of
+visual information", ACM Trans. Applied Perception, 2006). An isotropic deadband of k = 0.10 sends at 6 degrees.
+docs/deadbands.md states how certain this is.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, c
 from weberlink.geometry.vector import Vector, distance, norm
 
 DIRECTION_RAD = radians(18.4)
-"""The least of the three: an operator sees the scene."""
+"""The JND with matching vision: an operator sees the scene [rad]."""
 DIRECTION = Option(
     round(degrees(DIRECTION_RAD), 6),
     "Largest angle between measured and displayed force that stays unsent [degrees].",
@@ -28,13 +28,13 @@ DIRECTION = Option(
 class ConeDeadband(Deadband):
     """`| |g| - |f| | <= max(k |f|, floor)` and angle(f, g) <= theta, or `|g - f| <= floor`; f measured, g displayed.
 
-    A difference below the floor is not felt, whatever its direction; a force of exactly 0 has none. Angles are compared
-    by their chord, the distance of the two unit vectors, which needs no trigonometry.
+    A difference below the floor is not felt, whatever its direction; a force of exactly 0 has no direction. The angle
+    is compared by its chord, the distance of the two unit vectors, which needs no trigonometry.
 
     Args:
         weber: Weber factor k of the magnitude, >= 0.
         floor: absolute threshold [N], >= 0.
-        direction: largest angle theta that stays unsent [rad], > 0, at most pi; pi for any direction.
+        direction: largest angle theta that stays unsent [rad], above 0 and at most pi; pi accepts any direction.
 
     Raises:
         ValueError: for a number out of its range.
@@ -50,7 +50,7 @@ class ConeDeadband(Deadband):
     floor: float = 0.0
     direction: float = DIRECTION_RAD
     widest: float = field(init=False, repr=False, compare=False)
-    """Chord of that angle."""
+    """Chord of `direction`."""
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
@@ -69,7 +69,7 @@ class ConeDeadband(Deadband):
         return relative if relative > self.floor else self.floor
 
     def error(self, displayed: Vector, actual: Vector) -> float:
-        """The error of the magnitude or of the direction, in units of the same bound, whichever is more."""
+        """The larger of the errors of magnitude and direction; that of the direction is `bound` at the angle theta."""
         apart = distance(displayed, actual)
         size, held = norm(actual), norm(displayed)
         relative = self.weber * size
@@ -85,7 +85,7 @@ def chord_of(direction: float) -> float:
     """Distance between two unit vectors at an angle [rad].
 
     Raises:
-        ValueError: for one that is not above 0 and at most pi.
+        ValueError: if the angle is not above 0 and at most pi.
     """
     if not 0.0 < direction <= pi:
         raise ValueError(f"direction must be above 0 and at most pi [rad], not {direction!r}")
@@ -93,7 +93,7 @@ def chord_of(direction: float) -> float:
 
 
 def chord(a: Vector, length: float, b: Vector, other: float) -> float:
-    """Distance between the directions of two vectors of these lengths; 0 where one of them has none."""
+    """Distance between the unit vectors of two vectors of these lengths; 0 if one of them is zero."""
     if length == 0.0 or other == 0.0:
         return 0.0
     one = (a[0] / length, a[1] / length, a[2] / length)

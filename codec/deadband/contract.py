@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from math import inf
 from typing import ClassVar, Literal, NamedTuple, Self, get_args
 
 from weberlink.geometry.vector import Vector
@@ -10,12 +11,14 @@ Reference = Literal["actual", "displayed", "sent"]
 
 
 class Option(NamedTuple):
-    """A number of a deadband's own in the configuration file.
+    """A number in the configuration file that one deadband alone has.
 
     Args:
-        default: where the file does not give it.
-        text: what it means, with its unit.
-        least: smallest value allowed; None for no limit. Likewise `above`, which is excluded, and `most`.
+        default: value if the file has none.
+        text: its meaning, with the unit.
+        least: smallest value allowed; None for no limit.
+        above: excluded lower limit; None for no limit.
+        most: largest value allowed; None for no limit.
     """
 
     default: float
@@ -26,14 +29,14 @@ class Option(NamedTuple):
 
 
 class DeadbandSetup(NamedTuple):
-    """What a configuration file says of a deadband.
+    """The settings of a deadband in a configuration file.
 
     Args:
         weber: Weber factor k, >= 0.
         floor: absolute threshold in the unit of the values, >= 0.
-        reference: which value k scales.
+        reference: the value that k scales.
         tick_period: time between ticks [s].
-        options: a number for each of the deadband's own `options`.
+        options: a number for each of the deadband's `options`.
     """
 
     weber: float
@@ -44,14 +47,15 @@ class DeadbandSetup(NamedTuple):
 
 
 class Deadband(ABC):
-    """A bound on a vector. A sample is sent when `error` is more than `bound`. The decoder needs none of it.
+    """A sample is sent when `error` exceeds `bound`. Only the encoder uses it.
 
     Attributes:
-        name: in configuration files and options; `summary` says what it is, for the JSON schema.
+        name: its name in configuration files and options.
+        summary: one sentence for the JSON schema.
         options: its own options in the configuration file.
-        reads_motion: whether `bound` reads `moved`; it is computed for those only, and 0 for the others.
-        is_ball: whether `error` is the Euclidean distance. Only then an update may be smoothed.
-        needs_actual: whether the Weber factor can only refer to the measured value.
+        reads_motion: whether `bound` reads `moved`; for the others it is not computed, and 0.
+        is_ball: whether `error` is the Euclidean distance. Only then may an update be smoothed.
+        needs_actual: whether the Weber factor can refer to the measured value only.
         needs_floor: whether the floor must be above 0.
     """
 
@@ -67,23 +71,23 @@ class Deadband(ABC):
 
     @classmethod
     def configured(cls, setup: DeadbandSetup) -> Self:
-        """The deadband of a configuration file; needed for those in the registry."""
+        """Build the deadband from a configuration file; every deadband of the registry overrides this."""
         raise NotImplementedError
 
     @classmethod
     def defaults(cls) -> dict[str, float]:
-        """The options where the file does not give them."""
+        """The default of each option."""
         return {name: option.default for name, option in cls.options.items()}
 
     @abstractmethod
     def bound(self, actual: Vector, displayed: Vector, sent: Vector, moved: float) -> float:
-        """Largest error that stays unsent at this tick.
+        """The largest error that stays unsent at this tick.
 
         Args:
             actual: the measured value.
-            displayed: what the decoder holds without an update.
-            sent: the value last transmitted.
-            moved: distance that the position moved since the tick before [m].
+            displayed: the decoder's value without an update.
+            sent: the last value sent.
+            moved: distance that the position moved since the tick before [m], >= 0.
 
         Returns:
             In the unit of the values, >= 0.
@@ -91,18 +95,18 @@ class Deadband(ABC):
 
     @abstractmethod
     def error(self, displayed: Vector, actual: Vector, /) -> float:
-        """How wrong a displayed value is, in the unit of the values, >= 0; 0 where nothing is wrong.
+        """The error of a displayed value, in the unit of the values, >= 0.
 
-        Need not be symmetric, and may be 0 between different values.
+        Need not be symmetric, and may be 0 for different values.
         """
 
     def describe(self) -> str:
-        """Name and options for a person."""
+        """Name and options in words."""
         return self.name
 
 
 def check_not_negative(name: str, value: float) -> None:
-    if not 0.0 <= value < float("inf"):
+    if not 0.0 <= value < inf:
         raise ValueError(f"{name} must be >= 0 and finite, not {value!r}")
 
 

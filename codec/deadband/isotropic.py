@@ -11,13 +11,13 @@ from weberlink.geometry.vector import Vector, distance, norm
 class ForceDeadband(Deadband):
     """Weber's law with an absolute threshold: `|f_pred - f| <= max(k |f_ref|, floor)`.
 
-    The law fails below about 1 N, and with `k` alone a sensor at rest sends its noise at every tick: the floor is the
-    absolute detection threshold. A floor of 0 is the paper's decision function.
+    The floor is the absolute detection threshold: Weber's law fails for small forces, and with `k` alone a sensor at
+    rest sends its noise at every tick. A floor of 0 is the paper's decision function.
 
     Args:
         weber: Weber factor k, >= 0; the paper studies 0.025 to 0.30.
         floor: absolute threshold [N], >= 0.
-        reference: which force k scales: the measured one (the paper), the displayed or the last one sent.
+        reference: the force that k scales: the measured one (the paper), the displayed one or the last one sent.
 
     Raises:
         ValueError: for a negative or non-finite number or an unknown reference.
@@ -50,13 +50,13 @@ class ForceDeadband(Deadband):
 
 @dataclass(frozen=True, slots=True)
 class PositionDeadband(Deadband):
-    """A bound in metres plus a Weber bound on velocity: `bound + k |v| T`, T one tick.
+    """A bound in metres plus a Weber bound on velocity: `least + k |v| T`, T the tick period.
 
-    `|v| T` is the distance moved since the tick before, so the velocity needs no filter and adds no lag: a hand in fast
-    motion is allowed the displacement that a velocity error of k |v| makes in one tick.
+    `k |v| T` is the displacement that a velocity error of `k |v|` makes in one tick. `|v| T` is the distance moved
+    since the tick before: no filter, no lag.
 
     Args:
-        weber: Weber factor of velocity, >= 0.
+        weber: Weber factor k of velocity, >= 0.
         least: position bound at rest [m], >= 0.
 
     Raises:

@@ -1,9 +1,9 @@
-"""Level crossing: a sample is sent when the force has crossed a level of a fixed grid, whatever was sent before.
+"""Level crossing: a sample is sent when the force crosses a level of a fixed grid.
 
 Bhardwaj, Chaudhuri, Dabeer, "Design and Analysis of Predictive Sampling of Haptic Signals", ACM Trans. Applied
 Perception 11(4), 2014: level crossings predict users' clicks on piecewise constant forces slightly better than Weber's
-law. Their forces have one axis. Here the levels are those of the magnitude, and direction is a cone: levels on each
-axis would depend on the choice of axes.
+law. Their forces have one axis. Here the grid is one of magnitudes, and the direction has a cone: a grid on each axis
+would depend on the choice of axes.
 """
 
 from collections.abc import Mapping
@@ -16,25 +16,24 @@ from weberlink.codec.deadband.contract import Deadband, DeadbandSetup, Option, c
 from weberlink.geometry.vector import Vector, distance, norm
 
 LEAST_WEBER = 1e-4
-"""A finer grid counts as this one, which is below any wire's."""
+"""Smallest Weber factor of the grid; finer than any wire step needs."""
 HYSTERESIS = 0.25
 POWERS = 24
-"""Of the ratio of two levels, squared each time: from one level of the finest grid to the largest number there is."""
+"""Number of stored powers of the level ratio, with exponents 1, 2, 4, ...: enough for any float on the finest grid."""
 
 
 @dataclass(frozen=True, slots=True)
 class LevelCrossingDeadband(Deadband):
-    """No level lies between |g| and |f|, but one that |f| has barely crossed; f measured, g displayed.
+    """Accepts g for f if |f| is past no level between them by more than the hysteresis; f measured, g displayed.
 
-    The levels are multiples of the floor up to about floor / k, and from there on one Weber fraction apart: the spacing
-    is `max(k |f|, floor)`. Barely means by at most `h max(k |f|, floor)`: without this hysteresis the noise of a sensor
-    at a level would be sent at every tick. Direction is as in the cone: within theta, or anywhere where the two are no
-    further apart than the floor.
+    The levels are multiples of the floor up to about floor / k, and above that a factor of 1 + k apart: the spacing is
+    `max(k |f|, floor)`. The hysteresis is `h max(k |f|, floor)`; without it, sensor noise at a level would be sent at
+    every tick. The direction is treated as in the cone: the angle is at most theta, or `|g - f| <= floor`.
 
     Args:
-        weber: Weber factor k, >= 0; less than 1e-4 counts as that.
-        floor: absolute threshold [N], > 0: the lowest level.
-        direction: largest angle theta that stays unsent [rad], > 0, at most pi.
+        weber: Weber factor k, >= 0; values below `LEAST_WEBER` count as `LEAST_WEBER`.
+        floor: absolute threshold and lowest level [N], > 0.
+        direction: largest angle theta that stays unsent [rad], above 0 and at most pi.
         hysteresis: h, 0 to 1.
 
     Raises:
@@ -63,12 +62,13 @@ class LevelCrossingDeadband(Deadband):
     direction: float = DIRECTION_RAD
     hysteresis: float = HYSTERESIS
     widest: float = field(init=False, repr=False, compare=False)
+    """Chord of `direction`."""
     spacing: float = field(init=False, repr=False, compare=False)
-    """Of levels from the knee on, as a share of the lower one."""
+    """Distance between levels above the knee, as a share of the lower one."""
     knee: float = field(init=False, repr=False, compare=False)
     """The level at which multiples end and powers begin [N]."""
     powers: tuple[float, ...] = field(init=False, repr=False, compare=False)
-    """Of the ratio of two levels, the exponents powers of two, the largest first."""
+    """Powers of the level ratio 1 + `spacing`, with exponents ..., 4, 2, 1."""
 
     def __post_init__(self) -> None:
         check_not_negative("weber", self.weber)
@@ -94,7 +94,7 @@ class LevelCrossingDeadband(Deadband):
         return self.hysteresis * (relative if relative > self.floor else self.floor)
 
     def error(self, displayed: Vector, actual: Vector) -> float:
-        """How far the force is past the first level on the way from what is displayed, or how far it has turned."""
+        """How far |f| is past the first level on the way from |g| [N]; the error of the direction if that is more."""
         size, held = norm(actual), norm(displayed)
         past = past_level(size, held, self.floor, self.knee, self.powers)
         ratio = chord(displayed, held, actual, size) / self.widest
@@ -106,7 +106,7 @@ class LevelCrossingDeadband(Deadband):
 
 
 def past_level(size: float, held: float, floor: float, knee: float, powers: tuple[float, ...]) -> float:
-    """How far a magnitude is past the first level on the way to it from another; 0 where there is none between."""
+    """How far `size` is past the first level on the way from `held` to it [N]; 0 if there is no level between them."""
     start = level_below(held, floor, knee, powers)
     if level_below(size, floor, knee, powers) == start:
         return 0.0
@@ -117,7 +117,7 @@ def past_level(size: float, held: float, floor: float, knee: float, powers: tupl
 
 
 def level_below(size: float, floor: float, knee: float, powers: tuple[float, ...]) -> float:
-    """The highest level that is not above a magnitude; 0 below the lowest. Products alone, so the same everywhere."""
+    """The highest level that is not above `size` [N]; 0 below the lowest. No logarithm, so the same on every host."""
     if not size >= knee:
         return floor * float(int(size / floor)) if size >= floor else 0.0
     level = knee
@@ -129,7 +129,7 @@ def level_below(size: float, floor: float, knee: float, powers: tuple[float, ...
 
 
 def level_after(level: float, floor: float, knee: float, powers: tuple[float, ...]) -> float:
-    """The next one."""
+    """The next higher level [N]."""
     return level + floor if level < knee else level * powers[-1]
 
 

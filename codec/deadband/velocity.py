@@ -31,9 +31,9 @@ class VelocityDeadband(Deadband):
     Args:
         weber: Weber factor k at rest, >= 0.
         floor: absolute threshold [N], >= 0.
-        reference: which force k scales.
+        reference: the force that k scales.
         slope: growth of the Weber factor with speed [s/m], >= 0.
-        most: the Weber factor grows no further, >= 0.
+        most: limit of that growth, >= 0.
         period: time between ticks [s], > 0.
 
     Raises:
@@ -55,7 +55,7 @@ class VelocityDeadband(Deadband):
     most: float = MOST_WEBER
     period: float = 1e-3
     per_metre: float = field(init=False, repr=False, compare=False)
-    """Growth of the Weber factor with the way of one tick [1/m]."""
+    """Growth of the Weber factor with the distance moved in one tick [1/m]."""
     highest: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -85,7 +85,7 @@ class VelocityDeadband(Deadband):
         name = self.reference
         reference = actual if name == "actual" else displayed if name == "displayed" else sent
         grown = self.weber + self.per_metre * moved
-        # Also takes `highest` where the distance is infinite and the slope 0, which gives NaN.
+        # The comparison is False for NaN (an infinite distance times a slope of 0), so that gives `highest`.
         relative = (grown if grown < self.highest else self.highest) * norm(reference)
         return relative if relative > self.floor else self.floor
 

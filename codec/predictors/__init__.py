@@ -1,7 +1,9 @@
-"""The table of predictors. A new one is a file beside these and a line here, or an entry point `weberlink.predictors`.
+"""The table of predictors.
 
-`hybrid` and `adaptive` are not predictors but choices among a bank of several, made at every send: as the paper does
-(`weberlink.codec.encoder`), or by how often each of them would have sent (`weberlink.codec.adaptive`).
+To add one, write a file in this folder and a line here, or an entry point of the group `weberlink.predictors`.
+
+`hybrid` and `adaptive` are not predictors: at every send they choose one of a bank of several, by the paper's rule
+(`weberlink.codec.encoder`) or by how often each would have sent (`weberlink.codec.adaptive`).
 """
 
 from typing import Any
@@ -31,7 +33,7 @@ PREDICTORS: Registry[Predictor] = Registry(
     "weberlink.predictors",
     _check,
 )
-"""By name, the paper's first, in the order in which a hybrid breaks ties: the simplest first."""
+"""By name, the paper's four first."""
 
 HYBRID = "hybrid"
 ADAPTIVE = "adaptive"
@@ -40,7 +42,7 @@ BANKS = (HYBRID, ADAPTIVE)
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
 ADAPTIVE_BANK = ("plane", "surface", "affine", "trend", "zoh")
-"""What each chooses among by default; the first of equals."""
+"""The default banks. Of equally good predictors, the first in the bank is chosen."""
 
 __all__ = [
     "ADAPTIVE",

@@ -1,9 +1,9 @@
-"""A locally affine force field: f_1 + K (p - p_1) + g (t - t_1), K and g estimated by the sender.
+"""A locally affine force field, estimated by the sender: f_1 + K (p - p_1) + g (t - t_1).
 
-K is the stiffness matrix of whatever is there: a wall, a spring, a field, several surfaces at once. A contact pushes
-and does not pull: where the prediction has turned against the newest force, it is zero. The estimate is ridge least
-squares: the ridge holds K small against the noise of a hand that hardly moves, and g small where motion explains as
-much as time does.
+K is the stiffness matrix of any environment: a wall, a spring, a field, several surfaces at once. A contact pushes and
+does not pull: a prediction that points against the newest force is replaced by zero. The estimate is ridge least
+squares. The ridge keeps K small if the hand hardly moves and the changes of force are noise, and g small if motion
+explains the force as well as time does.
 """
 
 from collections.abc import Sequence
@@ -16,25 +16,27 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 
 WINDOW = 14
-"""Ticks back."""
+"""Length of the regression window [ticks]."""
 RIDGE_PLACE = 1e-5
-"""[m]: a motion of this size (rms) halves the estimate of K."""
+"""Ridge on K [m]: it halves the estimate if the motion in the window is this large (rms)."""
 RIDGE_TIME = 0.2
-"""Weight of the ridge on g, as a share of the samples, in units of the window."""
+"""Ridge on g: a share of the number of samples, where time is in units of the window."""
 SIZE = 4
+"""Unknowns per axis of the force: three elements of K and one of g."""
 
 Matrix = tuple[Vector, Vector, Vector]
 """Rows."""
 
 _WIDTHS = {1: (12, 12), 2: (10, 10), 3: (8, 9)}
-"""Bits of an element of K and of g, by the axes that travel."""
+"""Bits of an element of K and of g, by the number of axes that are sent."""
 SOFTEST = 2.0**-10
-"""Last digit of K, in wire steps of force per wire step of position."""
+"""Value of the last bit of K, in wire steps of force per wire step of position."""
 SLOWEST = 2.0**-12
-"""Last digit of g, in wire steps per tick."""
+"""Value of the last bit of g, in wire steps per tick."""
 WIDEST = 2.0
-"""Largest tangent of the angle to the newest force: without it a returning force would come at once, and sideways."""
-NARROWEST = 1.0 + WIDEST * WIDEST
+"""Largest tangent of the angle between prediction and newest force; it prevents sideways jumps of a returning force."""
+_MOST_SQUARE = 1.0 + WIDEST * WIDEST
+"""Square of 1 / cosine of that angle."""
 Rows = list[list[float]]
 
 
@@ -44,9 +46,9 @@ class Affine(Model):
     position: Vector
     tick: int
     stiffness: Matrix
-    """K [N/m], the derivative of the force on the probe: negative definite in front of a wall."""
+    """K [N/m], the derivative of the force on the probe by position: for a wall, negative along its normal."""
     slope: Vector
-    """g per tick."""
+    """g [N/tick]."""
 
     def at(self, tick: float, position: Vector) -> Vector:
         value, place, slope = self.value, self.position, self.slope
@@ -62,20 +64,20 @@ class Affine(Model):
             return (a, b, c)
         if not along > 0.0:
             return ZERO
-        if (a * a + b * b + c * c) * own > NARROWEST * along * along:
+        if (a * a + b * b + c * c) * own > _MOST_SQUARE * along * along:
             return _turned_back((a, b, c), value, along / own)
         return (a, b, c)
 
 
 def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
-    """A force brought back into the cone about the newest one, its part along that kept."""
+    """A force moved back into the cone about the newest one; its part along the newest one is unchanged."""
     straight = scale(newest, share)
     across = subtract(force, straight)
     return add(straight, scale(across, WIDEST * norm(straight) / norm(across)))
 
 
 class LocalAffine:
-    """Ridge least squares over the latest samples: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1), each axis by itself."""
+    """Ridge least squares over the latest samples, each axis separately: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1)."""
 
     def model(self, context: EncodeContext) -> Affine | None:
         history, newest = context.history, context.newest
@@ -138,7 +140,7 @@ def _blocks(grid: SampleGrid) -> tuple[Block, Block]:
 
 
 def _system(values: list[Vector], places: list[Vector]) -> tuple[Rows, Rows]:
-    """Normal equations over position and time in windows, for the three axes of the force at once."""
+    """Normal equations in position and time, for the three axes of the force; the window has length 1."""
     count = len(values) - 1
     (u, v, w), (px, py, pz) = values[-1], places[-1]
     xx = yy = zz = RIDGE_PLACE * RIDGE_PLACE * count
@@ -179,7 +181,7 @@ def _system(values: list[Vector], places: list[Vector]) -> tuple[Rows, Rows]:
 
 
 def _solve(left: Rows, right: Rows) -> Rows | None:
-    """By elimination without pivoting, as the matrix is positive definite; None where rounding made it singular."""
+    """Gaussian elimination without pivoting of a positive definite matrix; None if rounding made it singular."""
     for row in range(SIZE):
         pivot = left[row][row]
         if not pivot > 0.0:

@@ -1,17 +1,18 @@
-"""Estimates of the surface in contact, updated tick by tick in exponentially weighted sums.
+"""Estimates the surface in contact, tick by tick, with exponentially weighted sums.
 
-With c = 1/s the point where the surface holds the probe is q = p + c f. Each of three hypotheses estimates c:
+Let p be the position of the probe, f the force, n the normal, s the stiffness and c = 1/s. The contact point on the
+surface is q = p + c f. Each of three hypotheses estimates c:
 
-- the surface is at rest and has no friction: the force is its normal, and n.dp = -c n.df over any few ticks;
-- it is at rest and has friction: the force without its part along dq, the direction of sliding, is the normal. The
-  normal is averaged, and the slow part of n.dp and n.df (sliding over what is not flat) is removed before they are
-  compared;
-- it moves: third differences of n.p and n.f, to which a motion of up to about 2 Hz adds nothing, are compared.
+- The surface is at rest and has no friction: the force is along the normal, and n.dp = -c n.df over a few ticks.
+- It is at rest and has friction: the force without its part along dq, the direction of sliding, gives the normal, which
+  is averaged. The slow part of n.dp and n.df (sliding over a surface that is not flat) is removed before they are
+  compared.
+- It moves: third differences of n.p and n.f are compared, to which a slow motion contributes little.
 
-Curvature is how much the normal turns per displacement of q. The frequency w of a motion follows from second
-differences of n.q over longer times, which are -4 sin^2(w T / 2) of n.q less its middle.
+Curvature is the turn of the normal per displacement of q. The frequency w of a motion follows from second differences
+of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from its mean.
 
-`weberlink.codec.adaptive` measures which hypothesis saves updates.
+`weberlink.codec.adaptive` compares the hypotheses by the updates that they save.
 """
 
 from math import asin, exp, sqrt
@@ -23,7 +24,7 @@ STEP = 10
 """Ticks over which displacements and changes of force are taken."""
 HALF = STEP // 2
 TURN = 30
-"""Ticks over which the normal turns."""
+"""Ticks over which a turn of the normal is taken."""
 THIRD = 16
 """Ticks between the samples of a third difference."""
 SECOND = 60
@@ -31,31 +32,32 @@ SECOND = 60
 EVERY = 4
 """Ticks from one update of the slower estimates (curvature, motion) to the next."""
 FORGET_STIFFNESS = exp(-1.0 / 2000.0)
+"""`FORGET_...`: factor on a sum at each of its updates."""
 FORGET_CURVATURE = exp(-EVERY / 300.0)
 FORGET_THIRD = exp(-EVERY / 2000.0)
 FORGET_FREQUENCY = 0.9997**EVERY
 SLOW = 1.0 / 50.0
-"""Share of a new difference in the slow part."""
+"""Share of a new difference in the average of the slow part."""
 NORMAL_SHARE = 0.1
-"""Share of a new normal in the average, after 1 mm or more."""
+"""Share of a new normal in the average, after sliding by 1 mm or more."""
 FRICTION_SHARE = 0.05
 """Share of a new coefficient of friction in the average."""
 LEAST_WAY = 3e-5
-"""[m] over `STEP`; less counts as standing still."""
+"""Displacement over `STEP` that counts as sliding [m]."""
 LEAST_CHANGE = 1e-4
-"""Smallest sum of squared changes of force that gives an estimate [N^2]."""
+"""Smallest sum of squared changes of force that gives an estimate [N^2]; `LEAST_THIRD` likewise."""
 LEAST_THIRD = 1e-2 / EVERY
 MOST_COMPLIANT, STIFFEST = 1e-1, 1e-6
 """Range of accepted compliance [m/N]."""
 LARGEST_FRICTION = 1.5
 LEAST_NORMAL_SHARE = 0.5
-"""Of the force without its part along the motion: less is a press, not a slide."""
+"""Smallest share of the force across the direction of sliding; with less, the probe is pressed and does not slide."""
 SAME_SURFACE = 0.9
-"""Cosine between an old normal and the force of a new contact, up to which the old one is kept."""
+"""Smallest cosine between the old normal and the force of a new contact with which the old normal is kept."""
 
 
 class ComplianceEstimator:
-    """-y/x of pairs by exponentially weighted sums: compliance from changes of force x and of position y."""
+    """Compliance -y/x by weighted least squares over pairs of changes of force x [N] and of position y [m]."""
 
     __slots__ = ("_forget", "_least", "_xx", "_xy", "compliance")
 
@@ -64,7 +66,7 @@ class ComplianceEstimator:
         self._least = least
         self._xx = self._xy = 0.0
         self.compliance = 0.0
-        """[m/N]; 0 while it is not known."""
+        """[m/N]; 0 while unknown."""
 
     def add(self, x: float, y: float) -> None:
         self._xx = self._xx * self._forget + x * x
@@ -75,7 +77,7 @@ class ComplianceEstimator:
 
 
 class CurvatureEstimator:
-    """Curvature from turns of the normal over displacements, by exponentially weighted sums."""
+    """Curvature by weighted least squares over pairs of turn of the normal and displacement."""
 
     __slots__ = ("_turns", "_ways", "value")
 
@@ -91,14 +93,14 @@ class CurvatureEstimator:
 
 
 class FrequencyEstimator:
-    """Angular frequency of a motion, by regression of second differences on the position in their middle."""
+    """Angular frequency of a motion, by regression of second differences on the position at their middle."""
 
     __slots__ = ("_count", "_x", "_xx", "_xy", "_y", "value")
 
     def __init__(self) -> None:
         self._count = self._x = self._y = self._xx = self._xy = 0.0
         self.value = 0.0
-        """[rad/tick]; 0 where the motion does not oscillate."""
+        """[rad/tick]; 0 if the motion does not oscillate."""
 
     def add(self, place: float, second: float) -> None:
         forget = FORGET_FREQUENCY
@@ -117,13 +119,13 @@ class ContactEstimator:
     """Estimates the surface in contact, tick by tick, and remembers it for the next contact.
 
     Attributes:
-        age: ticks for which there has been a force; 0 while there is none.
-        normal: of the surface with friction, unit vector.
-        friction: its coefficient, as far as known.
-        frictionless: compliance if it is at rest without friction; `curvature` is its curvature then.
-        frictional: compliance if it has friction; `frictional_curvature` likewise.
-        moving: compliance if it moves; `frequency` is that of its motion.
-        threshold: smallest force that counts as one [N].
+        age: ticks since the contact began, or since a gap in the samples; 0 without contact.
+        normal: unit normal of a surface with friction.
+        friction: coefficient of friction, or a lower bound of it while the probe sticks.
+        frictionless: compliance of a surface at rest without friction; `curvature` is its curvature.
+        frictional: compliance of a surface at rest with friction; `frictional_curvature` is its curvature.
+        moving: compliance of a surface that moves; `frequency` is that of its motion.
+        threshold: a larger force counts as contact [N].
     """
 
     def __init__(self, threshold: float) -> None:
@@ -141,7 +143,7 @@ class ContactEstimator:
         self._normals: list[Vector] = []
 
     def follow(self, history: History, follows: bool) -> None:
-        """Take in the newest sample; `follows`: whether it is one tick after the one before."""
+        """Take in the newest sample; `follows`: whether it comes one tick after the previous one."""
         value = history.values[-1]
         size = norm(value)
         if not size > self.threshold:
@@ -163,7 +165,7 @@ class ContactEstimator:
             self._look_back(history)
 
     def _compare(self, history: History, value: Vector, size: float) -> None:
-        """With the sample `STEP` ago."""
+        """Compare the newest sample with the one `STEP` ticks earlier."""
         before, there, here = history.values[-1 - STEP], history.places[-1 - STEP], history.places[-1]
         x, y, z = here[0] - there[0], here[1] - there[1], here[2] - there[2]
         u, v, w = value[0] - before[0], value[1] - before[1], value[2] - before[2]
@@ -181,7 +183,7 @@ class ContactEstimator:
         if slid > LEAST_WAY:
             self._slide(value, size, (x / slid, y / slid, z / slid), slid)
         else:
-            # While it sticks, the ratio is a lower bound of the coefficient.
+            # While the probe sticks, the ratio is a lower bound of the coefficient.
             self.friction = max(self.friction, self._ratio(value))
 
     def _slide(self, value: Vector, size: float, way: Vector, slid: float) -> None:
@@ -199,7 +201,7 @@ class ContactEstimator:
             self.friction += FRICTION_SHARE * (ratio - self.friction)
 
     def _ratio(self, value: Vector) -> float:
-        """Tangential over normal force, at most `LARGEST_FRICTION`; -1 where the surface would pull."""
+        """Tangential over normal force, at most `LARGEST_FRICTION`; -1 if the surface would pull."""
         a, b, c = self.normal
         push = value[0] * a + value[1] * b + value[2] * c
         if not push > 0.0:
@@ -208,7 +210,7 @@ class ContactEstimator:
         return min(sqrt(u * u + v * v + w * w) / push, LARGEST_FRICTION)
 
     def _look_back(self, history: History) -> None:
-        """Curvature and motion, which need more than a few ticks."""
+        """Update the estimates of curvature and motion, which compare samples farther apart."""
         values, places = history.values, history.places
         way, change = subtract(places[-1], places[-1 - TURN]), subtract(values[-1], values[-1 - TURN])
         directions, normals = self._directions, self._normals
@@ -232,6 +234,7 @@ class ContactEstimator:
 
 
 def _way(way: Vector, change: Vector, compliance: float) -> Vector:
+    """Displacement of the contact point q, by that of the probe and the change of force."""
     moved = scale(change, compliance)
     return (way[0] + moved[0], way[1] + moved[1], way[2] + moved[2])
 

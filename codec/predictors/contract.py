@@ -1,4 +1,4 @@
-"""The interface of a predictor: how a model is made from samples, and how it travels in an update."""
+"""The interface of a predictor: how it makes a model from samples, and how the model travels in an update."""
 
 from abc import ABC
 from collections.abc import Callable, Sequence
@@ -11,7 +11,7 @@ from weberlink.geometry.vector import ZERO, Vector
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
 KEPT = 128
-"""Samples that a history holds at least, once so many came."""
+"""Number of samples that a full history holds at least."""
 
 
 class History:
@@ -26,7 +26,7 @@ class History:
         return len(self.values)
 
     def add(self, tick: int, value: Vector, place: Vector) -> bool:
-        """Append a sample; returns whether it follows the one before. A gap in the ticks clears the history."""
+        """Append a sample; returns whether its tick follows the last one. A gap in the ticks clears the history."""
         follows = tick == self._tick + 1 and bool(self.values)
         if not follows:
             self.values, self.places = [], []
@@ -42,10 +42,10 @@ class EncodeContext(NamedTuple):
     """What the sender knows when it makes a model to send.
 
     Args:
-        newest: the sample to send, as the wire carries it.
-        earlier: the sample sent before; None if there was none, or it is too old.
+        newest: the sample to send, quantized.
+        earlier: the sample sent before; None if there is none, or if it is too old.
         bound: the deadband at the newest sample, in the unit of the values.
-        history: the samples as measured, up to this one.
+        history: the measured samples, the newest included.
     """
 
     newest: Sample
@@ -55,10 +55,10 @@ class EncodeContext(NamedTuple):
 
 
 class Candidate(Protocol):
-    """One way to make a model for a predictor; a predictor may have several."""
+    """One method of a predictor to make a model; a predictor may have several."""
 
     def model(self, context: EncodeContext) -> Model | None:
-        """The model to send, finite; None to hold the sample."""
+        """Make the model to send, with finite parameters; None to hold the sample."""
 
 
 class Candidates(NamedTuple):
@@ -66,7 +66,7 @@ class Candidates(NamedTuple):
 
     Args:
         each: the candidates.
-        follow: called after every sample with the history and whether the sample follows the one before; or None.
+        follow: called after every sample with the history and the result of `History.add`; None if not needed.
     """
 
     each: Sequence[Candidate]
@@ -78,15 +78,15 @@ class Predictor(ABC):
 
     Fitted predictors override `fit` and `needs_previous`: both ends fit the same model to the samples that were sent.
     Estimated predictors set `estimated` and override `candidates`, `widths`, `levels` and `build`: the sender estimates
-    the model from all of its samples and sends its parameters.
+    the model from all of its samples and sends the parameters.
 
     Attributes:
-        name: in configuration files, reports and telemetry.
-        geometric: whether its model reads the position: not for a position channel.
-        describes_contact: whether its model is a contact surface: for forces only.
+        name: its name in configuration files, reports and telemetry.
+        geometric: whether its model reads the position; then it is not for a position channel.
+        describes_contact: whether its model is a contact surface; then it is for forces only.
         estimated: whether its parameters are sent.
-        doubt: factor on the number of its sends when `adaptive` compares predictors: models that fit noise must be
-            clearly better than simpler ones.
+        doubt: factor >= 1 on its number of sends when `adaptive` compares predictors, so that a model that may fit
+            noise must be clearly better than a simpler one.
     """
 
     __slots__ = ()
@@ -98,31 +98,31 @@ class Predictor(ABC):
     doubt: ClassVar[float] = 1.0
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model | None:  # noqa: ARG002
-        """The model of the two newest samples sent, or None where none can be trusted; never raises."""
+        """Fit the two newest samples sent; None if no model can be trusted. Never raises."""
         return None
 
     def needs_previous(self, newest: Sample, previous: Sample) -> bool:  # noqa: ARG002
-        """Whether the fit reads the sample before, so that an update must carry it."""
+        """Whether the fit reads the previous sample, so that an update must carry it."""
         return False
 
     def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
-        """The ways to make its model from all samples; `least_force` is the smallest that counts as contact [N]."""
+        """The candidates for one signal; `least_force` is the smallest force that counts as contact [N]."""
         return Candidates([FittedCandidate(self, limits)])
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        """Bits of each parameter field; at most `parameter_bits(grid.size)` together."""
+        """Bits of each parameter field; the sum is at most `parameter_bits(grid.size)`."""
         raise NotImplementedError
 
     def levels(self, model: Any, newest: Sample, grid: SampleGrid) -> list[int]:
-        """The fields of a finite model of a newest sample."""
+        """The field values of a model with finite parameters."""
         raise NotImplementedError
 
     def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model | None:
-        """The model of fields that may hold any bits; None where it cannot be trusted."""
+        """The model of field values, which may be any bits; None if it cannot be trusted."""
         raise NotImplementedError
 
     def model(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model:
-        """The fit, or the newest sample held where there is none."""
+        """The fitted model; if there is none, the newest sample is held."""
         return self.fit(newest, previous, limits) or Hold(newest.value)
 
     def encode(
@@ -133,14 +133,14 @@ class Predictor(ABC):
         earlier_levels: tuple[int, ...],
         grid: SampleGrid,
     ) -> Payload:
-        """What the update of a sample must carry.
+        """The payload of an update.
 
         Args:
-            model: made by a candidate of an estimated predictor; None to hold the sample.
+            model: the model of an estimated predictor; None to hold the sample. Not read if the predictor is fitted.
             newest: the sample to send.
             earlier: the sample sent before; None if it may not be used.
-            earlier_levels: its wire levels.
-            grid: of the channel.
+            earlier_levels: wire levels of that sample.
+            grid: the grid of the channel.
         """
         if self.estimated:
             return None if model is None else self.packed(model, newest, grid)
@@ -170,11 +170,12 @@ class Predictor(ABC):
         return self.model(newest, grid.sample(newest.tick - payload.gap, payload.levels), limits)
 
     def packed(self, model: Model, newest: Sample, grid: SampleGrid) -> ModelParameters:
+        """The parameters of an estimated model as bits."""
         return ModelParameters(pack(self.levels(model, newest, grid), self.widths(grid)))
 
 
 class FittedCandidate:
-    """The model that both ends fit to the two newest samples sent."""
+    """The candidate of a fitted predictor: the model that both ends fit to the two newest samples sent."""
 
     def __init__(self, predictor: Predictor, limits: FitLimits) -> None:
         self._predictor = predictor
@@ -185,5 +186,5 @@ class FittedCandidate:
 
 
 def same_contact(newest: Sample, previous: Sample) -> bool:
-    """Whether both samples touch: a contact starts at the first sample with a force after one without."""
+    """Whether both samples have a force, and so may belong to one contact."""
     return ZERO not in (newest.value, previous.value)

@@ -1,6 +1,6 @@
 """First-order extrapolation in time from the two newest samples: f_1 + (f_1 - f_2) / (t_1 - t_2) * (t - t_1).
 
-It extrapolates without end when nothing arrives; the silence ramp and the force limiter bound what the operator feels.
+Without updates it extrapolates without end; the silence limit and the force limiter bound what the operator feels.
 """
 
 from weberlink.codec.predictors.contract import Predictor

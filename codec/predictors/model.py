@@ -1,4 +1,4 @@
-"""Models: what a decoder evaluates between updates, and the contact surface that some of them describe."""
+"""Models, which a decoder evaluates between updates, and the contact surface that some of them describe."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ _UNKNOWN: Vector = (float("nan"),) * 3
 
 
 class ModelKind(IntEnum):
-    """What a model describes, as telemetry records it."""
+    """The kind of a model, as telemetry records it."""
 
     HELD = 0
-    """Nothing yet, or a held sample."""
+    """No update yet, or a held sample."""
     LINE = 1
     """Extrapolation in time, or in time and position."""
     PLANE = 2
@@ -23,13 +23,13 @@ class ModelKind(IntEnum):
 
 
 class ModelRecord(NamedTuple):
-    """A model in numbers that telemetry records; NaN where it describes no surface.
+    """A model as telemetry records it; NaN if it describes no surface.
 
     Args:
-        kind: a patch of surface counts as the plane or sphere that it was at its newest sample.
-        surface: unit normal of a plane, centre of a sphere [m].
-        size: d of a plane [m], radius of a sphere [m], negative where it is concave.
-        stiffness: [N/m].
+        kind: a `SurfacePatch` counts as the plane or sphere that it is at its newest sample.
+        surface: unit normal of a plane, or centre of a sphere [m].
+        size: d of a plane [m], or radius of a sphere [m], negative if concave.
+        stiffness: of the contact [N/m].
     """
 
     kind: ModelKind
@@ -43,46 +43,48 @@ _EXTRAPOLATION = ModelRecord(ModelKind.LINE)
 
 
 class ContactSurface(Protocol):
-    """An elastic surface at rest: its force [N] depends on the position alone, and pressing it in stores energy."""
+    """An elastic surface at rest: its force depends on the position only."""
 
     @property
     def stiffness(self) -> float:
-        """[N/m]: half the square of the force divided by this is the energy stored."""
+        """Stiffness s [N/m]; at a force f the surface stores f^2 / (2 s) [J]."""
 
-    def at(self, tick: float, position: Vector) -> Vector: ...
+    def at(self, tick: float, position: Vector) -> Vector:
+        """The force [N] at a position [m]; the tick is not read."""
 
-    def record(self) -> ModelRecord: ...
+    def record(self) -> ModelRecord:
+        """The surface as telemetry records it."""
 
 
 class Model(ABC):
-    """Predicts a value from tick and position; never changed, and equal to another with the same parameters.
+    """Predicts a value from tick and position. Never changed; equal to a model with the same parameters.
 
-    A model is a function of what one update carries, so that the two ends agree again after any loss. What it must
-    remember of the positions since then is `memory`, which the decoder keeps.
+    A model depends on one update only, so that the two ends agree again after any loss. A model with friction also
+    depends on the positions since then, by a `memory` that the decoder keeps.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def at(self, tick: float, position: Vector) -> Vector:
-        """The value at a tick of the sender, fractional between its ticks, and a commanded position [m].
+        """The value at a tick of the sender (fractional between its ticks) and a commanded position [m].
 
-        May be out of range or not finite for extreme inputs; the channel confines it.
+        May be out of range or not finite for extreme inputs; `Channel.displayable` corrects that.
         """
 
     @property
     def memory(self) -> Any:
-        """What `advance` starts from; None for a model that depends on tick and position alone."""
+        """The initial memory for `advance`; None for a model that depends on tick and position only."""
         return None
 
     def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
-        """Predict with a memory; returns value and new memory. Not called where `memory` is None."""
+        """Predict with a memory; returns the value and the new memory. Not called if `memory` is None."""
         return self.at(tick, position), memory
 
     def first(self, newest: Sample) -> Vector:
         """The value at the tick of the newest sample.
 
-        By default the sample itself, which a stiff model misses by up to stiffness times half a position step.
+        By default the sample itself: a stiff model misses it by up to stiffness times half a position step.
         """
         return newest.value
 
@@ -91,12 +93,13 @@ class Model(ABC):
         return None
 
     def record(self) -> ModelRecord:
+        """The model as telemetry records it."""
         return _EXTRAPOLATION
 
 
 @dataclass(slots=True)
 class Hold(Model):
-    """The newest sample, until the next one. What cannot be fitted is held."""
+    """Zero-order hold: the newest sample, until the next one. The fallback if no model can be fitted."""
 
     value: Vector
 
@@ -132,10 +135,11 @@ class FitLimits:
     Args:
         stiffness: contact stiffness [N/m], lowest and highest, > 0.
         radius: radius of a sphere [m], lowest and highest, > 0.
-        least_angle_sine: sine of the angle below which two directions count as one, 0 to 1: of the two forces (1 mN
-            across 1 N is the noise of the wire), and of the columns of the sphere's equations.
-        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. The least-squares sphere
-            of two samples that lie on none may push the wrong way.
+        least_angle_sine: sine of the angle below which two directions count as parallel, 0 to 1. It is applied to the
+            two forces of a sphere (a wire step of 1 mN turns a force of 1 N by 1e-3) and to the columns of its
+            equations.
+        misfit: largest error of a fit at its own newest sample, as a share of that force, > 0. If no sphere passes
+            through both samples, the least-squares sphere may push in the wrong direction.
 
     Raises:
         ValueError: for an invalid range.
@@ -156,12 +160,13 @@ class FitLimits:
             raise ValueError(f"misfit must be positive, not {self.misfit!r}")
 
     def accepts_compliance(self, compliance: float) -> bool:
-        """Whether c = 1/s is positive with s in range; False for NaN."""
+        """Whether the stiffness 1 / compliance [N/m] is positive and in range; False for NaN."""
         return compliance > 0.0 and self.stiffness[0] * compliance <= 1.0 <= self.stiffness[1] * compliance
 
     def accepts_radius(self, radius: float) -> bool:
+        """Whether the magnitude of a radius [m] is in range; a concave one is negative."""
         return self.radius[0] <= abs(radius) <= self.radius[1]
 
     def accepts_fit(self, model: Model, newest: Sample) -> bool:
-        """Whether a model is near the value of its own newest sample."""
+        """Whether a model passes its own newest sample within `misfit`."""
         return distance(model.at(newest.tick, newest.position), newest.value) <= self.misfit * norm(newest.value)

@@ -1,7 +1,7 @@
-"""The paper's plane: a flat wall with the normal of the newest force, its place and stiffness from two samples.
+"""The paper's plane: a flat wall along the newest force, with offset and stiffness from two samples.
 
-With n = f_1/|f_1|, d and c = 1/s solve n.p_i + d + |f_i| c = 0 over the two newest samples of the contact. The
-height of p over the wall is h = n.p + d, and the force -s h n where h < 0.
+The normal is n = f_1/|f_1|. The offset d and c = 1/s solve n.p_i + d + |f_i| c = 0 for the two newest samples of the
+contact. The height of p over the wall is h = n.p + d; the force is -s h n if h < 0, otherwise 0.
 """
 
 from dataclasses import dataclass

@@ -2,9 +2,9 @@
 
 With u_i = f_i/|f_i| and c = 1/s, o + r u_i - c f_i = p_i holds for a convex wall (r > 0, the force points away from
 the centre) and for a concave one (r < 0, it points to the centre): 6 equations for the 5 unknowns o, r, c. The centre
-enters both equations alike, so the least-squares solution is that of their difference,
-r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, for r and c, with o the mean of what the two samples say. The difference is
-solved by orthogonal projection, not by normal equations, whose condition number is the square.
+o appears in both equations in the same way. So the least-squares r and c are those of the difference,
+r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, and o is the mean of the centres by the two samples. The difference is solved
+by orthogonal projection; normal equations would square the condition number.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Sphere(Model):
     stiffness: float
     """s [N/m]."""
     newest: Vector
-    """The newest force [N]: that at the centre, where a sphere has no direction."""
+    """The newest force [N]; also used at the centre, where the direction is undefined."""
 
     def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
         centre = self.centre
@@ -77,9 +77,10 @@ class SpherePredictor(Predictor):
 
 
 def _solve(a: Vector, b: Vector, y: Vector, least_sine: float) -> tuple[float, float] | None:
-    """Least-squares r, c of a r + b c = y, or None where the columns are (nearly) parallel or one is (nearly) 0.
+    """Least-squares r, c of a r + b c = y; None if the columns are (nearly) parallel or one is (nearly) 0.
 
-    The length of a is the angle between the two forces: on a flat wall it is rounding, and so would be the radius.
+    The length of `a` is the angle between the two forces. On a flat wall it is a rounding error, and the radius would
+    be one too.
     """
     a_norm, b_norm = norm(a), norm(b)
     if not (a_norm > least_sine and b_norm > 0.0):

@@ -1,13 +1,12 @@
 """A patch of a contact surface with stiffness, curvature, Coulomb friction and motion, estimated by the sender.
 
-Both ends compute the force as a god-object does: the point where the surface holds the probe stays on the surface and
-pulls with the stiffness. It sticks while the pull is inside the friction cone and otherwise slides after the probe, so
-both ends know its place from the position alone. The cone on the displacement of that point is that of Harwin and
-Melder, "Improved haptic rendering for multi-finger manipulation using friction cone based god-objects", Eurohaptics
-2002.
+Both ends compute the force by the god-object method: the god-object, a point that stays on the surface, pulls the probe
+with the stiffness. It sticks while the pull is inside the friction cone and otherwise slides after the probe. So both
+ends compute it from the positions alone. The friction cone on its displacement is that of Harwin and Melder, "Improved
+haptic rendering for multi-finger manipulation using friction cone based god-objects", Eurohaptics 2002.
 
-The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) / w^2, which is v t + a t^2 / 2 where
-w is 0.
+The patch oscillates along its normal: s(t) = v sin(w t) / w + a (1 - cos(w t)) / w^2; for w = 0 it moves by
+v t + a t^2 / 2.
 """
 
 from abc import ABC, abstractmethod
@@ -24,54 +23,58 @@ from weberlink.geometry.sine import cosine, sine
 from weberlink.geometry.vector import ZERO, Vector, dot, is_finite, norm, scale, subtract, unit
 
 LEAST_CURVATURE = 0.5
-"""[1/m]: below it the patch is flat, which is cheaper."""
+"""A smaller curvature is set to 0, which costs less run time [1/m]."""
 LEAST_FRICTION = 0.03
+"""A smaller coefficient of friction is noise: the surface counts as frictionless."""
 MOTION_WINDOW = 80
-"""Ticks back over which velocity and acceleration are fitted."""
+"""Window over which velocity and acceleration are fitted [ticks]."""
 MOTION_STEP = 2
+"""Every so many samples of the window are used."""
 LEAST_WINDOW = 8
+"""In a window of this length or less, no motion is fitted [ticks]."""
 
 
 @dataclass(slots=True)
 class SurfacePatch(Model):
     normal: Vector
-    """Unit vector out of the surface, where it held the probe at the newest sample."""
+    """Unit normal, out of the surface, at `point`."""
     point: Vector
-    """That place [m]."""
+    """The god-object at the newest sample [m]."""
     tick: int
+    """Tick of the newest sample."""
     stiffness: float
     """[N/m]."""
     curvature: float = 0.0
-    """[1/m]: positive convex, negative concave."""
+    """[1/m]; positive convex, negative concave."""
     friction: float = 0.0
-    """Coefficient: tangential over normal force at which the probe slides."""
+    """Coefficient of friction: tangential over normal force at which the probe slides."""
     velocity: float = 0.0
     """v along the normal [m/tick]."""
     acceleration: float = 0.0
-    """a [m/tick^2]."""
+    """a along the normal [m/tick^2]."""
     frequency: float = 0.0
     """w [rad/tick]."""
 
     @property
     def memory(self) -> Vector | None:
-        """Where the surface holds the probe to begin with [m]; None without friction, which needs to know."""
+        """The initial god-object [m]; None without friction."""
         return self.point if self.friction > 0.0 else None
 
     def at(self, tick: float, position: Vector) -> Vector:
         """The force without friction."""
-        normal, height = self._under(tick, position)
+        normal, height = self._normal_and_height(tick, position)
         if not height < 0.0:
             return ZERO
         push = -self.stiffness * height
         return (push * normal[0], push * normal[1], push * normal[2])
 
     def advance(self, tick: float, position: Vector, memory: Vector) -> tuple[Vector, Vector]:
-        """The force with friction, and where the surface holds the probe now [m]."""
-        normal, height = self._under(tick, position)
+        """The force with friction [N], and the new god-object [m]."""
+        normal, height = self._normal_and_height(tick, position)
         if not height < 0.0:
             return ZERO, position if is_finite(position) else memory
         a, b, c = normal
-        # Where a surface without friction would hold it, and from there how far back it is held.
+        # (x, y, z): the god-object without friction; (u, v, w): from there to the one with friction.
         x, y, z = position[0] - height * a, position[1] - height * b, position[2] - height * c
         u, v, w = memory[0] - x, memory[1] - y, memory[2] - z
         out = u * a + v * b + w * c
@@ -85,7 +88,7 @@ class SurfacePatch(Model):
         return (push * a + pull * u, push * b + pull * v, push * c + pull * w), held if is_finite(held) else memory
 
     def surface(self) -> "SurfacePatch":
-        """The patch where it was at the newest sample, without motion and friction, neither of which is elastic."""
+        """The patch as it was at the newest sample, without motion and friction, which are not elastic."""
         return SurfacePatch(self.normal, self.point, self.tick, self.stiffness, self.curvature)
 
     def record(self) -> ModelRecord:
@@ -95,8 +98,8 @@ class SurfacePatch(Model):
         centre = subtract(self.point, scale(self.normal, radius))
         return ModelRecord(ModelKind.SPHERE, centre, radius, self.stiffness)
 
-    def _under(self, tick: float, position: Vector) -> tuple[Vector, float]:
-        """Normal at the foot of a position, and its height over the surface [m]."""
+    def _normal_and_height(self, tick: float, position: Vector) -> tuple[Vector, float]:
+        """Unit normal at the surface point nearest to a position, and the height of the position over it [m]."""
         a, b, c = self.normal
         point, raised = self.point, self._raised(tick)
         x, y, z = position[0] - point[0], position[1] - point[1], position[2] - point[2]
@@ -113,6 +116,7 @@ class SurfacePatch(Model):
         return (x * outward, y * outward, z * outward), height
 
     def _raised(self, tick: float) -> float:
+        """Displacement of the patch along its normal since the newest sample [m]."""
         velocity, acceleration, frequency = self.velocity, self.acceleration, self.frequency
         if velocity == 0.0 and acceleration == 0.0:
             return 0.0
@@ -120,7 +124,7 @@ class SurfacePatch(Model):
         if frequency == 0.0:
             return (velocity + 0.5 * acceleration * ahead) * ahead
         angle = frequency * ahead
-        # 1 - cos w t without the difference, which for a slow swing is all rounding.
+        # 1 - cos x = 2 sin^2(x / 2): the difference would lose all digits in a slow motion.
         half = sine(0.5 * angle)
         return (velocity * sine(angle) + acceleration / frequency * 2.0 * half * half) / frequency
 
@@ -128,7 +132,7 @@ class SurfacePatch(Model):
 def patch(
     newest: Sample, normal: Vector, compliance: float, curvature: float, limits: FitLimits, **motion: float
 ) -> SurfacePatch | None:
-    """The patch through a sample, with a unit normal and 1/s [m/N]; None where the limits do not accept it."""
+    """The patch through a sample, with a unit normal, a compliance [m/N] and a curvature [1/m]; None beyond limits."""
     if not limits.accepts_compliance(compliance):
         return None
     if curvature != 0.0 and not limits.accepts_radius(1.0 / curvature):
@@ -188,7 +192,7 @@ class MovingHypothesis(SurfaceHypothesis):
 
 
 def _layout(normal: Uniform, frequency: Uniform, *, curved: bool) -> tuple[Uniform, dict[str, Float | Uniform]]:
-    """The field of each component of the normal, and those of the other parameters, by name."""
+    """The format of each component of the normal, and the formats of the other parameters by name."""
     fields: dict[str, Float | Uniform] = {
         "stiffness": Float(1.0, 5, 7),
         "curvature": Float(1e-2, 5, 6, signed=True),
@@ -207,7 +211,7 @@ _LAYOUTS = {
     2: _layout(Uniform(-1.0, 2.0**-7, 8), Uniform(0.0, 2.0**-11, 7), curved=True),
     3: _layout(Uniform(-1.0, 2.0**-9, 10), Uniform(0.0, 2.0**-16, 12), curved=True),
 }
-"""By the axes that travel, for which there are 47, 79 and 111 bits."""
+"""By the number of axes that are sent; 47, 79 and 111 bits are available for 1, 2 and 3 axes."""
 
 
 class SurfacePredictor(Predictor):
@@ -248,7 +252,7 @@ def _curved(curvature: float) -> float:
 
 
 def _motion(history: History, normal: Vector, compliance: float, frequency: float, window: int) -> dict[str, float]:
-    """Velocity and acceleration of the surface, by least squares over where it held the probe."""
+    """Velocity and acceleration of the surface, by least squares over the contact points of the window."""
     values, places = history.values, history.places
     a, b, c = normal
     here = dot(normal, places[-1]) + compliance * dot(normal, values[-1])

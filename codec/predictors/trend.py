@@ -1,10 +1,10 @@
-"""A straight line in time towards where the signal will be in the next ticks: f_0 + g (t - t_1), estimated.
+"""A straight line in time, estimated by the sender: f_0 + g (t - t_1).
 
-Noise and tremor of a force made by a person are about as large as the deadband. A model through the newest sample,
-which is sent because it is an extreme one, leaves the deadband again soon. Here f_0 lies within the deadband around
-that sample, where a fixed linear filter of the latest samples expects the signal. The filters are the least-squares
-regression of the next 20 (or 40) samples of recorded signals on differences of the latest ones, weighted by one over
-the deadband; docs/adaptive/ says of which recordings, and how to repeat it.
+Noise and tremor of a person's force are about as large as the deadband. The sample that is sent is an extreme one, so
+a model through it soon leaves the deadband again. Here f_0 is the value that a fixed linear filter of the latest
+samples expects, limited to the deadband around the newest sample. The filters are least-squares regressions of the next
+20 (or 40) samples of recorded signals on differences of the latest ones, weighted by one over the deadband.
+docs/adaptive/ names the recordings and the module that repeats the regression.
 """
 
 from collections.abc import Sequence
@@ -17,25 +17,25 @@ from weberlink.geometry.vector import Vector, add, distance, norm, scale, subtra
 from weberlink.update import parameter_bits
 
 FINEST = 2.0**-4
-"""Last digit of an offset, in wire steps."""
+"""Value of the last bit of an offset, in wire steps."""
 SLOWEST = 2.0**-12
-"""Last digit of a slope, in wire steps per tick."""
+"""Value of the last bit of a slope, in wire steps per tick."""
 WIDEST = 12
 """Largest number of bits of a component."""
 LAGS = (1, 2, 4, 8, 16, 32)
-"""Ticks; the filters read the newest sample less those so long before."""
+"""The filters read the differences of the newest sample and those that many ticks earlier."""
 NEAREST = 0.8
-"""Share of the deadband within which a line begins: the rest is for rounding and for what comes."""
+"""Largest distance of the line from its sample, as a share of the deadband; the rest is for rounding and new errors."""
 
 Filter = tuple[float, float, float, float, float, float]
 
 
 class TrendFilter:
-    """A line by a filter for its value and one for its slope.
+    """Makes a line with one filter for its offset and one for its slope.
 
     Args:
-        value: weights of the differences, for the offset from the newest sample.
-        slope: likewise per tick; None for a line that holds.
+        value: weights of the differences that give the offset from the newest sample.
+        slope: weights of the differences that give the slope per tick; None for a constant.
     """
 
     def __init__(self, value: Filter, slope: Filter | None = None) -> None:
@@ -50,7 +50,7 @@ class TrendFilter:
         offset, slope = _filtered(self._value, differences), (0.0, 0.0, 0.0)
         if self._slope is not None:
             slope = _filtered(self._slope, differences)
-        # The rounding of the wire takes part of a deadband of a few steps.
+        # If the deadband is only a few wire steps, rounding takes part of it.
         rounding = distance(newest.value, history.values[-1])
         longest, length = max(0.0, min(NEAREST * context.bound, context.bound - rounding)), norm(offset)
         if length > longest:
@@ -59,12 +59,12 @@ class TrendFilter:
 
 
 HOLD_20 = TrendFilter((1.046715, -0.543725, 0.386702, 0.046513, -0.036738, 0.095743))
-"""The mean of the next 20 samples."""
+"""Predicts the mean of the next 20 samples."""
 LINE_40 = TrendFilter(
     (0.882514, -0.504821, 0.283134, 0.011596, -0.045712, 0.024697),
     (0.002182, -0.000879, 0.002855, 0.001140, 0.001674, 0.003865),
 )
-"""A line through the next 40."""
+"""Predicts a line through the next 40 samples."""
 
 
 class Trend(Predictor):
@@ -96,7 +96,7 @@ TREND = Trend()
 
 
 def _differences(history: History) -> list[Vector]:
-    """Of the newest sample and earlier ones; the earliest there is stands for those before it."""
+    """Differences of the newest sample and those `LAGS` ticks earlier; the oldest sample stands for missing ones."""
     values = history.values
     x, y, z = values[-1]
     last = len(values) - 1

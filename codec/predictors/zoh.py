@@ -1,4 +1,4 @@
-"""Zero-order hold: the newest sample, until the next one. Every other predictor falls back to it."""
+"""Zero-order hold: the newest sample, until the next one. The fallback of every other predictor."""
 
 from weberlink.codec.predictors.contract import Predictor
 from weberlink.codec.predictors.model import FitLimits, Hold

@@ -1,6 +1,6 @@
 """Bilateral haptic teleoperation over UDP with perceptual coding; docs/library.md shows how to use it as a library.
 
-Every name is imported when it is first used: `import weberlink` alone loads no other package.
+Each name is imported on first use: `import weberlink` alone loads no other package.
 """
 
 TYPE_CHECKING = False

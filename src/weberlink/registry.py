@@ -1,4 +1,4 @@
-"""Tables of implementations by name, imported only on use and extended by entry points of other distributions."""
+"""Tables of implementations by name, imported on first use and extended by entry points of other distributions."""
 
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -12,16 +12,16 @@ T = TypeVar("T")
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Maps names to objects; built-in names win over entry points of the same name.
+    """Maps names to objects; a built-in name wins over an entry point of the same name.
 
-    Installed distributions are searched only for a name that is not built in, or to list all names, because that reads
-    the metadata of every one of them. Names are listed in the order of `built_in`, then alphabetically.
+    Installed distributions are searched only for a name that is not built in, or to list all names, because the search
+    reads the metadata of every distribution. Names are listed in the order of `built_in`, then alphabetically.
 
     Args:
         kind: what an entry is, for error messages, such as "robot".
-        built_in: each built-in object, or where it is ("module:attribute").
+        built_in: each built-in object, or its place ("module:attribute").
         group: group of entry points that extends the table; None for a closed table.
-        check: raises ValueError for an object of another distribution that cannot be used.
+        check: called with the name and object of an entry point; raises ValueError if the object cannot be used.
     """
 
     def __init__(
@@ -47,7 +47,8 @@ class Registry(Mapping[str, T], Generic[T]):
         """
         if name not in self._loaded:
             if name in self.built_in:
-                self._loaded[name] = _resolve(self.built_in[name])
+                entry = self.built_in[name]
+                self._loaded[name] = cast(T, resolve(entry)) if isinstance(entry, str) else entry
             else:
                 self._loaded[name] = self._load_installed(name)
         return self._loaded[name]
@@ -69,7 +70,7 @@ class Registry(Mapping[str, T], Generic[T]):
         """Return the name if an entry has it.
 
         Raises:
-            ValueError: no entry has this name; the text lists the names and says which is nearest.
+            ValueError: no entry has this name; the message lists all names and the nearest one.
         """
         if name in self:
             return name
@@ -77,7 +78,7 @@ class Registry(Mapping[str, T], Generic[T]):
         raise ValueError(f"no {self.kind} is called {name!r}; nearest is {nearest!r}, there are {', '.join(self)}")
 
     def places(self) -> dict[str, str]:
-        """Name to "module:attribute", entry points included; for tables whose built-in entries are places."""
+        """Map each name to its "module:attribute", entry points included; for tables whose entries are all places."""
         installed = {name: entry.value for name, entry in self._installed.items()}
         return installed | {name: str(place) for name, place in self.built_in.items()}
 
@@ -102,8 +103,12 @@ def _installed(group: str, path: tuple[str, ...]) -> Mapping[str, EntryPoint]:  
     return {entry.name: entry for entry in entry_points(group=group)}
 
 
-def _resolve(entry: T | str) -> T:
-    if not isinstance(entry, str):
-        return entry
-    module, _, attribute = entry.partition(":")
-    return cast(T, getattr(import_module(module), attribute))
+def resolve(place: str) -> Any:
+    """Import "module:attribute".
+
+    Raises:
+        ImportError: the module, or a package that it needs, is missing.
+        AttributeError: the module has no such attribute.
+    """
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)

@@ -3,17 +3,17 @@
 from typing import NamedTuple
 
 MAX_GAP = 65_535
-"""Longest time between the two samples of an update [ticks]; an older sample is not sent along (65 s at 1 kHz)."""
+"""Longest time between the two samples of an update [ticks], 65 s at 1 kHz; an older sample is not sent."""
 MAX_SELECTOR = 7
-"""A selector travels in three bits."""
+"""Largest selector: it has three bits on the wire."""
 
 
 class PreviousSample(NamedTuple):
-    """The sample that was sent before.
+    """The sample that was sent before the newest one.
 
     Args:
-        gap: ticks from it to the newest sample, 1..`MAX_GAP`.
-        levels: its int16 levels, laid out like those of the newest sample.
+        gap: ticks from it to the newest sample, 1 to `MAX_GAP`.
+        levels: its int16 levels, in the order of those of the newest sample.
     """
 
     gap: int
@@ -21,10 +21,10 @@ class PreviousSample(NamedTuple):
 
 
 class ModelParameters(NamedTuple):
-    """The parameters of a model that the sender estimated; the predictor says how they are packed.
+    """The parameters of a model that the sender estimated, packed by its predictor.
 
     Args:
-        bits: 0 <= bits < 2**parameter_bits(n), n levels in the newest sample.
+        bits: 0 <= bits < 2**parameter_bits(n), where n is the number of levels of the newest sample.
     """
 
     bits: int
@@ -34,13 +34,13 @@ Payload = PreviousSample | ModelParameters | None
 
 
 class Update(NamedTuple):
-    """The whole state of a decoder: whichever update arrives restores it.
+    """The complete state of a decoder: any update that arrives restores it.
 
     Args:
-        tick: when the newest sample was taken, on the sender's tick clock.
-        selector: index of the chosen predictor in the bank that both ends agreed on, 0..7.
-        newest: int16 levels of the sample: the value on each axis, then (force channel) the position it belongs to.
-        payload: what the chosen predictor needs beside the newest sample.
+        tick: the sender's tick number of the newest sample.
+        selector: index of the chosen predictor in the bank that both ends agreed on, 0 to `MAX_SELECTOR`.
+        newest: int16 levels of the newest sample: the value on each axis, then (force channel) the commanded position.
+        payload: what the chosen predictor needs in addition; None for nothing.
     """
 
     tick: int
@@ -50,5 +50,5 @@ class Update(NamedTuple):
 
 
 def parameter_bits(levels: int) -> int:
-    """Size of the model parameters beside a sample of so many levels: the room of a previous sample and its gap."""
+    """Bits for the model parameters of a sample with this many levels: the room of a previous sample and its gap."""
     return 15 + 16 * levels

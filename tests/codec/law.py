@@ -16,7 +16,7 @@ POSITION_BANKS = {"hybrid": ("zoh", "linear"), "adaptive": ("zoh", "linear", "tr
 
 
 class Tick(NamedTuple):
-    """What became of a sample: the update sent, what is displayed then, the deadband, and the error in its measure."""
+    """One coded sample: the update sent, the value displayed then, the deadband, and the distance of the two values."""
 
     update: Update | None
     shown: Vector
@@ -31,7 +31,7 @@ def make_channel(predictor: str, *, position: bool = False, **options: Any) -> C
 
 
 def half_step(channel: Channel) -> float:
-    """The farthest that a sample can be from what the wire says of it."""
+    """The largest rounding error of a sample on the wire."""
     quantizer = channel.value_quantizer
     return 0.5 * quantizer.step * sqrt(quantizer.size) * (1.0 + 1e-9)
 
@@ -39,10 +39,10 @@ def half_step(channel: Channel) -> float:
 def coded(
     channel: Channel, samples: Sequence[tuple[Vector, Vector]], encoder: Encoder | None = None, start: int = 0
 ) -> Iterator[Tick]:
-    """Code finite samples, one a tick: both ends hold the same state, and the error is within the deadband.
+    """Code finite samples, one per tick; assert that both ends hold the same state, and the error is in the deadband.
 
-    The sample that is sent is displayed as near as the wire can say it. A line of `trend` begins within the deadband
-    of it instead, or as near as the wire can say it where that is further.
+    A sample that is sent is displayed within the rounding of the wire. A line of `trend` begins within the deadband
+    around it instead, or within the rounding if that is more.
     """
     encoder, decoder = encoder or Encoder(channel), Decoder(channel)
     near = half_step(channel)
@@ -53,7 +53,7 @@ def coded(
         shown = decoder.value(tick, position)
         assert shown is not None
         assert decoder.state == encoder.mirror.state
-        # Asked once a tick, as a loop does: a surface with friction remembers where the probe was.
+        # Evaluated once per tick, as in a session: a surface with friction remembers the position.
         assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
         error = distance(shown, channel.value_quantizer.confine(value))
         aside = update is not None and channel.bank[update.selector] == "trend" and update.payload is not None

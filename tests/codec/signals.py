@@ -1,6 +1,6 @@
-"""Seeded haptic signals at 1 kHz: points that move over surfaces, and contacts whose truth is known.
+"""Seeded haptic signals at 1 kHz: points that move over surfaces, and contacts with known parameters.
 
-The friction here is a god-object in tangential coordinates, written apart from that of the codec.
+The friction here is a god-object in tangential coordinates, independent of the implementation in the codec.
 """
 
 from collections.abc import Callable
@@ -16,13 +16,13 @@ Array = npt.NDArray[np.float64]
 Stream = list[tuple[Vector, Vector]]
 """Per tick: force [N], commanded position [m]."""
 Path = Callable[[float], tuple[float, float, float]]
-"""Where the hand is at a time [s]: along two tangents and, below 0, into the surface [m]."""
+"""Position of the hand at a time [s]: along two tangents and along the normal, below 0 inside the surface [m]."""
 NOISE = 2e-3
-"""Of a force sensor, on each axis [N]."""
+"""Noise of a force sensor on each axis, rms [N]."""
 
 
 def contact_stream(seed: int, *, ticks: int = 400, axes: str = "xyz") -> Stream:
-    """A sum of sinusoids as motion; a plane, a dome or a cavity as contact; noise, steps and rests at random."""
+    """A sum of sinusoids over a plane, a dome or a cavity, with random noise and dropouts of the force."""
     random = Random(seed)
     frequencies = [random.uniform(0.2, 8.0) for _ in range(3)]
     amplitudes = [random.uniform(0.0, 0.03) for _ in range(3)]
@@ -60,7 +60,7 @@ def _ball(offset: Vector, radius: float, sign: float) -> Vector:
 
 
 def stroke(t: float) -> tuple[float, float, float]:
-    """A hand that strokes to and fro some millimetres deep, with its tremor."""
+    """A hand that strokes to and fro, some millimetres deep and with tremor."""
     depth = 3e-3 + 8e-4 * sin(2.0 * pi * 1.3 * t) + 1e-4 * sin(2.0 * pi * 9.0 * t)
     return 8e-3 * sin(2.0 * pi * 0.7 * t), 5e-3 * sin(2.0 * pi * 0.45 * t + 0.4), -depth
 
@@ -75,7 +75,7 @@ class GodObject:
         self.proxy: Array | None = None
 
     def foot(self, probe: Array) -> tuple[Array, Array, float]:
-        """Nearest place of the surface, its normal there and the depth of a probe."""
+        """Nearest point of the surface, the normal there, and the depth of the probe."""
         if self.curvature == 0.0:
             return np.array([probe[0], probe[1], 0.0]), np.array([0.0, 0.0, 1.0]), -float(probe[2])
         radius = 1.0 / self.curvature
@@ -109,16 +109,16 @@ def contact(
 ) -> Stream:
     """The signal of a hand on a surface.
 
-    On a curved one the tangential motion runs along the surface, so that the depth is that of the path.
+    On a curved surface the tangential motion follows the surface, so the depth is that of the path.
 
     Args:
-        god: that makes the force.
-        ticks: of 1 ms.
-        path: of the hand, relative to the surface at rest.
-        normal: of the surface, in the frame of the stream.
-        lift: height of the surface over its place at a time [m].
-        noise: of the sensor [N].
-        seed: of the noise.
+        god: the model that computes the force.
+        ticks: duration [ms].
+        path: path of the hand, relative to the surface at rest.
+        normal: normal of the surface, in the frame of the stream.
+        lift: displacement of the surface along its normal at a time [m].
+        noise: rms noise of the force sensor on each axis [N].
+        seed: seed of the noise.
     """
     z = np.array(normal) / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z)
@@ -140,7 +140,7 @@ def contact(
 
 
 def rubbing_stream(seed: int, *, ticks: int) -> Stream:
-    """A stroke over a surface with friction that is left and touched again now and then."""
+    """Strokes over a surface with friction, with breaks of contact."""
     random = Random(seed)
     god = GodObject(random.uniform(300.0, 1500.0), random.choice([0.0, 20.0, -20.0]), 0.3)
 

@@ -16,7 +16,7 @@ from weberlink.codec import Decoder, Update, force_channel
 from weberlink.codec.predictors.affine import AFFINE, SLOWEST, SOFTEST, WIDEST, Affine, LocalAffine
 from weberlink.codec.predictors.contract import EncodeContext, History
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, unit
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 
 S = 800.0
 coordinates = st.floats(-0.02, 0.02)
@@ -51,7 +51,7 @@ def test_a_contact_does_not_pull_and_returns_gradually() -> None:
     assert model.at(0, (0.0, 0.0, 0.0012))[2] == pytest.approx(0.04)
     assert model.at(0, (0.0, 0.0, 0.0013)) == model.at(11, ZERO) == ZERO
     assert model.at(9, ZERO)[2] == pytest.approx(0.1)
-    # Sideways stiffness that was noise would throw the probe aside when the contact comes back.
+    # A sideways stiffness that is only noise would push the probe aside when the contact returns.
     model = Affine((0.0, 0.0, 1.0), ZERO, 0, ((2000.0, 0.0, 0.0), (0.0, 2000.0, 0.0), (0.0, 0.0, -500.0)), ZERO)
     back = [model.at(1, (0.003, -0.002, 0.004 - 1e-6 * step)) for step in range(4000)]
     assert back[0] == ZERO
@@ -132,7 +132,7 @@ def test_it_recovers_an_affine_field(stiffness: tuple[Vector, ...], force: Calla
 
 
 def test_with_a_hand_at_rest_noise_is_no_stiffness() -> None:
-    """The ridge is that of a hand that moves by 10 um: 2 mN over 1 um would be 2000 N/m."""
+    """The ridge corresponds to a motion of 10 um; without it, 2 mN over 1 um would be 2000 N/m."""
     random = Random(4)
     draws = [[random.gauss(0.0, 1.0) for _ in range(4)] for _ in range(40)]
     model = estimated([((2e-3 * a, 2e-3 * b, 1.0 + 2e-3 * c), (1e-6 * d, 0.0, 0.0)) for a, b, c, d in draws])
@@ -143,7 +143,7 @@ def test_with_a_hand_at_rest_noise_is_no_stiffness() -> None:
 def test_a_drift_in_time_alone_is_the_slope() -> None:
     model = estimated([((0.0, 0.0, 1.0 + 0.01 * tick), ZERO) for tick in range(40)])
     assert model is not None
-    # With the ridge on time of a fifth of the samples, beside a third, which is the mean square of a window.
+    # The ridge on time is 0.2, beside a mean square of time of about 1/3: the slope shrinks by about a third.
     assert 0.5 * 0.01 < model.slope[2] < 0.01
     assert model.stiffness == (ZERO, ZERO, ZERO)
     assert estimated([(ZERO, ZERO)] * 2) is None
@@ -157,12 +157,12 @@ def test_extreme_samples_make_a_finite_model_or_none(size: float) -> None:
 
 
 def test_on_springs_it_sends_less_than_a_hold() -> None:
-    """Three springs at an angle, and a hand that goes round: no plane, no ball, but affine."""
+    """Three springs and a hand that moves around: neither a plane nor a sphere, but affine."""
 
     def at(t: float) -> Vector:
         return (0.01 * sin(2.0 * pi * t), 0.01 * sin(2.6 * pi * t + 1.0), 0.01 * sin(3.4 * pi * t))
 
     places = [at(tick * 1e-3) for tick in range(2000)]
-    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), add((x, y, z), ZERO)) for x, y, z in places]
+    stream = [((1.0 - 300.0 * x, 1.0 - 200.0 * y, 6.0 - 400.0 * z), (x, y, z)) for x, y, z in places]
     hold, affine = (sends(force_channel(predictor=predictor), stream) for predictor in ("zoh", "affine"))
     assert affine < 0.5 * hold

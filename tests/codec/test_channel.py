@@ -119,6 +119,6 @@ def test_rounded_is_the_value_of_the_levels(value: tuple[float, float, float], a
 @given(value=st.tuples(anything, anything, anything), axes=axes_sets)
 def test_confine_keeps_exactly_what_the_wire_can_say(value: tuple[float, float, float], axes: str) -> None:
     for quantizer in (Quantizer(1e-3, axes), Quantizer(1e200, axes, largest_level=inf)):
-        assert quantizer.says(value) == all(map(eq, quantizer.confine(value), value))
-        if quantizer.says(value):
+        assert quantizer.in_range(value) == all(map(eq, quantizer.confine(value), value))
+        if quantizer.in_range(value):
             assert all(component - component == 0.0 for component in value)

@@ -1,7 +1,7 @@
-"""Estimates of a contact whose truth is known, with the noise of a sensor (2 mN) on every axis.
+"""Estimates of a contact with known parameters, with sensor noise (2 mN) on every axis.
 
-The tolerances are what was measured, rounded up. Noise in the force makes a contact look stiffer, and the more so the
-softer it is: the changes of force over some ticks are 20 mN at 200 N/m.
+The tolerances are the measured errors, rounded up. Noise in the force makes a contact look stiffer, most of all a soft
+one: at 200 N/m the force changes by only 20 mN over some ticks.
 """
 
 from functools import cache
@@ -86,7 +86,7 @@ def test_friction(curvature: float, off: float) -> None:
 
 
 def test_a_press_that_sticks_gives_a_lower_bound_of_the_friction() -> None:
-    """It held a pull of a fifth of the press."""
+    """The tangential force reaches a fifth of the normal force without sliding."""
     found = follow([((0.2 * sin(0.01 * tick), 0.0, 1.0), (0.0, 0.0, -2e-3)) for tick in range(1000)])
     assert found.normal == (0.0, 0.0, 1.0)
     assert found.friction == pytest.approx(0.2, abs=1e-3)
@@ -94,12 +94,12 @@ def test_a_press_that_sticks_gives_a_lower_bound_of_the_friction() -> None:
 
 @pytest.mark.parametrize(("amplitude", "hz", "off"), [(0.016, 1.0, 1e-3), (0.005, 1.0, 1e-3), (0.004, 1.6, 5e-3)])
 def test_stiffness_and_frequency_of_a_moving_surface(amplitude: float, hz: float, off: float) -> None:
-    """0.016 m at 1 Hz is 0.1 m/s. Third differences leave little but noise of a soft one: 300 N/m looks like 410."""
+    """0.016 m at 1 Hz is 0.1 m/s. A soft surface is left out: its third differences are mostly noise."""
     found = follow(swinging(1000.0, amplitude, hz))
     assert found.frequency.value == pytest.approx(2.0 * pi * hz * 1e-3, rel=off)
     if hz == 1.0:
         assert 1.0 / found.moving.compliance == pytest.approx(1000.0, rel=0.05)
-        # The hypothesis without motion takes it for compliance.
+        # The hypothesis of a surface at rest takes the motion for compliance.
         assert abs(found.frictionless.compliance * 1000.0 - 1.0) > 0.3
 
 
@@ -132,7 +132,7 @@ def test_what_was_learned_outlasts_the_contact_and_the_normal_only_a_similar_one
 
 
 def test_nothing_is_compared_across_a_gap_of_ticks() -> None:
-    """The hand was elsewhere before: taken for one tick, the jump would be a compliance of its own."""
+    """The hand moved during the gap: taken for the motion of one tick, the jump would give a wrong compliance."""
     one = contact(GodObject(500.0), ticks=600)
     stream = [*one, *((f, (p[0] + 0.1, p[1] - 0.2, p[2] + 0.3)) for f, p in one)]
     found, continuous = follow([*stream[:600], stream[0], *stream[600:]], skip=(600,)), follow(stream)
@@ -156,14 +156,14 @@ def test_extreme_forces_and_places_do_not_raise(size: float) -> None:
 
 @cache
 def stream_for(kind: Kind) -> Stream:
-    """A contact of which the hypothesis is true."""
+    """A contact for which the hypothesis is true."""
     if kind is MovingHypothesis:
         return swinging(800.0, AMPLITUDE, ticks=3100)
     return contact(GodObject(800.0, *((20.0,) if kind is FrictionlessHypothesis else (0.0, 0.3))), ticks=3100)
 
 
 def at_end(samples: Stream) -> tuple[ContactEstimator, EncodeContext]:
-    """What is known when the last sample is to be sent."""
+    """The estimates and the context when the last sample is to be sent."""
     history, found = History(), ContactEstimator(0.04)
     for tick, (force, position) in enumerate(samples):
         found.follow(history, history.add(tick, force, position))
@@ -179,7 +179,7 @@ def model_at_end(samples: Stream, kind: Kind, limits: FitLimits | None = None) -
 def test_a_surface_passes_through_its_sample_and_predicts_the_next_tenth_of_a_second(
     kind: Kind, allowed: float
 ) -> None:
-    """Within a deadband and a half of k = 0.1 or better, at the positions that come; a hold is off by more."""
+    """Within the error allowed, as a share of the force, and within 0.6 of the error of a hold."""
     samples, now = stream_for(kind), 3000
     model = model_at_end(samples[: now + 1], kind)
     assert model is not None
@@ -220,7 +220,7 @@ def test_each_hypothesis_recovers_its_own_parameters() -> None:
 
 @pytest.mark.parametrize("kind", [FrictionlessHypothesis, FrictionalHypothesis])
 def test_a_hardly_curved_surface_is_made_flat(kind: Kind) -> None:
-    """A ball of more than 2 m."""
+    """A sphere with a radius of more than 2 m is a plane."""
     found, context = at_end(stream_for(FrictionalHypothesis)[:3001])
     for curvature, expected in ((0.49, 0.0), (-0.49, 0.0), (0.51, 0.51), (-0.51, -0.51)):
         found.curvature.value = found.frictional_curvature.value = curvature

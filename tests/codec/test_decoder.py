@@ -1,4 +1,4 @@
-"""What a decoder says between updates, and what it refuses."""
+"""The values of a decoder between updates, and the updates that it refuses."""
 
 from math import inf, nan
 
@@ -71,7 +71,7 @@ def test_whatever_an_update_says_the_force_is_finite_and_within_the_wire(
         value = decoder.value(tick, position)
         assert value is not None
         assert is_finite(value)
-        assert channel.value_quantizer.says(value)
+        assert channel.value_quantizer.in_range(value)
 
 
 def test_at_the_tick_of_a_sample_the_value_is_the_sample_even_on_a_stiff_model() -> None:
@@ -111,7 +111,7 @@ def test_friction_does_not_remember_a_position_that_is_not_finite(bad: float) ->
         assert shown is not None
         assert is_finite(shown)
     assert is_finite(decoder.state[3])
-    # It slides back to where the probe is, from wherever that was taken to be.
+    # The god-object slides to the probe again, wherever it was.
     for tick, x in enumerate((0.01, 0.02, 0.03), 13):
         decoder.value(tick, (x, 0.0, -0.002))
         other.value(tick, (x, 0.0, -0.002))

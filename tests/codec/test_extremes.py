@@ -1,13 +1,13 @@
-"""The codec at its edges: a table of signals, what is stated of each, and laws that hold for all of them.
+"""The codec in extreme cases: a table of signals with their expected results, and laws that hold for all of them.
 
-Every update goes over the wire's own layout, its tick truncated, before the decoder sees it.
+Every update passes through the wire layout, with a truncated tick, before the decoder gets it.
 """
 
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
-from math import cos, inf, nan, sin, sqrt
+from math import cos, inf, nan, sin
 from sys import float_info
 from typing import Any
 
@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import ESTIMATED, FITTED, POSITION_BANKS, make_channel
+from tests.codec.law import ESTIMATED, FORCE_PREDICTORS, POSITION_BANKS, POSITION_PREDICTORS, half_step, make_channel
 from tests.examples import examples
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
 from weberlink.codec.predictors import PREDICTORS
@@ -30,16 +30,11 @@ from weberlink.update import ModelParameters, Payload, PreviousSample, parameter
 Samples = Sequence[tuple[int, Vector, Vector]]
 """Tick, force [N] (position [m] on a position channel), commanded position [m]."""
 
-FORCE_PREDICTORS = (*FITTED, "hybrid")
-POSITION_PREDICTORS = ("zoh", "linear", "hybrid")
-FORCE_LAWS = (*FORCE_PREDICTORS, *ESTIMATED, "adaptive")
-POSITION_LAWS = (*POSITION_PREDICTORS, "trend", "adaptive")
-"""For which the laws are stated, and no number of updates: what the sender estimates may be tuned."""
 WEBER = 0.10
 FULL = 1e-3 * INT16_MAX
 """Range of a force on one axis [N]."""
 LATENCY = 7
-"""Of the wire [ticks]."""
+"""Delay of the wire [ticks]."""
 FORCE_LIMIT = 10.0
 
 NO_FLOOR = partial(force_channel, floor=0.0)
@@ -51,16 +46,16 @@ TWO_AXES = partial(force_channel, axes="xz", position_step=2e-6)
 
 @dataclass(frozen=True)
 class Case:
-    """A signal, and what becomes of it at k = 0.10.
+    """A signal, and the expected result at k = 0.10.
 
     Args:
-        name: of the signal.
-        samples: of the signal.
-        sent: number of updates of each predictor, or of all.
-        decoded: what the other end holds at the last sample; None where each predictor holds its own.
-        believed: predictors that believe a fitted model then; all others hold a sample, or nothing.
-        channel: of the predictor, the Weber factor and the reference.
-        rejected: samples that are not finite.
+        name: description of the signal.
+        samples: the signal.
+        sent: number of updates, by predictor or the same for all.
+        decoded: value at the other end at the last sample; None if it depends on the predictor.
+        believed: predictors that use a fitted model then; all others hold a sample, or have none.
+        channel: makes the channel of a predictor.
+        rejected: number of samples that are not finite.
     """
 
     name: str
@@ -80,8 +75,9 @@ class Case:
         return FORCE_PREDICTORS if self.of_force else POSITION_PREDICTORS
 
     @property
-    def laws(self) -> tuple[str, ...]:
-        return FORCE_LAWS if self.of_force else POSITION_LAWS
+    def fitted(self) -> tuple[str, ...]:
+        """The predictors with an expected number of updates; that of an estimated predictor may change by tuning."""
+        return tuple(name for name in self.predictors if name not in (*ESTIMATED, "adaptive"))
 
     def build(self, predictor: str, **options: Any) -> Channel:
         if predictor == "adaptive" and not self.of_force:
@@ -103,13 +99,13 @@ def at_rest(*forces: Vector) -> Samples:
 
 
 def press(*, start: int = 0, ticks: int = 200, force: float = 1.0) -> Samples:
-    """Evenly into a flat wall of 500 N/m, from 2 mm deep to 12 mm; `force` is the unit [N]."""
+    """At constant speed into a flat wall of 500 N/m, from 2 mm to 12 mm deep; forces are multiplied by `force`."""
     depths = [2e-3 + 5e-5 * tick for tick in range(ticks)]
     return [(start + tick, up(force * 500.0 * depth), up(-depth)) for tick, depth in enumerate(depths)]
 
 
 def roll(radius: float, *, aside: float = 0.0) -> Samples:
-    """Over the top of a ball of 500 N/m, 2 mm deep and deeper; `aside` [m] in y, which the ball does not know."""
+    """Over the top of a ball of 500 N/m, from 2 mm to 4 mm deep; the y of the position is `aside` [m] off."""
     samples = []
     for tick in range(200):
         angle = (0.02 - 2e-4 * tick) / radius
@@ -121,7 +117,7 @@ def roll(radius: float, *, aside: float = 0.0) -> Samples:
 
 
 def wire(update: Update, layout: UpdateLayout) -> Update:
-    """What the receiver makes of an update that was `LATENCY` ticks under way."""
+    """An update as the receiver decodes it after `LATENCY` ticks."""
     layout.check(update)
     data = layout.pack(0, pack_word(0, 0, 0, update.tick & (1 << TICK_BITS) - 1), update)
     head = read_head(data[0], data[CLEAR_BYTES:])
@@ -256,11 +252,10 @@ CASES = [
 
 
 def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
-    """Run a case, with the laws that hold for all; updates sent, samples rejected, the decoder."""
+    """Run a case and assert the laws of all cases; returns updates sent, samples rejected, and the decoder."""
     encoder, decoder = Encoder(channel), Decoder(channel)
     quantizer = channel.value_quantizer
     layout = UpdateLayout(channel.grid.size, parametric=channel.parametric) if quantizer.limit < 1e6 else None
-    as_near_as_the_wire = 0.5 * quantizer.step * sqrt(quantizer.size)
     sent = 0
     for tick, value, position in case.samples:
         update = encoder.encode(tick, value, position)
@@ -274,13 +269,13 @@ def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
             assert decoded is not None
             assert decoded == (encoder.predicted if update is None else encoder.mirror.value(tick, position))
             error = distance(decoded, quantizer.confine(value))
-            assert error <= max(encoder.bound * (1.0 + 1e-12), as_near_as_the_wire * (1.0 + 1e-9))
+            assert error <= max(encoder.bound * (1.0 + 1e-12), half_step(channel))
         assert decoder.state == encoder.mirror.state
     return sent, encoder.rejected, decoder
 
 
 def check_displayable(decoded: Vector | None, channel: Channel) -> None:
-    """What a device may be given: finite, on the axes that travel, within their range, and then limited."""
+    """Assert that a value is finite, 0 on unused axes and within range, and that the force limiter limits it."""
     if decoded is None:
         assert channel.rest is None
         return
@@ -290,9 +285,9 @@ def check_displayable(decoded: Vector | None, channel: Channel) -> None:
 
 
 COMBINATIONS = [
-    pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.predictors
+    pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.fitted
 ]
-LAWS = [pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.laws]
+LAWS = [pytest.param(case, predictor, id=f"{case.name}-{predictor}") for case in CASES for predictor in case.predictors]
 
 
 @pytest.mark.parametrize(("case", "predictor"), COMBINATIONS)
@@ -330,7 +325,7 @@ probes = st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers
 def test_no_peer_can_make_a_decoder_display_what_it_must_not(
     of_force: bool, updates: list[Any], probes: list[tuple[float, Vector]], axes: str
 ) -> None:
-    """Any levels, gap, selector and time; refused where they do not fit, and then as if they had not come."""
+    """With any levels, gap, selector and time; an update that does not fit is refused and changes nothing."""
     channel = make_channel(
         "adaptive", position=not of_force, axes=axes, **({"bank": tuple(PREDICTORS)} if of_force else {})
     )

@@ -1,4 +1,4 @@
-"""Model parameters as bits: fields, number formats, and the estimated predictors' use of them."""
+"""Model parameters as bits: fields, number formats, and their use by the estimated predictors."""
 
 from math import inf, isfinite, nan
 
@@ -79,7 +79,7 @@ def test_a_block_rounds_towards_zero_by_less_than_a_digit(block: Block, data: st
 @given(unit=st.integers(-30, 10), block=blocks, data=st.data())
 @examples(50)
 def test_decoded_blocks_are_fixed_points(unit: int, block: Block, data: st.DataObject) -> None:
-    """Where the unit is a power of two; else a quotient may be rounded below the digit that it is."""
+    """If the unit is a power of two; otherwise a quotient may be rounded below its digit."""
     block, top = block._replace(unit=2.0**unit), 2 ** (block.width - 1) - 1
     digits = [data.draw(st.integers(0, 2 * top)) for _ in range(block.size)]
     numbers = block.numbers([data.draw(st.integers(0, LARGEST_EXPONENT)), *digits])

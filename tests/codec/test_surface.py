@@ -1,4 +1,4 @@
-"""One patch of a surface: stiffness, curvature, friction and motion, and what of them survives the wire."""
+"""A patch of a surface: stiffness, curvature, friction and motion, and their rounding on the wire."""
 
 from math import cos, pi, sin
 
@@ -49,7 +49,7 @@ def test_a_curved_patch_is_a_ball_or_a_cavity(normal: Vector, point: Vector, pro
 def test_a_hardly_curved_patch_is_flat(normal: Vector, point: Vector, probe: Vector) -> None:
     flat = SurfacePatch(normal, point, 0, S).at(0, probe)
     for curvature in (1e-2, -1e-2, 1e-5, -1e-5):
-        # By the parabola of its height, half of a way of 35 mm squared, and the turn of its normal over as much.
+        # Over 35 mm the height changes by curvature * 35 mm^2 / 2, and the normal turns by curvature * 35 mm.
         error = distance(SurfacePatch(normal, point, 0, S, curvature).at(0, probe), flat)
         assert error <= S * abs(curvature) * 1.5 * 0.035**2 + 1e-7
 
@@ -65,21 +65,21 @@ def test_at_the_centre_of_curvature_there_is_no_force() -> None:
 def test_it_sticks_inside_the_cone_and_slides_on_it() -> None:
     depth = 2e-3
     cone = MU * depth
-    # A spring of the same stiffness to all sides, about the point where it holds.
+    # A spring of the same stiffness in all directions, about the god-object.
     force, held = FLAT.advance(1, (4e-4, -3e-4, -depth), ZERO)
     assert force == pytest.approx(scale((-4e-4, 3e-4, depth), S))
     assert held == pytest.approx(ZERO, abs=1e-15)
     force, held = FLAT.advance(2, (3e-3, 4e-3, -depth), ZERO)
     assert force == pytest.approx((-0.6 * MU, -0.8 * MU, 1.0))
     assert held == pytest.approx((3e-3 - 0.6 * cone, 4e-3 - 0.8 * cone, 0.0))
-    # Back by half the length of the spring: half the pull, and the surface holds where it did.
+    # Back by half the length of the spring: half the pull, and the god-object stays.
     force, same = FLAT.advance(3, (3e-3 - 0.3 * cone, 4e-3 - 0.4 * cone, -depth), held)
     assert force == pytest.approx((-0.3 * MU, -0.4 * MU, 1.0))
     assert same == pytest.approx(held, abs=1e-15)
     # Back by more than twice its length: it slides the other way.
     force, held = FLAT.advance(4, (3e-3 - 1.8 * cone, 4e-3 - 2.4 * cone, -depth), held)
     assert force == pytest.approx((0.6 * MU, 0.8 * MU, 1.0))
-    # A lighter press lets it slip, and off the surface nothing holds.
+    # With less pressure it slips; off the surface there is no force.
     force, held = FLAT.advance(5, (5e-4, 0.0, -1e-3), ZERO)
     assert force == pytest.approx((-MU * 0.5, 0.0, 0.5))
     assert held == pytest.approx((5e-4 - MU * 1e-3, 0.0, 0.0))
@@ -91,7 +91,7 @@ def test_it_sticks_inside_the_cone_and_slides_on_it() -> None:
 @given(path=paths, normal=normals, curvature=curvatures, friction=st.floats(0.01, 1.5))
 @examples(40)
 def test_it_pulls_as_a_god_object_does(path: list[Vector], normal: Vector, curvature: float, friction: float) -> None:
-    """Told apart in a frame whose z is the normal, in matrices."""
+    """Compared with an independent implementation, with matrices in a frame whose z is the normal."""
     z = np.array(normal)
     x = np.cross(z, [1.0, 0.0, 0.0] if abs(normal[0]) < 0.6 else [0.0, 1.0, 0.0])
     x /= np.linalg.norm(x)
@@ -117,10 +117,9 @@ def test_the_force_is_within_the_cone_and_repeatable(path: list[Vector], normal:
         aside = subtract(force, bare)
         assert norm(aside) <= MU * norm(bare) * (1.0 + 1e-9) + 1e-12
         assert abs(dot(aside, bare)) <= 1e-9
-        if norm(bare) > 0.0:
-            # It pulls to where the surface holds.
-            pull = scale(subtract(held, probe), S)
-            assert distance(force, pull) <= 1e-9 if curvature == 0.0 else True
+        if norm(bare) > 0.0 and curvature == 0.0:
+            # It pulls to the god-object.
+            assert distance(force, scale(subtract(held, probe), S)) <= 1e-9
 
 
 # Motion.
@@ -128,7 +127,7 @@ def test_the_force_is_within_the_cone_and_repeatable(path: list[Vector], normal:
 
 @pytest.mark.parametrize("ahead", [0, 1, 37, 400, 1000.5])
 def test_an_oscillation_is_a_sine(ahead: float) -> None:
-    """z(t) = A sin(w t + phi) at 1 Hz, less what it is at 0."""
+    """z(t) = A sin(w t + phi) - A sin(phi) at 1 Hz."""
     frequency, amplitude, phase = 2.0 * pi * 1e-3, 0.016, 0.7
     surface = SurfacePatch(
         UP,
@@ -184,13 +183,13 @@ def test_its_numbers_survive_within_their_grids(
     assert said.velocity == pytest.approx(3e-5, rel=2.0**-7)
     assert said.acceleration == pytest.approx(-4e-7, rel=2.0**-6)
     assert said.frequency == pytest.approx(frequency, abs=2.0**-17)
-    # It holds the probe where the sample says: along the force, not along the normal.
+    # The god-object is at p + f / s: along the force, not along the normal.
     assert said.point == pytest.approx(add(newest.position, scale(newest.value, 1.0 / said.stiffness)))
 
 
 @given(force=st.tuples(*[st.floats(0.3, 5.0)] * 3), position=vectors, curvature=curvatures)
 def test_with_friction_it_passes_through_its_own_sample(force: Vector, position: Vector, curvature: float) -> None:
-    """Whatever the normal was rounded to: where it holds the probe is one stiffness away along the force itself."""
+    """With any rounding of the normal: the god-object is at p + f / s, along the force itself."""
     model = SurfacePatch(unit((1.0, 1.0, 1.0)), ZERO, 3, 2000.0, curvature, 1.5)
     decoder, newest = sent(model, force, position, force_channel(predictor="surface"))
     said = decoder.model

@@ -1,7 +1,7 @@
-"""A small world for closed loops of two control sides: a hand, a wall, and a link that delays, loses and shuffles.
+"""A simulation of both ends of a control scheme in closed loop: a hand, a wall, and a link with delay, jitter and loss.
 
-On one axis and without codec or protocol: each side tells, at every tick, its newest signal and its sum of credit, and
-the other one takes the newest that has arrived. Everything that is random comes from one seed.
+It has one axis and neither codec nor protocol. At every tick each end sends its newest signal and its credit, and uses
+the newest ones that arrived. All randomness comes from one seed.
 """
 
 from collections.abc import Callable
@@ -15,15 +15,15 @@ from weberlink.control.contract import LinkQuality, MasterControl, SlaveControl
 
 TICK = 1e-3
 FORCE_LIMIT = 10.0
-"""On the operator's hand [N]."""
+"""Largest force on the operator's hand [N]."""
 FORCE_RANGE = 30.0
-"""Of the robot's sensor [N]."""
+"""Range of the robot's sensor [N]."""
 QUIET = LinkQuality(None, 0.0)
 
 
 @dataclass(frozen=True)
 class Hand:
-    """A mass that is held by a spring and a damper to where it means to be: passive but for that it moves."""
+    """A mass, coupled by a spring and a damper to its intended position; passive except for the intended motion."""
 
     mass: float = 0.3
     stiffness: float = 300.0
@@ -31,7 +31,7 @@ class Hand:
 
     @property
     def parts(self) -> int:
-        """Of a tick, so that a light one is integrated well."""
+        """Integration steps in a tick; more for a light hand."""
         return max(1, ceil(40.0 * TICK * max((self.stiffness / self.mass) ** 0.5, self.damping / self.mass)))
 
 
@@ -47,12 +47,12 @@ class Link:
 
 @dataclass(frozen=True)
 class Course:
-    """What came of a run: cumulative work at the ports [J], and what was felt and done, per tick."""
+    """The result of a run per tick: cumulative work at the ports [J], forces [N] and positions [m]."""
 
     given: list[float]
-    """By the hand to the device."""
+    """Work of the hand on the device [J]."""
     taken: list[float]
-    """By the wall from the robot."""
+    """Work of the robot on the wall [J]."""
     forces: list[float]
     wall_forces: list[float]
     hand: list[float]
@@ -68,7 +68,7 @@ class Course:
 
 
 class Direction:
-    """One way of the link; the newest that has arrived is what is known."""
+    """One direction of the link, with the newest signal and credit that arrived."""
 
     def __init__(self, link: Link, random: Random, first: tuple[float, int]) -> None:
         self._link, self._random = link, random
@@ -77,7 +77,7 @@ class Direction:
         self.known, self.credit = first
 
     def carry(self, tick: int, signal: float, credit: int) -> None:
-        """Take what is told at this tick, and deliver what arrives at it."""
+        """Send the signal and credit of this tick, and receive what arrives in it."""
         link, flying, chance = self._link, self._flying, self._random.random
         if chance() >= link.loss:
             delay = ceil((link.delay + link.jitter * chance()) / TICK)
@@ -89,7 +89,7 @@ class Direction:
 
 
 def press_and_tap(at: float) -> float:
-    """An intention [m]: pressed to 15 mm with a sway, and released, twice in three seconds; then taps at 4 Hz."""
+    """An intended position [m]: two presses of 15 mm with a sway in three seconds, then taps at 4 Hz."""
     if at < 3.0:
         phase = (at % 1.5) / 1.5
         return 0.01 - 0.025 * min(1.0, 4.0 * phase, max(0.0, 4.0 * (0.9 - phase))) + 0.002 * sin(2.0 * pi * 3.0 * at)
@@ -107,16 +107,17 @@ def operate(
     intention: Callable[[float], float] = press_and_tap,
     learn: Callable[[MasterControl, float, float, int], None] | None = None,
 ) -> Course:
-    """Run both sides from rest at the intention of time 0.
+    """Run both ends from rest at the intended position of time 0.
 
     Args:
-        master, slave: the two sides of a scheme.
-        wall: what the robot touches.
-        link: between them.
-        hand: on the device.
-        seconds: how long.
-        intention: of the hand [m] over time [s].
-        learn: tells the master what an update would, from the force that is known and where it was felt.
+        master, slave: the two ends of a scheme.
+        wall: touched by the robot.
+        link: connects the two ends.
+        hand: moves the device.
+        seconds: duration of the run [s].
+        intention: intended position of the hand [m] at a time [s].
+        learn: called in each tick with the master, the received force [N], the position [m] and the tick, in place of
+            updates.
     """
     random = Random(link.seed)
     at, speed = intention(0.0), 0.0

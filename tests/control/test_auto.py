@@ -1,4 +1,4 @@
-"""The change of schemes: no jump in what is felt, and nothing is owed for ever."""
+"""The change of schemes: no jump of the force, and no permanent debt."""
 
 from math import ceil
 
@@ -8,8 +8,8 @@ from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.control.auto import DWELL, HANDOVER, ORDER, AutoMaster, AutoSlave
 from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.energy import FORGIVENESS
 from weberlink.control.force_port import STEEPEST
-from weberlink.control.tdpa import FORGIVENESS
 from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
@@ -21,7 +21,7 @@ LONG = 3.0 * DWELL
 
 
 class Operator:
-    """Who presses on a wall, and is told a force that is not that of the model."""
+    """An operator who presses on a wall; the decoded force may differ from that of the model."""
 
     def __init__(self) -> None:
         self.control = AutoMaster(SETTINGS)
@@ -31,7 +31,7 @@ class Operator:
         self.control.learn(WALL, (0.0, 0.0, 2.5), (0.0, 0.0, -0.005))
 
     def go(self, height: float, seconds: float, delay: float, decoded: Vector | None = None) -> None:
-        """To a height [m], evenly, over a link of this round trip [s]; without a decoded force, that of the wall."""
+        """Move evenly to a height [m]; `delay` is the round trip [s], `decoded` by default the force of the wall."""
         ticks, start = round(seconds / TICK), self.at
         for tick in range(1, ticks + 1):
             self.at = start + (height - start) * tick / ticks
@@ -43,12 +43,12 @@ class Operator:
 
 @pytest.mark.parametrize("course", [(NONE, TDPA, MMT), (MMT, TDPA, NONE), (TDPA, NONE, TDPA, MMT, TDPA)])
 def test_the_force_goes_over_without_a_jump(course: tuple[str, ...]) -> None:
-    """The decoded force and the one of the model differ by 3.5 N; a hand that is still feels a ramp between them.
+    """The decoded force and that of the model differ by 3.5 N; a hand at rest feels a ramp between them.
 
-    Of 200 ms, and steeper where a port gives back what it withheld at first.
+    It takes 200 ms, and is steeper while a port returns a withheld force.
     """
     operator = Operator()
-    operator.credit = 5000  # enough for whatever it may cost
+    operator.credit = 5000  # enough energy for everything
     operator.go(0.001, 0.3, 0.1, ZERO)
     operator.go(-0.005, 0.3, 0.1, (0.0, 0.0, 6.0))
     operator.go(-0.005, LONG, DELAY[course[0]], (0.0, 0.0, 6.0))
@@ -70,7 +70,7 @@ def test_a_change_in_motion_is_no_steeper_than_what_a_port_may_do() -> None:
 
 
 def test_a_debt_of_a_time_without_control_is_forgotten() -> None:
-    """Less than would call for control: a hand that is pushed out by what it did not put in."""
+    """A debt below the limit that starts passivity control: the hand is pushed out without work before."""
     operator = Operator()
     operator.go(0.001, LONG, DELAY[NONE], ZERO)
     assert operator.control.active == NONE

@@ -1,4 +1,4 @@
-"""The scheme that a link asks for: with hysteresis, after a dwell, never back and forth; an active loop's is tdpa."""
+"""The choice of a scheme by delay: hysteresis, dwell time, and passivity control of an active loop."""
 
 from itertools import pairwise
 
@@ -62,7 +62,7 @@ def test_changes_are_to_a_neighbour_and_at_least_a_dwell_apart(course: list[tupl
 def test_a_debt_without_control_calls_for_control_at_once_and_for_a_while(
     course: list[tuple[float, float, float]],
 ) -> None:
-    """Whatever delays and debts come, changes are few: one more for each time of calm."""
+    """With any delays and debts, there are few changes: one more per `CALM`."""
     choice, now, changes, called_at = SchemeChoice(LEVEL), 0.0, 0, -CALM
     for delay, elapsed, tank in course:
         now += elapsed

@@ -1,8 +1,8 @@
-"""Both sides of a scheme between a hand and a wall: nothing comes out that did not go in, whatever wall, link and hand.
+"""Both ends of a scheme between a hand and a wall create no energy, with any wall, link and hand.
 
-The hand is a mass on a spring whose far end moves; all that it takes out of the device beyond what it had put in was
-made by the link, the control or the wall's sampling. The bound is 1 mJ at any time of the run: what the two tanks may
-be overdrawn by (prediction, sliding, and a tick that took more than was foreseen). A press takes some 50 mJ.
+The hand is a mass on a spring whose far end moves. Energy that it takes out of the device beyond its own work was
+created by the link, the control or the sampling of the wall. The bound is 1 mJ at any time of the run: the debt of the
+two tanks (by prediction, by sliding, and by a tick that took more than predicted).
 """
 
 from dataclasses import replace
@@ -17,7 +17,7 @@ from weberlink.control.table import build_master_control, build_slave_control
 
 SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
 BOUND = 1e-3
-"""Energy that may seem to be made [J]."""
+"""Largest energy that may seem to be created [J]."""
 LINKS = (Link(), Link(jitter=0.05, loss=0.3, seed=3))
 HANDS = {
     "arm": Hand(),
@@ -27,7 +27,7 @@ HANDS = {
 }
 STIFFNESSES = (1e1, 1e3, 1e4, 1e6)
 STIFFEST_MODEL = 3000.0
-"""That the codec trusts [N/m]; of a stiffer wall come samples only."""
+"""Largest stiffness of a model [N/m]; from a stiffer wall come only samples."""
 
 
 def run(name: str, stiffness: float, link: Link, hand: Hand, **more: object) -> Course:
@@ -67,25 +67,25 @@ def test_nor_does_it_over_links_and_walls_that_chance_makes(seed: int) -> None:
 
 @pytest.mark.parametrize("stiffness", [500.0, 1e4])
 def test_without_control_the_same_world_makes_energy(stiffness: float) -> None:
-    """Or the tests above could not fail."""
+    """Otherwise the tests above could not fail."""
     course = run("none", stiffness, Link(0.05), HANDS["arm"])
     assert course.generated_at_the_hand > 100.0 * BOUND
 
 
-@pytest.mark.parametrize(("stiffness", "felt", "on_the_wall"), [(500.0, 0.5, 3.0), (1e4, 0.5, 3.0)])
-def test_under_tdpa_the_wall_is_felt_and_pressed_on(stiffness: float, felt: float, on_the_wall: float) -> None:
-    """A control that gave no force at all would be passive too."""
+@pytest.mark.parametrize("stiffness", [500.0, 1e4])
+def test_under_tdpa_the_wall_is_felt_and_pressed_on(stiffness: float) -> None:
+    """A control that displays no force at all would be passive too."""
     course = run("tdpa", stiffness, Link(0.005), HANDS["arm"])
     assert max(course.forces) >= 3.0
-    assert max(course.wall_forces) >= on_the_wall
+    assert max(course.wall_forces) >= 3.0
     touching = [force for force, wall in zip(course.forces, course.wall_forces, strict=True) if wall > 2.0]
-    assert sum(touching) / len(touching) >= felt
+    assert sum(touching) / len(touching) >= 0.5
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.35])
 @pytest.mark.parametrize("stiffness", [1e2, 1e3, 1e6])
 def test_mmt_makes_no_energy_at_the_hand(stiffness: float, delay: float) -> None:
-    """Whatever models come: they are off by a factor of two and by millimetres, and some samples bring none."""
+    """With any models: wrong by a factor of two and by millimetres, and missing in some samples."""
     random = Random(round(stiffness))
 
     def learn(master: MasterControl, force: float, at: float, tick: int) -> None:

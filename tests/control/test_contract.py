@@ -1,4 +1,4 @@
-"""One contract for both sides of every scheme of the table, whatever they are told."""
+"""The contract of both ends of every scheme of the table, with any input."""
 
 from collections.abc import Callable
 from math import isfinite
@@ -22,7 +22,7 @@ surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(
 
 
 class MasterTick(NamedTuple):
-    """What the operator's side is told in a tick."""
+    """The inputs of the operator's end in a tick."""
 
     news: tuple[WallModel | None, Vector, Vector] | None
     position: Vector
@@ -31,18 +31,18 @@ class MasterTick(NamedTuple):
     quality: LinkQuality
     force: Vector
     share: float
-    """Of what is rendered, that is displayed."""
+    """Share of the rendered force that is displayed."""
 
 
 class SlaveTick(NamedTuple):
-    """What the teleoperator's side is told in a tick."""
+    """The inputs of the teleoperator's end in a tick."""
 
     target: Vector
     elapsed: float
     peer_credit: int
     quality: LinkQuality
     moved: Vector
-    """Where the robot is put in the end, beside where it may go."""
+    """Commanded position if its x is not positive; otherwise the robot goes where `follow` allows [m]."""
     force: Vector
 
 
@@ -79,7 +79,7 @@ wild_master, wild_slave = master_ticks(wild, wild), slave_ticks(wild, wild)
 
 
 def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
-    """All that comes out of a side in these ticks, seen to be sound."""
+    """The outputs of an end in these ticks; asserts that they are valid."""
     out: list[object] = []
     credit = control.credit
     for tick in ticks:
@@ -116,7 +116,7 @@ def check(control: MasterControl | SlaveControl, credit: int) -> None:
 
 
 class End(NamedTuple):
-    """One end of a scheme: how it is built and run, and what it is told."""
+    """One end of a scheme: how to build and run it, and its inputs."""
 
     build: Callable[[str, SchemeParameters], Any]
     run: Callable[[Any, Any], list[object]]

@@ -1,4 +1,4 @@
-"""Energy tanks and what travels between them, the prediction of credit, and the drag that fills a tank."""
+"""Energy tanks and the credit between them, the prediction of credit, and the drag that fills a tank."""
 
 from math import isfinite
 
@@ -7,17 +7,17 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pytest import approx
 
-from tests.control.vectors import dot, forces, norm, steps, subtract, vectors
+from tests.control.vectors import forces, steps, vectors
 from tests.examples import examples
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.energy import LONGEST, STRONGEST, CreditPrediction, EnergyTank, LevelDrag
+from weberlink.control.energy import FORGIVENESS, LONGEST, STRONGEST, CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import LEAST_STEP, ForcePort
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
 LARGEST = 100.0
-"""Of the work in a test [J]."""
+"""Largest work in a test [J]."""
 MOST = 1e-3
-"""Of a prediction [J]."""
+"""Largest prediction [J]."""
 LEVEL = 0.05
 TICK = 1e-3
 
@@ -28,21 +28,22 @@ operations = st.one_of(
     st.tuples(st.just("hand over"), sides, joules),
     st.tuples(st.just("tell"), sides, st.integers(0, 50)),
     st.tuples(st.just("spill"), sides, st.floats(0.0, LARGEST)),
-    st.tuples(st.just("forgive"), sides, st.floats(0.0, 2.0)),
+    st.tuples(st.just("forgive"), sides, st.floats(0.0, 2.0 * FORGIVENESS)),
 )
 
 
 class TwoTanks:
-    """Both ends, and every sum that one of them ever told: the link delivers any, in any order, or none."""
+    """Both ends, and every credit that they sent: the link delivers any of them, in any order, or none."""
 
     def __init__(self) -> None:
         self.tanks = EnergyTank(), EnergyTank()
         self.told: tuple[list[int], list[int]] = [0], [0]
         self.heard = [0, 0]
-        self.work = 0.0
+        self.work = self.given_up = 0.0
 
     def do(self, what: str, side: int, amount: float) -> None:
         tank = self.tanks[side]
+        before = tank.level
         if what == "work":
             tank.level += amount
             self.work += amount
@@ -55,14 +56,16 @@ class TwoTanks:
             self.heard[1 - side] = max(self.heard[1 - side], told)
         elif what == "spill":
             tank.spill(amount)
+            self.given_up += before - tank.level
         else:
             tank.forgive(amount)
+            self.given_up += before - tank.level
         self.told[side].append(tank.credit)
 
     @property
     def lacking(self) -> float:
-        """What went in, and is in no tank, not on the way and not spilled [J]."""
-        kept = sum(tank.level + tank.spilled for tank in self.tanks)
+        """Energy that went in, and is in no tank, not on its way and not given up [J]."""
+        kept = sum(tank.level for tank in self.tanks) + self.given_up
         travelling = sum(tank.credit - self.heard[1 - side] for side, tank in enumerate(self.tanks))
         return self.work - kept - travelling * CREDIT_STEP
 
@@ -87,7 +90,7 @@ def test_only_what_is_above_the_cap_is_spilled_and_only_a_debt_is_forgiven(
     tank.level = level
     tank.spill(cap)
     assert tank.level == min(level, cap)
-    tank.forgive(share)
+    tank.forgive(share * FORGIVENESS)
     assert tank.level == (min(level, cap) if level >= 0.0 else pytest.approx(level * (1.0 - min(1.0, share))))
 
 
@@ -157,7 +160,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(
 @given(mass=st.floats(0.001, 0.1), speed=st.floats(0.001, 0.5), damping=st.floats(1.0, 100.0))
 @examples(40)
 def test_a_free_mass_comes_to_rest_and_gains_no_speed(mass: float, speed: float, damping: float) -> None:
-    """From 1 g on, or slow: a drag of less than `LEAST_STEP` does not show how light a hand is. The first tick does."""
+    """From 1 g on. A drag below `LEAST_STEP` does not show how light a hand is; the first tick does."""
     drag, port = LevelDrag(damping, LEVEL), ForcePort(TICK, LEVEL)
     at, start, swing = 0.0, speed, STRONGEST * TICK / mass
     for _ in range(600):

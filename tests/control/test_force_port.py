@@ -1,4 +1,4 @@
-"""The operator's port: exact work, and a force that only ever gets smaller, by as much as the tank is short of."""
+"""The operator's port: exact work, and a force that is reduced by what the tank lacks and never increased."""
 
 from math import isfinite
 
@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.control.vectors import add, dot, forces, norm, positions, scale, steps, subtract, vectors
+from tests.control.vectors import forces, positions, steps, vectors
 from tests.examples import examples
 from weberlink.control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
 
 TICK = 1e-3
 LEVEL = 0.015
@@ -18,7 +18,7 @@ histories = st.lists(st.tuples(steps, forces, tanks), max_size=20)
 
 
 def after(history: list[tuple[Vector, Vector, float]]) -> tuple[ForcePort, Vector]:
-    """A port that has gone these steps, with what it was allowed of these forces; and the force that it holds."""
+    """A port after these steps, each with the allowed part of a force; returns it with the force that it holds."""
     port, at, held = ForcePort(TICK, LEVEL), ZERO, ZERO
     for step, force, tank in history:
         at = add(at, step)
@@ -56,7 +56,7 @@ def test_a_force_keeps_its_direction_and_never_grows(
 def test_no_more_than_its_share_of_the_tank_leaves_if_the_hand_goes_on_as_it_did(
     history: list[tuple[Vector, Vector, float]], force: Vector, tank: float, elapsed: float
 ) -> None:
-    """And gives way to a change of force as one does that is not light."""
+    """And if it yields to a change of force as a hand of `LEAST_MASS` does."""
     port, held = after(history)
     passed = port.passive(force, tank, elapsed)
     heavy = 0.5 * TICK * TICK / LEAST_MASS
@@ -82,7 +82,7 @@ def test_with_enough_in_the_tank_the_force_comes_back_whole(
         port.move(port.position)
         passed = port.passive(force, 1e3, TICK)
         port.hold(passed)
-    assert norm(subtract(passed, force)) <= 0.01 * 30.0 * 3.0**0.5
+    assert distance(passed, force) <= 0.01 * 30.0 * 3.0**0.5
 
 
 @given(force=forces, tank=st.floats(-1.0, 0.0))
@@ -110,7 +110,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vec
 @given(mass=st.floats(0.001, 0.04))
 @examples(20)
 def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: float) -> None:
-    """A free mass goes T^2 / 2m for each N more in the tick in which it acts."""
+    """A free mass moves T^2 / 2m per newton of change in the tick of the change."""
     port, at, speed = ForcePort(TICK, LEVEL), 0.0, 0.0
     for tick in range(10):
         port.move((at, 0.0, 0.0))
@@ -123,7 +123,7 @@ def test_a_light_device_is_learned_from_what_a_change_of_force_does_to_it(mass: 
 
 @pytest.mark.parametrize("jump", [0.001, 0.01, 0.1])
 def test_one_wrong_sample_does_not_take_the_force_away_for_good(jump: float) -> None:
-    """A hand that is still and pressed with 5 N; then a reading that is off, at a change of force."""
+    """A hand at rest under 5 N, and one wrong reading at a change of force."""
     port, wanted = ForcePort(TICK, LEVEL), (0.0, 0.0, 5.0)
     for tick in range(2000):
         port.move((0.0, 0.0, jump if tick == 10 else 0.0))

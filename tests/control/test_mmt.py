@@ -1,4 +1,4 @@
-"""Which model the operator feels: kept where a sample agrees with it, dropped where one contradicts it."""
+"""The model that the operator feels: kept if a sample agrees with it, dropped if a sample contradicts it."""
 
 import pytest
 
@@ -17,7 +17,7 @@ QUALITY = LinkQuality(0.7, 0.0)
 
 
 class Operator:
-    """A hand that goes where it likes, and what it was given on the way."""
+    """A hand on a prescribed path, and the forces that it felt."""
 
     def __init__(self) -> None:
         self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25))
@@ -25,7 +25,7 @@ class Operator:
         self.forces: list[Vector] = []
 
     def go(self, height: float, ticks: int) -> Vector:
-        """To a height [m], evenly; returns the last force."""
+        """Move to a height [m] at constant speed; returns the last force."""
         start = self.at
         for tick in range(1, ticks + 1):
             self.at = start + (height - start) * tick / ticks
@@ -37,7 +37,7 @@ class Operator:
 
     @classmethod
     def pressing(cls) -> "Operator":
-        """Who was told of the wall in front of it, and presses on it now."""
+        """An operator who received the model of the wall in free space, and presses on it now."""
         operator = cls()
         operator.control.learn(WALL, PRESSED, INSIDE)
         operator.go(0.002, 300)
@@ -95,7 +95,7 @@ def test_a_sample_that_contradicts_drops_the_model_and_is_held(force: Vector, po
 
 
 def test_no_change_of_the_model_jumps() -> None:
-    """A tick of the turn from one to the other, or the ramp of what rises."""
+    """A step is at most that of one tick of the change."""
     operator = Operator.pressing()
     for force in (ZERO, (0.0, 0.0, 5.0), (3.0, 0.0, 0.0), PRESSED):
         before = len(operator.forces) - 1

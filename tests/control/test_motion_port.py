@@ -6,10 +6,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.control.vectors import add, dot, norm, positions, scale, steps, subtract, vectors
+from tests.control.vectors import positions, steps, vectors
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.motion_port import CAUTION, LONGEST_RETREAT, MotionPort, affordable_share
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
 
 RANGE = 30.0
 DEBT = 1e-4
@@ -66,14 +66,13 @@ def test_work_on_a_spring_is_the_energy_that_it_stores(normal: Vector, stiffness
     assert done == pytest.approx(stored, rel=1e-9, abs=1e-9 * stiffness * (1.0 + pressed) ** 2)
 
 
-@given(at=positions, way=st.lists(steps, max_size=20), tank=costs)
+@given(at=positions, way=st.lists(steps, max_size=20), tank=st.floats(0.0, 1.0))
 def test_a_step_that_costs_nothing_is_made(at: Vector, way: list[Vector], tank: float) -> None:
     port = MotionPort(0.0, DEBT)
     for step in way:
         at = add(at, step)
         port.book(at, ZERO)
-        if tank >= 0.0:
-            assert port.affordable(add(at, step), at, tank) == add(at, step)
+        assert port.affordable(add(at, step), at, tank) == add(at, step)
 
 
 def mean_work(way: Vector, before: Vector, after: Vector) -> float:
@@ -82,7 +81,7 @@ def mean_work(way: Vector, before: Vector, after: Vector) -> float:
 
 
 def pressed(stiffness: float, depth: float) -> MotionPort:
-    """A port that has gone into a wall on z to a depth, and has seen how stiff it is."""
+    """A port that moved into a wall on z to this depth, and estimated its stiffness."""
     port = MotionPort(RANGE, DEBT)
     port.book(ZERO, ZERO)
     for share in (0.5, 1.0):
@@ -119,9 +118,9 @@ def test_no_step_costs_more_than_the_tank_at_a_wall_that_is_not_much_stiffer_tha
 def test_no_step_costs_more_than_the_tank_where_a_wall_may_be_anywhere(
     force: float, step: Vector, tank: float, then: Vector
 ) -> None:
-    """Nothing is known of its stiffness: the force, along the step or against it, jumps to its range anyhow.
+    """The stiffness is unknown, and the force jumps to the range of the sensor, along the step or against it.
 
-    But for the short step that is always allowed out of a wall.
+    The short step out of a wall that is always allowed is an exception.
     """
     port, now = MotionPort(RANGE, DEBT), scale(step, force / norm(step))
     port.book(ZERO, now)
@@ -135,7 +134,7 @@ def test_no_step_costs_more_than_the_tank_where_a_wall_may_be_anywhere(
     depths=st.lists(st.floats(-0.002, 0.002), max_size=40),
 )
 def test_a_wall_never_seems_to_give_back_more_than_it_was_given(stiffness: float, depths: list[float]) -> None:
-    """However coarse the steps: not where the contact opens on the way, nor where the sensor is at its range."""
+    """With steps of any size, also if the contact opens within a step or the sensor saturates."""
     port, done = MotionPort(RANGE, DEBT), 0.0
     port.book(ZERO, ZERO)
     for depth in [*depths, -0.001]:
@@ -195,11 +194,11 @@ def test_an_overdrawn_robot_yields_to_the_wall_until_it_is_even() -> None:
 
 
 def test_the_noise_of_a_sensor_is_no_contact() -> None:
-    """Else what a wall was like would never be forgotten, nor what it took."""
+    """Otherwise the stiffness of a wall and the energy that it took would never be forgotten."""
     port = pressed(1e5, 1e-4)
     for height in (0.001, 0.002):
         port.book((0.0, 0.0, height), (0.0, 0.0, 0.9 * LEAST_CONTACT))
-    # A new wall may be anywhere: the step is as short as its reaching the range at once would ask for.
+    # A new wall may be anywhere: the step is short enough for a force that jumps to the range at once.
     here = (0.0, 0.0, 0.002)
     there = port.affordable((0.0, 0.0, 0.0), here, 1e-3)
     assert 0.5 * RANGE * (here[2] - there[2]) == pytest.approx(1e-3, rel=0.05)

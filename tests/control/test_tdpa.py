@@ -1,12 +1,11 @@
-"""How the two sides of the passivity approach share energy, and how the robot comes back to the operator."""
+"""How the two ends of the passivity approach share energy, and how the robot returns to the operator."""
 
 import pytest
 
-from tests.control.vectors import norm, subtract
 from tests.control.walls import Wall
 from weberlink.control.contract import CREDIT_STEP, LinkQuality, SchemeParameters
 from weberlink.control.tdpa import SHARE_AT_MASTER, TdpaMaster, TdpaSlave
-from weberlink.geometry.vector import ZERO
+from weberlink.geometry.vector import ZERO, distance
 
 TICK = 1e-3
 LEVEL = 0.05
@@ -16,7 +15,7 @@ QUALITY = LinkQuality(0.1, 0.0)
 
 
 def press(master: TdpaMaster, depth: float, ticks: int, force: float) -> float:
-    """Push evenly against a force that is held; returns the work done [J]."""
+    """Push at constant speed against a constant force; returns the work done [J]."""
     for tick in range(ticks + 1):
         master.observe((0.0, 0.0, -depth * tick / ticks), TICK, 0, QUALITY)
         master.displayed((0.0, 0.0, force))
@@ -56,10 +55,10 @@ def test_the_robot_comes_back_to_the_operator_at_a_limited_speed_on_top_of_the_m
     for tick in range(400):
         target = (start + speed * TICK * tick, 0.0, 0.0)
         there = slave.follow(target, here, TICK, 5000, QUALITY)
-        assert norm(subtract(there, here)) <= (SPEED + speed) * TICK + 1e-12
+        assert distance(there, here) <= (SPEED + speed) * TICK + 1e-12
         slave.observe(there, ZERO)
         here = there
-        distances.append(norm(subtract(target, here)))
+        distances.append(distance(target, here))
     assert distances[round(0.5 * start / SPEED / TICK)] == pytest.approx(0.5 * start, abs=1e-3)
     assert distances[-1] <= 1e-12
 

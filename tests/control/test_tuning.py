@@ -1,4 +1,4 @@
-"""LiveSettings that change while a session lives."""
+"""Settings that change during a session."""
 
 import pytest
 
@@ -59,7 +59,7 @@ def test_a_refusal_changes_nothing_and_is_the_verdict() -> None:
         ({"predictor": "sphere"}, "predictor must be one of zoh, plane, hybrid, not 'sphere'"),
         ({"predictor": ["zoh"]}, "predictor must be one of"),
         ({"scheme": "mmt"}, "scheme must be one of none, tdpa"),
-        ({"floor": 1}, "floor is no setting; there are weber, predictor, scheme"),
+        ({"floor": 1}, "unknown setting floor; known are weber, predictor, scheme"),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_could(change: dict[str, object], complaint: str) -> None:

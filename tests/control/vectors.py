@@ -1,11 +1,10 @@
-"""Vectors for the tests of control: what hypothesis draws them from, and what is computed with them."""
+"""Vectors for the tests of control, as hypothesis draws them, and the largest step of a signal."""
 
 from itertools import pairwise
-from math import sqrt
 
 from hypothesis import strategies as st
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, distance
 
 
 def vectors(most: float) -> st.SearchStrategy[Vector]:
@@ -22,26 +21,6 @@ steps = vectors(0.002)
 """From one tick to the next [m]."""
 
 
-def dot(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def norm(a: Vector) -> float:
-    return sqrt(dot(a, a))
-
-
-def add(a: Vector, b: Vector) -> Vector:
-    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
-
-
-def subtract(a: Vector, b: Vector) -> Vector:
-    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
-
-
-def scale(a: Vector, by: float) -> Vector:
-    return (a[0] * by, a[1] * by, a[2] * by)
-
-
 def largest_step(values: list[Vector]) -> float:
-    """Longest difference between neighbours."""
-    return max((norm(subtract(b, a)) for a, b in pairwise(values)), default=0.0)
+    """Largest distance between neighbours."""
+    return max((distance(a, b) for a, b in pairwise(values)), default=0.0)

@@ -1,4 +1,4 @@
-"""Things to touch for the tests of control: elastic, at rest, and with no codec around them."""
+"""Elastic surfaces at rest for the tests of control."""
 
 from dataclasses import dataclass
 

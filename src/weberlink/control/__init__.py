@@ -1,1 +1,1 @@
-"""Control schemes that keep a delayed loop stable, and the interface of a port. Pure; see `table` for the schemes."""
+"""Control schemes that keep a delayed loop stable, the interface of a port, and live changes of settings; all pure."""

@@ -1,40 +1,41 @@
-"""The control scheme that the measured delay asks for, changed without a jump.
+"""Chooses the control scheme by the measured delay, and changes it without a jump of force.
 
-Without delay nothing is controlled, with some the time-domain passivity approach (TDPA) is at work, and with a long one
-the local model (MMT): passivity control degrades with delay and assumes nothing of the scene; a model does not degrade
-and needs a scene at rest (Xu, Liu, Steinbach, "Toward QoE-driven dynamic control scheme switching for time-delayed
-teleoperation systems: a dedicated case study", arXiv:1705.05613, 2017).
+At almost no delay there is no control, at a moderate one the time-domain passivity approach (TDPA), and at a long one
+the local model (MMT). Passivity control degrades with delay and assumes nothing about the scene; a model does not
+degrade but needs a scene at rest (Xu, Liu, Steinbach, "Toward QoE-driven dynamic control scheme switching for
+time-delayed teleoperation systems: a dedicated case study", arXiv:1705.05613, 2017).
 
-All schemes observe the port all the time, so that the one that takes over knows the energy. Both ends measure the same
-round trip, so they choose alike within a moment. A loop without delay can be active too, on a wall that is too stiff
-for the tick: an energy debt calls for passivity control whatever the delay. What is owed without passivity control is
-forgotten slowly, so that an active loop shows.
+All schemes observe the port in every tick, so that each of them knows the energy when it becomes active. Both ends
+measure the same round trip, so their choices agree after a short time. A loop without delay can be active too, at a
+wall that is too stiff for the tick period: an energy debt switches to passivity control at any delay. A debt that was
+made without passivity control is forgotten slowly, so that a later one can be detected.
 """
 
 from weberlink.control.contract import LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, interpolate
 
 ORDER = ("none", "tdpa", "mmt")
-"""The schemes by rising delay."""
+"""The schemes in the order of rising delay."""
 NONE, TDPA, MMT = range(3)
+"""Their indices in `ORDER`."""
 
 RISING = (0.008, 0.2)
-"""Delay (round trip and jitter) above which the next scheme is chosen [s]: from none to tdpa, from tdpa to mmt."""
+"""Delay (round trip plus jitter) above which the next scheme is chosen [s]: from none to tdpa, from tdpa to mmt."""
 FALLING = (0.005, 0.15)
-"""Delay below which the one before is chosen again [s]."""
+"""Delay below which the previous scheme is chosen again [s]: from tdpa to none, from mmt to tdpa."""
 CALM = 10.0
-"""How long a loop that was active stays under passivity control [s]."""
+"""Time for which passivity control stays on after an energy debt at low delay [s]."""
 DWELL = 1.0
-"""A delay must be beyond its threshold for this long, so that a spike changes nothing [s]."""
+"""Time for which the delay must be beyond a threshold before the scheme changes [s]; a spike changes nothing."""
 HANDOVER = 0.2
-"""Time in which the displayed force changes from one scheme to the next [s]."""
+"""Time in which the displayed force fades from one scheme to the next [s]."""
 
 
 class SchemeChoice:
-    """The scheme that the link asks for. Starts with `TDPA`, which is passive whatever the delay turns out to be."""
+    """The choice of a scheme by the state of the link. Starts with `TDPA`, which is passive at any delay."""
 
     __slots__ = ("_asked", "_beyond_for", "_calm_for", "_debt_limit", "active", "imposed")
 
@@ -42,11 +43,11 @@ class SchemeChoice:
         """Make the choice.
 
         Args:
-            debt_limit: energy that may be owed without control before the loop counts as active [J].
+            debt_limit: energy debt without control above which the loop counts as active [J].
         """
         self._debt_limit = debt_limit
         self.imposed: int | None = None
-        """A place in `ORDER` that holds whatever the link asks for; None for none."""
+        """Index in `ORDER` of the scheme that is used at any delay; None to choose."""
         self.reset()
 
     def reset(self) -> None:
@@ -56,10 +57,17 @@ class SchemeChoice:
         self._calm_for = CALM
 
     def impose(self, scheme: str | None) -> None:
+        """Use this scheme of `ORDER` at any delay; None to choose by delay again."""
         self.imposed = None if scheme is None else ORDER.index(scheme)
 
     def follow(self, quality: LinkQuality, tank: float, elapsed: float) -> int:
-        """The scheme after `elapsed` [s] more of a link of this quality, with this much in the tank [J]."""
+        """Update the choice; returns the index of the active scheme in `ORDER`.
+
+        Args:
+            quality: state of the link.
+            tank: energy in the tank of `tdpa` [J].
+            elapsed: time since the last call [s].
+        """
         self._calm_for += elapsed
         if self.imposed is not None:
             self.active = self.imposed
@@ -70,7 +78,7 @@ class SchemeChoice:
         if quality.rtt is None:
             return self.active
         step = self._step(quality.rtt + quality.jitter)
-        if step != self._asked:  # time beyond one threshold is none beyond the other
+        if step != self._asked:  # the dwell time starts again at a change of direction
             self._asked, self._beyond_for = step, 0.0
         if step:
             self._beyond_for += elapsed
@@ -88,7 +96,7 @@ class SchemeChoice:
 
 
 class AutoMaster:
-    """The operator's side of all schemes, of which one is displayed."""
+    """The operator's end of all schemes, of which one is displayed."""
 
     __slots__ = ("_choice", "_leaving", "_mmt", "_schemes", "_share", "_tdpa")
 
@@ -148,11 +156,7 @@ class AutoMaster:
         if share == 1.0:
             return wanted
         left = self._schemes[self._leaving].render(force)
-        return (
-            left[0] + share * (wanted[0] - left[0]),
-            left[1] + share * (wanted[1] - left[1]),
-            left[2] + share * (wanted[2] - left[2]),
-        )
+        return interpolate(left, wanted, share)
 
     def displayed(self, force: Vector) -> None:
         for scheme in self._schemes:
@@ -160,7 +164,7 @@ class AutoMaster:
 
 
 class AutoSlave:
-    """The teleoperator's side: the robot's port is controlled while the operator's is."""
+    """The teleoperator's end: passivity control acts at the robot's port while `tdpa` is active."""
 
     __slots__ = ("_choice", "_tdpa")
 

@@ -1,4 +1,4 @@
-"""The interface of a control scheme: what it offers to each end of the link."""
+"""The interface of a control scheme: one class for each end of the link."""
 
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -6,18 +6,18 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from weberlink.geometry.vector import Vector
 
 CREDIT_STEP = 1e-4
-"""Energy of one unit of credit [J]. What is handed over is rounded down to it, so rounding never makes energy."""
+"""Energy of one unit of credit [J]. Energy handed over is rounded down to it, so rounding never creates energy."""
 
 LEAST_CONTACT = 0.05
-"""Force from which on something counts as touched [N]: less is the noise of a sensor, or left over by a deadband."""
+"""Smallest force that counts as contact [N]; less is sensor noise or a remainder within a deadband."""
 
 
 class LinkQuality(NamedTuple):
-    """The link as it is measured now.
+    """The measured state of the link.
 
     Args:
-        rtt: round trip [s]; None while unknown.
-        jitter: by how much few datagrams exceed the least delay [s].
+        rtt: round-trip time [s]; None while unknown.
+        jitter: delay above the smallest one that only few datagrams exceed [s].
     """
 
     rtt: float | None
@@ -29,7 +29,7 @@ class WallModel(Protocol):
 
     @property
     def stiffness(self) -> float:
-        """Of the wall [N/m]; it stores half the square of its force divided by this [J]."""
+        """Stiffness s [N/m]; at a force f the wall stores f^2 / (2 s) [J]."""
         ...
 
     def at(self, tick: float, position: Vector) -> Vector:
@@ -38,16 +38,16 @@ class WallModel(Protocol):
 
 
 class Control(Protocol):
-    """What both ends of a scheme have in common."""
+    """The part of the interface that both ends share."""
 
     @property
     def active(self) -> str:
-        """Name of the scheme at work in `weberlink.control.table.SCHEMES`."""
+        """Name of the active scheme, a key of `weberlink.control.table.SCHEMES`."""
         ...
 
     @property
     def tank(self) -> float:
-        """Energy that this side may still spend [J]."""
+        """Energy that this side may still spend [J]; negative for a debt."""
         ...
 
     @property
@@ -60,12 +60,12 @@ class Control(Protocol):
         ...
 
     def resume(self, peer_credit: int) -> None:
-        """Go on after an interruption of the session: drop force, motion, model and energy from before.
+        """Continue after an interruption of the session: drop force, motion, model and energy from before.
 
-        A debt stays, and so does `credit`, which never decreases.
+        A debt and `credit` are kept.
 
         Args:
-            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`; all of it is given up.
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`; all of it is given up.
         """
         ...
 
@@ -75,45 +75,45 @@ class Imposable(Protocol):
     """A scheme that chooses among others and can be held to one."""
 
     def impose(self, scheme: str | None) -> None:
-        """Hold the scheme of this name from now on, whatever the delay; None to choose again."""
+        """Use the scheme of this name from now on, at any delay; None to choose by delay again."""
         ...
 
 
 class MasterControl(Control, Protocol):
-    """The operator's end of a scheme. In a tick: `learn` for each update, `observe`, `render`, then `displayed`."""
+    """The operator's end of a scheme. Calls in a tick: `learn` for each update, `observe`, `render`, `displayed`."""
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        """Take what an update says.
+        """Take in an update.
 
         Args:
-            surface: the model that it carries, where it is one of a contact.
-            force: of the newest sample [N].
-            position: that the force belongs to [m].
+            surface: the contact model that it carries; None if it carries none.
+            force: force of its newest sample [N].
+            position: commanded position of that sample [m].
         """
         ...
 
     def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:
-        """Book the work of the tick that has passed.
+        """Book the work of the last tick.
 
         Args:
-            position: of the device [m].
-            elapsed: since the last call [s].
-            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
-            quality: of the link.
+            position: position of the device [m].
+            elapsed: time since the last call [s].
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
+            quality: state of the link.
         """
         ...
 
     def render(self, force: Vector) -> Vector:
-        """The force to display [N], from the decoded one."""
+        """The force to display [N], given the decoded one [N]."""
         ...
 
     def displayed(self, force: Vector) -> None:
-        """Take the force that the device was commanded [N], which is held until the next tick."""
+        """Take in the commanded force of the device [N], which is held until the next tick."""
         ...
 
 
 class SlaveControl(Control, Protocol):
-    """The teleoperator's end of a scheme. In a tick: `follow`, then `observe` once the robot has been read."""
+    """The teleoperator's end of a scheme. Calls in a tick: `follow`, then `observe` once the robot was read."""
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:
         """The position to command [m].
@@ -121,9 +121,9 @@ class SlaveControl(Control, Protocol):
         Args:
             target: decoded position of the operator [m].
             here: last commanded position [m].
-            elapsed: since the last call [s].
-            peer_credit: handed over by the other side so far, in units of `CREDIT_STEP`.
-            quality: of the link.
+            elapsed: time since the last call [s].
+            peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
+            quality: state of the link.
         """
         ...
 
@@ -131,8 +131,8 @@ class SlaveControl(Control, Protocol):
         """Book the work of this tick.
 
         Args:
-            position: as commanded [m].
-            force: of the environment on the robot [N].
+            position: commanded position [m].
+            force: force of the environment on the robot [N].
         """
         ...
 
@@ -142,11 +142,11 @@ class SchemeParameters:
     """Parameters of both ends of a scheme.
 
     Args:
-        tick_period: of both sides [s].
+        tick_period: tick period of both sides [s].
         force_range: largest force that the robot reports [N].
-        level: energy that each tank is kept at [J].
-        damping: most of the drag that fills an empty tank [N s/m].
-        catch_up_speed: how fast the robot makes up for a distance to the operator, on top of the operator's own
+        level: energy at which a tank counts as full [J].
+        damping: damping of the drag that fills an empty tank [N s/m]; less the fuller the tank is.
+        catch_up_speed: speed at which the robot reduces its distance to the operator, added to the operator's own
             motion [m/s].
     """
 

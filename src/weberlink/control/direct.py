@@ -1,6 +1,6 @@
-"""No control: what is decoded is displayed and followed.
+"""No control: the decoded force is displayed and the decoded position followed.
 
-For links whose delay is not felt. `weberlink stability` measures for which stiffness and delay the loop is stable.
+For links with a delay that is not felt. `weberlink stability` measures at which stiffness and delay the loop is stable.
 """
 
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel

@@ -1,8 +1,8 @@
-"""Energy tanks, the prediction of energy on its way, and the drag that fills an empty tank.
+"""Energy tanks, the prediction of energy under way, and the drag that fills an empty tank.
 
-Each side has a tank: energy that its port may spend. Energy travels to the other tank as a sum since the session
-began, so a lost datagram delays energy and never makes or destroys it. While neither tank is negative, the link has
-given out no more energy than it took in. Sources:
+Each side has a tank of energy that its port may spend. A datagram carries the total energy handed over since the
+session began, so a lost datagram delays energy and never creates or destroys any. While neither tank is negative, the
+link has released no more energy than it took in. Sources:
 
 - Franken, Stramigioli, Misra, Secchi, Macchelli, "Bilateral telemanipulation with time delays: a two-layer approach
   combining passivity and transparency", IEEE Trans. Robotics 27(4), 2011: tanks, and the damper that fills them.
@@ -17,71 +17,65 @@ from weberlink.control.contract import CREDIT_STEP
 from weberlink.geometry.vector import Vector
 
 FORGIVENESS = 10.0
-"""Time constant with which a debt is forgotten that was made while nothing was controlled [s]."""
+"""Time constant with which a debt that was made without passivity control is forgotten [s]."""
 LONGEST = 0.05
-"""Nothing is predicted beyond this time after the last news [s]: a heartbeat is due by then."""
+"""No energy is predicted later than this after the last increase of the credit [s]: a heartbeat is due by then."""
 STRONGEST = 1.0
-"""Drag never exceeds this [N]."""
+"""Largest drag force [N]."""
 STABLE_SHARE = 0.5
-"""Part of the damping at which the drag of one tick would throw a light hand back in the next."""
+"""Largest damping, as a share of the damping that would reverse the velocity of a light hand in one tick."""
 
 
 class EnergyTank:
-    """Energy of one side [J]. The level falls below 0 where a tick took more than predicted."""
+    """Energy of one side [J]. The `level` falls below 0 if a tick takes more energy than predicted."""
 
-    __slots__ = ("_handed", "_received", "level", "spilled")
+    __slots__ = ("_handed", "_received", "level")
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
         self.level = 0.0
-        self.spilled = 0.0
-        """Energy given up for good."""
         self._handed = 0.0
         self._received = 0
 
     @property
     def credit(self) -> int:
-        """Handed over so far, in whole units of `CREDIT_STEP`."""
+        """Energy handed over since the session began, in whole units of `CREDIT_STEP`."""
         return int(self._handed / CREDIT_STEP)
 
     def receive(self, credit: int) -> None:
-        """Take in what the other side has handed over since the session began, in units."""
+        """Take in the credit of the other side since the session began, in units of `CREDIT_STEP`."""
         if credit > self._received:
             self.level += (credit - self._received) * CREDIT_STEP
             self._received = credit
 
     def renounce(self, credit: int) -> None:
-        """Give up the level and all that the other side has handed over; a debt stays."""
+        """Give up the level and all credit of the other side so far; a debt stays."""
         self.receive(credit)
         self.spill(0.0)
 
     def hand_over(self, energy: float) -> None:
-        """Give energy to the other side; a negative amount gives none."""
+        """Hand energy [J] to the other side; nothing if it is negative."""
         if energy > 0.0:
             self.level -= energy
             self._handed += energy
 
     def spill(self, cap: float) -> None:
-        """Give up what is above the cap: an unbounded store would hide an active loop until it is spent."""
-        if self.level > cap:
-            self.spilled += self.level - cap
-            self.level = cap
+        """Give up the energy above the cap [J]: an unbounded store would hide an active loop until it is empty."""
+        self.level = min(self.level, cap)
 
-    def forgive(self, share: float) -> None:
-        """Give up this share of a debt, 0..1."""
+    def forgive(self, elapsed: float) -> None:
+        """Forget a debt with the time constant `FORGIVENESS`; `elapsed` since the last call [s]."""
         if self.level < 0.0:
-            given = self.level * min(1.0, share)
-            self.spilled += given
-            self.level -= given
+            self.level -= self.level * min(1.0, elapsed / FORGIVENESS)
 
 
 class CreditPrediction:
-    """Extrapolates the credit of the other side at its last rate: with a deadband, most ticks bring no datagram.
+    """Extrapolates the credit of the other side at its last rate, because most ticks bring no datagram.
 
     Args:
-        most: the largest prediction beyond what is known, and so the largest error [J].
+        most: the largest prediction beyond the known credit, and so the largest error [J].
     """
 
     __slots__ = ("_age", "_credit", "_gained", "_most", "_over")
@@ -91,18 +85,18 @@ class CreditPrediction:
         self.reset()
 
     def reset(self, credit: int = 0) -> None:
-        """Begin anew at a sum, in units of `CREDIT_STEP`."""
+        """Start again at a known credit, in units of `CREDIT_STEP`."""
         self._credit = credit
         self._age = 0.0
         self._gained = 0.0
         self._over = 0.0
 
     def ahead(self, credit: int, elapsed: float) -> float:
-        """Energy beyond the sum that is known [J].
+        """The predicted energy beyond the known credit [J].
 
         Args:
-            credit: the sum that is known now, in units of `CREDIT_STEP`.
-            elapsed: since the last call [s].
+            credit: the credit known now, in units of `CREDIT_STEP`.
+            elapsed: time since the last call [s].
         """
         self._age += elapsed
         if credit > self._credit:
@@ -112,12 +106,12 @@ class CreditPrediction:
             return 0.0
         if self._age > LONGEST or self._over == 0.0:
             return 0.0
-        # Divided last: the rate between two sums at almost the same time would be infinite or NaN.
+        # The division comes last: the rate between two credits at almost the same time would be infinite or NaN.
         return min(self._gained * self._age / self._over, self._most)
 
 
 class LevelDrag:
-    """A damper -b v with b = damping * (1 - tank / level), 0 above the level."""
+    """A damper -b v with b = damping * (1 - tank / level); b = 0 above the level."""
 
     __slots__ = ("_damping", "_level")
 
@@ -126,14 +120,14 @@ class LevelDrag:
         self._level = level
 
     def added(self, force: Vector, way: Vector, elapsed: float, tank: float, mobility: float) -> Vector:
-        """A force with the drag.
+        """The force with the drag added [N].
 
         Args:
-            force: without it [N].
-            way: of the hand in the last tick [m].
-            elapsed: in which it went there [s].
-            tank: energy that there is [J].
-            mobility: how far the hand gives way in a tick to a change of force [m/N].
+            force: the force without drag [N].
+            way: displacement of the hand in the last tick [m].
+            elapsed: duration of that tick [s].
+            tank: energy in the tank [J].
+            mobility: displacement of the hand in a tick per change of force [m/N].
         """
         lack = 1.0 - max(0.0, tank) / self._level
         if lack <= 0.0 or elapsed <= 0.0:

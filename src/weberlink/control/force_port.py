@@ -1,7 +1,7 @@
-"""The operator's port: observer of the work of the hand, and controller of the displayed force.
+"""The operator's port: passivity observer of the hand's work, and passivity controller of the displayed force.
 
-An impedance-type port: positions come in, forces go out and are held for a tick. So the work of a tick is exact: the
-held force times the way.
+The port is of impedance type: it reads positions and commands forces, which are held for a tick. So the work of a tick
+is exact: the held force times the displacement.
 """
 
 from math import hypot
@@ -9,27 +9,27 @@ from math import hypot
 from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
-"""At most this part of the tank may be predicted to leave in one tick."""
+"""Largest predicted loss of the tank in one tick, as a share of its energy."""
 STEEPEST = 300.0
-"""A received force may rise this fast [N/s]: a new model comes as a steep ramp and not as a blow."""
+"""Largest rise of the displayed force [N/s]: a new model is felt as a steep ramp, not as a blow."""
 RECOVERY = 0.2
-"""Time constant with which a withheld force comes back while the tank is full [s]; slower while it is emptier, or the
-force would be felt as a sawtooth."""
+"""Time constant with which a withheld force returns while the tank is full [s]; longer while it is emptier, because a
+fast return would be felt as a sawtooth."""
 LEAST_MASS = 0.05
-"""Hand and handle are taken to be at least as light as this, until they show that they are lighter [kg]."""
+"""Assumed mass of hand and handle [kg], until a lower one is measured."""
 LEAST_STEP = 0.1
-"""A smaller change of force says nothing about the device [N]."""
+"""Smallest change of force from which the mobility is estimated [N]."""
 FORGET = 0.02
-"""Part of the estimate of how easily the device moves that is forgotten in a tick."""
+"""Share of the estimated mobility that is forgotten: per tick, or per estimate."""
 
 
 class ForcePort:
     """Observer and controller of the port.
 
-    The device is predicted to go on as it did, and to give way to a change of force as much as it lately did
-    (`mobility`). Where the force would give more than `SHARE_OF_TANK` of the tank, the excess is withheld and given
-    back over `RECOVERY`. A constant is subtracted, not a share: the wall keeps its stiffness and lies deeper, and the
-    control does not chatter.
+    The prediction: the device repeats its last displacement, and a change of force moves it as much as in the recent
+    past (`mobility`). If the force would then take more than `SHARE_OF_TANK` of the tank, the excess is withheld and
+    returned over `RECOVERY`. A constant is subtracted, not a share: so the wall keeps its stiffness and lies deeper,
+    and the control does not chatter.
     """
 
     __slots__ = (
@@ -48,7 +48,7 @@ class ForcePort:
         """Make the port.
 
         Args:
-            tick_period: [s].
+            tick_period: time between ticks [s].
             level: energy at which the tank counts as full [J].
         """
         self._level = level
@@ -65,7 +65,7 @@ class ForcePort:
 
     @property
     def way(self) -> Vector:
-        """From the position before the last one [m]."""
+        """Displacement in the last tick [m]."""
         return self._way
 
     @property
@@ -75,15 +75,15 @@ class ForcePort:
 
     @property
     def mobility(self) -> float:
-        """How far the device gives way in a tick to a change of force, as far as known [m/N].
+        """Estimated displacement of the device in a tick per change of force [m/N].
 
-        Kept until a change of force shows it anew: a damper must not forget how light the device is. The estimate that
-        the control predicts with is forgotten: one wrong sample would withhold the force for good.
+        Kept until the next usable change of force: a damper must not forget how light the device is. The estimate for
+        the prediction is forgotten tick by tick instead: otherwise one wrong sample would withhold the force for good.
         """
         return self._mobility
 
     def move(self, position: Vector) -> float:
-        """The device is here now; returns the work of the hand on it since the last call [J]."""
+        """Take in the position of the device [m]; returns the work of the hand on it since the last call [J]."""
         before = self._position if self._position is not None else position
         x, y, z = position[0] - before[0], position[1] - before[1], position[2] - before[2]
         held, way = self._held, self._way
@@ -94,7 +94,7 @@ class ForcePort:
         return work
 
     def _learn_mobility(self, x: float, y: float, z: float) -> None:
-        """From a change of way [m] after a change of force."""
+        """Estimate the mobility from the change of displacement [m] that followed a change of force."""
         step = self._step
         squared = step[0] * step[0] + step[1] * step[1] + step[2] * step[2]
         least = self._least_mobility
@@ -106,7 +106,7 @@ class ForcePort:
         self._mobility = max(seen, self._mobility + FORGET * (least - self._mobility))
 
     def passive(self, force: Vector, tank: float, elapsed: float) -> Vector:
-        """The part of a force [N] that may be displayed with this much in the tank [J]."""
+        """The part of a force [N] that may be displayed with this energy in the tank [J]."""
         length = hypot(force[0], force[1], force[2])
         if length == 0.0:
             self._withheld = 0.0
@@ -121,7 +121,7 @@ class ForcePort:
         return (force[0] * share, force[1] * share, force[2] * share)
 
     def _affordable_share(self, force: Vector, tank: float) -> float:
-        """The share of a force [N] that takes no more out of the tank [J] in the next tick than it may."""
+        """The largest share of a force [N] that takes at most `SHARE_OF_TANK` of the tank [J] in the next tick."""
         way, held = self._way, self._held
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
         rise = force[0] * (force[0] - held[0]) + force[1] * (force[1] - held[1]) + force[2] * (force[2] - held[2])
@@ -129,6 +129,6 @@ class ForcePort:
         return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, SHARE_OF_TANK * tank / leaves))
 
     def hold(self, force: Vector) -> None:
-        """This force is displayed until the next call of `move` [N]."""
+        """Take in the force that is displayed until the next call of `move` [N]."""
         held, self._held = self._held, force
         self._step = (force[0] - held[0], force[1] - held[1], force[2] - held[2])

@@ -1,37 +1,37 @@
 """Model-mediated teleoperation: the operator feels a local model of the scene instead of the delayed force.
 
-The geometry that the codec fits (plane, sphere) is rendered at the device's own position without delay; the network
-only corrects the model. Sources: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
+The geometry that the codec fits (plane, sphere) is rendered at the device's own position without delay; updates
+correct the model. Sources: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
 2008; with geometry from a perceptual codec, Xu, Cizmeci, Al-Nuaimi, Steinbach, "Point cloud-based model-mediated
 teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation and Measurement 63(11),
 2014.
 
-Assumes a passive scene at rest that is a plane or a sphere where it is touched; changes of the scene are felt a round
-trip later. Where no model holds (the first sample of a contact, a fit outside its limits, a force field) the newest
-received force is held. The passivity controller of the operator's port of `weberlink.control.tdpa` also limits the
-energy that sampling and model changes could make.
+It assumes a passive scene at rest that is a plane or a sphere at the point of contact; changes of the scene are felt a
+round trip later. If there is no model (the first sample of a contact, a fit outside its limits, a force field), the
+newest received force is held. The passivity controller of `ForcePort` also limits the energy that sampling and changes
+of the model could create.
 """
 
 from math import dist, hypot
 
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
-from weberlink.control.energy import FORGIVENESS, EnergyTank, LevelDrag
+from weberlink.control.energy import EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.model import SurfaceMixture
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, interpolate
 
 TURN = 0.05
-"""Time in which a new model replaces the old one, where energy allows it [s]."""
+"""Time in which a new model replaces the old one, if energy allows it [s]."""
 MISFIT = 0.2
-"""A sample that differs from the model by less than this share of the larger force does not change it."""
+"""Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
-"""The same in absolute terms [N]."""
+"""Difference that is always accepted [N]."""
 CAP = 3.0
-"""Most that the tank holds beside what the model stores, in levels."""
+"""Largest energy of the tank in addition to the energy stored in the model, as a multiple of the level."""
 
 
 class MmtMaster:
-    """Renders the model; the tank holds the energy that the model stores and that a change of it may cost."""
+    """Renders the model. The tank holds the energy stored in the model and the energy for changes of the model."""
 
     __slots__ = ("_drag", "_elapsed", "_fallback", "_held", "_level", "_mixture", "_port", "_tank")
 
@@ -72,7 +72,7 @@ class MmtMaster:
             return
         wanted = self._mixture.wanted
         if wanted is not None and agree(wanted.at(0.0, position), force):
-            return  # no model of its own, and none needed: free space in front of a wall, or a point on it
+            return  # the sample agrees with the model: free space in front of the wall, or a point on it
         self._mixture.want(None, self._port.position)
         self._fallback = force
 
@@ -82,7 +82,7 @@ class MmtMaster:
         _, stored = mixture.at(position)
         share = min(1.0, elapsed / TURN)
         mixture.turn(share, position, elapsed, tank.level - stored)
-        self._held = toward(self._held, self._fallback, share)
+        self._held = interpolate(self._held, self._fallback, share)
         tank.spill(stored + CAP * self._level)
         self._elapsed = elapsed
 
@@ -98,19 +98,10 @@ class MmtMaster:
         self._port.hold(force)
 
     def forgive(self, elapsed: float) -> None:
-        """Forget a debt slowly while another scheme is displayed."""
-        self._tank.forgive(elapsed / FORGIVENESS)
-
-
-def toward(start: Vector, goal: Vector, share: float) -> Vector:
-    """The point that lies this share of the way to the goal."""
-    return (
-        start[0] + share * (goal[0] - start[0]),
-        start[1] + share * (goal[1] - start[1]),
-        start[2] + share * (goal[2] - start[2]),
-    )
+        """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""
+        self._tank.forgive(elapsed)
 
 
 def agree(a: Vector, b: Vector) -> bool:
-    """Whether two forces [N] are alike enough to be of one model."""
+    """Whether two forces [N] may be of the same model."""
     return dist(a, b) <= max(MISFIT * max(hypot(*a), hypot(*b)), MISFIT_FLOOR)

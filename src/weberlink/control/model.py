@@ -1,26 +1,28 @@
-"""A mixture of received contact models, faded into one another without making energy.
+"""A mixture of received contact models that are faded into one another without creating energy.
 
-Every model is an elastic wall at rest. One that would press harder than the energy allows is displayed recessed: deeper
-by a distance, with its own stiffness, and it comes up as energy allows. A mixture with fixed weights and recesses is
-conservative; only a change of it makes or takes energy, and the amount is known before the change.
+Every model is an elastic wall at rest. A new wall that would press harder than the energy allows is displayed recessed:
+at a greater depth, with its own stiffness. It rises as energy becomes available. A mixture with fixed weights and
+recesses is conservative. Only a change of it creates or takes energy, and the amount is known before the change.
 """
 
 from math import hypot, sqrt
+from operator import attrgetter
 
 from weberlink.control.contract import WallModel
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import ZERO, Vector
 
 MOST_SURFACES = 6
-"""Surfaces in a mixture; of more the lightest is dropped, which only takes energy."""
+"""Largest number of surfaces in a mixture; beyond it, the one with the least weight is dropped, which takes energy."""
 LEAST_WEIGHT = 0.01
+"""A surface with a smaller weight is dropped."""
 RISE_SPEED = 0.1
-"""How fast a recessed surface comes up [m/s]."""
+"""Largest speed at which a recessed surface rises [m/s]."""
 SPENT_AT_ONCE = 0.1
-"""Part of the energy to spare that a surface may take in one tick by coming up."""
+"""Largest energy that a rising surface may take in a tick, as a share of the spare energy."""
 
 
 class RecessedSurface:
-    """A surface in the mixture, with its weight and how much deeper than received it lies."""
+    """A surface in the mixture, with its weight (0 to 1) and its recess: the additional depth [m], >= 0."""
 
     __slots__ = ("recess", "surface", "weight")
 
@@ -30,24 +32,24 @@ class RecessedSurface:
         self.weight = 0.0
 
     def at(self, position: Vector) -> tuple[Vector, float]:
-        """Force [N] and stored energy [J] at a position [m], not weighted."""
+        """Force [N] and stored energy [J] at a position [m], without the weight."""
         force = self.surface.at(0.0, position)
         length = hypot(force[0], force[1], force[2])
         pressed = length - self.recess * self.surface.stiffness
         if pressed <= 0.0:
-            return (0.0, 0.0, 0.0), 0.0
+            return ZERO, 0.0
         share = pressed / length
         stored = 0.5 * pressed * pressed / self.surface.stiffness
         return (share * force[0], share * force[1], share * force[2]), stored
 
     def come_up(self, position: Vector, elapsed: float, spare: float) -> None:
-        """Lessen the recess: as far as the hand at once, and against it as fast as energy allows."""
+        """Reduce the recess: up to the hand at once, and against the hand as fast as the spare energy [J] allows."""
         if self.recess == 0.0:
             return
         force = self.surface.at(0.0, position)
         stiffness = self.surface.stiffness
         depth = hypot(force[0], force[1], force[2]) / stiffness
-        self.recess = min(self.recess, depth)  # up to a hand that it does not touch
+        self.recess = min(self.recess, depth)  # free up to the hand
         pressed = depth - self.recess
         affordable = SPENT_AT_ONCE * max(0.0, spare)
         rise = sqrt(pressed * pressed + 2.0 * affordable / stiffness) - pressed
@@ -55,7 +57,7 @@ class RecessedSurface:
 
 
 class SurfaceMixture:
-    """Weighted surfaces, of which the newest is wanted and the others are on their way out."""
+    """Weighted surfaces: the newest is the wanted one and fades in, the others fade out."""
 
     __slots__ = ("_parts", "_wanted")
 
@@ -68,11 +70,16 @@ class SurfaceMixture:
 
     @property
     def wanted(self) -> WallModel | None:
-        """The surface that the mixture turns into; None for free space."""
+        """The surface that the mixture changes to; None for free space."""
         return None if self._wanted is None else self._wanted.surface
 
     def want(self, surface: WallModel | None, position: Vector) -> None:
-        """Begin to turn into this surface, recessed so that it presses no harder on the hand than the mixture does."""
+        """Begin to change to this surface, recessed so that it presses no harder on the hand than the mixture does.
+
+        Args:
+            surface: the new surface; None for free space.
+            position: position of the hand [m].
+        """
         if surface is None:
             self._wanted = None
             return
@@ -80,7 +87,7 @@ class SurfaceMixture:
         force = surface.at(0.0, position)
         excess = hypot(force[0], force[1], force[2]) - hypot(felt[0], felt[1], felt[2])
         self._wanted = RecessedSurface(surface, max(0.0, excess) / surface.stiffness)
-        self._parts = [*sorted(self._parts, key=_weight)[1 - MOST_SURFACES :], self._wanted]
+        self._parts = [*sorted(self._parts, key=attrgetter("weight"))[1 - MOST_SURFACES :], self._wanted]
 
     def at(self, position: Vector) -> tuple[Vector, float]:
         """Force [N] and stored energy [J] at a position [m]."""
@@ -93,12 +100,12 @@ class SurfaceMixture:
         return (x, y, z), stored
 
     def turn(self, share: float, position: Vector, elapsed: float, spare: float) -> None:
-        """Move weight to the wanted surface, and let it come up.
+        """Move weight to the wanted surface, and let it rise.
 
         Args:
-            share: of the weight that may move now, 0..1.
-            position: where the operator is [m].
-            elapsed: since the last call [s].
+            share: weight that may move now, 0 to 1.
+            position: position of the hand [m].
+            elapsed: time since the last call [s].
             spare: energy that the change may put into the model [J].
         """
         wanted = self._wanted
@@ -114,9 +121,10 @@ class SurfaceMixture:
     def _move(
         self, wanted: RecessedSurface, others: list[RecessedSurface], moved: float, position: Vector, spare: float
     ) -> float:
-        """Give it so much weight, or as much as can be paid for; returns what that costs [J].
+        """Move this weight to the wanted surface, or as much as the energy allows; returns the energy cost [J].
 
-        The others lose what the sum of 1 has no room for, and more, up to as much, where that is needed to pay for it.
+        The other surfaces lose weight so that the sum stays at most 1. They lose more, up to the weight that moves, if
+        the energy that this frees is needed.
         """
         spare = max(0.0, spare)
         of_others = sum(part.weight for part in others)
@@ -134,11 +142,7 @@ class SurfaceMixture:
         return price
 
     def _fade(self, parts: list[RecessedSurface], share: float) -> None:
-        """Leave them this share of their weights; one whose weight no longer counts is gone."""
+        """Multiply the weights of these surfaces by a share; drop a surface whose weight falls below `LEAST_WEIGHT`."""
         for part in parts:
             part.weight *= share
         self._parts = [part for part in self._parts if part.weight >= LEAST_WEIGHT or part is self._wanted]
-
-
-def _weight(part: RecessedSurface) -> float:
-    return part.weight

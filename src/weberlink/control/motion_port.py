@@ -1,8 +1,8 @@
-"""The robot's port: observer of the work on the environment, and controller of the steps of the robot.
+"""The robot's port: passivity observer of the work on the environment, and passivity controller of the robot's steps.
 
-An admittance-type port: forces come in, positions go out. The work of a step is that of the mean of the two forces,
-which is exact for a spring. Where a stiff contact opens within a step, or the sensor saturates, the work is booked so
-that a wall never seems to give more than it took.
+The port is of admittance type: it reads forces and commands positions. The work of a step is computed with the mean of
+the forces before and after it, which is exact for a spring. If a stiff contact opens within a step, or the sensor
+saturates, the work is bounded so that a wall never seems to return more energy than it took.
 """
 
 from math import hypot, inf, sqrt
@@ -11,26 +11,26 @@ from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector
 
 CAUTION = 4.0
-"""A wall may be this much stiffer than it has shown yet."""
+"""Assumed stiffness of a wall over the largest one seen in this contact."""
 SATURATED = 0.999
-"""Part of its range from which a sensor is at it."""
+"""Share of the sensor's range from which it counts as saturated."""
 LONGEST_RETREAT = 5e-5
-"""Longest step back from a wall in a tick that an empty tank allows, whatever may be behind [m]."""
+"""Longest step back from a wall that is allowed in a tick with an empty tank [m]."""
 SHORTEST_WAY = 1e-6
-"""Shorter steps say nothing about stiffness [m]."""
+"""Shortest step from which a stiffness is estimated [m]."""
 
 
 class MotionPort:
     """Observer and controller of the port.
 
-    The cost of a step is predicted. In contact, the force rises with the stiffness seen in this contact, times
-    `CAUTION`; in free space a wall may be anywhere, and the force jump to the range of the sensor. A step is shortened
-    to what the tank can pay. The rest of the way is made up as energy arrives, which removes the position drift of the
-    passivity approach.
+    The energy cost of a step is predicted. In contact, the force is assumed to rise with `CAUTION` times the stiffness
+    seen in this contact. In free space a wall may be anywhere, so the force is assumed to jump to the range of the
+    sensor. A step is shortened to what the tank can pay. The remaining distance is covered when energy arrives, which
+    removes the position drift of the passivity approach.
 
     Args:
         force_range: largest force that the robot reports [N].
-        debt: what sliding along a surface may overdraw [J].
+        debt: largest debt that sliding along a surface may make [J].
     """
 
     __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness", "_taken", "_touches")
@@ -48,7 +48,7 @@ class MotionPort:
         self._touches = False
 
     def book(self, position: Vector, force: Vector) -> float:
-        """The robot was told to be here and feels this [N]; returns the work done on the environment [J]."""
+        """Take in commanded position [m] and force on the robot [N]; returns the work on the environment [J]."""
         before, earlier, touched = self._position, self._force, self._touches
         self._position, self._force = position, force
         self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
@@ -65,7 +65,7 @@ class MotionPort:
         return work
 
     def _is_saturated(self, force: Vector) -> bool:
-        """Whether a force is at the range of the sensor: it grew to it before the end of the step."""
+        """Whether a force is at the range of the sensor; it reached that before the end of the step."""
         squared = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
         return squared >= SATURATED * SATURATED * self._force_range * self._force_range
 
@@ -73,31 +73,31 @@ class MotionPort:
         force = self._force
         if not self._touches:
             self._stiffness = inf
-        elif touched and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # a first touch shows a part of it only
+        elif touched and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # part of the first step of a contact was free
             x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
             seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
             self._stiffness = seen if self._stiffness == inf else max(seen, self._stiffness)
 
     def affordable(self, target: Vector, here: Vector, tank: float) -> Vector:
-        """The point on the way from `here` to `target` [m] that the tank [J] reaches to."""
+        """The farthest point from `here` towards `target` [m] that the tank [J] can pay for."""
         x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
         squared = x * x + y * y + z * z
         if squared == 0.0:
             return target
         force = self._force
         against = -(force[0] * x + force[1] * y + force[2] * z)
-        jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # to the mean of now and the range
+        jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # by the mean of this force and the range
         share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
-        if against < 0.0 and self._touches:  # out of the wall that it touches
+        if against < 0.0 and self._touches:  # the step leads out of the wall
             share = max(share, min(1.0, LONGEST_RETREAT / squared**0.5))
         if share == 1.0:
             return target
         pressed = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
-        if against > 0.0 and pressed > 0.0 and tank > -self._debt:  # only what goes against the force is shortened
+        if against > 0.0 and pressed > 0.0 and tank > -self._debt:  # only the part against the force is shortened
             kept = (1.0 - share) * against / pressed
             return (target[0] + kept * force[0], target[1] + kept * force[1], target[2] + kept * force[2])
         back = 0.0
-        if tank < 0.0 < against and pressed > 0.0:  # what was overdrawn is taken back from the wall, by yielding to it
+        if tank < 0.0 < against and pressed > 0.0:  # yielding to the wall pays the debt back
             back = min(-tank / pressed, LONGEST_RETREAT / pressed**0.5)
         return (
             here[0] + share * x + back * force[0],
@@ -107,13 +107,15 @@ class MotionPort:
 
 
 def affordable_share(against: float, rise: float, jump: float, tank: float) -> float:
-    """The largest share s of a step, 0..1, with  s against + min(s^2 rise, s jump) <= tank.
+    """The largest share s of a step, 0 to 1, with  s against + min(s^2 rise, s jump) <= tank.
+
+    If the tank is negative and cannot pay for the whole step, it is the share that gains most energy.
 
     Args:
-        against: cost of the whole step at the force of now [J]; negative where the environment pushes along.
-        rise: what a stiffness adds to the whole step [J], >= 0; may be infinite.
-        jump: what a force that jumps to its range adds [J], >= 0.
-        tank: [J]; where it is negative, the share that gains most.
+        against: cost of the whole step at the present force [J]; negative if the environment pushes along the step.
+        rise: additional cost of the whole step by a stiffness [J], >= 0; may be infinite.
+        jump: additional cost of the whole step by a force that jumps to the range of the sensor [J], >= 0.
+        tank: energy in the tank [J]; negative for a debt.
     """
     if against + min(rise, jump) <= tank:
         return 1.0
@@ -124,7 +126,7 @@ def affordable_share(against: float, rise: float, jump: float, tank: float) -> f
 
 
 def _most_gainful_share(against: float, rise: float, jump: float) -> float:
-    """Where  s against + min(s^2 rise, s jump)  is least: at the vertex of the parabola, or at the whole step."""
+    """The s that minimizes  s against + min(s^2 rise, s jump): the vertex of the parabola, or the whole step."""
     if against >= 0.0:
         return 0.0
     if 2.0 * rise <= -against or against + jump <= -0.25 * against * against / rise:
@@ -133,7 +135,7 @@ def _most_gainful_share(against: float, rise: float, jump: float) -> float:
 
 
 def _share_with_rise(against: float, rise: float, tank: float) -> float:
-    """The positive root of  s^2 rise + s against = tank > 0, by the formula that does not cancel."""
+    """The positive root of  s^2 rise + s against = tank > 0, by the formula without cancellation."""
     if rise == inf:
         return 0.0
     root = sqrt(against * against + 4.0 * rise * tank)

@@ -8,7 +8,7 @@ from weberlink.geometry.vector import Vector
 
 
 class Sensor(Protocol):
-    """Reads one outgoing channel off a reading of the device or the robot."""
+    """Extracts the value of one outgoing channel from a reading of the device or robot."""
 
     value: Vector
     """The newest usable measurement."""
@@ -17,17 +17,17 @@ class Sensor(Protocol):
         """Why a reading cannot be used; None if it can."""
 
     def take(self, reading: Any) -> None:
-        """Keep a reading without complaint."""
+        """Keep a reading that has no complaint."""
 
     def sample(self) -> tuple[Vector, Vector]:
-        """What is encoded now: the value, and the position that it belongs to (zero on a forward channel)."""
+        """The value to encode now and its commanded position [m] (zero on a forward channel)."""
 
 
 class Port(Protocol):
     """One end of the link: a haptic device under an operator's hand, or a robot.
 
-    The side loop calls `open` once, then in each tick what its order asks for, and `close` at the end. No method
-    between them blocks.
+    The side loop calls `open` once, then the methods of each tick, and `close` at the end. Only `open` and `close` may
+    block.
     """
 
     @property
@@ -36,19 +36,19 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """Of the device or robot, for messages."""
+        """Name of the device or robot, for messages."""
 
     @property
     def leads(self) -> bool:
         """Whether this is the operator's end.
 
-        It senses and sends before it actuates, and its force fades before it leaves a session. The other end actuates
-        first, and leaves at once.
+        In a tick it senses and sends, then actuates; it leaves a session after its force has faded. The other end
+        actuates, then senses and sends; it leaves at once.
         """
 
     @property
     def fault(self) -> type[Exception]:
-        """What `latest` raises when the device or robot cannot go on."""
+        """The exception that `latest` raises if the device or robot cannot continue."""
 
     @property
     def control(self) -> Control:
@@ -60,11 +60,11 @@ class Port(Protocol):
 
     @property
     def trouble(self) -> str | None:
-        """Why no new reading comes, if the driver knows."""
+        """Why there is no new reading; None if the driver knows no reason."""
 
     @property
     def enabled(self) -> bool:
-        """Whether the operator lets this end lead, by the button of `master.engage`."""
+        """Whether the operator enables motion with the button of `master.engage`."""
 
     @property
     def ended(self) -> bool:
@@ -72,11 +72,11 @@ class Port(Protocol):
 
     @property
     def tripped(self) -> bool:
-        """Whether too strong a contact keeps the robot from following."""
+        """Whether a contact force above its limit stops the robot from following."""
 
     @property
     def at_rest(self) -> bool:
-        """Whether the session can be left without a jump."""
+        """Whether the session can be left without a jump of force or motion."""
 
     def open(self, now: float) -> None:
         """Open the device or robot.
@@ -88,25 +88,25 @@ class Port(Protocol):
     def close(self) -> None: ...
 
     def latest(self, now: float) -> Any:
-        """The newest reading, measured at its attribute `at`; raises `fault`."""
+        """The newest reading; its attribute `at` is the time of measurement [s]. Raises `fault`."""
 
     def accept(self, reading: Any) -> bool:
-        """Keep what the sensors do not, of a new reading without complaint; returns whether its contact force trips."""
+        """Keep the rest of a new reading that has no complaint; returns whether its contact force exceeds the limit."""
 
     def settle(self, now: float) -> None:
-        """This process stalled, or did so a few ticks ago: hand and robot may be elsewhere."""
+        """Handle a stall of this process, now or a few ticks ago: hand and robot may have moved meanwhile."""
 
     def reset(self) -> None:
-        """Nothing that was received holds any more: a new session began, or the peer returned."""
+        """Forget all that was received: a new session began, or the peer returned."""
 
     def restart(self) -> None:
         """Fade in from zero: sending or displaying begins again, or the device is lost."""
 
     def release(self, *, retreat: bool) -> None:
-        """The peer no longer leads: hold, or retreat from a contact if configured."""
+        """Stop following the peer: hold, or retreat from a contact if configured."""
 
     def account(self, elapsed: float, *, encodes: bool) -> int:
-        """Book the work of this tick [s]; returns the energy credit to tell the peer."""
+        """Book the work of a tick of `elapsed` [s]; returns the energy credit to send to the peer."""
 
     def actuate(
         self, values: Sequence[Vector | None], now: float, elapsed: float, step: float, *, engaged: bool
@@ -114,12 +114,12 @@ class Port(Protocol):
         """Command the device or robot.
 
         Args:
-            values: one per incoming channel, None where nothing was decoded.
-            now: [s].
-            elapsed: since the last tick [s]; 0 after a stall.
-            step: the same, bounded: by how much ramps and speed limits may go on [s].
+            values: one per incoming channel; None if nothing was decoded.
+            now: present time [s].
+            elapsed: time since the last tick [s]; 0 after a stall.
+            step: the same, bounded: the time by which ramps and speed limits advance [s].
             engaged: whether the values may be acted on.
         """
 
     def halt(self, now: float) -> None:
-        """Zero force, or hold, at once; no tick follows."""
+        """Command zero force, or hold, at once; no tick follows."""

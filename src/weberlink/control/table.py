@@ -1,16 +1,13 @@
-"""The registry of control schemes: those built in, and those of installed distributions.
+"""The registry of control schemes, built in and of installed distributions.
 
-A new scheme is a file beside these and a line in `BUILT_IN`, or an entry point of the group `weberlink.control_schemes`
-in another distribution, which names a `Scheme`.
+To add one, write a file in this folder and a line in `BUILT_IN`; or, in another distribution, an entry point of the
+group `weberlink.control_schemes` that names a `Scheme`.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from weberlink.control.contract import Control, MasterControl, SchemeParameters, SlaveControl
-from weberlink.registry import Registry
-
-GROUP = "weberlink.control_schemes"
+from weberlink.registry import Registry, resolve
 
 
 class Scheme(NamedTuple):
@@ -19,8 +16,8 @@ class Scheme(NamedTuple):
     Args:
         master: "module:Class" of the operator's end, a `MasterControl` built from `SchemeParameters`; imported on use.
         slave: likewise of the teleoperator's end, a `SlaveControl`.
-        carries_credit: whether datagrams carry energy.
-        does: one line for people.
+        carries_credit: whether datagrams carry energy credit.
+        does: its description in one line.
     """
 
     master: str
@@ -62,28 +59,27 @@ def _check(name: str, entry: Any) -> None:
         raise ValueError(f"control scheme {name}: its entry point is not a weberlink.control.table.Scheme")  # noqa: TRY004 - the file is wrong
 
 
-SCHEMES: Registry[Scheme] = Registry("control scheme", BUILT_IN, GROUP, _check)
-"""By name; the place of a scheme in this order is its code in a telemetry record."""
+SCHEMES: Registry[Scheme] = Registry("control scheme", BUILT_IN, "weberlink.control_schemes", _check)
+"""By name; the index of a scheme in this order is its code in a telemetry record."""
 if TYPE_CHECKING:
     SchemeName = str
 else:
     SchemeName = Literal[tuple(SCHEMES)]
-    """What `control.scheme` of a configuration may say."""
+    """Values of `control.scheme` in a configuration."""
 
 
 def build_master_control(name: str, settings: SchemeParameters) -> MasterControl:
-    """The operator's end of a scheme; raises ValueError where an installed one is broken."""
+    """The operator's end of a scheme; raises ValueError if the scheme of another distribution is broken."""
     return cast(MasterControl, _build(name, SCHEMES[name].master, settings))
 
 
 def build_slave_control(name: str, settings: SchemeParameters) -> SlaveControl:
-    """The teleoperator's end of a scheme; raises ValueError where an installed one is broken."""
+    """The teleoperator's end of a scheme; raises ValueError if the scheme of another distribution is broken."""
     return cast(SlaveControl, _build(name, SCHEMES[name].slave, settings))
 
 
 def _build(name: str, place: str, settings: SchemeParameters) -> Control:
-    module, _, attribute = place.partition(":")
-    control: Any = getattr(import_module(module), attribute)(settings)
+    control = resolve(place)(settings)
     if control.active not in SCHEMES:
-        raise ValueError(f"control scheme {name}: {place} says that {control.active!r} is active, which is no scheme")
+        raise ValueError(f"control scheme {name}: {place}.active is {control.active!r}, which is not a scheme")
     return cast(Control, control)

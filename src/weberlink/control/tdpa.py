@@ -1,35 +1,35 @@
-"""The time-domain passivity approach: the link never gives out more energy than went in.
+"""Time-domain passivity approach (TDPA): the link never releases more energy than it took in.
 
-At both ports an observer books the work, and a controller keeps the energy tank from going below zero: a softer force
-at the operator's port, a shorter step at the robot's. Delay, jitter and loss only postpone energy; no bound on the
-delay is assumed, only that hand and environment are passive. Sources: Ryu, Kwon, Hannaford, "Stable teleoperation with
-time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of
+At each port a passivity observer books the work, and a passivity controller keeps the energy tank above zero: by a
+smaller force at the operator's port, by a shorter step at the robot's. Delay, jitter and loss only postpone energy. No
+bound on the delay is assumed, only that hand and environment are passive. Sources: Ryu, Kwon, Hannaford, "Stable
+teleoperation with time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of
 `weberlink.control.energy`.
 
-The cost is felt where a tank cannot pay: drag while the tanks fill for the first time, a wall that is soft until the
-first work has crossed the link, and stickiness when the hand turns back.
+The operator feels it if a tank cannot pay: drag while the tanks fill for the first time, a soft wall until the first
+work has crossed the link, and stickiness when the hand turns back.
 """
 
 from math import dist, hypot
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
-from weberlink.control.energy import FORGIVENESS, CreditPrediction, EnergyTank, LevelDrag
+from weberlink.control.energy import CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.motion_port import MotionPort
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, interpolate
 
 SHARE_AT_MASTER = 0.3
 """Level of the master's tank as a share of the slave's."""
 CAP = 10.0
-"""Most that the master's tank holds, in levels of its own: what came back from the wall, for the next push."""
+"""Largest energy of the master's tank, as a multiple of its level: energy back from the wall pays for the next push."""
 LEAK = 0.2
-"""Time constant with which the master's tank feeds the slave's [s]; what is not needed there comes back."""
+"""Time constant with which the master's tank feeds the slave's [s]; the slave returns what it does not need."""
 KEPT = 0.5
-"""Share of its level that the master's tank keeps in contact: a resting hand trembles, and gives and takes energy."""
+"""Share of its level that the master's tank keeps in contact, because the tremor of a resting hand can take energy."""
 PREDICTED = 0.004
-"""Most that is predicted of unheard credit, as a share of the level."""
+"""Largest predicted credit, as a share of the level."""
 SLIDING_DEBT = 0.004
-"""What the robot may overdraw by sliding along a surface, as a share of the level."""
+"""Largest debt that sliding along a surface may make, as a share of the level."""
 
 
 class _TankedPort:
@@ -80,7 +80,7 @@ class TdpaMaster(_TankedPort):
         work = self._port.move(position)
         tank = self._tank
         tank.level += work
-        if work > 0.0:  # what the hand puts in goes to the robot, but for what the own tank lacks
+        if work > 0.0:  # the work of the hand goes to the robot, except for what this tank lacks
             tank.hand_over(min(work, tank.level - self._level))
         tank.receive(peer_credit)
         kept = KEPT * self._level if self._in_contact else 0.0
@@ -98,8 +98,8 @@ class TdpaMaster(_TankedPort):
         self._port.hold(force)
 
     def forgive(self, elapsed: float) -> None:
-        """Forget a debt slowly while another scheme is displayed."""
-        self._tank.forgive(elapsed / FORGIVENESS)
+        """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""
+        self._tank.forgive(elapsed)
 
 
 class TdpaSlave(_TankedPort):
@@ -134,24 +134,19 @@ class TdpaSlave(_TankedPort):
         return self._port.affordable(goal, here, self._tank.level + ahead)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
-        """As `follow`, without a limit of energy: a debt is forgotten slowly."""
+        """As `follow`, without a limit by energy; a debt is forgotten slowly."""
         self._tank.receive(peer_credit)
-        self._tank.forgive(elapsed / FORGIVENESS)
+        self._tank.forgive(elapsed)
         return self._caught_up(target, here, elapsed)
 
     def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
-        """The target, or the point on the way to it that is as far as the target moved and the drift may shrink."""
+        """The target, or the point towards it at a distance of the target's own motion plus the catch-up motion [m]."""
         before, self._target = self._target, target
         way = self._catch_up_speed * elapsed + (dist(target, before) if before is not None else 0.0)
         drift = dist(here, target)
         if drift <= way:
             return target
-        share = way / drift
-        return (
-            here[0] + share * (target[0] - here[0]),
-            here[1] + share * (target[1] - here[1]),
-            here[2] + share * (target[2] - here[2]),
-        )
+        return interpolate(here, target, way / drift)
 
     def observe(self, position: Vector, force: Vector) -> None:
         tank = self._tank

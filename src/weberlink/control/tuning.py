@@ -1,4 +1,4 @@
-"""The settings of a session that may change while it runs, and the tick from which a change holds."""
+"""The settings of a session that may change while it runs, and the tick at which a change takes effect."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -6,13 +6,13 @@ from math import inf
 from typing import NamedTuple
 
 LEAD = 0.1
-"""A change is proposed for this much later [s], and for so many round trips more, which leaves time for repeats."""
+"""Time from a proposal to the tick of the change [s], plus `ROUND_TRIPS` round trips to leave time for repeats."""
 ROUND_TRIPS = 6.0
 BUSY = "another change is on its way"
 
 
 class LiveSettings(NamedTuple):
-    """What may change in a running session.
+    """The settings that may change in a running session.
 
     Args:
         weber: Weber factor k of the force channel, 0 to 1.
@@ -26,18 +26,18 @@ class LiveSettings(NamedTuple):
 
 
 class ChangeResult(NamedTuple):
-    """The outcome of a change that this side proposed: its tick on this side, or why it was refused."""
+    """The outcome of a change that this side proposed: its tick on this side's clock, or the reason of a refusal."""
 
     tick: int
     refusal: str | None
 
 
 class Tuning:
-    """The settings of one side. Both sides of a session count the same changes.
+    """The live settings of one side. Both sides of a session count the same changes.
 
     Args:
-        settings: those of the file, to which every session returns when it begins.
-        permitted: settings that may be changed, and to which names; k to any number from 0 to 1.
+        settings: the settings of the file, with which every session begins.
+        permitted: settings that may be changed, each with the names allowed; `weber` may be any number from 0 to 1.
         apply: makes a change on this side.
     """
 
@@ -61,17 +61,17 @@ class Tuning:
         self.permitted = permitted
         self._apply = apply
         self.generation = 0
-        """Changes made since the session began."""
+        """Number of changes since the session began."""
         self.result: ChangeResult | None = None
-        """Of the change that this side proposed last; None while it waits, or has never proposed one."""
+        """Outcome of the last change that this side proposed; None while it is open, or before the first one."""
         self._asked = False
         self.pending: LiveSettings | None = None
-        """Agreed, and not yet in force."""
+        """Settings that are agreed and not yet in effect; None if there are none."""
         self._at = inf
         self._of_peer = False
 
     def reset(self) -> None:
-        """A new session: the settings of the file hold, and what was under way is void."""
+        """Begin a new session: return to the settings of the file and drop any open change."""
         if self._asked or (self.pending is not None and not self._of_peer):
             self.result = ChangeResult(0, "the session ended")
         self._asked, self.pending, self._at = False, None, inf
@@ -85,14 +85,14 @@ class Tuning:
             return "nothing to change; name weber, predictor or scheme"
         for name, value in change.items():
             if name not in LiveSettings._fields:
-                return f"{name} is no setting; there are {', '.join(LiveSettings._fields)}"
+                return f"unknown setting {name}; known are {', '.join(LiveSettings._fields)}"
             if name not in self.permitted:
                 return f"{name} is fixed in this session: {_FIXED[name]}"
-            if (refusal := self._doubt(name, value)) is not None:
+            if (refusal := self._value_complaint(name, value)) is not None:
                 return refusal
         return BUSY if self._asked or self.pending is not None else None
 
-    def _doubt(self, name: str, value: object) -> str | None:
+    def _value_complaint(self, name: str, value: object) -> str | None:
         if name == "weber":
             if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
                 return None
@@ -101,16 +101,16 @@ class Tuning:
         return None if value in names else f"{name} must be one of {', '.join(names)}, not {value!r}"
 
     def lead(self, rtt: float | None) -> float:
-        """How far ahead a change is to be proposed over a link of this round trip [s]."""
+        """Time from a proposal to the tick of the change [s], at this round-trip time [s]; None if it is unknown."""
         return LEAD if rtt is None else LEAD + ROUND_TRIPS * rtt
 
     def ask(self, change: Mapping[str, object]) -> bytes:
-        """The message that proposes a change without complaint; `result` follows."""
+        """The message that proposes a change, which must have no `complaint`; `settle` sets `result` later."""
         self._asked, self.result = True, None
         return json.dumps(dict(change), separators=(",", ":")).encode()
 
     def hear(self, tick: int, body: bytes) -> str | None:
-        """Take a proposal of the peer for a tick of its clock: None to agree, or why not."""
+        """Take in a proposal of the peer for a tick of its clock; returns None to agree, or the reason of a refusal."""
         change = _read(body)
         refusal = "not a change" if change is None else self.complaint(change)
         if refusal is None and change is not None:
@@ -118,7 +118,7 @@ class Tuning:
         return refusal
 
     def settle(self, tick: int, body: bytes, refusal: str | None) -> None:
-        """Take the answer of the peer to the own proposal."""
+        """Take in the answer of the peer to this side's proposal: the tick on this side's clock, and any refusal."""
         self._asked = False
         self.result = ChangeResult(tick, refusal)
         change = _read(body)
@@ -126,7 +126,7 @@ class Tuning:
             self._agree(change, tick, of_peer=False)
 
     def advance(self, tick: int, peer_tick: float | None) -> None:
-        """Make the change that is due at this tick; `peer_tick` is the same moment in ticks of the peer."""
+        """Make the pending change if it is due at this tick; `peer_tick` is the same time on the peer's tick clock."""
         now = peer_tick if self._of_peer else tick
         if self.pending is None or now is None or now < self._at:
             return
@@ -147,7 +147,7 @@ _FIXED = {
 
 
 def _read(body: bytes) -> dict[str, object] | None:
-    """A change as the peer wrote it: names with numbers or texts, nothing nested."""
+    """The change in a message: a flat JSON object; None if the message is anything else."""
     try:
         change = json.loads(body)
     except (ValueError, RecursionError):

@@ -1,14 +1,13 @@
 """Orientations as unit quaternions (w, x, y, z) and as rotation vectors: the unit axis times the angle [rad].
 
-An orientation turns the axes of what is oriented into those of the frame that it is oriented in.
+An orientation maps a vector in body axes to the axes of the reference frame: `turned(orientation, v)`.
 
-The codec carries rotation vectors: two rotations differ by no more than the distance of their vectors (the exponential
-map of SO(3) does not stretch), so a deadband on the vectors also bounds the rotations. A rotation has more than one
-vector: by an axis u, the angles a and a - 2 pi are the same rotation. `vector` takes the one nearest to the last as
-long as its length is within `LONGEST`, so that a hand that trembles about half a turn does not jump from one to the
-other.
+The codec carries rotation vectors: the angle between two rotations is at most the distance of their vectors (the
+exponential map of SO(3) does not stretch), so a deadband on the vectors also bounds the rotations. A rotation has more
+than one vector: about an axis u, the angles a and a - 2 pi are the same rotation. `vector` returns the one that is
+nearer to the last vector, if its length is within `LONGEST`. So a tremor about half a turn makes no jump.
 
-These functions are outside of the closed loop of the codec: the two hosts need not agree on their last bit.
+These functions are not part of the codec's closed loop: the two hosts need not agree on the last bit.
 """
 
 from math import atan2, cos, inf, pi, sin, sqrt
@@ -16,22 +15,22 @@ from math import atan2, cos, inf, pi, sin, sqrt
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, scale
 
 Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z) of unit length; it and its negative are one rotation."""
+"""(w, x, y, z) of unit length; a quaternion and its negative are the same rotation."""
 
 IDENTITY: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 LONGEST = 3.27
-"""Length of a rotation vector up to which it is kept beyond half a turn [rad]; 16 bits in steps of 1e-4 say it."""
+"""Largest length of a rotation vector [rad]; it fits into 16 bits in steps of 1e-4 rad."""
 _SMALL = 1e-8
-"""Below this half angle its sine is the angle, to the last place [rad]."""
+"""Below this half angle [rad], its sine is the angle itself, to the last bit."""
 
 
 def vector(orientation: Quaternion, near: Vector = ZERO) -> Vector:
     """The rotation vector of a unit quaternion [rad].
 
     Args:
-        orientation: of any sign; its length is not read but for the direction.
-        near: the vector before; of the two that say the rotation, the nearer one within `LONGEST` is taken.
+        orientation: with either sign.
+        near: the last vector [rad]; of the two vectors of the rotation, the nearer one within `LONGEST` is returned.
     """
     w, x, y, z = orientation if orientation[0] >= 0.0 else negative(orientation)
     length = norm((x, y, z))
@@ -55,7 +54,7 @@ def quaternion(rotation: Vector) -> Quaternion:
 
 
 def unit_quaternion(orientation: Quaternion) -> Quaternion | None:
-    """The same orientation at unit length; None if it is not finite, or too short to be one."""
+    """The same orientation at unit length; None if it is not finite, or shorter than 1e-6."""
     w, x, y, z = orientation
     square = w * w + x * x + y * y + z * z
     if not 1e-12 < square < inf:
@@ -65,7 +64,7 @@ def unit_quaternion(orientation: Quaternion) -> Quaternion | None:
 
 
 def angle_between(a: Quaternion, b: Quaternion) -> float:
-    """The angle of the rotation that leads from one orientation to the other, 0 to pi [rad]."""
+    """The angle of the rotation from one orientation to the other, 0 to pi [rad]."""
     (aw, ax, ay, az), (bw, bx, by, bz) = a, b
     w = aw * bw + ax * bx + ay * by + az * bz
     x = aw * bx - ax * bw - ay * bz + az * by
@@ -75,7 +74,7 @@ def angle_between(a: Quaternion, b: Quaternion) -> float:
 
 
 def toward(start: Quaternion, goal: Quaternion, angle: float) -> Quaternion:
-    """The goal, or the orientation on the shortest way to it that is an angle [rad] from the start.
+    """The orientation on the shortest way to the goal at this angle [rad] from the start; the goal if it is nearer.
 
     Spherical linear interpolation (Shoemake, "Animating rotation with quaternion curves", SIGGRAPH 1985).
     """
@@ -96,7 +95,7 @@ def negative(orientation: Quaternion) -> Quaternion:
 
 
 def product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """First b, then a."""
+    """The rotation b followed by the rotation a."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -108,7 +107,7 @@ def product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def inverse(a: Quaternion) -> Quaternion:
-    """Of a unit quaternion."""
+    """The inverse of a unit quaternion."""
     return (a[0], -a[1], -a[2], -a[3])
 
 

@@ -1,4 +1,4 @@
-"""Sine and cosine by sums and products alone, which every host rounds alike; libraries of mathematics need not."""
+"""Sine and cosine by sums and products only, which every host rounds in the same way; `math.sin` gives no guarantee."""
 
 from math import pi
 
@@ -7,7 +7,7 @@ _HALF, _QUARTER = pi, 0.5 * pi
 
 
 def sine(angle: float) -> float:
-    """Of a finite angle [rad]; within 1e-9 for angles below 1e6."""
+    """The sine of a finite angle [rad]; within 1e-9 for magnitudes up to 1e6."""
     x = angle % _TURN
     if x > _HALF:
         x -= _TURN
@@ -22,5 +22,5 @@ def sine(angle: float) -> float:
 
 
 def cosine(angle: float) -> float:
-    """Of a finite angle [rad]."""
+    """The cosine of a finite angle [rad]; as exact as `sine`."""
     return sine(angle + _QUARTER)
