@@ -12,7 +12,6 @@ html_theme = "furo"
 html_title = f"WeberLink {release}"
 exclude_patterns = ["_build"]
 myst_heading_anchors = 4
-suppress_warnings = ["misc.highlighting_failure"]
 
 HERE = Path(__file__).parent
 SCHEMA = HERE.parent / "configs" / "weberlink.schema.json"

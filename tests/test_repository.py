@@ -47,9 +47,12 @@ def test_links_of_the_documents_lead_to_files() -> None:
 
 def test_make_targets_that_the_documents_name_are_there() -> None:
     targets = set(re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M))
-    for document in ("README.md", "CONTRIBUTING.md"):
-        for target in re.findall(r"(?:^|`)make (\w+)", (ROOT / document).read_text(encoding="utf-8"), re.M):
-            assert target in targets, f"{document}: make {target}"
+    named = []
+    for document in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("**/*.md")):
+        for target in re.findall(r"(?:^ {4}|`|^(?=make \w+ +#))make (\w+)", document.read_text(encoding="utf-8"), re.M):
+            assert target in targets, f"{document.name}: make {target}"
+            named.append(target)
+    assert {"demo", "docs", "soak"} <= set(named)
 
 
 def test_shipped_schema_is_that_of_the_code() -> None:
