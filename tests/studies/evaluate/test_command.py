@@ -25,9 +25,10 @@ from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from tests.system.work import reject, slowly
 from weberlink.cli import app
-from weberlink.studies.evaluate.command import names, run
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
+from weberlink.studies.evaluate.command import run
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, table_of
+from weberlink.studies.evaluate.traces import NamedTrace, names
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 RECORDED = CONFIGS.parent.parent / "shared" / "traces"

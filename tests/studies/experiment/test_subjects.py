@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from tests.studies.experiment.studies import Rig, plan
 from weberlink.studies.experiment.conduct import Conduct, ConductError, Elapsed, FeltTrial, SubjectLeft, TrialResult
 from weberlink.studies.experiment.ledger import Ledger, read
-from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES
+from weberlink.studies.experiment.plan import REFERENCES
 from weberlink.studies.experiment.subjects import FELT, Person, SimulatedSubject, level_of
+from weberlink.studies.paper.claims import PREDICTORS
 
 WIDTH = 80
 TRAINING = "\n\n\n\n\n\n"

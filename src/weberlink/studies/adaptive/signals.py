@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from weberlink.studies.evaluate.replay import Signal, signal_of
 from weberlink.studies.evaluate.scenes import scene_names, scene_signal
-from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.evaluate.traces import NamedTrace
 
 Half = Literal["chosen", "reported"]
 Kind = Literal["recording", "scene"]

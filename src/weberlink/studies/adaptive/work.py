@@ -23,7 +23,7 @@ from weberlink.studies.adaptive.variants import (
 )
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal
-from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.system.scoring.perception import Threshold
 
 RATES, QUIET, ABLATION, TUNING, UNSEEN, LIMITS, EQUAL, SMOOTH = (

@@ -10,11 +10,8 @@ from itertools import product
 from random import Random
 from typing import Any, Self
 
-from weberlink.studies.paper.claims import WEBERS
+from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
-"""The paper's."""
-TRIALS = len(PREDICTORS) * len(WEBERS)
 TRIAL_S = 10.0
 BREAK_EVERY = 10
 """Trials between two breaks."""

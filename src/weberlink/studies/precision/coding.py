@@ -18,10 +18,10 @@ from weberlink.codec.predictors import HYBRID, FitLimits
 from weberlink.codec.replay import code
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.replay import replay, signal_of
+from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.studies.precision.measurement import Point, dominates, front
 from weberlink.system.scoring.perception import in_units, longest_run, rms
 
-PREDICTORS = ("zoh", "linear", "plane", "sphere", HYBRID)
 WEBERS = (0.025, 0.05, 0.10, 0.20, 0.30)
 RECOMMENDED = (HYBRID, 0.10)
 """The choice of the shipped configurations."""
