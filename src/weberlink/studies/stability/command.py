@@ -14,7 +14,7 @@ from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, timing
-from weberlink.studies.stability.measured_wall import WallRow, survey, walls
+from weberlink.studies.stability.survey import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict
 from weberlink.studies.stability.wall import SampledWall
 from weberlink.system.composition.channels import channels
