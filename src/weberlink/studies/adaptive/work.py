@@ -123,9 +123,7 @@ def _run(
 
 
 def _rate(piece: Piece, variant: str, floor: float, packets: int, outside: int) -> RateRow:
-    return RateRow(
-        piece.part, *piece.key, variant, floor, packets, packets / piece.signal.duration_s, outside
-    )  # fmt: skip
+    return RateRow(piece.part, *piece.key, variant, floor, packets, packets / piece.signal.duration_s, outside)
 
 
 def _equal(piece: Piece) -> list[MatchRow]:
