@@ -76,8 +76,8 @@ def study(
         draw_figures(results, scope, folder, caption)
         (folder / PAGE).write_text(document(results, scope, caption, drawn=True), encoding="utf-8")
 
-    others = ("limit", "found", "")
-    table = plain_table("asked for", *others, left=others, wrap=True, caption=caption)
+    others = ("limit", "measured", "")
+    table = plain_table("target", *others, left=others, wrap=True, caption=caption)
     for one in targets(results):
         table.add_row(one.what, one.asked, one.found, MET[one.met].strip("*"))
     return StudyResult(content, table, draw)

@@ -54,11 +54,11 @@ def packets(results: AdaptiveResults, caption: str) -> Figure:
         )  # fmt: skip
     _band(axes, geometric_mean(halves["reported"]))
     axes.axvline(MOST, color=OTHER, linewidth=1.0, linestyle="--")
-    handles = [dot("chose nothing", "o", OURS), dot("chose the parameters", "o", OURS)]
+    handles = [dot("held-out half", "o", OURS), dot("tuning half", "o", OURS)]
     handles[1].set_markerfacecolor("none")
     legend(axes, handles)
     axes.set_xlabel(
-        fontsize=9, xlabel="a dot for each signal; line and band: mean and 95 % of the filled; dashed: asked for"
+        fontsize=9, xlabel="a dot for each signal; line and band: mean and 95 % of the filled; dashed: target"
     )
     return figure
 
