@@ -55,15 +55,15 @@ def test_every_figure_stands_beside_its_limit() -> None:
 
 def test_the_report_fits_80_columns() -> None:
     late = {hz: lateness(hz, late_us=123_456.0, missed=500) for hz in (1000.0, 4000.0)}
-    way = latency(1_234_567.0, 1_234_567.0)
-    lines = printed(assemble(ARRANGEMENT, findings(rates=late, way=way)))
+    trips = latency(1_234_567.0, 1_234_567.0)
+    lines = printed(assemble(ARRANGEMENT, findings(rates=late, trips=trips)))
     assert max(map(len, lines)) <= 80
     assert not [line for line in lines if "…" in line]
 
 
 def test_missed_targets_are_marked() -> None:
     missed = {hz: lateness(hz, missed=900) for hz in (1000.0, 4000.0)}
-    lines = printed(assemble(ARRANGEMENT, findings(rates=missed, way=latency(fast=False))))
+    lines = printed(assemble(ARRANGEMENT, findings(rates=missed, trips=latency(fast=False))))
     assert row(lines, "missed_share_1khz")[-1] == "MISSED"
     assert row(lines, "lateness_p99_ratio_1khz")[-1] == "met"
     assert row(lines, "one_way_p50_ratio")[-1] == "met"
