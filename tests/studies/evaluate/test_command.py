@@ -316,7 +316,7 @@ def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster) -> Non
 
 def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
     with cluster(tmp_path, workers=1) as started:
-        assert loss(started, started.scheduler) == "the scheduler went away"
+        assert loss(started, started.scheduler) == "the scheduler was lost"
 
 
 def patience(seconds: float) -> str:

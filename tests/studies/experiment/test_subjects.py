@@ -121,7 +121,7 @@ def test_end_of_input_leaves_and_loses_nothing(lines: int, path: Path) -> None:
 
 def test_a_repeated_trial_is_announced(path: Path) -> None:
     screen = run(path, TRAINING + "\n\n3\n", Rig([None] * 3 + ["the force was interrupted (slave silence)"]))
-    assert "This trial does not count and comes again: the force was interrupted (slave silence)\n" in screen
+    assert "This trial does not count and is repeated: the force was interrupted (slave silence)\n" in screen
     assert rated(path) == [3]
 
 
