@@ -118,7 +118,7 @@ def granted(asked: RealtimeSettings) -> Rights:
         BenchError: if that process fails.
     """
     with child("arrangement", {"asked": asked.model_dump()}) as process:
-        answer = answers([process], 30.0, "the kernel's grants")[0]
+        answer = answers([process], 30.0, "the check of real-time rights")[0]
     return Rights(
         priority=asked.priority if answer["priority"] else 0,
         lock_memory=answer["memory"],

@@ -116,9 +116,9 @@ def comparison(compared: Mapping[str, Any], name: str) -> Table:
         table.add_row(Text(figure["name"]), *(_number(figure[key]) for key in ("earlier", "now", "ratio")))
     whole = Table.grid()
     whole.add_row(table)
-    said = compared["differences"]
-    if said:
-        whole.add_row(Text("the runs differ, and so may their figures, in " + "; ".join(said), style="yellow"))
+    found = compared["differences"]
+    if found:
+        whole.add_row(Text(f"the runs differ in {'; '.join(found)}; this may change the figures", style="yellow"))
     return whole
 
 

@@ -1,8 +1,8 @@
 """Digests of sessions in virtual time: equal digests before and after a change show that behaviour is unchanged.
 
-Every shipped configuration that virtual time can run, and one variant for each predictor, deadband, control scheme and
-fault, is simulated. A digest covers every datagram of both directions, the report without its run time, and the signal
-that the robot felt.
+The sessions are every shipped configuration that can run in virtual time, and variants of them: one for each predictor,
+deadband and control scheme, and some with a faulty or encrypted link. A digest covers every datagram of both
+directions, the report without its run time, and the signal that the robot felt.
 
     python -m benchmarks.behaviour            compare with benchmarks/behaviour.json
     python -m benchmarks.behaviour --write    write that file
@@ -97,24 +97,29 @@ def digest(case: tuple[str, str, tuple[str, ...]]) -> dict[str, Any]:
 
 
 def main() -> int:
-    arguments = argparse.ArgumentParser(description=__doc__)
-    arguments.add_argument("--write", action="store_true")
-    arguments.add_argument("--only", default="")
-    chosen = arguments.parse_args()
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="store the digests instead of comparing them")
+    parser.add_argument("--only", default="", metavar="TEXT", help="sessions whose names contain this text")
+    asked = parser.parse_args()
+    todo = [case for case in cases() if asked.only in case[0]]
+    if not todo:
+        parser.error(f"--only: no session has {asked.only!r} in its name")
     KEY.unlink(missing_ok=True)
     KEY.touch(0o600)
     KEY.write_text(f"weberlink-key-1 {bytes(range(32)).hex()}\n", encoding="ascii")  # the same key, the same datagrams
-    todo = [case for case in cases() if chosen.only in case[0]]
     with ProcessPoolExecutor(2) as pool:
         found = {each.pop("name"): each for each in pool.map(digest, todo)}
-    if chosen.write:
-        STORED.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    if asked.write:
+        kept = stored if asked.only else {}
+        STORED.write_text(json.dumps(kept | found, indent=1) + "\n", encoding="utf-8")
         return 0
-    before = json.loads(STORED.read_text(encoding="utf-8"))
-    different = [name for name in found if found[name] != before.get(name)]
+    before = {name: each for name, each in stored.items() if asked.only in name}
+    names = [*found, *(before.keys() - found.keys())]  # a session that is no longer run counts as different
+    different = [name for name in names if found.get(name) != before.get(name)]
     for name in different:
-        sys.stdout.write(f"different: {name}\n  before {before.get(name)}\n  now    {found[name]}\n")
-    sys.stdout.write(f"{len(found) - len(different)} of {len(found)} sessions are the same\n")
+        sys.stdout.write(f"different: {name}\n  before {before.get(name)}\n  now    {found.get(name)}\n")
+    sys.stdout.write(f"{len(names) - len(different)} of {len(names)} sessions are the same\n")
     return 1 if different else 0
 
 

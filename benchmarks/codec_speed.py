@@ -5,8 +5,6 @@
 
 import sys
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -19,13 +17,14 @@ from weberlink.codec.replay import code
 from weberlink.geometry.vector import Vector
 from weberlink.master.trace import read_trace
 from weberlink.studies.evaluate.replay import signal_of
+from weberlink.studies.evaluate.traces import SHIPPED
+from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.environment import environment, footer
 
 ROUNDS, QUICK_ROUNDS = 5, 1
 POSITION_STEP_M = 2e-6
 """Position step of the shipped configuration."""
 LIMIT_US = 15.0
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class CodecSpeed:
 def measure(*, quick: bool, predictor: str = "hybrid") -> CodecSpeed:
     """Code the shipped recording, once if `quick`."""
     channel = force_channel(predictor=predictor, position_step=POSITION_STEP_M)
-    samples = signal_of(read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))).samples
+    samples = signal_of(read_trace(SHIPPED)).samples
     rounds = [run_times(channel, samples) for _ in range(QUICK_ROUNDS if quick else ROUNDS)]
     return CodecSpeed(median(1e6 / float(each.mean()) for each in rounds), np.concatenate(rounds))
 

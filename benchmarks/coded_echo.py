@@ -9,7 +9,6 @@ import asyncio
 import os
 import sys
 from collections.abc import Callable
-from importlib.resources import files
 from pathlib import Path
 from time import monotonic, monotonic_ns
 from typing import Any
@@ -28,6 +27,7 @@ from weberlink.protocol.events import Address, Event, PeerClosed, UpdateReceived
 from weberlink.protocol.states import State
 from weberlink.realtime.garbage import freeze_garbage
 from weberlink.realtime.ticker import Ticker
+from weberlink.studies.evaluate.traces import SHIPPED
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.link import build_endpoint, build_security
 from weberlink.system.configuration import Configuration, load
@@ -128,7 +128,7 @@ def attend(endpoint: Endpoint, heard: Callable[[], None]) -> None:
 
 def contact() -> list[tuple[Vector, Vector]]:
     """Positions and forces of the shipped recording during contact, with an unpredictable tremor."""
-    trace = read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))
+    trace = read_trace(SHIPPED)
     rows = zip(trace.position_m.tolist(), trace.force_n.tolist(), strict=True)
     touching = [(position, force) for position, force in rows if max(map(abs, force)) > CONTACT_N]
     return [_trembling(position, force, (-1) ** index) for index, (position, force) in enumerate(touching)]

@@ -56,7 +56,7 @@ class Emulated:
         )
         assert self._process.stdout is not None
         self._answers: IO[str] = self._process.stdout
-        self._answers.readline()  # says where it is
+        self._answers.readline()  # its first line names the port, which is then open
 
     def say(self, line: str) -> None:
         with self._fifo.open("w") as fifo:

@@ -98,7 +98,7 @@ def _lateness(document: Mapping[str, Any]) -> Table:
 
 def _latency(document: Mapping[str, Any]) -> Table:
     latency = document["latency"]
-    table = plain_table("way of an update, us", *HEADINGS)
+    table = plain_table("latency of an update, us", *HEADINGS)
     for way, summary in latency["weberlink_us"].items():
         words = way.replace("_", " ")
         table.add_row(words, *_microseconds(summary))
@@ -112,7 +112,7 @@ def _latency(document: Mapping[str, Any]) -> Table:
 
 
 def _update(document: Mapping[str, Any]) -> Table:
-    table = plain_table("code of an update, us", *HEADINGS)
+    table = plain_table("run time of an update, us", *HEADINGS)
     for step, states in document["update_cost_us"].items():
         for caches, summary in states.items():
             table.add_row(f"{step}, caches {caches}", *_microseconds(summary))
@@ -160,7 +160,7 @@ def _footer(document: Mapping[str, Any]) -> str:
     asked = [rights["scheduler"]]
     asked += ["memory locked"] * rights["lock_memory"] + ["processors awake"] * rights["wakeful"]
     asked += [] if rights["cpus"] is None else [f"CPUs {', '.join(map(str, rights['cpus']))}"]
-    length = f"{document['duration_s']:g} s a part" + (": a quick run, no measurement" if document["quick"] else "")
+    length = f"{document['duration_s']:g} s per part" + (": a quick run, no measurement" if document["quick"] else "")
     return "\n".join(
         [length, "rights: " + ", ".join(asked), host.in_words(document["host"]), footer(document["environment"])]
     )

@@ -46,24 +46,24 @@ class Findings:
 
     Args:
         rates: lateness by rate [Hz].
-        way: of an update.
-        update: what its code costs at each end.
-        cost: of a tick.
+        latency: of an update.
+        update_cost: run time of the code of an update at each end.
+        tick_cost: CPU time of a tick.
         codec: samples per second.
-        start: of the program.
-        granted: rights of the daemons and of their limits.
-        about: the host, before the run.
+        start_up: of the program.
+        rights: granted to the daemons and to their limits.
+        host: facts of the machine, before the run.
         run_time_s: of all of it.
     """
 
     rates: Mapping[float, Lateness]
-    way: Latency
-    update: UpdateCost
-    cost: TickCost
+    latency: Latency
+    update_cost: UpdateCost
+    tick_cost: TickCost
     codec: CodecSpeed
-    start: StartUp
-    granted: Rights
-    about: Mapping[str, Any]
+    start_up: StartUp
+    rights: Rights
+    host: Mapping[str, Any]
     run_time_s: float
 
 
@@ -112,26 +112,31 @@ def run(
 
 
 def measure(arrangement: Arrangement, progress: Progress) -> Findings:
-    """Measure one part after the other."""
+    """Measure one part after the other.
+
+    Raises:
+        BenchError: if a measurement fails.
+        ConfigurationError: if the file or an override is wrong.
+    """
     began = monotonic()
-    about = host()  # before the run, so that its own load does not count
+    facts = host()  # before the run, so that its own load does not count
     rights = granted(arrangement.configuration(arrangement.overrides(MAIN_RATE_HZ)).system.realtime)
     rates: dict[float, Lateness] = {}
     for done, rate_hz in enumerate(RATES_HZ):
         progress(done, PARTS, f"lateness at {rate_hz / 1e3:g} kHz")
         rates[rate_hz] = lateness.measure(arrangement, rate_hz, rights)
-    progress(PARTS - 5, PARTS, "way of an update")
-    way = latency.measure(arrangement, rights)
-    progress(PARTS - 4, PARTS, "cost of an update")
+    progress(PARTS - 5, PARTS, "latency of an update")
+    trips = latency.measure(arrangement, rights)
+    progress(PARTS - 4, PARTS, "run time of an update")
     update = update_cost.measure(arrangement, rights)
-    progress(PARTS - 3, PARTS, "cost of a tick")
-    cost = tick_cost.measure(arrangement)
+    progress(PARTS - 3, PARTS, "CPU time of a tick")
+    tick = tick_cost.measure(arrangement)
     progress(PARTS - 2, PARTS, "codec")
     codec = codec_speed.measure(quick=arrangement.quick)
-    progress(PARTS - 1, PARTS, "start")
+    progress(PARTS - 1, PARTS, "start-up")
     start = start_up.measure(arrangement)
     progress(PARTS, PARTS, "")
-    return Findings(rates, way, update, cost, codec, start, rights, about, monotonic() - began)
+    return Findings(rates, trips, update, tick, codec, start, rights, facts, monotonic() - began)
 
 
 def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Document, str] | None = None) -> StudyResult:
@@ -144,31 +149,31 @@ def assemble(arrangement: Arrangement, findings: Findings, earlier: tuple[Docume
         "duration_s": arrangement.duration_s,
         "quick": arrangement.quick,
         "overrides": list(arrangement.given),
-        "rights": findings.granted.as_json(),
+        "rights": findings.rights.as_json(),
         "lateness": [rate.as_json() for rate in findings.rates.values()],
-        "latency": findings.way.as_json(),
-        "update_cost_us": findings.update.as_json(),
+        "latency": findings.latency.as_json(),
+        "update_cost_us": findings.update_cost.as_json(),
         "cpu": cpu(main),
-        "tick_cost": findings.cost.as_json(),
+        "tick_cost": findings.tick_cost.as_json(),
         "codec": findings.codec.as_json(),
         "memory": memory(main.sides),
-        "start_up": findings.start.as_json(),
-        "targets": [target.as_json() for target in targets(findings.rates, findings.way)],
+        "start_up": findings.start_up.as_json(),
+        "targets": [target.as_json() for target in targets(findings.rates, findings.latency)],
         "run_time_s": findings.run_time_s,
-        "host": dict(findings.about),
+        "host": dict(findings.host),
         "environment": facts,
     }
     comparison = None
     if earlier is not None:
         document["baseline"] = baseline_.as_json(earlier[0], document)
         comparison = baseline_.comparison(document["baseline"], earlier[1])
-    caption = f"{in_words(findings.about)}\n{footer(facts)}"
+    caption = f"{in_words(findings.host)}\n{footer(facts)}"
 
     def draw(folder: Path) -> None:
         from benchmarks.figures import cpu_figure, lateness_figure  # noqa: PLC0415 - slow import
 
         lateness_figure(list(findings.rates.values()), folder / "lateness.png", caption)
-        cpu_figure(findings.cost, main, folder / "cpu.png", caption)
+        cpu_figure(findings.tick_cost, main, folder / "cpu.png", caption)
 
     return StudyResult(document, report(document, comparison), draw)
 

@@ -65,22 +65,22 @@ def codec() -> CodecSpeed:
 
 
 def findings(
-    *, rates: Mapping[float, Lateness] | None = None, way: Latency | None = None, rate: CodecSpeed | None = None
+    *, rates: Mapping[float, Lateness] | None = None, trips: Latency | None = None, rate: CodecSpeed | None = None
 ) -> Findings:
     parts = {side: {part: 1.0 + place for place, part in enumerate(PARTS)} for side in ("master", "slave")}
     return Findings(
         rates={hz: lateness(hz) for hz in RATES_HZ} if rates is None else rates,
-        way=latency() if way is None else way,
-        update=UpdateCost(
+        latency=latency() if trips is None else trips,
+        update_cost=UpdateCost(
             {
                 "send": {"warm": np.full(9, 12.0), "cold": np.full(9, 57.0)},
                 "receive": {"warm": np.full(9, 21.0), "cold": np.full(9, 88.0)},
             }
         ),
-        cost=TickCost(parts, {"master": 36.0, "slave": 36.0}, 1000, Overhead(200.0, 300.0)),
+        tick_cost=TickCost(parts, {"master": 36.0, "slave": 36.0}, 1000, Overhead(200.0, 300.0)),
         codec=codec() if rate is None else rate,
-        start=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
-        granted=RIGHTS,
-        about=HOST,
+        start_up=StartUp({"interpreter": [0.02, 0.04, 0.03], "help": [0.3], "loopback": [1.2]}),
+        rights=RIGHTS,
+        host=HOST,
         run_time_s=120.0,
     )

@@ -16,7 +16,7 @@ from tests.studies.printed import assert_legible
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Curves, Observation, curves
-from weberlink.studies.sheet import LINE, LOOKS, SMALLEST_PT, beside, footer, looks, save, sheet, watermark
+from weberlink.studies.sheet import LINE, SMALLEST_PT, STYLES, beside, footer, save, sheet, styles, watermark
 
 PAPER = ("zoh", "linear", "plane", "sphere", "hybrid")
 WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
@@ -33,11 +33,11 @@ def texts(figure: Figure) -> list[str]:
 
 
 def test_predictors_differ_in_colour_line_and_marker() -> None:
-    assert set(LOOKS) == {*PREDICTORS, *BANKS}
-    found = looks([*LOOKS, "cubic", "neural"])
+    assert set(STYLES) == {*PREDICTORS, *BANKS}
+    found = styles([*STYLES, "cubic", "neural"])
     for part in range(3):
-        assert len({str(look[part]) for look in found.values()}) == len(found)
-    sizes = [look.size for look in LOOKS.values()]
+        assert len({str(style[part]) for style in found.values()}) == len(found)
+    sizes = [style.size for style in STYLES.values()]
     assert sizes == sorted(sizes, reverse=True)
 
 

@@ -31,7 +31,7 @@ class UnavailableClusterError(Exception):
 
 
 class LostClusterError(Exception):
-    """The cluster went away before the end. The message is one line."""
+    """The cluster was lost before the end. The message is one line."""
 
 
 def cluster_map(
@@ -43,7 +43,7 @@ def cluster_map(
 ) -> list[Result]:
     """The results in the order of the tasks; arguments as of `parallel_map`.
 
-    A part that several tasks share is sent to every worker once. Any worker can then be lost: its unfinished tasks run
+    A part that several tasks share is sent to every worker once. So any worker may be lost: its unfinished tasks run
     again on another.
 
     Args:
@@ -95,13 +95,13 @@ def _next(done: "SimpleQueue[Any]", client: Any, futures: Any) -> Any:
             if not _workers_left(client):
                 raise ConnectionError from None
             if any(future.status in ("lost", "cancelled") for future in futures):
-                raise ConnectionError("what a worker held is gone") from None
+                raise ConnectionError("data held by a worker is lost") from None
 
 
 def _workers_left(client: Any) -> int:
     """Number of workers; raises OSError if the scheduler does not answer."""
     if client.status != "running":
-        raise ConnectionError("the scheduler is gone")
+        raise ConnectionError("the scheduler is lost")
     return len(client.sync(client.scheduler.ncores, callback_timeout=PATIENCE_S))
 
 
@@ -109,14 +109,14 @@ def _loss(client: Any, error: BaseException) -> str:
     try:
         left = _workers_left(client)
     except OSError:
-        return "the scheduler went away"
-    return f"a worker went away and took with it what it held ({_reason(error)})" if left else "no worker is left"
+        return "the scheduler was lost"
+    return f"a worker was lost with the data that it held ({_reason(error)})" if left else "no worker is left"
 
 
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
     try:
-        resolve_address(address)  # a client that fails at this logs an error when it is collected
+        resolve_address(address)  # checked here, because a half-made client logs an error when it is deleted
         client = cast("Any", Client)(address, timeout=PATIENCE_S, set_as_default=False, name="weberlink")
     except (OSError, ValueError) as error:
         raise UnavailableClusterError(

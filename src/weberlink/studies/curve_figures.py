@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 
 from weberlink.studies.curves import CONFIDENCE, RESAMPLES, Band, CurvePoint, Curves, write_csv
-from weberlink.studies.sheet import PlotStyle, key, looks, save, sheet, watermark
+from weberlink.studies.sheet import PlotStyle, legend, save, sheet, styles, watermark
 
 BODY_CM = 10.2
 WEBER_LABEL = "Weber factor k [%]"
@@ -87,15 +87,15 @@ class CurveFigures:
     def quality_over_rate(self) -> Figure:
         """Quality over packets per second, one point for each Weber factor (Fig. 9)."""
         figure, axes = self._sheet("Quality over packet rate", _run_of_webers(self.curves))
-        for predictor, look in looks(self.curves).items():
+        for predictor, style in styles(self.curves).items():
             points = self.curves[predictor]
             rates, qualities = [point.packets_per_s for point in points], [point.quality for point in points]
             axes.errorbar(
                 [band.mean for band in rates], [band.mean for band in qualities],
-                xerr=_reach(rates), yerr=_reach(qualities), fmt="none", ecolor=look.colour,
+                xerr=_reach(rates), yerr=_reach(qualities), fmt="none", ecolor=style.colour,
                 elinewidth=0.7, capsize=1.8, capthick=0.7, alpha=0.75, label=f"_{predictor}",
             )  # fmt: skip
-            _curve(axes, predictor, look, rates, qualities)
+            _curve(axes, predictor, style, rates, qualities)
         axes.set_xlabel(RATE_LABEL)
         self._rate_scale(axes, "x")
         self._quality(axes)
@@ -108,7 +108,7 @@ class CurveFigures:
         axes.grid(alpha=0.3, linewidth=0.6)
         axes.set_axisbelow(True)
         watermark(axes, self.mark)
-        key(axes, [_handle(predictor, look) for predictor, look in looks(self.curves).items()])
+        legend(axes, [_handle(predictor, style) for predictor, style in styles(self.curves).items()])
         return figure, axes
 
     def _confidence(self) -> str:
@@ -121,14 +121,14 @@ class CurveFigures:
         )
 
     def _over_weber(self, axes: Any, band_of: Callable[[CurvePoint], Band]) -> None:
-        for predictor, look in looks(self.curves).items():
+        for predictor, style in styles(self.curves).items():
             percents = [_percent(point) for point in self.curves[predictor]]
             bands = [band_of(point) for point in self.curves[predictor]]
             low, high = [band.low for band in bands], [band.high for band in bands]
-            axes.fill_between(percents, low, high, color=look.colour, alpha=0.10, linewidth=0.0, label=f"_{predictor}")
+            axes.fill_between(percents, low, high, color=style.colour, alpha=0.10, linewidth=0.0, label=f"_{predictor}")
             for end in (low, high):
-                axes.plot(percents, end, color=look.colour, linestyle=look.line, linewidth=0.6, alpha=0.6)
-            _curve(axes, predictor, look, [Band(percent, percent, percent) for percent in percents], bands)
+                axes.plot(percents, end, color=style.colour, linestyle=style.line, linewidth=0.6, alpha=0.6)
+            _curve(axes, predictor, style, [Band(percent, percent, percent) for percent in percents], bands)
         axes.set_xlabel(WEBER_LABEL)
         axes.set_xticks(_weber_ticks(self.curves))
         axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
@@ -168,17 +168,17 @@ def _percent(point: CurvePoint) -> float:
     return round(100.0 * point.weber, 9)
 
 
-def _curve(axes: Any, predictor: str, look: PlotStyle, across: Sequence[Band], up: Sequence[Band]) -> None:
+def _curve(axes: Any, predictor: str, style: PlotStyle, across: Sequence[Band], up: Sequence[Band]) -> None:
     x, y = [band.mean for band in across], [band.mean for band in up]
-    axes.plot(x, y, label=predictor, linewidth=1.5, **_style(look))
+    axes.plot(x, y, label=predictor, linewidth=1.5, **_line(style))
 
 
-def _handle(predictor: str, look: PlotStyle) -> Line2D:
-    return Line2D([], [], label=predictor, linewidth=1.5, **_style(look))
+def _handle(predictor: str, style: PlotStyle) -> Line2D:
+    return Line2D([], [], label=predictor, linewidth=1.5, **_line(style))
 
 
-def _style(look: PlotStyle) -> dict[str, Any]:
-    return {"color": look.colour, "linestyle": look.line, "marker": look.marker, "markersize": look.size}
+def _line(style: PlotStyle) -> dict[str, Any]:
+    return {"color": style.colour, "linestyle": style.line, "marker": style.marker, "markersize": style.size}
 
 
 def _reach(bands: Sequence[Band]) -> list[list[float]]:

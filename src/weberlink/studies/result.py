@@ -1,6 +1,6 @@
 """The result of a study, and the plain tables in which studies are printed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,11 +32,19 @@ class StudyResult:
         self.figures(folder)
 
 
-def plain_table(first: str, *others: str, right: bool = True, **options: Any) -> Table:
-    """A table without lines; the columns after the first are right-justified unless `right` is false."""
+def plain_table(first: str, *others: str, left: Collection[str] = (), wrap: bool = False, **options: Any) -> Table:
+    """A table without lines.
+
+    Args:
+        first: name of the first column, which is left-justified.
+        others: names of the other columns, which are right-justified.
+        left: those of them that are left-justified.
+        wrap: whether long cells of the other columns are wrapped.
+        options: of `rich.table.Table`.
+    """
     justified = {"title_justify": "left", "caption_justify": "left"}
     table = Table(box=None, pad_edge=False, **({"padding": (0, 2, 0, 0)} | justified | options))
     table.add_column(first, no_wrap=True)
     for name in others:
-        table.add_column(name, justify="right" if right else "left", no_wrap=right)
+        table.add_column(name, justify="left" if name in left else "right", no_wrap=not wrap)
     return table

@@ -30,7 +30,7 @@ class PlotStyle(NamedTuple):
     """Of the marker [pt]; it shrinks in the order of drawing, so that coincident curves stay visible."""
 
 
-LOOKS = {
+STYLES = {
     "zoh": PlotStyle("#0072B2", "--", "s", 7.5),
     "linear": PlotStyle("#D55E00", "-.", "^", 6.5),
     "plane": PlotStyle("#009E73", ":", "D", 5.5),
@@ -42,17 +42,17 @@ LOOKS = {
     "adaptive": PlotStyle("#8B0000", (0, (9, 1)), "h", 3.8),
 }
 """Colours of Okabe and Ito, and some more."""
-FURTHER = (
+MORE_STYLES = (
     PlotStyle("#4B0082", (0, (8, 3)), "p", 6.0),
     PlotStyle("#808000", (0, (2, 3)), "<", 5.0),
     PlotStyle("#404040", (0, (3, 3)), ">", 5.0),
 )
 
 
-def looks(predictors: Iterable[str]) -> dict[str, PlotStyle]:
+def styles(predictors: Iterable[str]) -> dict[str, PlotStyle]:
     """A style for each predictor; known predictors have the same in every figure."""
-    further = cycle(FURTHER)
-    return {name: LOOKS[name] if name in LOOKS else next(further) for name in predictors}
+    more = cycle(MORE_STYLES)
+    return {name: STYLES[name] if name in STYLES else next(more) for name in predictors}
 
 
 def dot(label: str, marker: str, colour: str, size: float = 4.5) -> Line2D:
@@ -60,7 +60,7 @@ def dot(label: str, marker: str, colour: str, size: float = 4.5) -> Line2D:
     return Line2D([], [], label=label, marker=marker, color=colour, linestyle="", markersize=size)
 
 
-def key(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1.0) -> None:
+def legend(axes: Any, handles: Sequence[Any], columns: int = 5, above: float = 1.0) -> None:
     """Draw the legend between the title and `axes`, at `above` of their height."""
     axes.legend(
         handles=handles, loc="lower center", bbox_to_anchor=(0.5, above), ncols=columns, fontsize=9,

@@ -96,7 +96,7 @@ def test_a_broken_law_is_reported(page: str) -> None:
 def test_rates_and_ratios_are_those_of_the_rows(page: str) -> None:
     assert "| omega3_7 | 20.0 | 10.0 | 40.0 | 30.0 | 25.0 | 50.0 | 15.0 | 15.0 | 15.0 | 0.50 | 0.40 |" in page
     means = section(page, "Packets")
-    assert "| half that chose nothing, floor 0.02 N | 4 | 0.50 (0.50 to 0.50) | 0.40 (0.40 to 0.40) |" in means
+    assert "| held-out half, floor 0.02 N | 4 | 0.50 (0.50 to 0.50) | 0.40 (0.40 to 0.40) |" in means
 
 
 def test_published_counts_stand_beside_ours(page: str) -> None:

@@ -25,7 +25,7 @@ from weberlink.studies.adaptive.signals import (
     scenes,
 )
 from weberlink.studies.adaptive.work import ABLATION, EQUAL, RATES, TUNING, length, tasks
-from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.result import StudyResult
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"

@@ -25,9 +25,10 @@ from tests.system.processes import until
 from tests.system.systems import CONFIGS
 from tests.system.work import reject, slowly
 from weberlink.cli import app
-from weberlink.studies.evaluate.command import names, run
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
+from weberlink.studies.evaluate.command import run
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.table import FEW, table_of
+from weberlink.studies.evaluate.traces import NamedTrace, names
 
 OPERATOR = CONFIGS / "traces" / "operator.csv"
 RECORDED = CONFIGS.parent.parent / "shared" / "traces"
@@ -300,7 +301,7 @@ def loss(started: Cluster, dies: subprocess.Popen[bytes]) -> str:
     return str(caught.value).removeprefix(f"{started.address}: ").removesuffix("; the rest of the work is not done")
 
 
-def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster, tmp_path: Path) -> None:
+def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster) -> None:
     """The last test that uses the shared cluster, since it ends it."""
     tasks = [((0.1, "shared"), number) for number in range(8)]
     answers = cluster_map(slowly, tasks, two_workers.address, progress=lambda *_: two_workers.workers[0].kill())
@@ -315,7 +316,7 @@ def test_another_worker_does_the_work_of_a_dead_one(two_workers: Cluster, tmp_pa
 
 def test_a_dead_scheduler_is_one_line(tmp_path: Path) -> None:
     with cluster(tmp_path, workers=1) as started:
-        assert loss(started, started.scheduler) == "the scheduler went away"
+        assert loss(started, started.scheduler) == "the scheduler was lost"
 
 
 def patience(seconds: float) -> str:

@@ -22,11 +22,11 @@ from weberlink.studies.evaluate.replay import Signal, replay, signal_of
 from weberlink.studies.evaluate.study import (
     EvaluationRow,
     EvaluationStudy,
-    NamedTrace,
     coded_samples,
     evaluate,
     rows_of,
 )
+from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.system.scoring.perception import Threshold
 
 ROOT = Path(__file__).parents[3]

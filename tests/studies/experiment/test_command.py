@@ -19,8 +19,9 @@ from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.studies.experiment.command import ExperimentRequest, run
 from weberlink.studies.experiment.ledger import RATED, read
-from weberlink.studies.experiment.plan import PREDICTORS, WEBERS, CodingCondition, order
+from weberlink.studies.experiment.plan import CodingCondition, order
 from weberlink.studies.experiment.trial_runner import TrialSignals
+from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 from weberlink.system.configuration import load
 
 FILE = CONFIGS / "loopback.yaml"

@@ -15,21 +15,19 @@ from weberlink.studies.experiment.ledger import Ledger, read
 from weberlink.studies.experiment.plan import (
     HIGHEST,
     LOWEST,
-    PREDICTORS,
     REFERENCES,
-    TRIALS,
-    WEBERS,
     WORDING,
     TrialPlan,
     order,
     rating_of,
 )
+from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 
 
 @given(st.integers(0, 2**63), st.integers(1, 10_000))
 def test_an_order_has_every_condition_once(seed: int, subject: int) -> None:
     trials = order(seed, subject)
-    assert len(trials) == TRIALS == 30
+    assert len(trials) == 30
     assert Counter((trial.predictor, trial.weber) for trial in trials) == {
         (predictor, weber): 1 for predictor in PREDICTORS for weber in WEBERS
     }

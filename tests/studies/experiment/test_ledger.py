@@ -31,7 +31,7 @@ from weberlink.studies.experiment.ledger import (
     read,
     subjects,
 )
-from weberlink.studies.experiment.plan import PREDICTORS, WEBERS
+from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 
 ROOT = Path(__file__).parents[3]
 

@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 from tests.studies.experiment.studies import Rig, plan
 from weberlink.studies.experiment.conduct import Conduct, ConductError, Elapsed, FeltTrial, SubjectLeft, TrialResult
 from weberlink.studies.experiment.ledger import Ledger, read
-from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES
+from weberlink.studies.experiment.plan import REFERENCES
 from weberlink.studies.experiment.subjects import FELT, Person, SimulatedSubject, level_of
+from weberlink.studies.paper.claims import PREDICTORS
 
 WIDTH = 80
 TRAINING = "\n\n\n\n\n\n"
@@ -120,7 +121,7 @@ def test_end_of_input_leaves_and_loses_nothing(lines: int, path: Path) -> None:
 
 def test_a_repeated_trial_is_announced(path: Path) -> None:
     screen = run(path, TRAINING + "\n\n3\n", Rig([None] * 3 + ["the force was interrupted (slave silence)"]))
-    assert "This trial does not count and comes again: the force was interrupted (slave silence)\n" in screen
+    assert "This trial does not count and is repeated: the force was interrupted (slave silence)\n" in screen
     assert rated(path) == [3]
 
 

@@ -17,10 +17,10 @@ from tests.system.systems import CONFIGS
 from weberlink.cli import app
 from weberlink.master.trace import read_trace
 from weberlink.studies.curves import Observation
-from weberlink.studies.evaluate.study import NamedTrace
-from weberlink.studies.paper.claims import CLAIMS, Claim, measure, rate_at
+from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, Claim, measure, rate_at
 from weberlink.studies.paper.command import PAGE, SCENE_STUDY, SCENES, STUDY, PaperScope, run
-from weberlink.studies.paper.document import PREDICTORS, PaperCondition, document
+from weberlink.studies.paper.document import PaperCondition, document
 
 AT_WEBER = Claim("hybrid", "zoh", "weber", 0.42)
 AT_QUALITY = Claim("hybrid", "zoh", "quality", 0.60)
@@ -197,7 +197,7 @@ def test_the_page_shows_existing_figures_and_numbers(study):
     for condition in found.conditions:
         with (folder / condition.key / "curves.csv").open(newline="", encoding="utf-8") as file:
             assert [row["predictor"] for row in csv.DictReader(file)] == list(PREDICTORS)
-    assert found.caption in page
+    assert found.table.caption in page
 
 
 def test_a_wrong_trace_is_refused_before_any_work(tmp_path: Path):

@@ -125,8 +125,8 @@ def pressed(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
     return np.asarray([step.master.raw_z for step in steps(built, seconds, 1.0 / wall.tick_period)])
 
 
-@pytest.mark.parametrize("wall", [SampledWall(0.3, 8.0, 300.0, 1e-3, 1)])
-def test_the_whole_system_has_the_delayed_walls_limit(wall: SampledWall) -> None:
+def test_the_whole_system_has_the_delayed_walls_limit() -> None:
+    wall = SampledWall(0.3, 8.0, 300.0, 1e-3, 1)
     limit = stability_limit(wall)
     for share in (0.95, 1.05):
         height = pressed(wall, share * limit)

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from importlib.resources import files
 from pathlib import Path
 from time import perf_counter
 
@@ -14,8 +13,7 @@ from weberlink.studies.adaptive.signals import FULL, NOISE_N, QUICK, AdaptiveSco
 from weberlink.studies.adaptive.tables import MET
 from weberlink.studies.adaptive.targets import targets
 from weberlink.studies.adaptive.work import SignalTask, done, length, tasks
-from weberlink.studies.evaluate.command import read_traces
-from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.evaluate.traces import SHIPPED, NamedTrace, read_traces
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.environment import environment, footer
@@ -23,8 +21,6 @@ from weberlink.system.extras import need
 
 PAGE = "README.md"
 NUMBERS = "adaptive.json"
-SHIPPED = "traces/operator.csv"
-"""Recording that is coded beside the scenes if none is given."""
 
 
 def run(
@@ -49,7 +45,7 @@ def run(
     """
     if docs:
         need("matplotlib", "plots", "--docs")
-    given = read_traces(traces or [Path(str(files("weberlink.configs") / SHIPPED))])
+    given = read_traces(traces or [SHIPPED])
     return study(given, QUICK if quick else FULL, workers, progress)
 
 
@@ -80,7 +76,8 @@ def study(
         draw_figures(results, scope, folder, caption)
         (folder / PAGE).write_text(document(results, scope, caption, drawn=True), encoding="utf-8")
 
-    table = plain_table("asked for", "limit", "found", "", right=False, caption=caption)
+    others = ("limit", "measured", "")
+    table = plain_table("target", *others, left=others, wrap=True, caption=caption)
     for one in targets(results):
         table.add_row(one.what, one.asked, one.found, MET[one.met].strip("*"))
     return StudyResult(content, table, draw)

@@ -13,8 +13,8 @@ from weberlink.studies.adaptive.variants import ALL_SINGLES, FLOOR_N, SINGLES
 from weberlink.studies.adaptive.work import LIMITS, QUIET, RATES, UNSEEN, smoothed_name
 
 BUSY_PER_S = 5.0
-HALVES: dict[Half, str] = {"reported": "nothing", "chosen": "the parameters"}
-"""What each half of the signals chose."""
+HALVES: dict[Half, str] = {"reported": "held-out", "chosen": "tuning"}
+"""Names of the halves of the signals: parameters were chosen on the tuning half alone."""
 FIGURES = {
     "packets": "Packets of adaptive over those of the hybrid, by signal",
     "ablation": "Packets without a part over those with all parts",
@@ -56,13 +56,12 @@ Both are converted from public recordings under the MIT licence
 github.com/xhtsansiro/A_Dynamical-System-Approach-to-Shared-Control), nothing filtered.
 """
 
-CHOSEN = f"""Chosen were the time constant of the record ({MEMORY:g} ticks), the weight of the present
-error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({PREDICTORS["trend"].doubt:g}), and the filters of
-`codec/predictors/trend.py`: least squares of the mean of the next 20
-samples, and of the line through the next 40, on differences of the latest ones, over the recordings of that half
-alone (`studies/adaptive/filters.py` computes them again). The form of the candidates was developed on signals
-of both halves; only these numbers come from one half alone, and the packets of the other half were visible
-meanwhile. Neighbours of the constants, on the half that chose them:"""
+CHOSEN = f"""These parameters come from the tuning half: the time constant of the record ({MEMORY:g} ticks), the
+weight of the present error ({PRESENT:g} sends), the doubt in `trend` and `affine` ({PREDICTORS["trend"].doubt:g}), and
+the filters of `codec/predictors/trend.py`, which are least squares of the mean of the next 20 samples, and of the line
+through the next 40, on differences of the latest ones (`src/weberlink/studies/adaptive/filters.py` computes them again
+from the recordings). The form of the candidates was developed on signals of both halves, and the packets of the
+held-out half were visible meanwhile. Neighbours of the constants, on the tuning half:"""
 
 PACKETS = f"""Ratios of `{ADAPTIVE}`, below 1 where it sends less. The best of four is the best of {", ".join(SINGLES)}
 on each signal by itself, which is known only afterwards; the best of seven is that of {", ".join(ALL_SINGLES)}."""
@@ -77,15 +76,15 @@ SMOOTH = """Smooth updates spread the change of a new model over a ramp. The lag
 is 1 ms); the share is the part of the deadband that the ramp may use; the rest of a change is applied at once.
 Ratios at the same packets, on the recordings and one seed of each scene:"""
 
-PARTS = """Packets without the part over those with all parts, on the half that chose nothing: above 1 where the
-part saves packets, with the signals on which it saves most and least."""
+PARTS = """Packets without the part over those with all parts, on the held-out half: above 1 where the part saves
+packets, with the signals on which it saves most and least."""
 
 LIMIT = f"""No encoder of these families could send less than this, in packets per second, even if it knew the
-future (`studies/evaluate/clairvoyant/`); the limit is loose in three dimensions. The limit of `trend`, `affine` and
-`surface` is not known, so `{ADAPTIVE}` may be below the limit of the hybrid's bank."""
+future (`src/weberlink/studies/evaluate/clairvoyant/`); the limit is loose in three dimensions. The limit of `trend`,
+`affine` and `surface` is not known, so `{ADAPTIVE}` may be below the limit of the hybrid's bank."""
 
-COST = """Encode plus decode of a tick in CPython on the machine of the last line, on parts of the signals that
-chose nothing, after all other work. The worst tick includes whatever else the machine did."""
+COST = """Encode plus decode of a tick in CPython on the machine of the last line, on parts of the held-out
+signals, after all other work. The worst tick includes whatever else the machine did."""
 
 
 def document(results: AdaptiveResults, scope: AdaptiveScope, caption: str, *, drawn: bool) -> str:
@@ -103,7 +102,7 @@ def document(results: AdaptiveResults, scope: AdaptiveScope, caption: str, *, dr
 def _lines(results: AdaptiveResults, scope: AdaptiveScope, caption: str, *, drawn: bool) -> Iterator[str]:
     yield HEAD
     yield from _signals(results, scope)
-    yield "\n## Targets\n\nOn the half of the signals that chose nothing; intervals are 95 %."
+    yield "\n## Targets\n\nOn the held-out half of the signals; intervals are 95 %."
     yield from tables.target_table(targets(results))
     yield from _packets(results, scope, drawn=drawn)
     yield from _felt(results, scope, drawn=drawn)
@@ -111,7 +110,7 @@ def _lines(results: AdaptiveResults, scope: AdaptiveScope, caption: str, *, draw
     yield from tables.ablation_table(results)
     yield from _figure("ablation", drawn=drawn)
     yield "\n## Friction and motion\n"
-    yield f"Packets of `{ADAPTIVE}` over those of the hybrid, for each seed that chose nothing."
+    yield f"Packets of `{ADAPTIVE}` over those of the hybrid, for each held-out seed."
     yield from tables.friction_table(results)
     yield from _losses(results)
     limits = results.of(LIMITS)
@@ -131,11 +130,11 @@ def _signals(results: AdaptiveResults, scope: AdaptiveScope) -> Iterator[str]:
     if people["chosen"] and set(people["chosen"]) <= CHOSEN_RECORDINGS:
         yield RECORDED
     yield f"""Scenes: {", ".join(scope.scenes)}. Each was explored for {scope.duration_s:g} s by a modelled hand
-(`studies/evaluate/scenes.py`), with 2 mN rms of sensor noise on each axis unless stated otherwise; a seed is another
-motion.
+(`src/weberlink/studies/evaluate/scenes.py`), with 2 mN rms of sensor noise on each axis unless stated otherwise; a
+seed is another motion.
 """
-    yield f"- Parameters were chosen on: {_listed(people['chosen'])}, and scene seed 1."
-    yield f"- Everything is reported on: {_listed(people['reported'])}, and scene seeds {_listed(others)}.\n"
+    yield f"- Tuning half, on which parameters were chosen: {_listed(people['chosen'])}, and scene seed 1."
+    yield f"- Held-out half, which judges them: {_listed(people['reported'])}, and scene seeds {_listed(others)}.\n"
     yield CHOSEN
     yield from tables.tuning_table(results)
 
@@ -144,10 +143,10 @@ def _packets(results: AdaptiveResults, scope: AdaptiveScope, *, drawn: bool) -> 
     yield f"\n## Packets\n\n{PACKETS}"
     yield from tables.summary_table(list(_groups(results, scope)))
     yield from _figure("packets", drawn=drawn)
-    for half, what in HALVES.items():
+    for half, name in HALVES.items():
         rows = results.of(RATES, half=half, floor_n=FLOOR_N)
         if rows:
-            yield f"\n### The half that chose {what}\n\nPackets per second at a floor of {FLOOR_N:g} N."
+            yield f"\n### {name.capitalize()} half\n\nPackets per second at a floor of {FLOOR_N:g} N."
             yield from tables.rate_table(rows, (HYBRID, ADAPTIVE, *ALL_SINGLES))
     few = (HYBRID, ADAPTIVE, *SINGLES)
     known = results.of(RATES, kind="recording", floor_n=PUBLISHED_FLOOR_N)
@@ -170,15 +169,15 @@ def _packets(results: AdaptiveResults, scope: AdaptiveScope, *, drawn: bool) -> 
 
 def _groups(results: AdaptiveResults, scope: AdaptiveScope) -> Iterator[tuple[str, Sequence[RateRow]]]:
     for floor in scope.floors_n:
-        for half, what in HALVES.items():
+        for half, name in HALVES.items():
             rows = results.of(RATES, half=half, floor_n=floor)
-            yield f"half that chose {what}, floor {floor:g} N", rows
+            yield f"{name} half, floor {floor:g} N", rows
             if half == "reported":
                 yield "of these, recordings", [row for row in rows if row.kind == "recording"]
                 yield "of these, scenes", [row for row in rows if row.kind == "scene"]
                 yield f"of these, where hybrid sends {BUSY_PER_S:g}/s or more", busy(rows)
     yield "scenes, further seeds", results.of(UNSEEN)
-    yield "scenes without noise, half that chose nothing", results.of(QUIET, half="reported")
+    yield "scenes without noise, held-out half", results.of(QUIET, half="reported")
 
 
 def busy(rows: Sequence[RateRow]) -> list[RateRow]:
@@ -199,14 +198,14 @@ def _felt(results: AdaptiveResults, scope: AdaptiveScope, *, drawn: bool) -> Ite
 
 def _losses(results: AdaptiveResults) -> Iterator[str]:
     yield "\n## Where it loses"
-    for half, what in HALVES.items():
+    for half, name in HALVES.items():
         rows = results.of(RATES, half=half, floor_n=FLOOR_N)
         if rows:
-            yield f"\nOn the half that chose {what}:\n"
+            yield f"\nOn the {name} half:\n"
             yield from tables.losses(rows, [match for match in results.matches if match.half == half])
     known = results.of(RATES, half="reported", floor_n=PUBLISHED_FLOOR_N)
     for title, rows in (
-        (f"On the half that chose nothing, floor {PUBLISHED_FLOOR_N:g} N", known),
+        (f"On the held-out half, floor {PUBLISHED_FLOOR_N:g} N", known),
         ("On scenes with further seeds", results.of(UNSEEN)),
         ("On scenes without noise", results.of(QUIET, half="reported")),
     ):

@@ -16,7 +16,7 @@ from weberlink.studies.adaptive.targets import MOST
 from weberlink.studies.adaptive.variants import FLOOR_N
 from weberlink.studies.adaptive.work import RATES, smoothed_name
 from weberlink.studies.curves import Band
-from weberlink.studies.sheet import dot, key, save, sheet
+from weberlink.studies.sheet import dot, legend, save, sheet
 
 OURS, OTHER, FAINT = "#0072B2", "#D55E00", "0.6"
 ROW_CM = 0.48
@@ -54,11 +54,11 @@ def packets(results: AdaptiveResults, caption: str) -> Figure:
         )  # fmt: skip
     _band(axes, geometric_mean(halves["reported"]))
     axes.axvline(MOST, color=OTHER, linewidth=1.0, linestyle="--")
-    handles = [dot("chose nothing", "o", OURS), dot("chose the parameters", "o", OURS)]
+    handles = [dot("held-out half", "o", OURS), dot("tuning half", "o", OURS)]
     handles[1].set_markerfacecolor("none")
-    key(axes, handles)
+    legend(axes, handles)
     axes.set_xlabel(
-        fontsize=9, xlabel="a dot for each signal; line and band: mean and 95 % of the filled; dashed: asked for"
+        fontsize=9, xlabel="a dot for each signal; line and band: mean and 95 % of the filled; dashed: target"
     )
     return figure
 
@@ -90,7 +90,7 @@ def felt(matches: Sequence[MatchRow], scope: AdaptiveScope, caption: str) -> Fig
             values = [one.value for one in found]
             axes.plot(values, [row + offset] * len(found), marker, color=FAINT, markersize=2.5, alpha=0.7)
             _mean(axes, geometric_mean(found), row + offset, colour, marker)
-    key(axes, [dot(label, marker, colour) for _, label, colour, marker, _ in shown])
+    legend(axes, [dot(label, marker, colour) for _, label, colour, marker, _ in shown])
     axes.set_xlabel(fontsize=9, xlabel="over that of the hybrid at the same packets; grey: single signals")
     return figure
 

@@ -1,4 +1,4 @@
-"""Signals of the study, and which half of them chose the parameters of `adaptive`.
+"""Signals of the study: a tuning half, on which the parameters of `adaptive` were chosen, and a held-out half.
 
 A signal is a recording, or a scene explored with one seed. Seeds of one scene are similar, so all of them form one
 group of the bootstrap.
@@ -11,15 +11,16 @@ from typing import Literal, NamedTuple
 
 from weberlink.studies.evaluate.replay import Signal, signal_of
 from weberlink.studies.evaluate.scenes import scene_names, scene_signal
-from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.evaluate.traces import NamedTrace
 
 Half = Literal["chosen", "reported"]
+"""The tuning half, on which parameters were chosen, and the held-out half, on which everything is reported."""
 Kind = Literal["recording", "scene"]
 
 CHOSEN_RECORDINGS = frozenset({"omega3_1", "omega3_19", "tue_foam_1", "tue_free_1", "tue_rigid_1", "tue_spring_1"})
-"""Recordings that chose the parameters; any other recording is reported on."""
+"""Recordings of the tuning half; any other recording is held out."""
 CHOSEN_SEED = 1
-"""Seed of the scenes that chose the parameters; any other seed is reported on."""
+"""Seed of the scenes of the tuning half; any other seed is held out."""
 NOISE_N = 2e-3
 """Noise of a force sensor, RMS per axis [N]."""
 FRICTION_AND_MOTION = {

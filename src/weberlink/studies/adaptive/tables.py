@@ -59,7 +59,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> Lines:
 
 def target_table(found: Sequence[AdaptiveTarget]) -> Lines:
     yield from table(
-        ("asked for", "limit", "found", ""), ([one.what, one.asked, one.found, MET[one.met]] for one in found)
+        ("target", "limit", "measured", ""), ([one.what, one.asked, one.found, MET[one.met]] for one in found)
     )
 
 
@@ -148,7 +148,7 @@ def ablation_table(results: AdaptiveResults) -> Lines:
 
 
 def tuning_table(results: AdaptiveResults) -> Lines:
-    """Neighbours of the constants, on the half that chose them."""
+    """Neighbours of the constants, on the tuning half."""
     whole = results.of(RATES, half="chosen", floor_n=FLOOR_N, variant=ADAPTIVE)
     yield from table(
         ("instead", "packets over those of adaptive"),

@@ -1,4 +1,4 @@
-"""Targets of `adaptive`, judged on the signals that did not choose its parameters."""
+"""Targets of `adaptive`, judged on the held-out signals."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ MOST_US = 40.0
 
 @dataclass(frozen=True)
 class AdaptiveTarget:
-    """A target, its limit and the result in words; `met` is None where nothing was measured."""
+    """A target, its limit and the result as text; `met` is None where nothing was measured."""
 
     what: str
     asked: str
@@ -48,7 +48,7 @@ def targets(results: AdaptiveResults) -> list[AdaptiveTarget]:
 
 
 def seed_ratios(results: AdaptiveResults, scene: str) -> list[SignalRatio]:
-    """Packets of `adaptive` over those of the hybrid in a scene, for each seed that did not choose parameters."""
+    """Packets of `adaptive` over those of the hybrid in a scene, for each held-out seed."""
     first = results.of(RATES, half="reported", floor_n=FLOOR_N, group=scene)
     return ratios(first + results.of(UNSEEN, group=scene), ADAPTIVE, HYBRID)
 

@@ -24,8 +24,8 @@ from weberlink.geometry.vector import Vector
 WEBER = 0.10
 FLOOR_N = 0.02
 
-SINGLES = ("zoh", "linear", "plane", "sphere")
-"""The paper's."""
+SINGLES = HYBRID_BANK
+"""The single predictors of the paper."""
 ALL_SINGLES = (*SINGLES, "trend", "affine", "surface")
 COMPARED = (HYBRID, ADAPTIVE, *ALL_SINGLES)
 

@@ -23,7 +23,7 @@ from weberlink.studies.adaptive.variants import (
 )
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal
-from weberlink.studies.evaluate.study import NamedTrace
+from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.system.scoring.perception import Threshold
 
 RATES, QUIET, ABLATION, TUNING, UNSEEN, LIMITS, EQUAL, SMOOTH = (
@@ -123,9 +123,7 @@ def _run(
 
 
 def _rate(piece: Piece, variant: str, floor: float, packets: int, outside: int) -> RateRow:
-    return RateRow(
-        piece.part, *piece.key, variant, floor, packets, packets / piece.signal.duration_s, outside
-    )  # fmt: skip
+    return RateRow(piece.part, *piece.key, variant, floor, packets, packets / piece.signal.duration_s, outside)
 
 
 def _equal(piece: Piece) -> list[MatchRow]:

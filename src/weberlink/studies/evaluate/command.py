@@ -1,22 +1,19 @@
-"""The `evaluate` command: read traces, code them here or on a Dask cluster, and assemble rows, table and figures."""
+"""The `evaluate` command: code traces here or on a Dask cluster, and assemble rows, table and figures."""
 
-from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
-
-from rich.table import Table
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
-from weberlink.master.trace import TraceError, read_trace
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace, coded_samples, rows_of
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, coded_samples, rows_of
 from weberlink.studies.evaluate.table import table_of
+from weberlink.studies.evaluate.traces import NamedTrace, read_traces
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
+from weberlink.studies.result import StudyResult
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
@@ -46,26 +43,10 @@ class EvaluationWorkers:
 
 
 @dataclass(frozen=True)
-class Evaluation:
-    """The rows of all combinations, and how they are shown."""
+class Evaluation(StudyResult):
+    """The rows of all combinations. `draw` writes the figures, and the rows as CSV."""
 
-    study: EvaluationStudy
-    traces: list[NamedTrace]
     rows: list[EvaluationRow]
-    document: dict[str, Any]
-    table: Table
-    caption: str
-
-    def draw(self, folder: Path) -> None:
-        """Write the figures, and the rows as CSV.
-
-        Raises:
-            OSError: the folder or a file in it cannot be written.
-        """
-        from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
-
-        folder.mkdir(parents=True, exist_ok=True)
-        draw_study(self.study, self.traces, self.rows, folder, self.caption)
 
 
 def run(
@@ -128,7 +109,13 @@ def run(
         "run_time_s": run_time,
         "environment": facts,
     }
-    return Evaluation(study, named, rows, document, table_of(rows, jnd, run_time, caption), caption)
+
+    def draw(folder: Path) -> None:
+        from weberlink.studies.evaluate.figures import draw_study  # noqa: PLC0415 - imports matplotlib
+
+        draw_study(study, named, rows, folder, caption)
+
+    return Evaluation(document, table_of(rows, jnd, run_time, caption), draw, rows)
 
 
 def _compute(
@@ -153,49 +140,6 @@ def _compute(
         raise EvaluationError(
             "a worker process died before the end, perhaps for lack of memory; try fewer of them with --workers"
         ) from None
-
-
-def read_traces(paths: Sequence[Path]) -> list[NamedTrace]:
-    """Read traces and give each a different name.
-
-    Raises:
-        ConfigurationError: a trace cannot be used, or is listed twice.
-    """
-    seen: set[Path] = set()
-    for path in paths:
-        if path.resolve() in seen:
-            raise ConfigurationError(f"{path}: listed twice, and would count twice in every mean")
-        seen.add(path.resolve())
-    try:
-        return [NamedTrace(name, read_trace(path)) for name, path in zip(names(paths), paths, strict=True)]
-    except TraceError as error:
-        raise ConfigurationError(str(error)) from None
-
-
-def names(paths: Sequence[Path]) -> list[str]:
-    """A different name for each of several different files: the stem, or more where that is not enough.
-
-    Files of one stem get as many parent folders as needed to tell them apart, and the suffix where only that differs.
-    """
-    absolute = [path.resolve() for path in paths]
-    stems = Counter(path.stem for path in absolute)
-    found = [path.stem if stems[path.stem] == 1 else _name_among(path, absolute) for path in absolute]
-    # A stem may equal the name of another file with its suffix.
-    return found if len(set(found)) == len(found) else [str(path) for path in absolute]
-
-
-def _name_among(path: Path, others: Sequence[Path]) -> str:
-    alike = [other for other in others if other.stem == path.stem]
-    for depth in range(1, max(len(other.parts) for other in alike) + 1):
-        for with_suffix in (False, True):
-            candidates = {other: _tail(other, depth, with_suffix=with_suffix) for other in alike}
-            if len(set(candidates.values())) == len(alike):
-                return candidates[path]
-    return str(path)
-
-
-def _tail(path: Path, depth: int, *, with_suffix: bool) -> str:
-    return "/".join((path if with_suffix else path.with_suffix("")).parts[-depth:])
 
 
 def _names(option: str, text: str, known: Sequence[str]) -> list[str]:

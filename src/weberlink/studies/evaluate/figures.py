@@ -8,7 +8,8 @@ from typing import Any
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Observation, curves
-from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, NamedTrace
+from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
+from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.moments.figures import draw_force, draw_model
 from weberlink.studies.moments.moments import CodedTrace, longest
 

@@ -13,19 +13,13 @@ import numpy as np
 from weberlink.codec import Channel, force_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
-from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Array, Signal, replay, signal_of
+from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.scoring.perception import Threshold, in_units, longest_run, noticed, rms
 
 DEFAULT_PERIOD_S = 1e-3
-
-
-class NamedTrace(NamedTuple):
-    """A trace and its name in the rows."""
-
-    name: str
-    trace: Trace
 
 
 @dataclass(frozen=True)
@@ -93,7 +87,7 @@ class EvaluationStudy:
         deadbands: names of shapes, each once; their other parameters have the default values.
     """
 
-    predictors: Sequence[str] = ("zoh", "linear", "plane", "sphere", "hybrid")
+    predictors: Sequence[str] = PREDICTORS
     webers: Sequence[float] = (0.10,)
     floor: float = 0.02
     force_step: float = 1e-3

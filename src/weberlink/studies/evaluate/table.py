@@ -6,6 +6,7 @@ from statistics import fmean
 from rich.table import Table
 
 from weberlink.studies.evaluate.study import EvaluationRow
+from weberlink.studies.result import plain_table
 
 FEW = 40
 """Up to this number, every row is printed."""
@@ -40,13 +41,11 @@ def table_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer:
     if limited:
         notes.append("limit: no encoder can send fewer, even knowing the future")
     notes.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} in {run_time:.1f} s; {_violations(rows)}")
-    table = Table(
-        box=None, pad_edge=False, padding=(0, 1, 0, 0), caption="\n".join([*notes, footer]), caption_justify="left"
-    )
     heads = [name for name in _HEADS if (name != "trace" or not averaged) and (name != "deadband" or shaped)]
     figures = [name for name in _FIGURES if limited or name != LIMIT]
-    for name in (*heads, *figures):
-        table.add_column(name, justify="left" if name in ("trace", "deadband", "predictor") else "right", no_wrap=True)
+    table = plain_table(
+        *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*notes, footer])
+    )
     for group in _groups(rows) if averaged else ([row] for row in rows):
         means = (form.format(fmean(of(row) for row in group)) for of, form in (_FIGURES[name] for name in figures))
         table.add_row(*(_HEADS[name](group[0]) for name in heads), *means)

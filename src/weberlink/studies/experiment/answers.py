@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from weberlink.studies.curves import Observation
 from weberlink.studies.experiment.ledger import LedgerError, SubjectProgress, path_of, read, subjects
-from weberlink.studies.experiment.plan import PREDICTORS, CodingCondition, TrialPlan
+from weberlink.studies.experiment.plan import CodingCondition, TrialPlan
+from weberlink.studies.paper.claims import PREDICTORS
 
 Whose = Literal["people", "simulated"]
 COLUMNS = ("subject", "simulated", "trial", "attempt", "predictor", "weber", "rating")

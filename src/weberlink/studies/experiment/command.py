@@ -171,7 +171,8 @@ def _check(request: ExperimentRequest, plan: TrialPlan, signals: TrialSignals, p
     if request.seed is not None and request.seed != plan.seed:
         raise ConfigurationError(f"{path}: was begun with seed {plan.seed}; {advice}")
     if plan.simulated != request.simulate:
-        raise ConfigurationError(f"{path}:1: a ledger of {'a program' if plan.simulated else 'a person'}; rename it")
+        whose = "a program" if plan.simulated else "a person"
+        raise ConfigurationError(f"{path}:1: is the ledger of {whose}, which does not match its file name; rename it")
 
 
 def _recordings(ledger: Path) -> Path:

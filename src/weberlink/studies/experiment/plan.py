@@ -1,7 +1,7 @@
 """Plan of an experiment: the rating scale, its references, and every condition once in a random order.
 
 The levels 0 to 5 and the three references are those of Xu, Kammerl, Chaudhari, Steinbach (HAVE 2011). The wording of
-its Table I is not available: `WORDING` is ours. The ledger of a subject stores the wording that was shown.
+its Table I is not available, so `WORDING` is our own. The ledger of a subject stores the wording that was shown.
 """
 
 from collections.abc import Mapping
@@ -10,11 +10,8 @@ from itertools import product
 from random import Random
 from typing import Any, Self
 
-from weberlink.studies.paper.claims import WEBERS
+from weberlink.studies.paper.claims import PREDICTORS, WEBERS
 
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
-"""The paper's."""
-TRIALS = len(PREDICTORS) * len(WEBERS)
 TRIAL_S = 10.0
 BREAK_EVERY = 10
 """Trials between two breaks."""

@@ -30,13 +30,13 @@ from weberlink.system.scoring.perception import Threshold
 WIDTH = 78
 BAR = 40
 GUIDE = (
-    "You move the device in your hand and feel a remote scene. The signal that you feel may be changed, in different "
-    "ways and more or less strongly. After each trial, say on this scale what it was like:"
+    "You move the device in your hand and feel a remote scene. The signal that you feel may be changed in different "
+    "ways, and more or less strongly. After each trial, rate it on this scale:"
 )
 TRAINING = (
-    "First come {references} references, which show you the scale; feel each as often as you like. Then come "
-    "{trials} trials of {seconds:g} s, with a break after every {every}. Each is felt once and rated once. Ctrl-C "
-    "leaves; you can go on later."
+    "The training has {references} references, which show you the scale; you may repeat each one. {trials} trials of "
+    "{seconds:g} s follow, with a break after every {every}. You feel and rate each trial once. Press Ctrl-C to leave; "
+    "you can continue later."
 )
 RATING_S = 8.0
 """Estimated time between two trials [s]."""
@@ -77,17 +77,20 @@ class Person:
             f"Reference {place + 1} of {len(REFERENCES)}: this is level {reference.level}, "
             f"{self._wording[str(reference.level)]}."
         )
-        self._ask("Take the device in your hand, then Enter to start: ")
+        self._ask("Take the device in your hand, then press Enter to start: ")
 
     def learn(self, reference: TrainingReference, felt: TrialResult) -> bool:  # noqa: ARG002
         self._clear()
-        while (answer := self._ask("Enter to go on, r to feel it again: ").lower()) not in ("", "r"):
+        while (answer := self._ask("Press Enter to continue, or r to feel it again: ").lower()) not in (
+            "",
+            "r",
+        ):
             self._tell("Please press Enter alone, or r and Enter.")
         self._tell("")
         return answer == "r"
 
     def prepare(self, number: int, of: int) -> None:
-        self._ask(f"Trial {number} of {of}. Enter to start: ")
+        self._ask(f"Trial {number} of {of}. Press Enter to start: ")
 
     def elapsed(self, seconds: float) -> None:
         if not self._screen.isatty():
@@ -109,11 +112,11 @@ class Person:
 
     def repeat(self, what: str, problem: str) -> None:
         self._clear()
-        self._tell(f"This {what} does not count and comes again: {problem}")
+        self._tell(f"This {what} does not count and is repeated: {problem}")
 
     def rest(self, after: int, of: int) -> None:
         self._tell(f"{after} of {of} trials are done: a break. Let go of the device and rest your hand.")
-        self._ask("When you are ready, Enter: ")
+        self._ask("When you are ready, press Enter: ")
         self._tell("")
 
     def farewell(self) -> None:
@@ -145,7 +148,7 @@ class Person:
         return line.strip()
 
     def _forget_typed(self) -> None:
-        """Drop earlier input: a key pressed during a trial is no rating."""
+        """Drop earlier input, so that a key pressed during a trial does not count as a rating."""
         if self._source.isatty():
             with suppress(termios.error, OSError):
                 termios.tcflush(self._source.fileno(), termios.TCIFLUSH)
@@ -211,7 +214,7 @@ class SimulatedSubject:
         return min(HIGHEST, max(LOWEST, round(level)))
 
     def repeat(self, what: str, problem: str) -> None:
-        """Fail, because in virtual time the same would happen again.
+        """Fail, because a repetition in virtual time would have the same problem.
 
         Raises:
             ConductError: always.

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
-from weberlink.studies.experiment.plan import PREDICTORS, REFERENCES, CodingCondition, TrialPlan
+from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink.studies.experiment.subjects import FELT, THRESHOLD
+from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load

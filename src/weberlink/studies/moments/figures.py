@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from weberlink.slave.scenes.scene import Scene
 from weberlink.studies.moments.moments import CodedTrace, TickWindow, interesting_window
 from weberlink.studies.moments.portrait import Portrait, portrait
-from weberlink.studies.sheet import SENT, beside, dot, footer_cm, key, looks, save, sheet
+from weberlink.studies.sheet import SENT, beside, dot, footer_cm, legend, save, sheet, styles
 
 Array = NDArray[np.float64]
 
@@ -42,10 +42,9 @@ def draw_force(
     title: str,
     caption: str,
     seconds: float = 1.0,
-    window: TickWindow | None = None,
 ) -> None:
-    """Write force over time as PNG and SVG, and its numbers as CSV; arguments as of `force_figure`."""
-    window = window or interesting_window(runs[0], seconds)
+    """Write force over time as PNG and SVG, and its numbers as CSV, in the window that shows most."""
+    window = interesting_window(runs[0], seconds)
     save(force_figure(runs, window, title, caption), path_stem)
     with beside(path_stem, ".csv").open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
@@ -67,7 +66,7 @@ def force_figure(runs: Sequence[CodedTrace], window: TickWindow, title: str, cap
     for axes, run in zip(panels, runs, strict=True):
         _draw_run(axes, run, window)
     panels[-1].set_xlabel("time [s]; ticks: sends")
-    key(panels[0], _force_key(runs), columns=4, above=1.12)
+    legend(panels[0], _force_legend(runs), columns=4, above=1.12)
     return figure
 
 
@@ -113,9 +112,9 @@ def _draw_run(axes: Any, run: CodedTrace, window: TickWindow) -> None:
         np.repeat(time, 2), np.column_stack([predicted, displayed]).ravel(),
         color=DISPLAYED, linewidth=1.3, label="displayed", zorder=3,
     )  # fmt: skip
-    for name, look in looks(run.bank).items():
+    for name, style in styles(run.bank).items():
         mine = sent & (run.selected[drawn] == run.bank.index(name))
-        marker, colour = (look.marker, look.colour) if len(run.bank) > 1 else ("o", SENT)
+        marker, colour = (style.marker, style.colour) if len(run.bank) > 1 else ("o", SENT)
         axes.plot(
             time[mine], displayed[mine], marker, color=colour, markersize=4.5, markeredgecolor="white",
             markeredgewidth=0.5, zorder=4, label=f"sent {name}",
@@ -131,7 +130,7 @@ def _draw_run(axes: Any, run: CodedTrace, window: TickWindow) -> None:
     axes.set_title(f"{run.predictor}: {sent.sum()} sends in {length:g} s", loc="left", fontsize=9.5, fontweight="bold")
 
 
-def _force_key(runs: Sequence[CodedTrace]) -> list[Any]:
+def _force_legend(runs: Sequence[CodedTrace]) -> list[Any]:
     entries: list[Any] = [
         Line2D([], [], color="black", linewidth=0.9, label="actual"),
         Line2D([], [], color=DISPLAYED, linewidth=1.3, label="displayed"),
@@ -140,7 +139,7 @@ def _force_key(runs: Sequence[CodedTrace]) -> list[Any]:
     if any(len(run.bank) == 1 for run in runs):
         entries.append(dot("sent", "o", SENT))
     chosen = dict.fromkeys(name for run in runs if len(run.bank) > 1 for name in run.bank)
-    return entries + [dot(f"hybrid: {name}", look.marker, look.colour) for name, look in looks(chosen).items()]
+    return entries + [dot(f"hybrid: {name}", style.marker, style.colour) for name, style in styles(chosen).items()]
 
 
 def model_figure(drawn: Portrait, title: str, caption: str) -> Figure:
@@ -161,8 +160,8 @@ def model_figure(drawn: Portrait, title: str, caption: str) -> Figure:
         *place(0.565, 6.3, 0.0, 0.0)[:2], _table(drawn), family="monospace", fontsize=8, va="top", linespacing=1.25
     )
     figure.legend(
-        handles=_model_key(drawn), loc="lower center", bbox_to_anchor=place(0.5, 0.05, 0.0, 0.0), ncols=3, fontsize=8.5,
-        frameon=False, handlelength=2.2, columnspacing=1.4,
+        handles=_model_legend(drawn), loc="lower center", bbox_to_anchor=place(0.5, 0.05, 0.0, 0.0), ncols=3,
+        fontsize=8.5, frameon=False, handlelength=2.2, columnspacing=1.4,
     )  # fmt: skip
     return figure
 
@@ -234,7 +233,7 @@ def _table(drawn: Portrait) -> str:
 
 
 def _colour(drawn: Portrait) -> str:
-    return looks([drawn.fit.predictor])[drawn.fit.predictor].colour
+    return styles([drawn.fit.predictor])[drawn.fit.predictor].colour
 
 
 def _marked(drawn: Portrait) -> list[tuple[Any, Any, dict[str, Any]]]:
@@ -257,7 +256,7 @@ def _arrow_mm_n(drawn: Portrait) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= wanted))
 
 
-def _model_key(drawn: Portrait) -> list[Any]:
+def _model_legend(drawn: Portrait) -> list[Any]:
     concave = drawn.surface.radius < 0.0
     label = f"fitted {drawn.fit.predictor}{', concave: r < 0' if concave else ''}"
     entries: list[Any] = [Patch(facecolor=_colour(drawn), alpha=0.45, label=label)]

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from math import exp, log
 from typing import Any, Literal
 
+from weberlink.codec.predictors import HYBRID, HYBRID_BANK
 from weberlink.studies.curves import Band, Observation, curves
 
+PREDICTORS = (*HYBRID_BANK, HYBRID)
+"""The predictors of the paper."""
 WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
 """The Weber factors of the paper."""
 WEBER = 0.10

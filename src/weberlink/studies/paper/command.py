@@ -12,11 +12,12 @@ from rich.table import Table
 
 from weberlink.master.trace import Trace
 from weberlink.studies.curves import Observation
-from weberlink.studies.evaluate.command import read_traces
-from weberlink.studies.evaluate.study import EvaluationStudy, NamedTrace, rows_of
-from weberlink.studies.paper.claims import CLAIMS, WEBER, WEBERS
-from weberlink.studies.paper.document import PREDICTORS, PaperCondition, document
+from weberlink.studies.evaluate.study import EvaluationStudy, rows_of
+from weberlink.studies.evaluate.traces import NamedTrace, read_traces
+from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS
+from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
+from weberlink.studies.result import StudyResult, plain_table
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
@@ -100,31 +101,10 @@ class SimulatedSession(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Paper:
-    """All conditions, and how they are shown."""
+class Paper(StudyResult):
+    """The measured claims. `draw` writes the page, and beside it the figures and their numbers."""
 
     conditions: list[PaperCondition]
-    shown: tuple[PaperScene, Trace]
-    """A scene of which single moments are drawn, and its signal."""
-    document: dict[str, Any]
-    table: Table
-    caption: str
-
-    def draw(self, folder: Path) -> None:
-        """Write the page, and beside it the figures and their numbers.
-
-        Raises:
-            OSError: the folder or a file in it cannot be written.
-        """
-        from weberlink.studies.paper.figures import draw_conditions, draw_moments  # noqa: PLC0415 - imports matplotlib
-
-        folder.mkdir(parents=True, exist_ok=True)
-        draw_conditions(self.conditions, folder, self.caption)
-        name, trace = self.shown
-        scene = build_scene(_configuration(name, "hybrid", WEBER, FLOOR_N))
-        moments = draw_moments(trace, scene, lambda name: SCENE_STUDY.channel(name, WEBER), folder, self.caption)
-        page = document(self.conditions, self.caption, moments)
-        (folder / PAGE).write_text(page, encoding="utf-8")
 
 
 def run(
@@ -181,7 +161,16 @@ def run(
         "run_time_s": perf_counter() - began,
         "environment": facts,
     }
-    return Paper(conditions, (scope.scenes[-1], explored[-1]), content, _table(conditions, caption), caption)
+
+    def draw(folder: Path) -> None:
+        from weberlink.studies.paper.figures import draw_conditions, draw_moments  # noqa: PLC0415 - imports matplotlib
+
+        draw_conditions(conditions, folder, caption)
+        scene = build_scene(_configuration(scope.scenes[-1], "hybrid", WEBER, FLOOR_N))
+        moments = draw_moments(explored[-1], scene, lambda name: SCENE_STUDY.channel(name, WEBER), folder, caption)
+        (folder / PAGE).write_text(document(conditions, caption, moments), encoding="utf-8")
+
+    return Paper(content, _table(conditions, caption), draw, conditions)
 
 
 def _explore(exploration: tuple[PaperScene, float]) -> Trace:
@@ -224,9 +213,8 @@ def _as_json(condition: PaperCondition) -> dict[str, Any]:
 
 
 def _table(conditions: Sequence[PaperCondition], caption: str) -> Table:
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), caption=caption, caption_justify="left")
-    for name in ("claim", "at", "paper", *(condition.key for condition in conditions)):
-        table.add_column(name, justify="left" if name in ("claim", "at") else "right", no_wrap=True)
+    keys = (condition.key for condition in conditions)
+    table = plain_table("claim", "at", "paper", *keys, left=("at",), caption=caption)
     columns = [condition.results for condition in conditions]
     for claim, *found in zip(CLAIMS, *columns, strict=True):
         cells = ["-" if one.fewer is None else f"{100 * -one.fewer.mean:+.0f} %" for one in found]

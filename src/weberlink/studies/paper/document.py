@@ -4,9 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from weberlink.studies.curves import Observation
-from weberlink.studies.paper.claims import CLAIMS, WEBER, ClaimResult, measure
-
-PREDICTORS = ("zoh", "linear", "plane", "sphere", "hybrid")
+from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, ClaimResult, measure
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,10 @@ from weberlink.codec.predictors import HYBRID, FitLimits
 from weberlink.codec.replay import code
 from weberlink.master.trace import Trace
 from weberlink.studies.evaluate.replay import replay, signal_of
+from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.studies.precision.measurement import Point, dominates, front
 from weberlink.system.scoring.perception import in_units, longest_run, rms
 
-PREDICTORS = ("zoh", "linear", "plane", "sphere", HYBRID)
 WEBERS = (0.025, 0.05, 0.10, 0.20, 0.30)
 RECOMMENDED = (HYBRID, 0.10)
 """The choice of the shipped configurations."""
@@ -48,7 +48,7 @@ class CodingRow:
     coding_rms_n: float
     """Error without latency."""
     error_rms_n: float
-    """Felt, as are the next figures."""
+    """Felt error; so are the next four figures."""
     error_max_n: float
     error_rms_jnd: float
     """In units of the deadband of each tick."""
@@ -174,7 +174,9 @@ def _check_range(name: str, trace: Trace, channel: Channel) -> None:
     for what, unit, values, quantizer in quantities:
         reach = float(np.abs(values).max())
         if quantizer is not None and reach > quantizer.limit:
-            raise ValueError(f"trace {name}: {what} reaches {reach:g} {unit}, the wire says {quantizer.limit:g} {unit}")
+            raise ValueError(
+                f"trace {name}: {what} reaches {reach:g} {unit}, beyond the {quantizer.limit:g} {unit} of the wire"
+            )
 
 
 def _row(name: str, trace: Trace, predictor: str, weber: float, channel: Channel, latency_ticks: int) -> CodingRow:
@@ -206,10 +208,10 @@ def _pool(rows: Sequence[CodingRow]) -> CodingRow:
     samples, duration = sum(row.samples for row in rows), sum(row.duration_s for row in rows)
     packets = sum(row.packets for row in rows)
 
-    def rms(values: Iterable[float]) -> float:
-        return float(
-            (sum(row.samples * value * value for row, value in zip(rows, values, strict=True)) / samples) ** 0.5
-        )
+    def pooled(values: Iterable[float]) -> float:
+        """RMS over all samples of RMS values."""
+        square = sum(row.samples * value * value for row, value in zip(rows, values, strict=True)) / samples
+        return float(square**0.5)
 
     return replace(
         rows[0],
@@ -219,10 +221,10 @@ def _pool(rows: Sequence[CodingRow]) -> CodingRow:
         packets=packets,
         packets_per_s=packets / duration,
         reduction=1.0 - packets / samples,
-        coding_rms_n=rms(row.coding_rms_n for row in rows),
-        error_rms_n=rms(row.error_rms_n for row in rows),
+        coding_rms_n=pooled(row.coding_rms_n for row in rows),
+        error_rms_n=pooled(row.error_rms_n for row in rows),
         error_max_n=max(row.error_max_n for row in rows),
-        error_rms_jnd=rms(row.error_rms_jnd for row in rows),
+        error_rms_jnd=pooled(row.error_rms_jnd for row in rows),
         violation_fraction=sum(row.samples * row.violation_fraction for row in rows) / samples,
         violation_longest_ticks=max(row.violation_longest_ticks for row in rows),
         tick_us=median(row.tick_us for row in rows),

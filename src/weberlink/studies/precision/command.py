@@ -9,6 +9,7 @@ from typing import Any
 from rich.table import Table
 
 from weberlink.master.trace import Trace, read_trace
+from weberlink.studies.evaluate.traces import SHIPPED
 from weberlink.studies.precision import coding, study
 from weberlink.studies.precision.coding import RECOMMENDED, CodingStudy
 from weberlink.studies.precision.measurement import IntegratorRow
@@ -108,7 +109,7 @@ def codec(
         progress: called before each signal.
         recorded_ticks: of the shipped recording; None for all.
     """
-    whole = read_trace(Path(str(files("weberlink.configs") / "traces" / "operator.csv")))
+    whole = read_trace(SHIPPED)
     part = slice(recorded_ticks)
     traces = {"operator": Trace(whole.time_s[part], whole.position_m[part], whole.force_n[part], whole.gaps_s)}
     for done, name in enumerate(scenes):
@@ -184,11 +185,9 @@ def _prices(results: Sequence[ProblemResult]) -> Table:
 def _recommendations(results: Sequence[ProblemResult]) -> Table:
     """The choice of `integrator: auto` for a tick of 1 ms."""
     table = plain_table(
-        "problem", "auto", "x/tick", "position", "force", "ms/s", "cheapest", "x time",
+        "problem", "auto", "x/tick", "position", "force", "ms/s", "cheapest", "x time", left=("auto", "cheapest"),
         title="integrator: auto at 1 kHz, against the cheapest with the same error", padding=(0, 1, 0, 0),
     )  # fmt: skip
-    for place in (1, 6):
-        table.columns[place].justify = "left"
     for result in results:
         if result.recommendation is not None:
             table.add_row(result.problem.name, *_choice(result.recommendation))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple, Protocol
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, dot, norm, scale, subtract, unit
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.studies.precision.problems import CoulombFriction, HalfSpace, Problem, ProblemSurface
 
@@ -24,7 +24,7 @@ BEYOND = 1e-15
 
 
 class Guard(NamedTuple):
-    """`value` is at least zero during the phase; where it falls below, `successor` tells what follows."""
+    """`value` is at least zero during the phase; where it falls below, `successor` makes the next phase."""
 
     value: Callable[[MotionState], float]
     successor: Callable[[MotionState], "Phase"]
@@ -77,16 +77,12 @@ def inside(surface: ProblemSurface, state: MotionState) -> tuple[float, Vector]:
     return sign * (solid.radius - r), (sign * x / r, sign * y / r, sign * z / r)
 
 
-def inner(a: Vector, b: Vector) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
 def solved(normals: Sequence[Vector], right: Sequence[float]) -> list[float]:
     """G lambda = right for one or two normals."""
     if len(normals) == 1:
         return [right[0]]
     if len(normals) == 2:
-        g = inner(normals[0], normals[1])
+        g = dot(normals[0], normals[1])
         rest = 1.0 - g * g
         return [(right[0] - g * right[1]) / rest, (right[1] - g * right[0]) / rest]
     raise ValueError("at most two surfaces hold the body at once in these equations")
@@ -129,7 +125,7 @@ class Held:
         if not depths:
             return {}
         velocity = (state[3], state[4], state[5])
-        rates = solved(normals, [-inner(n, velocity) for n in normals])
+        rates = solved(normals, [-dot(n, velocity) for n in normals])
         return {
             i: (self.surfaces[i].stiffness * depth + self.surfaces[i].damping * speed, n)
             for i, depth, speed, n in zip(self.held, depths, rates, normals, strict=True)
@@ -139,7 +135,7 @@ class Held:
         def clearance(state: MotionState) -> float:
             depth, n = inside(self.surfaces[i], state)
             depths, normals = self._depths(state)
-            return BEYOND - depth + sum(inner(n, m) * other for other, m in zip(depths, normals, strict=True))
+            return BEYOND - depth + sum(dot(n, m) * other for other, m in zip(depths, normals, strict=True))
 
         return Guard(clearance, lambda _: Held(self.surfaces, (*self.held, i), self.slack))
 
@@ -193,11 +189,11 @@ class Anchored:
         limit = cone.dynamic if self.sliding else cone.static
 
         def hold(state: MotionState) -> float:
-            return limit * inside(self.surface, state)[0] + BEYOND - sqrt(inner(t := self._offset(state), t))
+            return limit * inside(self.surface, state)[0] + BEYOND - norm(self._offset(state))
 
         def spared(state: MotionState) -> float:
             threshold = cone.restick * cone.dynamic * inside(self.surface, state)[0]
-            return sqrt(inner(t := self._offset(state), t)) - threshold
+            return norm(self._offset(state)) - threshold
 
         guards = [leaving(self.surface), Guard(hold, self._slide)]
         if self.sliding:
@@ -212,14 +208,11 @@ class Anchored:
     def _offset(self, state: MotionState) -> Vector:
         """From the body to the anchor, along the surface."""
         n = inside(self.surface, state)[1]
-        t = (self.anchor[0] - state[0], self.anchor[1] - state[1], self.anchor[2] - state[2])
-        lift = inner(t, n)
-        return (t[0] - lift * n[0], t[1] - lift * n[1], t[2] - lift * n[2])
+        away = subtract(self.anchor, (state[0], state[1], state[2]))
+        return subtract(away, scale(n, dot(away, n)))
 
     def _slide(self, state: MotionState) -> Phase:
-        x, y, z = self._offset(state)
-        length = sqrt(x * x + y * y + z * z)
-        return Dragged(self.surface, (x / length, y / length, z / length))
+        return Dragged(self.surface, unit(self._offset(state)))
 
 
 @dataclass(frozen=True)
@@ -239,8 +232,8 @@ class Dragged:
         def dragging(state: MotionState) -> float:
             """How fast a fixed anchor would leave the dynamic cone [m/s]."""
             velocity = (state[3], state[4], state[5])
-            deeper = -inner(inside(self.surface, state)[1], velocity)
-            return -inner(self.toward, velocity) - cone.dynamic * deeper
+            deeper = -dot(inside(self.surface, state)[1], velocity)
+            return -dot(self.toward, velocity) - cone.dynamic * deeper
 
         def stop(state: MotionState) -> Phase:
             offset = cone.dynamic * inside(self.surface, state)[0]

@@ -37,7 +37,12 @@ ORDER_TOLERANCE = 0.2
 
 @dataclass(frozen=True)
 class Effort:
-    """Steps from the coarsest of a problem to `finest` per tick, each half the last, timed up to `repeats` times."""
+    """How fine and how often.
+
+    Args:
+        finest: most substeps per tick. Steps are halved from the coarsest of a problem down to this one.
+        repeats: most timed runs of each step.
+    """
 
     finest: int
     repeats: int

@@ -1,7 +1,7 @@
 """The `stability` command: maps stiff and extreme cases, as sampled walls and as whole systems in virtual time."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
@@ -11,10 +11,10 @@ from typing import Any, get_args
 from rich.table import Table
 
 from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
-from weberlink.studies.parallel import parallel_map
+from weberlink.studies.parallel import Progress, parallel_map
 from weberlink.studies.result import StudyResult, plain_table
 from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, timing
-from weberlink.studies.stability.measured_wall import WallRow, survey, walls
+from weberlink.studies.stability.survey import WallRow, survey, walls
 from weberlink.studies.stability.verdict import CellObserver, CellVerdict
 from weberlink.studies.stability.wall import SampledWall
 from weberlink.system.composition.channels import channels
@@ -29,7 +29,6 @@ SEED = 0
 
 Task = SampledWall | SystemCell
 Result = WallRow | CellVerdict
-Progress = Callable[[int, int], None]
 
 
 def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> StudyResult:
@@ -158,8 +157,8 @@ def _length(task: Task) -> float:
 
 def _table(rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], run_time: float, caption: str) -> Table:
     text = f"{_about(rows)}\n{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s\n{caption}"
-    table = plain_table("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer", caption=text)
-    table.columns[1].justify = "left"
+    columns = ("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer")
+    table = plain_table(*columns, left=("control",), caption=text)
     groups: dict[tuple[str, str], list[CellVerdict]] = {}
     for cell, verdict in verdicts:
         groups.setdefault((cell.slice, f"{cell.scheme} {cell.predictor}"), []).append(verdict)

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from weberlink.studies.stability.cells import SystemCell
-from weberlink.studies.stability.measured_wall import WallRow
+from weberlink.studies.stability.survey import WallRow
 from weberlink.studies.stability.verdict import CellVerdict
 
 Judged = tuple[SystemCell, CellVerdict]

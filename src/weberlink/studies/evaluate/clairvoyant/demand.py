@@ -231,6 +231,5 @@ def lengths(vectors: Array) -> Array:
 
 def _confined(values: Array, wire: Quantizer) -> Array:
     """As `Quantizer.confine`, for all ticks; infinity is confined to the corners of the range."""
-    inf = np.inf
     confined: Array = np.clip(values, wire.confine((-inf, -inf, -inf)), wire.confine((inf, inf, inf)))
     return confined
