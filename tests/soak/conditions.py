@@ -10,9 +10,10 @@ from os import kill
 from pathlib import Path
 from random import Random
 
-from tests.soak.rig import SIDES, Rig
+from tests.soak.rig import Rig
 from tests.soak.watch import Watch
 from weberlink.protocol.emulation import Emulation
+from weberlink.system.configuration import SIDES
 from weberlink.system.recorder import Recorder
 
 NOISE = Emulation(delay_s=0.004, jitter_s=0.006, loss=0.05, reorder=0.05, duplicate=0.05, corrupt=0.05)

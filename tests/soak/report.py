@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.soak.rig import SIDES
 from tests.soak.watch import Samples
+from weberlink.system.configuration import SIDES
 
 BOUNDS_PER_HOUR = {"rss_kib": 1024.0, "dirty_kib": 1024.0, "descriptors": 1.0, "threads": 1.0, "pss_kib": inf}
 """Growth of a daemon beyond which a soak has failed, per hour. PSS is told and not judged: it rises when others end."""

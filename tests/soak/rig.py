@@ -16,14 +16,13 @@ import yaml
 from tests.soak.wallclock import WallClock, wall_clock
 from tests.soak.wire import Wire
 from weberlink.protocol.keys import generate
-from weberlink.system.configuration import MASTER, SLAVE, Configuration, load
+from weberlink.system.configuration import SIDES, Configuration, load
 from weberlink.system.daemon import DaemonOrder
 from weberlink.system.launcher import Daemon
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path
 
-SIDES = (MASTER, SLAVE)
 CONFIGURATION = Path(__file__).parents[2] / "configs" / "loopback.yaml"
 LINK = "127.0.0.1"
 SILENCE_MS = 250.0

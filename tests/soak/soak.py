@@ -12,9 +12,10 @@ from tests.soak import laws
 from tests.soak.conditions import CONDITIONS, EXCLUDED, Field
 from tests.soak.faults import FAULTS, Fault
 from tests.soak.report import Kind, Report
-from tests.soak.rig import SIDES, SILENCE_MS, Rig
+from tests.soak.rig import SILENCE_MS, Rig
 from tests.soak.watch import Watch
 from weberlink.protocol.emulation import Emulation
+from weberlink.system.configuration import SIDES
 
 QUIET_S = 0.5
 """After a fault, before the session is judged."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from tests.soak import laws
 from tests.soak.processes import Footprint, footprint, socket_queue
-from tests.soak.rig import SIDES, Life, Rig, RigError
+from tests.soak.rig import Life, Rig, RigError
 from tests.soak.wire import Books
-from weberlink.system.configuration import MASTER, SLAVE
+from weberlink.system.configuration import MASTER, SIDES, SLAVE
 from weberlink.system.scoring.session import Records
 
 LOOK_S = 0.05

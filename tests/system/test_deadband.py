@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.systems import steps, system
+from tests.system.systems import configuration, decoded, raw, steps, system
 from weberlink.cli import app
 from weberlink.codec import Encoder
 from weberlink.codec.deadband import (
@@ -19,12 +19,15 @@ from weberlink.codec.deadband import (
     LevelCrossingDeadband,
     VelocityDeadband,
 )
-from weberlink.system.composition.channels import channels
+from weberlink.geometry.vector import distance, norm
+from weberlink.protocol.states import State
+from weberlink.system.composition.channels import channels, measure_of
 from weberlink.system.composition.link import agreement
 from weberlink.system.configuration import Configuration, ConfigurationError, load
+from weberlink.system.simulate import build_simulation
 
-HERE = Path(__file__).parents[2]
-OPERATOR = HERE / "configs" / "traces" / "operator.csv"
+ROOT = Path(__file__).parents[2]
+OPERATOR = ROOT / "configs" / "traces" / "operator.csv"
 LINK = "link: {security: none, listen: '127.0.0.1:0', slave: '127.0.0.1:0'}\n"
 
 
@@ -77,7 +80,7 @@ def test_what_is_no_shape_is_one_line(tmp_path: Path, force: str, expected: str)
 
 def example() -> str:
     """The configuration that the documentation shows."""
-    text = (HERE / "docs" / "deadbands.md").read_text()
+    text = (ROOT / "docs" / "deadbands.md").read_text()
     return text.split("```yaml\n", 1)[1].split("```", 1)[0]
 
 
@@ -93,10 +96,22 @@ def test_the_example_of_the_documentation_is_complete_and_runs(tmp_path: Path) -
 
 @pytest.mark.parametrize("shape", DEADBANDS)
 def test_a_session_keeps_the_law_of_its_shape(shape: str) -> None:
-    simulation = system(f"codec.force.deadband={{shape: {shape}}}", "slave.scene=[{shape: plane, stiffness_n_m: 500}]")
-    seen = list(steps(simulation, 2.0))
-    assert any(step.slave.sent for step in seen)
-    assert max(step.slave.bound for step in seen) > 0.0
+    loaded = configuration(
+        f"codec.force.deadband={{shape: {shape}}}",
+        "codec.force.predictor=zoh",
+        "slave.scene=[{shape: plane, stiffness_n_m: 500}]",
+    )
+    error = measure_of(loaded.system) or distance
+    held = sent = 0
+    for step in steps(build_simulation(loaded), 2.0):
+        if step.slave.state != State.ENGAGED.value or step.slave.ramping:
+            continue
+        sent += step.slave.sent
+        if not step.slave.sent:
+            assert error(decoded(step.slave), raw(step.slave)) <= step.slave.bound
+            held += norm(raw(step.slave)) > 0.0
+    assert sent > 0
+    assert held > 100
 
 
 def test_a_live_change_of_the_weber_factor_keeps_the_shape(monkeypatch: pytest.MonkeyPatch) -> None:

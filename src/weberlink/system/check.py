@@ -49,6 +49,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
     device = None if configuration.device is None else build_device(configuration)
     robot = None if configuration.robot is None else build_robot(configuration)
     forward, backward = channels(system)
+    shape = backward.deadband.describe()
     scene = build_scene(configuration)
     security = build_security(configuration)
     yield f"{configuration.path}: valid"
@@ -56,7 +57,7 @@ def describe(configuration: Configuration) -> Iterator[str]:
     yield from _link(system)
     yield f"force     {_coding(system.codec.force.predictor, backward)}; k = {system.codec.force.weber:g}, " + (
         f"floor {system.codec.force.floor_n:g} N, reference {system.codec.force.reference}"
-        + ("" if (shape := channels(system)[1].deadband.describe()) == "isotropic" else f"; {shape}")
+        + ("" if shape == "isotropic" else f"; {shape}")
     )
     yield f"          update of {_sizes(backward, security.tag_size, system)} bytes of UDP payload"
     bound_mm = 1e3 * system.codec.position.bound_m

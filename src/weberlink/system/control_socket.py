@@ -23,7 +23,7 @@ LONGEST_QUESTION = 1024
 LONGEST_ANSWER = 4096
 """Both in bytes."""
 LOOK_S = 0.01
-"""Between two looks for the peer's answer."""
+"""Time between two checks for the peer's answer [s]."""
 QUESTIONS_A_LOOK = 8
 
 
@@ -162,16 +162,16 @@ class ControlSocket:
         pending = None if tuning.pending is None else tuning.pending._asdict()
         in_force = {"settings": tuning.settings._asdict(), "generation": tuning.generation, "pending": pending}
         if self._socket is not None:
-            with suppress(OSError):  # who asked is gone, or does not read
+            with suppress(OSError):  # the asker has ended, or does not read
                 self._socket.sendto(json.dumps(content | in_force).encode(), sender)
 
 
 class WithControlSocket:
     """A transport with a control socket that is open as long as it is."""
 
-    def __init__(self, transport: Transport, door: ControlSocket) -> None:
+    def __init__(self, transport: Transport, control: ControlSocket) -> None:
         self._transport = transport
-        self._control = door
+        self._control = control
         self.service = transport.service  # bound here, so that a tick pays nothing for the control socket
         self.flush = transport.flush
 

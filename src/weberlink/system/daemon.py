@@ -25,7 +25,7 @@ from weberlink.realtime.garbage import GarbageSchedule
 from weberlink.realtime.process import Grants, die_with_parent, prepare
 from weberlink.realtime.shell import REASONS, Run, Transport, run
 from weberlink.system import description
-from weberlink.system.composition.link import Identity, build_security, permitted
+from weberlink.system.composition.link import Identity, build_link, build_security, permitted
 from weberlink.system.configuration import MASTER, SLAVE, Configuration, ConfigurationError, load
 from weberlink.system.configuration.model import split_address
 from weberlink.system.control_socket import ControlSocket, WithControlSocket
@@ -100,7 +100,7 @@ def serve(order: DaemonOrder, configuration: Configuration) -> dict[str, Any]:
     """Run one side to its end.
 
     Returns:
-        Outcome, faults and what else the telemetry does not say.
+        Outcome, faults, drops, rights and garbage collection, which the telemetry does not contain.
 
     Raises:
         ConfigurationError, StartError, OSError: before the first tick.
@@ -163,8 +163,6 @@ def _transport(name: str, configuration: Configuration, endpoint: Endpoint, epoc
     link = configuration.system.link
     emulated = None
     if link.emulate is not None:
-        from weberlink.system.composition.link import build_link  # noqa: PLC0415
-
         # Each side emulates the faults of what it sends, with its own random numbers.
         uniform = Random(f"{link.emulate.seed}/{name}").random  # noqa: S311
         to_slave, to_master = link.emulate.directions
@@ -231,7 +229,7 @@ def _summary(run_: Run, side: Side, grants: Grants) -> dict[str, Any]:
         "outcome": side.outcome or run_.outcome,
         "failed": side.failure is not None or not run_.orderly,
         "faults": side.faults,
-        "drops": {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()},
+        "drops": side.drops,
         "realtime": grants.as_dict(),
         "garbage": None if run_.garbage is None else run_.garbage.summary(),
     }

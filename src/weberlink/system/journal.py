@@ -27,14 +27,13 @@ from time import time
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from weberlink.control.table import SCHEMES
 from weberlink.protocol.states import State
 from weberlink.system.scoring.distribution import Distribution
+from weberlink.system.scoring.energy import Records
 from weberlink.telemetry.fault import Fault
 
-Records = NDArray[Any]
 Fields = dict[str, Any]
 
 QUIET_S = 1.0

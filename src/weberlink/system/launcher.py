@@ -17,8 +17,6 @@ from signal import (
     SIG_DFL,
     SIG_IGN,
     SIG_SETMASK,
-    SIGHUP,
-    SIGINT,
     SIGTERM,
     Signals,
     getsignal,
@@ -35,7 +33,7 @@ from weberlink.protocol.keys import generate
 from weberlink.system import control_socket, description
 from weberlink.system.composition.channels import banks, measure_of
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, Configuration
-from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, DaemonOrder, failure
+from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED, STOP_SIGNALS, DaemonOrder, failure
 from weberlink.system.journal import Journal
 from weberlink.system.recorder import Recorder
 from weberlink.system.scoring.session import Records, SessionScore
@@ -43,7 +41,6 @@ from weberlink.telemetry.reader import DTYPE, RingReader
 from weberlink.telemetry.ring import default_path, process_started
 from weberlink.telemetry.runtime_directory import directories, directory
 
-STOP_SIGNALS = (SIGINT, SIGTERM, SIGHUP)
 LOOK_S = 0.1
 """Time between two looks at the telemetry."""
 LEFT_BEHIND = re.compile(r"weberlink-(\d+)(?:-(?:master|slave)\.(?:ring|json|ask)|\.key)")

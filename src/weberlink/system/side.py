@@ -173,6 +173,11 @@ class Side:
         """How often each fault occurred, by name."""
         return self._faults.counts
 
+    @property
+    def drops(self) -> dict[str, int]:
+        """Number of datagrams refused, by reason."""
+        return {str(reason): count for reason, count in self.endpoint.statistics.dropped.items()}
+
     def open(self, now: float) -> None:
         """Open the device or robot, and call the peer or listen.
 

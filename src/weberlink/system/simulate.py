@@ -88,10 +88,7 @@ def simulate(
     failures = [side.failure for side in (master, slave) if side.failure is not None]
     summary = score.summary() | {
         "faults": {"master": master.faults, "slave": slave.faults},
-        "drops": {
-            name: {str(reason): count for reason, count in side.endpoint.statistics.dropped.items()}
-            for name, side in (("master", master), ("slave", slave))
-        },
+        "drops": {"master": master.drops, "slave": slave.drops},
         "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
         "status": 1 if failures else 0,
         "run_time_s": run_time,
@@ -129,7 +126,7 @@ class VirtualRecording:
                 self._outcome = error.strerror or str(error)
 
     def finish(self) -> dict[str, Any]:
-        """End the file; returns what is in it, as a live session's report says it."""
+        """End the file; returns the summary that the recorder of a live session gives."""
         try:
             self._writer.close()
         except OSError as error:

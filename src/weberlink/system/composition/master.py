@@ -6,7 +6,7 @@ from weberlink.codec import Channel, Decoder, Encoder
 from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.contract import Device, GuardedDevice
+from weberlink.master.devices.contract import Device, GuardedDevice, TorqueDevice
 from weberlink.master.operator_port import Display, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
@@ -90,8 +90,6 @@ def build_master(
 
 
 def _torque_display(system: System, device: Device) -> Display:
-    from weberlink.master.devices.contract import TorqueDevice  # noqa: PLC0415
-
     displayed = device.spec.torque_n_m
     allowed = system.master.limits.torque_nm / _force_scale(system)
     return Display(

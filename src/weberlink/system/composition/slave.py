@@ -10,7 +10,7 @@ from weberlink.protocol.liveness import HORIZON_SHARE
 from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.slave.robot_port import RobotPort
-from weberlink.slave.robots.contract import Robot
+from weberlink.slave.robots.contract import OrientedRobot, Robot
 from weberlink.slave.safety import CommandGuard, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
@@ -93,8 +93,7 @@ def build_slave(
 
 
 def _tool_orientation(system: System, robot: Robot) -> "ToolOrientation":
-    from weberlink.slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
-    from weberlink.slave.rotation import ToolOrientation  # noqa: PLC0415
+    from weberlink.slave.rotation import ToolOrientation  # noqa: PLC0415 - for six degrees of freedom alone
 
     assert isinstance(robot, OrientedRobot), "build_robot sees to it"
     limits = system.slave.limits
@@ -129,8 +128,6 @@ def build_robot(configuration: Configuration) -> Robot:
 
 
 def _check_rotation(system: System, robot: Robot) -> None:
-    from weberlink.slave.robots.contract import OrientedRobot  # noqa: PLC0415 - for six degrees of freedom alone
-
     torque = robot.spec.torque_n_m
     if not (isinstance(robot, OrientedRobot) and torque > 0.0):
         raise ConfigurationError(

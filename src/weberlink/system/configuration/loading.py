@@ -87,7 +87,7 @@ def _check_security(system: System) -> None:
 
 
 def _part(
-    table: Any, settings: DriverSettings, where: tuple[str, ...], folder: Path, overridden: Iterable[str]
+    table: Any, settings: DriverSettings, where: tuple[str, ...], folder: Path, overridden: Collection[str]
 ) -> Part:
     """Find a driver in a table of drivers, and validate its options."""
     try:
@@ -102,7 +102,7 @@ def _part(
         package, extra = driver.NEEDS
         need(package, extra, f"{'.'.join(where)}.driver: {settings.driver}")
     options = _validate(settings.options, driver.Options, where)
-    return Part(driver, make_absolute(options, folder, set(overridden), where))
+    return Part(driver, make_absolute(options, folder, overridden, where))
 
 
 def _validate(options: Mapping[str, Any], model: type[BaseModel], where: tuple[str, ...]) -> BaseModel:

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.control.table import SCHEMES
+from weberlink.system.configuration import MASTER, SIDES, SLAVE
 from weberlink.system.scoring.session import Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
 from weberlink.telemetry.record import FIELDS
 from weberlink.telemetry.recording.reader import Recording, RecordingError
 
-MASTER, SLAVE = "master", "slave"
-SIDES = (MASTER, SLAVE)
 LEAST_OVERLAP_S = 0.1
 """Two files with less time in common are not two sides of one session."""
 MARGIN_S = 1.0

@@ -156,7 +156,7 @@ class McapFile:
         return channel.id
 
     def add_chunk(self, rows: Rows) -> None:
-        """Append framed messages, at least one, as of `framing.rows_of`."""
+        """Append framed messages, at least one, as of `rows_of`."""
         data = rows.tobytes()
         packed = self._compress(data)
         chunk = Chunk(
