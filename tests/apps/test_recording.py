@@ -22,7 +22,8 @@ from weberlink.studies.evaluate.replay import signal_of
 from weberlink.system.composition.channels import channels
 from weberlink.system.configuration import load
 from weberlink.system.report import status_line
-from weberlink.system.scoring.recorded import COUNTERS, put_together
+from weberlink.system.scoring.recorded import put_together
+from weberlink.telemetry.record import COUNTERS
 from weberlink.telemetry.recording.reader import Recording, RecordingError, read_recording
 from weberlink.telemetry.recording.writer import Origin, RecordingWriter
 

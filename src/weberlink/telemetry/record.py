@@ -112,6 +112,10 @@ FIELDS = (
     Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick"),
 )
 
+COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
+"""Cumulative fields."""
+FINITE = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
+"""Vectors that are finite in every record; others are NaN while unknown."""
 COLUMNS = tuple(
     name
     for field in FIELDS

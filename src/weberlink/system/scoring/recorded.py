@@ -12,25 +12,16 @@ from numpy.typing import NDArray
 
 from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import MASTER, SIDES, SLAVE
-from weberlink.system.scoring.session import Records, SessionScore
+from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records, SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
-from weberlink.telemetry.record import FIELDS
+from weberlink.telemetry.record import COUNTERS, FINITE
 from weberlink.telemetry.recording.reader import Recording, RecordingError
 
 LEAST_OVERLAP_S = 0.1
 """Two files with less time in common are not two sides of one session."""
-MARGIN_S = 1.0
-"""Records of the slave so long before and after those of the master belong to the session."""
-ANOTHER_CLOCK_S = 0.1
-"""A larger jump of the clock of the peer means another peer, or a restart of it."""
-COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")
-"""Cumulative fields of a record."""
 TORQUE_BANK = "torque_bank"
 """The fact with the predictors of the torque channel; absent with three degrees of freedom."""
-VECTORS = ("position", "raw", "decoded", "output", "rotation_raw", "rotation_decoded", "rotation_output")
-LATEST_S = 1e10
-"""Upper limit of plausible times and durations [s]: three centuries."""
 PIECE_S = 1.0
 """Length of the pieces that are scored at a time [s]; less than the score keeps waiting."""
 
@@ -141,7 +132,7 @@ def _check_numbers(recording: Recording, side: str, records: Records) -> None:
     torque_bank = recording.facts.get(TORQUE_BANK, "zoh").split()
     origin = recording.origins[side]
     at = records["at"]
-    vectors = all(np.isfinite(records[name]).all() for name in VECTORS)
+    vectors = all(np.isfinite(records[name]).all() for name in FINITE)
     wrong = {
         "rate": not 0.0 < origin.rate_hz < np.inf,
         "clock": not (abs(origin.wall_s) < LATEST_S and abs(origin.monotonic_s) < LATEST_S),

@@ -27,6 +27,13 @@ __all__ = ["Records", "SessionScore", "nearest_ticks"]
 
 LONGEST_WAIT_S = 10.0
 """How long a record waits for its counterpart; one side may run alone for days."""
+MARGIN_S = 1.0
+"""Records of the slave belong to the session from this long before the first one of the master to this long after the
+last."""
+ANOTHER_CLOCK_S = 0.1
+"""A larger jump of the clock of the peer means another peer, or a restart of it."""
+LATEST_S = 1e10
+"""Upper limit of plausible times and durations [s]: three centuries."""
 
 
 @dataclass

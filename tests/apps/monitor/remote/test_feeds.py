@@ -12,8 +12,7 @@ from tests.examples import examples
 from weberlink.apps.monitor.remote.feeds import HELD_S, RECENT_S, WAITING_S, MasterClock, RemoteSide
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
 from weberlink.protocol.sealed_stream import StreamError
-from weberlink.system.scoring.recorded import MARGIN_S
-from weberlink.system.scoring.session import Records
+from weberlink.system.scoring.session import MARGIN_S, Records
 
 TICK_0 = 10.0
 APART = 4321.0

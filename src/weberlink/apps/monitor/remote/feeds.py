@@ -12,10 +12,10 @@ from weberlink.control.table import SCHEMES
 from weberlink.protocol.sealed_stream import StreamError
 from weberlink.protocol.states import State
 from weberlink.system.configuration import MASTER, SLAVE
-from weberlink.system.scoring.recorded import ANOTHER_CLOCK_S, COUNTERS, LATEST_S, MARGIN_S, VECTORS
-from weberlink.system.scoring.session import Records
+from weberlink.system.scoring.session import ANOTHER_CLOCK_S, LATEST_S, MARGIN_S, Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import COUNTERS, FINITE
 from weberlink.telemetry.ring import RingFormatError
 
 RECENT_S = 5.0
@@ -95,7 +95,7 @@ class RemoteSide:
             np.isfinite(at).all()
             and (np.abs(at) < LATEST_S).all()
             and (np.diff(at) >= 0.0).all()
-            and all(np.isfinite(records[name]).all() for name in VECTORS)
+            and all(np.isfinite(records[name]).all() for name in FINITE)
             and (records["selected"] < self._bank).all()
             and (records["rotation_selected"] < self._torque_bank).all()
             and (records["control"] < len(SCHEMES)).all()
