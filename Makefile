@@ -46,7 +46,7 @@ safety: $(DEV)  ## links that fail in one direction, and held datagrams, in virt
 	mkdir -p docs/safety
 	$(BIN)/python -m tests.safety --out docs/safety/figures
 
-model: $(DEV)  ## every state of the models of the protocol: the new one holds, today's fails, each fault put in is found
+model: $(DEV)  ## every state of the models of the protocol: the present one holds, the former one fails, each seeded fault is found
 	$(BIN)/python -m tests.protocol.model
 
 soak: $(DEV)  ## an hour of faults and floods against a live session; MINUTES=2 for a glance

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.processes import ENGAGED, PATIENCE, Program, document, until
+from tests.system.processes import ENGAGED, PATIENCE, Program, document, free_port, until
 from tests.system.systems import CONFIGS
-from tests.system.test_daemons import free_port
 from weberlink.cli import app
 from weberlink.codec.replay import code
 from weberlink.master.trace import read_motion, read_trace

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -15,6 +14,7 @@ import yaml
 
 from tests.soak.wallclock import WallClock, wall_clock
 from tests.soak.wire import Wire
+from tests.system.processes import free_port
 from weberlink.protocol.keys import generate
 from weberlink.system.configuration import SIDES, Configuration, load
 from weberlink.system.daemon import DaemonOrder
@@ -200,13 +200,6 @@ class Rig:
             ring = Path(self.ring(side))
             for path in ring.parent.glob(f"{ring.stem}.*"):
                 path.unlink()
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((LINK, 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def _remove(folder: Path) -> None:

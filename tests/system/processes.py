@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -57,6 +58,14 @@ def faults_of(summary: dict[str, Any]) -> dict[str, dict[str, int]]:
         side: {fault: count for fault, count in counts.items() if fault != "stalled"}
         for side, counts in summary["faults"].items()
     }
+
+
+def free_port() -> int:
+    """A UDP port of the loopback interface that is free now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
 
 
 class Telemetry:

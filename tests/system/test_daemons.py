@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.processes import ENGAGED, Program, Records, Telemetry, document, faults_of, until
+from tests.system.processes import ENGAGED, Program, Records, Telemetry, document, faults_of, free_port, until
 from weberlink.cli import app
 from weberlink.protocol import DropReason
 from weberlink.protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION
@@ -59,13 +59,6 @@ slave:
   scene: [{{shape: plane, stiffness_n_m: 500}}]
   limits: {{on_silence: hold, approach_speed_m_s: {APPROACH}, speed_m_s: {SPEED}, ramp_ms: {1e3 * RAMP}}}
 """
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 @pytest.fixture(scope="module")

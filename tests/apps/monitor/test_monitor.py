@@ -18,9 +18,8 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENCE, Program, document
+from tests.system.processes import PATIENCE, Program, document, free_port
 from tests.system.systems import CONFIGS
-from tests.system.test_daemons import free_port
 from weberlink.apps.monitor.metrics import COUNTERS
 from weberlink.protocol.keys import generate
 
