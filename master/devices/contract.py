@@ -65,13 +65,9 @@ class DeviceReading(NamedTuple):
 
 
 class Device(Protocol):
-    """A haptic device. `latest` and `command` never block, `open` and `close` not without end.
+    """A haptic device. `latest` and `command` never block; `open` and `close` end in bounded time.
 
     `spec` is readable before `open`.
-    `latest` raises `DeviceFault` outside of `open` and `close`, and where the device cannot go on. `command` has no
-    effect outside of them, so that whoever makes the device safe need not ask; it raises ValueError for a force that
-    is not finite, which is a fault of our own. `close` may be called at any time, any number of times, and leaves the
-    force at zero.
     """
 
     @property
@@ -80,14 +76,24 @@ class Device(Protocol):
     def open(self, now: float) -> None: ...
 
     def latest(self, now: float) -> DeviceReading:
-        """The newest reading; the same one for the same `now`."""
+        """The newest reading; the same one for the same `now`.
+
+        Raises:
+            DeviceFault: the device is not open, or cannot go on.
+        """
         ...
 
     def command(self, force: Vector, now: float) -> None:
-        """The force to display on the operator's hand [N]; holds until the next command."""
+        """The force to display on the operator's hand [N]; holds until the next command. No effect unless open.
+
+        Raises:
+            ValueError: the force is not finite.
+        """
         ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Leave the force at zero; may be called at any time, any number of times."""
+        ...
 
 
 @runtime_checkable

@@ -11,11 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.hardware.emulator import WireFaults
+from weberlink.master.devices.haply.board import Pair
 from weberlink.master.devices.haply.linkage import (
     MOST_TORQUE_N_M,
     VERSIONS,
     HaplyFrame,
-    Pair,
     Unreachable,
     degrees,
     radians,

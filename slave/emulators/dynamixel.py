@@ -26,6 +26,7 @@ from weberlink.slave.robots.dynamixel.arm import (
     Joints,
     arm_pose,
 )
+from weberlink.slave.robots.dynamixel.packet import HIGHEST_ID
 from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, OPENMANIPULATOR_X_MODEL
 from weberlink.slave.scenes.settings import SceneSettings, build
 
@@ -64,8 +65,8 @@ class DynamixelEmulatorOptions(BaseModel):
     @field_validator("ids")
     @classmethod
     def check_ids(cls, ids: tuple[int, ...]) -> tuple[int, ...]:
-        if len(set(ids)) != len(ids) or not all(0 <= id_ <= 252 for id_ in ids):
-            raise ValueError("expected five different ids from 0 to 252")
+        if len(set(ids)) != len(ids) or not all(0 <= id_ <= HIGHEST_ID for id_ in ids):
+            raise ValueError(f"expected five different ids from 0 to {HIGHEST_ID}")
         return ids
 
     @field_validator("baud")

@@ -31,6 +31,8 @@ from weberlink.slave.robots.dynamixel.registers import (
     ANY_16,
     BAUD_RATES,
     BY_NAME,
+    CENTRE,
+    COUNTS_PER_TURN,
     MODE_CURRENT,
     MODE_CURRENT_BASED_POSITION,
     MODE_POSITION,
@@ -46,7 +48,6 @@ NO_LOAD_RAD_S = 46.0 * 2.0 * pi / 60.0
 TORQUE_N_M_PER_A = 4.1 / 2.3
 FULL_DUTY = 885
 """PWM register value of the full supply voltage."""
-CENTRE, TURN = 2048, 4096
 OFFSET_MOST = 1024
 """Largest homing offset that has an effect in position control."""
 PRESENT = BY_NAME["realtime_tick"].address
@@ -272,7 +273,7 @@ class Servo:
 
     def _forget_turns(self) -> None:
         """Restart multi-turn counting."""
-        self._turns = (round(self._measured().angle / RAD_PER_COUNT) + CENTRE) // TURN
+        self._turns = (round(self._measured().angle / RAD_PER_COUNT) + CENTRE) // COUNTS_PER_TURN
 
     def _orient(self) -> None:
         """Update the sign of positions and the middle of the turn."""
@@ -283,11 +284,11 @@ class Servo:
 
     def _position(self, angle: float) -> int:
         """Register value of an angle [rad]."""
-        return self._sign * (round(angle / RAD_PER_COUNT) - TURN * self._turns) + self._middle
+        return self._sign * (round(angle / RAD_PER_COUNT) - COUNTS_PER_TURN * self._turns) + self._middle
 
     def _angle(self, position: int) -> float:
         """Angle [rad] of a register value."""
-        return (self._sign * (position - self._middle) + TURN * self._turns) * RAD_PER_COUNT
+        return (self._sign * (position - self._middle) + COUNTS_PER_TURN * self._turns) * RAD_PER_COUNT
 
     def _steer(self) -> None:
         """Update the order for the motor."""

@@ -10,10 +10,9 @@ the Gram matrix G of the normals (see `weberlink.slave.scenes.active_set`).
 from collections.abc import Sequence
 
 from weberlink.geometry.vector import ZERO, Vector, dot
-from weberlink.slave.scenes.active_set import pair, single, triple
+from weberlink.slave.scenes.active_set import SOLVERS
 from weberlink.slave.scenes.contact import Touch
 
-SOLVERS = (single, pair, triple)
 NONE: frozenset[int] = frozenset()
 
 

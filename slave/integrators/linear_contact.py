@@ -14,11 +14,10 @@ from typing import NamedTuple
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contract import ControlledMass
 from weberlink.slave.integrators.oscillation import Oscillation
-from weberlink.slave.scenes.active_set import PARALLEL, pair, single, smallest_push, triple
+from weberlink.slave.scenes.active_set import PARALLEL, SOLVERS, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-SOLVERS = (single, pair, triple)
 EVENTS_SPARE = 32
 EVENTS_PER_SWING = 8
 WEIGHTLESS = 1e-9  # share of m / h^2: a negligible spring to carry a drag where the control has none

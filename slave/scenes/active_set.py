@@ -33,7 +33,7 @@ def smallest_push(violations: Sequence[float], normals: Sequence[Vector]) -> tup
     if not order or violations[order[0]] <= 0.0:
         return ()
     slack = 1e-12 + 1e-9 * violations[order[0]]
-    for solve, size in ((single, 1), (pair, 2), (triple, 3)):
+    for size, solve in enumerate(SOLVERS, 1):
         for active in combinations(order, size):
             multipliers = solve([violations[i] for i in active], [normals[i] for i in active])
             if multipliers is None or min(multipliers) < 0.0:
@@ -77,3 +77,7 @@ def triple(v: Sequence[float], n: Sequence[Vector]) -> tuple[float, ...] | None:
         ((b * c - a) * v[0] + (1.0 - b * b) * v[1] + (a * b - c) * v[2]) / determinant,
         ((a * c - b) * v[0] + (a * b - c) * v[1] + (1.0 - a * a) * v[2]) / determinant,
     )
+
+
+SOLVERS = (single, pair, triple)
+"""Each solves for one more constraint than the one before."""

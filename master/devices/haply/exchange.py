@@ -13,11 +13,10 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.hardware.guardian import Guardian
 from weberlink.hardware.serial_port import SerialPort
 from weberlink.master.devices.contract import DeviceReading
-from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, HaplyBoard
+from weberlink.master.devices.haply.board import REPLY_SIZE, RESET, HaplyBoard, Pair
 from weberlink.master.devices.haply.linkage import (
     HaplyFrame,
     HaplyVersion,
-    Pair,
     PlanarFiveBar,
     Unreachable,
     degrees,

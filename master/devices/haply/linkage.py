@@ -5,9 +5,14 @@ from math import acos, atan2, cos, hypot, pi, sin, sqrt
 from typing import NamedTuple
 
 from weberlink.geometry.vector import Vector
-from weberlink.master.devices.haply.board import CLOCKWISE, COUNTER_CLOCKWISE, BoardEncoder, BoardMotor, HaplyBoard
-
-Pair = tuple[float, float]
+from weberlink.master.devices.haply.board import (
+    CLOCKWISE,
+    COUNTER_CLOCKWISE,
+    BoardEncoder,
+    BoardMotor,
+    HaplyBoard,
+    Pair,
+)
 
 FLATTEST = 0.02
 """The linkage counts as singular below this sine of the angle between the outer links."""
@@ -79,7 +84,7 @@ class PlanarFiveBar(NamedTuple):
     def angles(self, tip: Pair) -> Pair:
         """Motor angles for a tip, with the elbows outward: A on the side of -x, B on the side of +x.
 
-        BoardMotor 1 between 0 and 2 pi, motor 2 between -pi and pi, for a tip with y >= 0.
+        Motor 1 between 0 and 2 pi, motor 2 between -pi and pi, for a tip with y >= 0.
 
         Raises:
             Unreachable: the point is too far or too near.

@@ -118,7 +118,7 @@ class ReportExchange(PolhemExchange):
 
     def _await_button(self, sensors: Sensors) -> None:
         if self._is_short:
-            raise HardwareFault("is of the older kind, without a calibration button; set homing: at_open")
+            raise HardwareFault("is a board with 8-byte reports, without a calibration button; set homing: at_open")
         if sensors.calibrate:  # pressed some time ago, wherever the handle was then
             self._set_counters(sensors.counts)
         await_press(lambda: self._ask(NO_CURRENT), lambda _, now: now.calibrate, self._options.home_patience_s)

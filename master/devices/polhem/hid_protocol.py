@@ -137,7 +137,6 @@ class Unwrapper:
         self._counts = None
 
 
-LONGEST_REPORT = 64
 NO_CURRENT: Currents = (0, 0, 0)
 
 
@@ -154,7 +153,7 @@ class ReportPort(Protocol):
 
 
 class HidLine:
-    """An open device; see `lock_step.Line`.
+    """An open device; see `lock_step.MessageLine`.
 
     Args:
         path: of the device.

@@ -73,7 +73,7 @@ class PositionValidator:
         Without `oriented` the counts of the gimbal are not to be believed, and the reading has no orientation.
 
         Raises:
-            HardwareFault: it cannot be where it says to be, or not after where it was before.
+            HardwareFault: the position is outside the workspace, or too far from the last one.
         """
         known = _Known(counts, self._position(counts), asked)
         if self._last is None:
@@ -91,8 +91,8 @@ class PositionValidator:
         `oriented` is as for `begin`.
 
         Raises:
-            BadReply: it cannot have got there, this once.
-            HardwareFault: nor can it have the time after: it has lost its home.
+            BadReply: no hand moves that far in that time.
+            HardwareFault: a second jump confirms the first: it has lost its home.
         """
         before = self._last
         assert before is not None
@@ -136,7 +136,7 @@ class PositionValidator:
         if max(map(abs, known.position)) > self._reach:
             place = ", ".join(f"{component * 1e3:.0f}" for component in known.position)
             raise HardwareFault(
-                f"is not homed: it says to be at ({place}) mm, beyond {self._reach * 1e3:.0f} mm from the middle; "
+                f"is not homed: it reports ({place}) mm, more than {self._reach * 1e3:.0f} mm from the middle; "
                 "see `homing` in its options"
             )
 

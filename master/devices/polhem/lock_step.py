@@ -82,7 +82,7 @@ class LockStep(Generic[Message, Answer]):
             self._doubt(UNKNOWN, LATE)
         answer = answers[0]
         if answer is None:
-            raise BadReply("sends what is no answer")
+            raise BadReply("sends a malformed answer")
         return answer
 
     def _settle(self) -> None:

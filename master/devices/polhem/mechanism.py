@@ -8,7 +8,7 @@ from math import copysign, cos, sin, tau
 from weberlink.geometry.rotation import product
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale
 from weberlink.master.devices.contract import Quaternion
-from weberlink.master.devices.polhem.linkages import Angles, Jacobian, Linkage, Triple, Weight
+from weberlink.master.devices.polhem.linkages import Angles, Linkage, Triple, Weight
 
 Counts = tuple[int, int, int]
 """Encoder counts of the motors A, B and C, relative to the home pose."""
@@ -118,9 +118,6 @@ class Mechanism:
     def position(self, counts: Sequence[int]) -> Vector:
         """Position of the handle [m]; `counts` relative to the home pose, those of the gimbal may follow."""
         return self.linkage.position(self._angles(counts))
-
-    def jacobian(self, counts: Sequence[int]) -> Jacobian:
-        return self.linkage.jacobian(self._angles(counts))
 
     def currents_ma(self, force: Vector, counts: Sequence[int]) -> Triple:
         """Currents that put a force on the hand [N], by tau = J^T F; finite in every pose, but not limited here."""

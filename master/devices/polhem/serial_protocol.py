@@ -128,7 +128,7 @@ def complaint(error: int) -> str:
 
 
 class SerialLine:
-    """An open port; see `lock_step.Line`.
+    """An open port; see `lock_step.MessageLine`.
 
     Raises:
         HardwareFault: it cannot be opened.

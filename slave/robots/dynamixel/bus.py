@@ -11,7 +11,7 @@ from weberlink.hardware.fault import BadReply, HardwareFault
 from weberlink.slave.robots.dynamixel import packet
 from weberlink.slave.robots.dynamixel.packet import (
     ALERT,
-    Packet,
+    OVERHEAD,
     StatusPacket,
     StatusPacketReader,
     encode_packet,
@@ -29,7 +29,7 @@ USB: Final = (UsbId(0x0403, 0x6014), UsbId(0x0403, 0x6001), UsbId(0x0403, 0x6010
 """ROBOTIS U2D2 (identifies as FT232H) and other FTDI adapters; only the motors tell which one leads to an arm."""
 SYSFS: Final = Path("/sys/bus/usb-serial/devices")
 BITS_PER_BYTE: Final = 10
-STATUS_OVERHEAD: Final = 11
+STATUS_OVERHEAD: Final = OVERHEAD + 1
 SETTLE_S: Final = 0.003
 """Time of silence after a bad answer [s], so that a late answer is not taken for the next one."""
 _SETTLE_MOST: Final = 8
@@ -131,7 +131,7 @@ class MotorBus:
 
     def write(self, id_: int, register: Register, value: int) -> None:
         """Set a register and wait for the confirmation; raises as `read` does."""
-        request = Packet(id_, packet.WRITE, register.address.to_bytes(2, "little") + register.encode(value))
+        request = packet.write(id_, register.address, register.encode(value))
         (status,) = self._ask(encode_packet(request), (id_,), 0)
         self._check(status, f"{value} in register {register.address}")
 
@@ -227,7 +227,7 @@ class MotorBus:
             return
         error = status.error & ~ALERT
         if error == packet.CRC_ERROR:
-            raise BadReply(f"{self.label(status.id)}: the request arrived there garbled")
+            raise BadReply(f"{self.label(status.id)}: received a garbled request")
         if status.error & ALERT:
             raise HardwareFault(f"{self.label(status.id)}: {self._alarm(status.id)}")
         if error:

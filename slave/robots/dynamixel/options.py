@@ -22,6 +22,7 @@ from weberlink.slave.robots.dynamixel.arm import (
 from weberlink.slave.robots.dynamixel.bus import BITS_PER_BYTE, STATUS_OVERHEAD
 from weberlink.slave.robots.dynamixel.external_force import JointFriction, force_error
 from weberlink.slave.robots.dynamixel.impedance import SLOWEST_HZ, ImpedanceGains, fastest_damping, stiffest
+from weberlink.slave.robots.dynamixel.packet import HIGHEST_ID
 from weberlink.slave.robots.dynamixel.registers import BAUD_RATES, PRESENT_SIZE
 
 READ_REQUEST: Final = 18
@@ -132,8 +133,8 @@ class DynamixelOptions(BaseModel):
     def check_bus(self) -> Self:
         if self.baud not in BAUD_RATES:
             raise ValueError(f"baud: expected one of {', '.join(map(str, BAUD_RATES))}, got {self.baud}")
-        if len(set(self.ids)) != 4 or not all(0 <= id_ <= 252 for id_ in self.ids):
-            raise ValueError(f"ids: expected four different ones from 0 to 252, got {self.ids}")
+        if len(set(self.ids)) != 4 or not all(0 <= id_ <= HIGHEST_ID for id_ in self.ids):
+            raise ValueError(f"ids: expected four different ones from 0 to {HIGHEST_ID}, got {self.ids}")
         busy = self.reading_s + BITS_PER_BYTE / self.baud * WRITE_REQUEST
         if busy * SLOWEST_HZ > 1.0:
             raise ValueError(

@@ -1,7 +1,7 @@
 """A bench for a HID device in two processes: only a process that is started into a testbed sees the device.
 
-`HidBenches` is the outer process, which keeps the testbed and the emulator; `hid_bench` is the inner one, with the
-driver on the real hidapi.
+`HidBenches` is the outer process, which keeps the testbed and the emulator; `outer_bench` reaches it from the inner
+one, which has the driver on the real hidapi.
 """
 
 import os

@@ -15,7 +15,7 @@ SIDE: Vector = unit((1.0, 0.2, 0.5))
 
 
 def implicit(scene: Scene, start: Vector, velocity: Vector) -> Vector:
-    """inertia v - h f(start + h v, v): its derivative is what a `Resistance` inverts."""
+    """inertia v - h f(start + h v, v): its derivative is what a `ContactResistance` inverts."""
     state = scene.state
     touches = scene.touch(add(start, scale(velocity, STEP)))
     scene.restore(state)

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from weberlink.slave.robots.interpolation import Interpolation, TimedValues
@@ -34,10 +34,9 @@ def test_sample_is_exact_at_its_time_plus_lag(walk: list[tuple[float, float, flo
 def test_in_between_it_is_on_the_line(
     walk: list[tuple[float, float, float]], share: float, data: st.DataObject
 ) -> None:
+    assume(len(walk) > 1)
     interpolation = Interpolation(0.01, 6)
     samples = filled(interpolation, walk)
-    if len(samples) < 2:
-        return
     a, b = data.draw(st.sampled_from(list(pairwise(samples))))
     now = a.at + share * (b.at - a.at) + 0.01
     between = interpolation.at(now)

@@ -91,7 +91,6 @@ def test_an_unknown_driver_names_the_nearest() -> None:
         load("simulatd")
 
 
-TICK = 0.001
 UP = (0.0, 0.0, 1.0)
 
 

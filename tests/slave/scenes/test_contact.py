@@ -87,9 +87,6 @@ def test_force_stays_in_cone_on_curved_surface(steps: list[Vector]) -> None:
             assert tangential <= STATIC * pressing * (1.0 + 1e-6) + 1e-9
 
 
-TICK = 0.001
-
-
 def damped() -> Scene:
     return Scene([SceneObject(GROUND, 500.0, None, 10.0)])
 

@@ -9,7 +9,7 @@ import pytest
 
 from tests.master.devices.haply.far_end import BOARD, ZERO, Far, answer, at, counts
 from weberlink.hardware.fault import BadReply, HardwareFault
-from weberlink.master.devices.haply.board import RESET
+from weberlink.master.devices.haply.board import RESET, Pair
 from weberlink.master.devices.haply.exchange import (
     FASTEST,
     STUCK_TRAVEL,
@@ -18,7 +18,7 @@ from weberlink.master.devices.haply.exchange import (
     HaplyExchange,
     HaplyLine,
 )
-from weberlink.master.devices.haply.linkage import VERSIONS, HaplyFrame, Pair, radians
+from weberlink.master.devices.haply.linkage import VERSIONS, HaplyFrame, radians
 from weberlink.master.devices.haply.options import HaplyOptions
 
 V3 = VERSIONS["v3"]

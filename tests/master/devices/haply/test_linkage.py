@@ -7,7 +7,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.master.devices.haply.linkage import VERSIONS, Pair, PlanarFiveBar, Unreachable, radians
+from weberlink.master.devices.haply.board import Pair
+from weberlink.master.devices.haply.linkage import VERSIONS, PlanarFiveBar, Unreachable, radians
 
 every_version = pytest.mark.parametrize("name", sorted(VERSIONS))
 STEP = 1e-6

@@ -18,7 +18,6 @@ from weberlink.master.devices.polhem.options import PolhemHidOptions
 from weberlink.master.devices.polhem.parameters import PARAMETERS
 
 TICK = 0.001
-PATIENCE = 10.0
 WOODY = PARAMETERS["woodenhaptics_2015"].on("hid14").mechanism
 MIDDLE = (*WOODY.counts_at(ZERO), 0, 0, 0)
 

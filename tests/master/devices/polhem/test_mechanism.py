@@ -140,8 +140,6 @@ def test_woodenhaptics_as_published() -> None:
 
 def published_forearm(t2: float, t3: float) -> float:
     """As the makers write it, by three angles at the joint; they are not signed."""
-    from math import acos  # noqa: PLC0415
-
     l0, l1, l2, l3, l4 = 0.034, 0.165, 0.025, 0.190, 0.034
     to_a = hypot(l0 + l1 * cos(t2), l1 * sin(t2))
     to_d = hypot(l0 + l1 * cos(t2) - l2 * cos(t3), l1 * sin(t2) - l2 * sin(t3))

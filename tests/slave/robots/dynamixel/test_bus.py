@@ -138,7 +138,7 @@ def test_a_refusal_says_what_and_why(port: AnsweringPort, bus: MotorBus) -> None
 
 def test_garbled_request_is_a_bad_reply(port: AnsweringPort, bus: MotorBus) -> None:
     port.answer = lambda request: [status(request.id, packet.CRC_ERROR)]
-    with pytest.raises(BadReply, match="arrived there garbled"):
+    with pytest.raises(BadReply, match="received a garbled request"):
         bus.write(14, registers.GOAL_CURRENT, 9)
 
 

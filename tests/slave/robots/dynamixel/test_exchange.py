@@ -110,7 +110,7 @@ def test_force_of_published_arms_is_within_stated_error(
         wrong = distance(sample.force, bench.emulator.tip_force)
         assert wrong <= stated[0] + stated[1] * norm(sample.force)
         newtons, share = force_error(arm_pose(sample.joints), options.friction, uncertain)
-        assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"as far as this arm_pose goes, at {goal}"
+        assert wrong <= newtons + share * norm(sample.force) + NOISE_N, f"within the bound of this pose, at {goal}"
 
 
 def test_pressing_ends_with_the_commands() -> None:
@@ -273,9 +273,6 @@ def test_other_motors_hold_despite_an_alarm() -> None:
         bench.run(AT_WORK, 0.02)
     bench.exchange.close()
     assert bench.torque() == [1, 1, 1, 0]
-
-
-# What opening refuses, each with one line that says what to do.
 
 
 @pytest.mark.parametrize("latency", [0.02, 0.03, 0.05, 0.1])
