@@ -12,7 +12,7 @@ import typer
 from weberlink.cli.arguments import File, Full, Json, Plots, Set, Workers, finite
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
-from weberlink.system.daemon import FAILED
+from weberlink.system.daemon import FAILED, MISCONFIGURED
 
 
 def info(
@@ -131,7 +131,7 @@ def bench(
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "benchmarks":
             raise
-        fail("bench runs from a clone of the repository: make bench", 2)
+        fail("bench runs from a clone of the repository: make bench", MISCONFIGURED)
 
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
     try:
@@ -178,7 +178,7 @@ def experiment(
         try:
             words = conduct(
                 request,
-                ports=lambda: free_port(file, list(overrides)),
+                ports=lambda: free_port(file, overrides),
                 source=sys.stdin,
                 screen=sys.stdout,
                 report=lambda done, total: progress(done, total, "trials"),
