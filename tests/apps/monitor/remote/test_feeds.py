@@ -17,7 +17,7 @@ from weberlink.system.scoring.session import Records
 
 TICK_0 = 10.0
 APART = 4321.0
-"""What the slave's clock shows beyond the master's [s]."""
+"""How far the slave's clock is ahead of the master's [s]."""
 INTRODUCTION = SideIntroduction("7", "slave", 1000.0, 10.0, description("slave"))
 
 
@@ -102,10 +102,6 @@ def test_impossible_records_are_refused(column: str, value: Any) -> None:
     made[column][5] = value
     with pytest.raises(StreamError, match="no daemon writes"):
         RemoteSide(INTRODUCTION).push(block(made))
-
-
-APART = 4321.0
-"""What the slave's clock shows beyond the master's [s]."""
 
 
 def slave_records(ticks: int, *, unheard: int = 0, early: float = 0.0) -> Records:
