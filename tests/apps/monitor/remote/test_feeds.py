@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from tests.apps.monitor.feeds import RATE, description, pieces, records
 from tests.examples import examples
-from weberlink.apps.monitor.remote.feeds import HELD_S, RECENT_S, WAITING_S, MasterClock, RemoteSide
+from weberlink.apps.monitor.remote.feeds import RECENT_S, WAITING_S, RemoteSide
+from weberlink.apps.monitor.remote.joining import HELD_S, MasterClock
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
 from weberlink.protocol.sealed_stream import StreamError
 from weberlink.system.scoring.recorded import MARGIN_S
