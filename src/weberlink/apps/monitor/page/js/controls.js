@@ -52,7 +52,7 @@ export class Controls {
     if (hello.remote) return "read-only: watched from another host";
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
     if (hello.readonly && permitted.length)
-      return "this page may look only: changes are for the user who runs the session";
+      return "read-only: only the user who runs the session can change settings";
     if ((hello.changes ?? []).includes(name)) return "";
     if (permitted.length) return "this session does not permit changing it";
     return "the configuration does not permit it (control.live_changes)";
