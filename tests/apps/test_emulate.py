@@ -28,17 +28,6 @@ from weberlink.system.configuration import ConfigurationError
 
 REASON = missing()
 
-RUN = """
-import json, sys
-from pathlib import Path
-from weberlink.apps.emulate import run
-
-name, link, overrides, command, faults = json.loads(sys.argv[1])
-path = lambda text: None if text is None else Path(text)
-out = sys.stderr if command else sys.stdout
-sys.exit(run(name, path(link), overrides, command, out=out, source=sys.stdin, faults=path(faults)))
-"""
-
 
 class Emulation:
     """The command in a process."""
@@ -74,11 +63,12 @@ def emulate(
     command: Sequence[str] = (),
     faults: Path | None = None,
 ) -> Iterator[Emulation]:
-    order = json.dumps([name, link, list(overrides), list(command), None if faults is None else str(faults)])
+    options = [argument for each in overrides for argument in ("--set", each)]
+    options += [] if link is None else ["--link", link]
+    options += [] if faults is None else ["--faults", str(faults)]
     process = subprocess.Popen(
-        [sys.executable, "-c", RUN, order],
+        [sys.executable, "-m", "weberlink", "emulate", name, *options, "--", *command],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE if command else None,

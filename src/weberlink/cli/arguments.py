@@ -45,7 +45,7 @@ Log = Annotated[
 ]
 Plots = Annotated[Path | None, typer.Option("--plots", metavar="DIR", help="Draw figures (extra: weberlink[plots]).")]
 Workers = Annotated[
-    int | None, typer.Option("--workers", metavar="N", min=1, help="Processes; as many as processors if not given.")
+    int | None, typer.Option("--workers", metavar="N", min=1, help="Number of processes; default: that of processors.")
 ]
 Full = Annotated[bool, typer.Option("--full", help="Run the full, finer study; takes minutes.")]
 

@@ -16,6 +16,8 @@ from weberlink.system.configuration import ConfigurationError
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
 from weberlink.telemetry.runtime_directory import RuntimeDirectoryError
 
+STANDARD_OUTPUT = Path("-")
+
 
 class Study(Protocol):
     """Results of a study command."""
@@ -49,7 +51,7 @@ def fail(message: str, status: int) -> NoReturn:
 def write(document: dict[str, Any], out: Path | None, show: Callable[[Console], None]) -> None:
     """Write JSON to `out`, and print the report unless JSON goes to standard output."""
     text = json.dumps(document, indent=2, allow_nan=False)
-    if out is not None and str(out) == "-":
+    if out == STANDARD_OUTPUT:
         sys.stdout.write(text + "\n")
         return
     if out is not None:

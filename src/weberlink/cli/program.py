@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from weberlink.cli import hardware, monitor, operation, sessions, studies
+from weberlink.cli import doctor, hardware, monitor, sessions, studies
 from weberlink.cli.arguments import OneLineErrors
 
 GROUP = "weberlink.commands"
@@ -20,7 +20,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for module in (sessions, monitor, hardware, operation, studies):
+for module in (sessions, monitor, hardware, doctor, studies):
     for command in module.COMMANDS:
         app.command()(command)
 app.add_typer(hardware.device)

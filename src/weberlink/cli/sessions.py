@@ -1,7 +1,7 @@
 """Commands that run a system or one side of it, or check its file."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
@@ -13,11 +13,9 @@ from rich.live import Live
 from rich.text import Text
 
 from weberlink.cli.arguments import Duration, File, Json, Log, OptionalFile, Record, Set
-from weberlink.cli.output import attempt, errors, fail, finish
+from weberlink.cli.output import STANDARD_OUTPUT, attempt, errors, fail, finish
 from weberlink.system.configuration import MASTER, SIDES, SLAVE, load
 from weberlink.system.daemon import MISCONFIGURED
-
-STANDARD_OUTPUT = Path("-")
 
 
 def loopback(
@@ -103,7 +101,7 @@ def simulate(
 def _live(
     name: str,
     path: Path,
-    overrides: list[str] | tuple[()],
+    overrides: Sequence[str],
     sides: Any,
     duration: float | None,
     json_out: Path | None,
@@ -160,7 +158,7 @@ def journal_to(log: Path | None, json_out: Path | None, rate_hz: float) -> Itera
         yield Journal(file.write, rate_hz)
 
 
-def free_port(path: Path, overrides: list[str] | tuple[()]) -> list[str]:
+def free_port(path: Path, overrides: Sequence[str]) -> list[str]:
     """Overrides that replace port 0 by one that is free now, so that several loopbacks can run at once."""
     import socket  # noqa: PLC0415
 

@@ -12,7 +12,7 @@ import typer
 from weberlink.cli.arguments import File, Full, Json, Plots, Set, Workers, finite
 from weberlink.cli.output import attempt, errors, fail, progress_bar, publish, write
 from weberlink.cli.sessions import free_port
-from weberlink.system.daemon import FAILED
+from weberlink.system.daemon import FAILED, MISCONFIGURED
 
 
 def info(
@@ -31,7 +31,7 @@ def export(
     recordings: Annotated[list[Path], typer.Argument(metavar="FILE...", help="One recording, or both sides' (MCAP).")],
     to: Annotated[str, typer.Option("--to", metavar="FORMAT", help="csv or parquet (extra: weberlink[parquet]).")],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to; beside the recording if not given.")
+        Path | None, typer.Option("--out", metavar="DIR", help="Folder of the tables; default: that of the recording.")
     ] = None,
 ) -> None:
     """Convert a recording to CSV or Parquet tables."""
@@ -62,7 +62,7 @@ def evaluate(
     ] = 0.10,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     workers: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Processes; as many as pay if not given.")
+        int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
     ] = None,
     dask: Annotated[
         str | None,
@@ -112,11 +112,13 @@ def stability(
 def bench(
     duration: Annotated[
         float | None,
-        typer.Option("--duration", metavar="S", min=1.0, callback=finite, help="Of a live run [s]; 20 if not given."),
+        typer.Option(
+            "--duration", metavar="S", min=1.0, callback=finite, help="Length of a live run [s]; default: 20."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Measure everything briefly, in half a minute.")] = False,
     baseline: Annotated[
-        Path | None, typer.Option("--baseline", metavar="FILE", help="Compare with an earlier --json.")
+        Path | None, typer.Option("--baseline", metavar="FILE", help="Compare with the --json file of an earlier run.")
     ] = None,
     json_out: Json = None,
     plots: Plots = None,
@@ -131,7 +133,7 @@ def bench(
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "benchmarks":
             raise
-        fail("bench runs from a clone of the repository: make bench", 2)
+        fail("bench runs from a clone of the repository: make bench", MISCONFIGURED)
 
     file = Path(str(files("weberlink.configs") / "loopback.yaml"))
     try:
@@ -149,14 +151,14 @@ def experiment(
     file: File,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the ledgers.")] = Path("experiment"),
     subject: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Number of the subject; the next that is free if not given.")
+        int | None, typer.Option(metavar="N", min=1, help="Number of the subject; default: the next free one.")
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; 10 if not given."),
+        typer.Option(metavar="S", min=0.1, callback=finite, help="Length of a trial [s]; default: 10."),
     ] = None,
-    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Of the orders of trials.")] = None,
-    simulate: Annotated[bool, typer.Option("--simulate", help="A program rates, in virtual time.")] = False,
+    seed: Annotated[int | None, typer.Option(metavar="N", min=0, help="Seed of the order of the trials.")] = None,
+    simulate: Annotated[bool, typer.Option("--simulate", help="Let a program rate, in virtual time.")] = False,
     record: Annotated[
         bool, typer.Option("--record/--no-record", help="Record each trial as MCAP (extra: weberlink[recording]).")
     ] = True,
@@ -172,13 +174,13 @@ def experiment(
 
     overrides = tuple(set_ or ())
     request = ExperimentRequest(file, overrides, out, subject, seed, duration, simulate, record)
-    # Progress would tell a subject about the conditions.
+    # A progress bar would reveal the conditions to the subject.
     shown: AbstractContextManager[Callable[..., None]] = progress_bar() if simulate else nullcontext(lambda *_: None)
     with errors(), shown as progress:
         try:
             words = conduct(
                 request,
-                ports=lambda: free_port(file, list(overrides)),
+                ports=lambda: free_port(file, overrides),
                 source=sys.stdin,
                 screen=sys.stdout,
                 report=lambda done, total: progress(done, total, "trials"),
@@ -230,7 +232,7 @@ def paper(
 
 def adaptive(
     traces: Annotated[
-        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; else the shipped one.")
+        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; default: the shipped one.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
     workers: Workers = None,

@@ -144,7 +144,7 @@ def test_reversed_phantom_fails_and_passes_as_advised(wrong: str, tmp_path: Path
     """An encoder is reversed without its motor, and a motor without its encoder."""
     with emulated("polhem_serial", tmp_path, **{f"{wrong}_signs": (-1, 1, 1)}) as (device, port):
         screen, error = device.check("polhem_serial", port, "xyz", "model=vintage_phantom")
-        assert f"turn round y (the first of {wrong}_directions), and test it again" in error
+        assert f"reverse y (the first of {wrong}_directions), and test it again" in error
         assert "signs_checked: " not in screen
     with emulated("polhem_serial", tmp_path, **{f"{wrong}_signs": (-1, 1, 1)}) as (device, port):
         advice = f"{wrong}_directions=[1, 1, -1]"

@@ -165,7 +165,7 @@ def test_without_yes_no_force(signs_checked: str | None) -> None:
     screen = io.StringIO()
     dialog, _ = sitting(Clock(), screen, *OPEN, *SIGNS, "y")  # not the whole word
     try_master(Handle, HandleOptions(signs_checked=signs_checked), Handle, dialog)
-    assert "No force, then." in screen.getvalue()
+    assert "The force is not tested." in screen.getvalue()
     assert "signs_checked: " not in screen.getvalue()
     assert [armed for kind, armed in Handle.log if kind == "open"] == [False]
     assert set(forces()) == {ZERO}
@@ -188,9 +188,9 @@ def test_push_is_repeated_on_request() -> None:
 def test_wrong_force_fails_without_fingerprint(wrong: str) -> None:
     answers = [each for axis in "xyz" for each in ("", "n" if axis == wrong else "y")]
     screen, error = outcome_of(*OPEN, *SIGNS, "yes", "", *answers)
-    assert f"its force is not felt along {wrong} as it should be: leave signs_checked out" in str(error)
+    assert f"the force is wrong along {wrong}: leave signs_checked out" in str(error)
     advice = Handle.FORCE_OPTIONS.get(wrong, "the direction of its motor")
-    assert f"turn round {wrong} ({advice}), and test it again" in str(error)
+    assert f"reverse {wrong} ({advice}), and test it again" in str(error)
     assert "signs_checked" not in screen
 
 
@@ -203,22 +203,22 @@ def test_push_ends_when_the_handle_gives_way() -> None:
 
     clock.on_pause = yields
     screen, _ = outcome_of(*OPEN, *SIGNS, "yes", "", "", "y", CENTRE, "y", CENTRE, "y", clock=clock)
-    assert f"The handle gave way by {GIVES_WAY_M * 1e3:.0f} mm" in screen
+    assert f"The handle moved by {GIVES_WAY_M * 1e3:.0f} mm" in screen
     assert len([force for force in forces() if force[0] > 0.0]) <= GIVES_WAY_M / 0.0005 + 2
 
 
 def test_simulated_device_needs_no_sign_check() -> None:
     screen = io.StringIO()
     run(DeviceTestRequest("operator"), sitting(Clock(), screen, "", "yes", "", "y", "", "y", "", "y")[0])
-    assert "no sign to check" in screen.getvalue()
+    assert "no signs to check" in screen.getvalue()
     assert screen.getvalue().endswith("The force is right.\n")
 
 
 @pytest.mark.parametrize(
     ("turn", "expected"),
     [
-        (lambda p: (-p[0], p[1], p[2]), "turn round x (the second of directions), and test it again"),
-        (lambda p: (p[0], -p[1], -p[2]), "turn round y (its direction), z (its direction), and test it again"),
+        (lambda p: (-p[0], p[1], p[2]), "reverse x (the second of directions), and test it again"),
+        (lambda p: (p[0], -p[1], -p[2]), "reverse y (its direction), z (its direction), and test it again"),
         (lambda p: (p[1], p[0], p[2]), "axes are interchanged (x comes out as y, y comes out as x)"),
         (lambda p: (-p[2], p[1], p[0]), "axes are interchanged (x comes out as z, z comes out as x)"),
     ],
@@ -238,7 +238,7 @@ def test_unclear_motion_is_asked_for_again() -> None:
     screen, error = outcome_of(*OPEN, CENTRE, small, CENTRE, askew, *SIGNS, *PUSHES)
     assert error is None
     assert "The position changed by 10 mm, which is too little: move it by about 5 cm." in screen
-    assert "(+40, +40, +0) mm, along no one axis: move it straight toward you." in screen
+    assert "(+40, +40, +0) mm, not along one axis: move it straight toward you." in screen
     _, error = outcome_of(*OPEN, *((CENTRE, askew) * 3))
     assert "no clear motion along x" in str(error)
 
@@ -286,7 +286,7 @@ def test_device_without_force_gets_no_fingerprint() -> None:
     screen, error = outcome_of(*OPEN, *SIGNS, driver=Weak)
     assert error is None
     assert "signs_checked" not in screen
-    assert "There is no force to feel with these options" in screen
+    assert "With these options the device gives no force" in screen
 
 
 @pytest.mark.parametrize("lines", range(1, len(ALL)))

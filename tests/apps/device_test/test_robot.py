@@ -89,7 +89,7 @@ def test_good_robot_moves_slowly_along_each_axis() -> None:
 def test_without_yes_the_robot_does_not_move() -> None:
     screen, error = outcome_of("", "", "sure")
     assert error is None
-    assert "No motion, then." in screen
+    assert "The motion is not tested." in screen
     assert commands() == []
 
 

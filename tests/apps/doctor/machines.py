@@ -25,7 +25,6 @@ TRIAL = RightsTrial(
     grants=GRANTS,
     memory_bytes=65_000_000,
     lateness_us={"p50": 20.0, "p99": 60.0, "max": 90.0},
-    wake_ups=500,
     missed=0,
 )
 FILES: Mapping[str, str] = {

@@ -243,7 +243,7 @@ def test_missing_shared_memory_is_a_problem(tmp_path: Path) -> None:
     assert graded(look(shared_memory, host)) == {"shared memory": "problem"}
 
 
-def test_kernel_charges_at_least_the_assumed_bytes() -> None:
+def test_kernel_charges_about_the_assumed_bytes() -> None:
     """Counts how many datagrams of an update's size a socket holds before it loses one."""
     with (
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver,

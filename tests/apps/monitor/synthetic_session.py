@@ -3,6 +3,9 @@
 from math import cos, hypot, pi, sin
 from typing import Any
 
+from weberlink.protocol.states import State
+from weberlink.telemetry.fault import Fault
+
 Message = dict[str, Any]
 
 ROWS_PER_S = 250
@@ -67,14 +70,14 @@ def hello(**other: Any) -> Message:
         "sides": {side: description(side) for side in ("master", "slave")},
         "present": ["master", "slave"],
         "scene": SCENE,
-        "workspace_m": [[-0.3] * 3, [0.3] * 3],
         "changes": CHANGES,
         "predictors": [*BANK, "hybrid"],
         "schemes": ["none", "tdpa", "mmt", "auto"],
         "settings": {"weber": WEBER, "predictor": "hybrid", "scheme": "none"},
         "generation": 0,
-        "silence_ms": 100,
         "rate_hz": 1000,
+        "states": {str(state.value): state.name.lower() for state in State},
+        "faults": {str(fault.value): fault.name.lower() for fault in Fault},
     } | other
 
 
@@ -154,10 +157,7 @@ def _row(side: str, k: int) -> Message:
         "updates_sent": k // SENT_EVERY,
         "state": ENGAGED,
         "fault": 0,
-        "control": 0,
-        "selected": 3,
         "sent": int(k % SENT_EVERY == 0),
         "model": 3,
-        "buttons": 0,
     }
     return row

@@ -3,21 +3,10 @@
 from pathlib import Path
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
-from weberlink.cli.arguments import OneLineErrors
-from weberlink.cli.monitor import COMMANDS
+from weberlink.cli import app
 from weberlink.protocol.keys import generate
-
-app = typer.Typer(cls=OneLineErrors)
-for command in COMMANDS:
-    app.command()(command)
-
-
-@app.callback()
-def program() -> None:
-    """More than one command, as the program has."""
 
 
 def complaint(*arguments: object) -> str:

@@ -21,10 +21,9 @@ def test_greeting_has_scene_settings_and_choices() -> None:
         "stiffness_n_m": 500.0,
         "carve": [],
     }
-    assert told["workspace_m"] == [[-0.3] * 3, [0.3] * 3]
     assert told["predictors"] == ["zoh", "linear", "plane", "sphere", "hybrid"]
     assert told["settings"] == {"weber": 0.1, "predictor": "hybrid", "scheme": "none"}
-    assert (told["silence_ms"], told["rate_hz"], told["readonly"]) == (100.0, 1000.0, False)
+    assert (told["rate_hz"], told["readonly"]) == (1000.0, False)
     assert told["states"]["4"] == "engaged" and told["faults"]["1"] == "silence"
     assert set(told["sides"]) == {"master", "slave"} and told["present"] == ["master", "slave"]
 

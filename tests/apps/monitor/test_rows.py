@@ -1,6 +1,9 @@
 """Rows of a page: which records are shown, felt error, rates of the last second."""
 
 import json
+import re
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +27,8 @@ from weberlink.protocol.states import State
 from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.reader import DTYPE
+
+PAGE = Path(str(files("weberlink.apps.monitor") / "page"))
 
 
 def thinned(made: np.ndarray, cuts: list[int]) -> list[int]:
@@ -75,6 +80,11 @@ def test_columns_exist_in_the_record(columns: dict[str, int | None]) -> None:
     assert set(columns) < set(DTYPE.names or ())
     integers = {name for name, digits in columns.items() if digits is None}
     assert integers == {name for name in columns if DTYPE[name].kind == "u"}
+
+
+def test_page_reads_every_column() -> None:
+    scripts = "".join(path.read_text(encoding="utf-8") for path in (PAGE / "js").glob("*.js"))
+    assert [name for name in COLUMNS if not re.search(rf"\b{name}\b", scripts)] == []
 
 
 @examples(40)

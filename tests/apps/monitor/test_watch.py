@@ -152,7 +152,7 @@ def test_ended_sessions_are_forgotten() -> None:
         ([], "expected"),
         ({"type": "stop"}, "expected"),
         ({"type": "change"}, "nothing to change"),
-        ({"type": "change", "weber": 0.1}, "no session"),
+        ({"type": "change", "weber": 0.1}, "no running session"),
     ],
 )
 def test_invalid_change_is_refused_with_the_reason(request_: object, why: str) -> None:
@@ -171,7 +171,7 @@ def test_read_only_page_changes_nothing() -> None:
         assert told(viewer)[0]["readonly"] is True
         return await watch.change(viewer, {"type": "change", "weber": 0.1})
 
-    assert "look only" in asyncio.run(run())["why"]
+    assert "read-only" in asyncio.run(run())["why"]
 
 
 def test_rings_are_paired_by_launcher_newest_last(tmp_path: Path) -> None:

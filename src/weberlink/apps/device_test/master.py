@@ -37,7 +37,7 @@ RAMP_S = 0.5
 HOLD_S = 0.5
 GIVES_WAY_M = 0.03
 """A handle that nobody holds moves farther; the push ends there."""
-READY = "Put the handle where it has to be when a session begins."
+READY = "Move the handle to its start pose of a session."
 SIGNS = "signs_checked"
 """Option of drivers that give no force until a person has checked their directions.
 
@@ -74,23 +74,23 @@ def try_master(driver: Any, options: BaseModel, build: Callable[[BaseModel], Dev
     dialog.tell(*described(armed.spec))
     if is_hardware:
         dialog.tell(READY)
-        dialog.ask("Enter opens it, without force: ")
+        dialog.ask("Press Enter to open it, without force: ")
     with _opened(idle, dialog) as device:
-        dialog.watch(DeviceView(device), "Enter to go on: ")
+        dialog.watch(DeviceView(device), "Press Enter to continue: ")
         if is_hardware:
             check_signs(device, frame, getattr(driver, "SIGN_OPTIONS", {}), dialog)
         else:
-            dialog.tell("This device is simulated: there is no handle to move, and no sign to check.")
+            dialog.tell("This device is simulated: it has no handle to move and no signs to check.")
     if not armed.spec.force_feedback:
-        dialog.tell("There is no force to feel with these options; the test is done.")
+        dialog.tell("With these options the device gives no force; the test is done.")
         return
     if not _agrees_to_force(armed, dialog):
         if fingerprint is not None:
-            dialog.tell(f"The signs of its motors are not checked, so there is no {SIGNS} to print.")
+            dialog.tell(f"The signs of the motors are not checked, so {SIGNS} is not printed.")
         return
     if is_hardware:
         dialog.tell(READY)
-        dialog.ask("Hold it; Enter opens it, with force: ")
+        dialog.ask("Hold it, then press Enter to open it, with force: ")
     with _opened(armed, dialog) as device:
         check_force(device, frame, getattr(driver, "FORCE_OPTIONS", {}), dialog, may_move=not is_hardware)
     if fingerprint is not None:
@@ -182,7 +182,7 @@ def classify_motion(asked: str, moved: Vector, frame: Frame) -> ObservedMotion |
     axis, along = max(zip("xyz", moved, strict=True), key=lambda pair: abs(pair[1]))
     if abs(along) < MAINLY * way:
         x, y, z = (f"{component * 1e3:+.0f}" for component in moved)
-        return f"The position changed by ({x}, {y}, {z}) mm, along no one axis: move it straight {frame[asked]}."
+        return f"The position changed by ({x}, {y}, {z}) mm, not along one axis: move it straight {frame[asked]}."
     return ObservedMotion(asked, axis, along)
 
 
@@ -198,19 +198,19 @@ def check_signs(device: Device, frame: Frame, options: Mapping[str, str], dialog
     Raises:
         DeviceTestError: the position does not follow the hand.
     """
-    dialog.tell("", "The signs. You move the handle; there is no force.")
+    dialog.tell("", "Check of signs: you move the handle; there is no force.")
     motions = [_motion(axis, device, frame, dialog) for axis in device.spec.axes]
     dialog.tell("", *(each.in_words(frame) for each in motions))
     crossed = [f"{each.asked} comes out as {each.axis}" for each in motions if each.axis != each.asked]
     if crossed:
         raise DeviceTestError(
             f"{device.spec.name}: axes are interchanged ({', '.join(crossed)}), so there must be no force: "
-            "is it another model than the options say, or are cables crossed?"
+            "check that the options name the right model, and the cables"
         )
     flips = [f"{each.asked} ({options.get(each.asked, 'its direction')})" for each in motions if not each.right]
     if flips:
         raise DeviceTestError(
-            f"{device.spec.name}: moves the wrong way, so there must be no force; in the options, turn round "
+            f"{device.spec.name}: moves the wrong way, so there must be no force; in the options, reverse "
             f"{', '.join(flips)}, and test it again"
         )
 
@@ -225,18 +225,18 @@ def _motion(axis: str, device: Device, frame: Frame, dialog: Dialog) -> Observed
             return found
         dialog.tell(found)
     raise DeviceTestError(
-        f"{device.spec.name}: no clear motion along {axis}; is it at its home pose when it is homed, "
-        "and is it the model that the options say?"
+        f"{device.spec.name}: no clear motion along {axis}; check that it is at its home pose when it is "
+        "homed, and that the options name the right model"
     )
 
 
 def _agrees_to_force(device: Device, dialog: Dialog) -> bool:
     """Ask before the device is opened with force."""
     seconds = 2.0 * RAMP_S + HOLD_S
-    dialog.tell("", f"The force: a push of {_size(device):g} N along each axis in turn, for {seconds:g} s each.")
+    dialog.tell("", f"Check of force: a push of {_size(device):g} N along each axis in turn, for {seconds:g} s each.")
     if dialog.agrees("Type yes to feel it: "):
         return True
-    dialog.tell("No force, then.")
+    dialog.tell("The force is not tested.")
     return False
 
 
@@ -263,9 +263,8 @@ def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog
     if wrong:
         advice = ", ".join(f"{axis} ({options.get(axis, 'the direction of its motor')})" for axis in wrong)
         raise DeviceTestError(
-            f"{spec.name}: its force is not felt along {', '.join(wrong)} as it should be: leave signs_checked out "
-            f"of the file; is it the model that the options say? Where it pushes the other way, turn round {advice}, "
-            "and test it again"
+            f"{spec.name}: the force is wrong along {', '.join(wrong)}: leave signs_checked out of the file; check "
+            f"that the options name the right model; where it pushes the other way, reverse {advice}, and test it again"
         )
     dialog.tell("The force is right.")
 
@@ -273,9 +272,9 @@ def check_force(device: Device, frame: Frame, options: Mapping[str, str], dialog
 def _felt(axis: str, push: float, device: Device, frame: Frame, gives_way: float, dialog: Dialog) -> bool:
     """Whether the push was felt along the axis."""
     while True:
-        dialog.ask(f"\nA push {frame[axis]} comes with Enter: ")
+        dialog.ask(f"\nPress Enter for a push {frame[axis]}: ")
         _push(scale(UNITS[axis], push), device, gives_way, dialog)
-        answer = dialog.choose(f"Did it push {frame[axis]}? y, n, or r to feel it again: ", ("y", "n", "r"))
+        answer = dialog.choose(f"Did it push {frame[axis]}? y, n, or r to repeat it: ", ("y", "n", "r"))
         if answer != "r":
             return answer == "y"
 
@@ -297,7 +296,7 @@ def _push(force: Vector, device: Device, gives_way: float, dialog: Dialog) -> No
         with uninterrupted():
             device.command(ZERO, dialog.now())
     if not is_held:
-        dialog.tell(f"The handle gave way by {gives_way * 1e3:.0f} mm and the force ended: hold it, and feel it again.")
+        dialog.tell(f"The handle moved by {gives_way * 1e3:.0f} mm, so the force ended: hold it, and repeat the push.")
 
 
 def _push_share(elapsed: float) -> float:

@@ -42,10 +42,10 @@ def try_robot(driver: Any, build: Callable[[], Robot], dialog: Dialog) -> None:
     robot = build()
     dialog.tell(*described(robot.spec))
     if hasattr(driver, "plugged"):
-        dialog.ask("Support the arm if it is limp: it stiffens. Enter opens it: ")
+        dialog.ask("Support the arm if it is limp: its motors switch on. Press Enter to open it: ")
     try:
         robot.open(dialog.now())
-        dialog.watch(RobotView(robot), "Enter to go on: ")
+        dialog.watch(RobotView(robot), "Press Enter to continue: ")
         _check_motion(robot, dialog)
     finally:
         with uninterrupted():
@@ -99,15 +99,15 @@ class AxisMotion:
 def _check_motion(robot: Robot, dialog: Dialog) -> None:
     """Move a little along every axis and back. Raises DeviceTestError if it does not follow, or meets something."""
     spec = robot.spec
-    dialog.tell("", f"The motion: {WAY_M * 1e3:g} mm along each axis and back, {LEG_S:g} s each way, from where it is.")
-    if not dialog.agrees("Is the way free? Type yes to see it move: "):
-        dialog.tell("No motion, then.")
+    dialog.tell("", f"Check of motion: {WAY_M * 1e3:g} mm along each axis and back, {LEG_S:g} s each way.")
+    if not dialog.agrees("Is the workspace free? Type yes to move it: "):
+        dialog.tell("The motion is not tested.")
         return
     motions = {axis: _out_and_back(index, robot, dialog) for index, axis in enumerate("xyz") if axis in spec.axes}
     wrong = [axis for axis, motion in motions.items() if not motion.right]
     if wrong:
         raise DeviceTestError(
-            f"{spec.name}: does not follow along {', '.join(wrong)}: is it the robot that the file describes?"
+            f"{spec.name}: does not follow along {', '.join(wrong)}; check that the file describes this robot"
         )
     dialog.tell("The motion is right.")
 
@@ -149,7 +149,7 @@ def _direction(index: int, position: Vector, spec: RobotSpec) -> float:
             return sign
     raise DeviceTestError(
         f"{spec.name}: is at {there * 1e3:.0f} mm along {'xyz'[index]}, outside of its workspace of "
-        f"{lower * 1e3:.0f} to {upper * 1e3:.0f} mm: move it into it by hand, or set another workspace"
+        f"{lower * 1e3:.0f} to {upper * 1e3:.0f} mm: move it inside by hand, or set another workspace"
     )
 
 

@@ -54,7 +54,6 @@ class RightsTrial:
     """Address space of such a process, which a limit on locked memory must allow."""
     lateness_us: dict[str, float] = field(default_factory=dict)
     """From deadline to wake-up: `p50`, `p99`, `max`."""
-    wake_ups: int = 0
     missed: int = 0
     """Deadlines without a wake-up."""
     failure: str | None = None
@@ -92,7 +91,6 @@ def main(text: str) -> None:
         grants=grants.as_dict(),
         memory_bytes=address_space_bytes(),
         lateness_us={"p50": nearest_rank(lateness, 0.5), "p99": nearest_rank(lateness, 0.99), "max": max(lateness)},
-        wake_ups=len(lateness),
         missed=missed,
     )
     sys.stdout.write(json.dumps(asdict(answer)))

@@ -32,7 +32,6 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
     known = [description for description in descriptions.values() if description is not None]
     any_: dict[str, Any] = known[0] if known else {}
     system = any_.get("system", {})
-    limits = system.get("slave", {}).get("limits", {})
     changes = [] if remote else list(any_.get("changes", ()))
     return {
         "type": "hello",
@@ -42,22 +41,15 @@ def hello(session: str, descriptions: Mapping[str, dict[str, Any] | None], *, re
         "sides": {side: descriptions.get(side) for side in ("master", "slave")},
         "present": sorted(descriptions),
         "scene": drawn(system.get("slave", {}).get("scene", ()), files=not remote),
-        "workspace_m": _corners(limits.get("workspace_m")),
         "changes": changes,
         "predictors": _predictors(any_),
         "schemes": list(any_.get("schemes", SCHEMES)),
         "settings": _settings(system),
         "generation": 0,
-        "silence_ms": system.get("link", {}).get("silence_ms"),
         "rate_hz": any_.get("rate_hz"),
         "states": {str(state.value): state.name.lower() for state in State},
         "faults": {str(fault.value): fault.name.lower() for fault in Fault},
     }
-
-
-def _corners(intervals: Any) -> list[list[float]] | None:
-    """Lowest and highest corner [m] of intervals on x, y, z."""
-    return None if intervals is None else [[low for low, _ in intervals], [high for _, high in intervals]]
 
 
 def _predictors(description: Mapping[str, Any]) -> list[str]:

@@ -17,7 +17,6 @@ ROWS_PER_S = 250.0
 COLUMNS = {
     "position": 7,
     "raw": 7,
-    "decoded": 5,
     "output": 7,
     "bound": 7,
     "tank": 7,
@@ -26,31 +25,19 @@ COLUMNS = {
     "surface_stiffness": 2,
     "lateness_us": 1,
     "work_us": 1,
-    "codec_us": 1,
     "rtt_us": 1,
     "one_way_us": 1,
     "ticks_missed": None,
-    "slew_ticks": None,
     "datagrams_sent": None,
-    "datagrams_received": None,
-    "datagrams_lost": None,
-    "bytes_sent": None,
     "updates_sent": None,
-    "repeats": None,
     "state": None,
     "fault": None,
-    "control": None,
-    "selected": None,
     "sent": None,
-    "received": None,
-    "clipped": None,
     "ramping": None,
     "model": None,
     "settings": None,
-    "buttons": None,
-    "position_selected": None,
 }
-"""Columns with their decimal places; None for integers."""
+"""Columns that the page draws, with their decimal places; None for integers."""
 ROTATION = {"rotation_raw": 6, "rotation_output": 6, "rotation_bound": 7, "rotation_sent": None}
 """Further columns of a session with six degrees of freedom."""
 

@@ -1,6 +1,7 @@
 """A session as the monitor sees it: the figures of the launcher's report, and the rows of its last seconds."""
 
 from collections import Counter, deque
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -104,7 +105,7 @@ class WatchedSession:
         return next((feed.description for feed in self.feeds.values() if feed.description), {})
 
     @property
-    def ring(self) -> Any:
+    def ring(self) -> Path | None:
         """The ring of a daemon on this host; None if there is none."""
         return next((feed.ring for feed in self.feeds.values() if feed.ring is not None), None)
 

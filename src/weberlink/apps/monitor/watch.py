@@ -10,6 +10,7 @@ from typing import Any
 from weberlink.apps.monitor.rings import Feed, RingOpener, find_rings
 from weberlink.apps.monitor.session import WatchedSession
 from weberlink.apps.monitor.viewer import MessageKind, Viewer
+from weberlink.system.control_socket import LiveChangeError, ask
 
 LOOK_S = 0.05
 """Period of reading the rings while a page is open."""
@@ -116,10 +117,10 @@ class SessionWatcher:
         elif not viewer.may_change:
             answer = {
                 "accepted": False,
-                "why": "this page may look only; only this user on this host may change settings",
+                "why": "this page is read-only: only the user who runs the session can change settings, on its host",
             }
         elif session is None or session.ended or session.remote or ring is None:
-            answer = {"accepted": False, "why": "there is no session on this host that could be changed"}
+            answer = {"accepted": False, "why": "there is no running session on this host to change"}
         else:
             answer = await ask_daemon(ring, request)
             self._take_settings(session, answer)
@@ -233,8 +234,6 @@ def read_request(document: object) -> dict[str, Any] | str:
 
 async def ask_daemon(ring: Path, request: dict[str, Any]) -> dict[str, Any]:
     """The daemon's answer; a refusal with the reason if it cannot be reached."""
-    from weberlink.system.control_socket import LiveChangeError, ask  # noqa: PLC0415 - needs a daemon
-
     try:
         return await asyncio.to_thread(ask, ring, request, ANSWER_S)
     except LiveChangeError as error:

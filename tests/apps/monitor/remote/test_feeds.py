@@ -9,14 +9,15 @@ from hypothesis import strategies as st
 
 from tests.apps.monitor.feeds import RATE, description, pieces, records
 from tests.examples import examples
-from weberlink.apps.monitor.remote.feeds import HELD_S, RECENT_S, WAITING_S, MasterClock, RemoteSide
+from weberlink.apps.monitor.remote.feeds import RECENT_S, WAITING_S, RemoteSide
+from weberlink.apps.monitor.remote.joining import HELD_S, MasterClock
 from weberlink.apps.monitor.remote.messages import RecordBlock, SideIntroduction
 from weberlink.protocol.sealed_stream import StreamError
 from weberlink.system.scoring.session import MARGIN_S, Records
 
 TICK_0 = 10.0
 APART = 4321.0
-"""What the slave's clock shows beyond the master's [s]."""
+"""How far the slave's clock is ahead of the master's [s]."""
 INTRODUCTION = SideIntroduction("7", "slave", 1000.0, 10.0, description("slave"))
 
 
@@ -101,10 +102,6 @@ def test_impossible_records_are_refused(column: str, value: Any) -> None:
     made[column][5] = value
     with pytest.raises(StreamError, match="no daemon writes"):
         RemoteSide(INTRODUCTION).push(block(made))
-
-
-APART = 4321.0
-"""What the slave's clock shows beyond the master's [s]."""
 
 
 def slave_records(ticks: int, *, unheard: int = 0, early: float = 0.0) -> Records:

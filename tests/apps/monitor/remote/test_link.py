@@ -306,7 +306,7 @@ def test_session_continues_after_a_reconnection(robot: Host, operator: Host, mon
 
 
 APART = 4321.0
-"""What the clock of the robot's host shows beyond the operator's [s]."""
+"""How far the clock of the robot's host is ahead of the operator's [s]."""
 
 
 def of_this_moment(made: Records) -> Records:

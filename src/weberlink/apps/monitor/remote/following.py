@@ -7,7 +7,8 @@ from pathlib import Path
 from time import monotonic
 
 from weberlink.apps.monitor.hello import hello
-from weberlink.apps.monitor.remote.feeds import RemoteSide, counterpart, join
+from weberlink.apps.monitor.remote.feeds import RemoteSide
+from weberlink.apps.monitor.remote.joining import counterpart, join
 from weberlink.apps.monitor.remote.messages import (
     LinkMessage,
     SideIntroduction,

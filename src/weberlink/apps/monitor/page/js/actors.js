@@ -1,4 +1,4 @@
-// What moves in the 3-D view, as it is before anything is known: balls, tool, arrow, believed surface, trail, packets.
+// The moving objects of the 3-D view: balls, tool, arrow, predicted surface, trail, packets.
 
 import * as THREE from "../vendor/three.module.min.js";
 import { RINGS, SPOKES, ribs, triangles } from "./patch.js";

@@ -1,4 +1,4 @@
-// One chart of a panel: uPlot with our bands, zones and marks. Draws what the store has between two times.
+// The chart of a panel: uPlot with bands, zones and marks. Draws the rows of the store between two times.
 
 import uPlot from "../vendor/uplot.js";
 import { entry, frame } from "./frame.js";
@@ -57,7 +57,7 @@ export class Chart {
     this.shown = 0;
   }
 
-  // A panel of one side shows the other, where only that is there.
+  // A panel of one side shows the other side in a session that has only that one.
   prefer(side) {
     const { alone } = this.panel;
     if (!alone) return;
@@ -171,7 +171,7 @@ export class Chart {
   }
 }
 
-// The newest value that is known at a row or shortly before; the last one without a row.
+// The newest known value at a row or up to 50 rows before; at the last row if none is given.
 function latest(values, at) {
   let i = Math.min(at ?? values.length - 1, values.length - 1);
   for (const stop = Math.max(0, i - 50); i >= stop; i -= 1) if (values[i] !== undefined) return values[i] ?? NaN;

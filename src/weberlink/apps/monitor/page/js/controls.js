@@ -1,4 +1,4 @@
-// What may be changed while the session runs: asks the server, shows what it answers.
+// Settings that can be changed while the session runs: sends the request and shows the answer.
 
 import { show } from "./format.js";
 
@@ -7,11 +7,10 @@ const NAMES = ["weber", "predictor", "scheme"];
 const PATIENCE_MS = 4000;
 
 export class Controls {
-  // `send(message)` says whether it went out.
+  // `send(message)` returns whether the message was sent.
   constructor(store, send) {
     this.store = store;
     this.send = send;
-    this.open = false;
     for (const name of NAMES) by(name).addEventListener("change", () => this.#ask(name));
     by("weber").addEventListener("input", () => this.#label(Number(by("weber").value)));
   }
@@ -24,17 +23,17 @@ export class Controls {
     if (typeof settings.weber === "number" && (reset || document.activeElement !== by("weber")))
       by("weber").value = settings.weber;
     if (typeof settings.weber === "number") this.#label(settings.weber);
-    for (const name of NAMES) {
-      const reason = this.#reason(name, connected, hello, ended);
+    const reasons = NAMES.map((name) => this.#reason(name, connected, hello, ended));
+    NAMES.forEach((name, k) => {
+      const reason = reasons[k];
       const place = by(`control-${name}`);
       by(name).disabled = Boolean(reason);
       by(name).dataset.value = settings[name] ?? "";
       place.classList.toggle("off", Boolean(reason));
       place.title = reason;
-    }
-    const reasons = new Set(NAMES.map((name) => this.#reason(name, connected, hello, ended)));
-    const only = reasons.size === 1 ? [...reasons][0] : "";
-    if (only) this.#say(only, "");
+    });
+    const [first] = reasons;
+    if (first && reasons.every((reason) => reason === first)) this.#say(first, "");
     else if (by("answer").dataset.value === "") this.#say("", "");
   }
 
@@ -45,6 +44,7 @@ export class Controls {
     this.refresh(true, true);
   }
 
+  // Why a setting cannot be changed now; empty if it can.
   #reason(name, connected, hello, ended) {
     if (!connected) return "the monitor does not answer";
     if (!hello?.session) return "no session";
@@ -52,7 +52,7 @@ export class Controls {
     if (hello.remote) return "read-only: watched from another host";
     const permitted = (hello.sides?.master ?? hello.sides?.slave)?.changes ?? hello.changes ?? [];
     if (hello.readonly && permitted.length)
-      return "this page may look only: changes are for the user who runs the session";
+      return "read-only: only the user who runs the session can change settings";
     if ((hello.changes ?? []).includes(name)) return "";
     if (permitted.length) return "this session does not permit changing it";
     return "the configuration does not permit it (control.live_changes)";

@@ -1,4 +1,4 @@
-// Numbers as a person reads them. The exact one stands beside, in data-value.
+// Numbers as text. The exact number is beside it, in data-value.
 
 const UNKNOWN = "–";
 const MINUS = "\u2212";
@@ -6,7 +6,7 @@ const MINUS = "\u2212";
 const known = (value) => value !== null && value !== undefined && Number.isFinite(value);
 const fixed = (value, digits) => value.toFixed(digits).replace("-", MINUS);
 
-// Three digits that matter, none of them an exponent.
+// Three significant digits, without an exponent.
 export function three(value) {
   if (!known(value)) return UNKNOWN;
   const size = Math.abs(value);
@@ -28,7 +28,7 @@ export const AS = {
   newton: (v) => (known(v) ? `${fixed(v, 3)} N` : UNKNOWN),
 };
 
-// Text and exact value of an element; touches the document only where something is new.
+// Text and exact value of an element; writes to the document only what has changed.
 export function show(element, text, value) {
   if (element.textContent !== text) element.textContent = text;
   const exact = value === null || value === undefined || value !== value ? "" : String(value);

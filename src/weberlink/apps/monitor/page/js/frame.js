@@ -1,4 +1,4 @@
-// The panel around a chart: title with unit, choices, legend, help. Knows nothing of what is drawn.
+// The panel around a chart: title with unit, choices, legend, help.
 
 function element(tag, properties, ...children) {
   const made = Object.assign(document.createElement(tag), properties);
@@ -35,7 +35,7 @@ export function frame({ name, title, unit, help, choices, choice }, parent, choo
   const panel = element("section", { className: "panel", id: `panel-${name}` }, head, body);
   panel.setAttribute("aria-labelledby", heading.id);
   parent.append(panel);
-  return { panel, body, legend, note };
+  return { body, legend, note };
 }
 
 function picker(choices, chosen, title, choose) {

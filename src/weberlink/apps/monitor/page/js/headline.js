@@ -1,7 +1,7 @@
-// The strip that is understood in five seconds: state, packets, felt error, round trip, faults.
+// The tiles at the top: state, packets, felt error, round trip, faults.
 
 import { AS, show, three } from "./format.js";
-import { ENGAGED, FAULTS, RELEASED, STATES, word } from "./names.js";
+import { ENGAGED, RELEASED } from "./names.js";
 
 const by = (id) => document.getElementById(id);
 
@@ -21,8 +21,8 @@ export class Headline {
 
   #state() {
     const { store } = this;
-    const states = store.present.map((side) => state(store.rings[side]));
-    const [name, detail] = this.#word(states);
+    const states = store.present.map((side) => this.#stateOf(store.rings[side]));
+    const [name, detail] = this.#summary(states);
     const tile = by("tile-state");
     if (tile.dataset.state !== name) tile.dataset.state = name;
     show(by("state"), name === "lost" ? "no monitor" : name, name);
@@ -31,7 +31,13 @@ export class Headline {
     show(by("duration"), seconds > 0 ? `${seconds.toFixed(1)} s` : "", seconds || null);
   }
 
-  #word(states) {
+  #stateOf(ring) {
+    const number = ring.last("state");
+    return number === ENGAGED && ring.last("ramping") === RELEASED ? "released" : this.store.stateName(number);
+  }
+
+  // State of the tile and its explanation, from the states of the sides.
+  #summary(states) {
     const { store, connection } = this;
     if (connection === "gone") return ["lost", "connection to the monitor lost; reconnecting"];
     if (store.ended) return ["ended", "these are the final figures"];
@@ -74,28 +80,23 @@ export class Headline {
   }
 
   #faults() {
-    const { rings, figures, present } = this.store;
+    const { store } = this;
+    const { rings, figures, present } = store;
     const active = present.map((side) => [side, rings[side].last("fault")]).filter(([, fault]) => fault > 0);
     const met = counts(figures?.faults);
     const total = Object.values(met).reduce((sum, count) => sum + count, 0);
     by("tile-faults").dataset.level = active.length ? "bad" : total ? "warn" : "good";
-    const text = active.length ? word(FAULTS, active[0][1]) : total ? `${total} over` : "none";
+    const text = active.length ? store.faultName(active[0][1]) : total ? `${total} over` : "none";
     show(by("faults"), text, Math.max(total, active.length));
     const told = Object.entries(met)
       .map(([name, count]) => `${name} ${count}`)
       .join(", ");
-    const now = active.map(([side, fault]) => `${side}: ${word(FAULTS, fault)}`).join(", ");
+    const now = active.map(([side, fault]) => `${side}: ${store.faultName(fault)}`).join(", ");
     show(by("faults-detail"), now || told || "\u00a0", now || told);
   }
 }
 
-// What a side does, in a word.
-function state(ring) {
-  const number = ring.last("state");
-  return number === ENGAGED && ring.last("ramping") === RELEASED ? "released" : word(STATES, number);
-}
-
-// {"master": {"silence": 1}} as one list, without what was never met.
+// {"master": {"silence": 1}} as {"master silence": 1}, without faults that never occurred.
 function counts(faults) {
   const flat = {};
   for (const [side, named] of Object.entries(faults ?? {})) {
@@ -104,7 +105,7 @@ function counts(faults) {
   return flat;
 }
 
-// Every element that names a figure of the report gets it.
+// Fills every element that names a figure of the report.
 export function fillFigures(message) {
   for (const place of document.querySelectorAll("[data-figure]")) {
     const value = place.dataset.figure.split(".").reduce((inner, key) => inner?.[key], message?.figures);

@@ -1,4 +1,4 @@
-// The one connection to the server: opens, reads, tries again for ever. Knows nothing of what the messages mean.
+// The WebSocket to the server: opens it, parses its messages, and reconnects for as long as the page is open.
 
 const FIRST_WAIT_MS = 500;
 const LONGEST_WAIT_MS = 4000;

@@ -1,4 +1,4 @@
-// Puts the page together: messages into the store, the store onto the screen, at most 30 times a second.
+// The page: puts messages into the store and draws the store, at most 30 times a second.
 
 import { Chart } from "./chart.js";
 import { Controls } from "./controls.js";
@@ -10,7 +10,7 @@ import { onThemeChange } from "./theme.js";
 import { Timeline } from "./timeline.js";
 
 const LEAST_INTERVAL_MS = 1000 / 30;
-const IDLE_SHARE = 3; // at least this many times as long as a drawing took, the page does nothing
+const IDLE_SHARE = 3; // the page is idle at least this many times as long as a drawing took
 const SESSIONS_EVERY_MS = 4000;
 
 const by = (id) => document.getElementById(id);
@@ -53,7 +53,7 @@ function greet(hello) {
   listSessions();
 }
 
-// One drawing is asked for; it comes with the next frame, but not before the page has had its rest.
+// Requests one drawing, with the next frame after the idle time.
 function schedule() {
   if (drawing.due) return;
   drawing.due = true;
@@ -85,15 +85,13 @@ function draw(now) {
 }
 
 async function listSessions() {
-  let sessions = [];
+  let names = [];
   try {
-    sessions = await (await fetch("api/sessions")).json();
+    const { sessions } = await (await fetch("api/sessions")).json();
+    names = sessions.map(({ session }) => session);
   } catch {
-    return; // the state says it already
+    return; // the tile of the state shows the lost connection
   }
-  const names = (Array.isArray(sessions) ? sessions : (sessions.sessions ?? [])).map((each) =>
-    String(each.session ?? each.id ?? each),
-  );
   const select = by("session");
   const current = store.hello?.session ?? "";
   if (current && !names.includes(current)) names.push(current);

@@ -1,8 +1,8 @@
-// Live changes in the charts.
+// Marks of live changes in the charts.
 
 import { theme } from "./theme.js";
 
-// Live changes, as a vertical line with what was changed.
+// Draws a vertical line with the new setting for each live change.
 export function marks(u, changes) {
   const { ctx, bbox } = u;
   for (const { t, label } of changes) {

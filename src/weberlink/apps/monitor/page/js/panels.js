@@ -28,7 +28,7 @@ const sent =
 const logarithmic = (name) => (c, i) => (c[name] ? Math.max(10, c[name][i]) : NaN);
 const missed = (c, i) => c.ticks_missed && i > 0 && c.ticks_missed[i] > c.ticks_missed[i - 1];
 
-// Bounds that are round and seldom move: at least `least`, the data with room to spare, from 0 where nothing is below.
+// Round bounds that rarely change: they hold the data and at least `least`, and begin at 0 without negative data.
 function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(value));
   return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((f) => f * power).find((step) => step >= value * 0.999);
@@ -39,8 +39,8 @@ const around = (least) => (low, high) => {
   return [low < 0 ? -top : 0, high > 0 || low >= 0 ? top : 0];
 };
 
-// What was measured at the robot and felt by the operator, of a stream: the force, or the torque of the rotation. The
-// measured one lies beneath and is wider, so that both are seen where they agree.
+// Measured and felt signal of a stream: the force, or the torque of the rotation. The measured one is wider and below,
+// so that both are visible where they agree.
 const felt =
   (stream, unit, factor = 1) =>
   (which) => {
@@ -65,7 +65,7 @@ const felt =
     ];
   };
 
-// Where the hand is and where the robot was sent, of a stream: the position, or the orientation of the rotation.
+// Pose of the hand and commanded pose of the robot, of a stream: the position, or the orientation of the rotation.
 const moved =
   (stream, hand, robot, unit, factor) =>
   (which) => [
@@ -92,7 +92,7 @@ const moved =
     },
   ];
 
-const PANELS = [
+export const PANELS = [
   {
     name: "force",
     title: "Force",
@@ -159,7 +159,7 @@ const PANELS = [
     choices: ["norm", "x", "y", "z"],
     choice: "norm",
     help:
-      "How far hand and tool are turned from level, as a rotation vector. Each stroke at the bottom is a packet of the " +
+      "Orientation of hand and tool, as a rotation vector from level. Each stroke at the bottom is a packet of the " +
       "rotation.",
     empty: "no samples yet",
     sources: moved("rotation_", "rotation_raw", "tool", "°", 180 / Math.PI),
@@ -261,7 +261,7 @@ const PANELS = [
     name: "energy",
     title: "Energy tanks",
     unit: "mJ",
-    when: (store) => !store.rotates, // which no scheme with a tank keeps account of
+    when: (store) => !store.rotates, // no control scheme with a tank supports rotation
     help:
       "Energy that each side may still spend. The passivity controller brakes when a tank is empty, which keeps a " +
       "delayed link stable. Without such a control scheme there is no tank.",
@@ -292,5 +292,3 @@ export function amount(value, { digits, unit }) {
   const number = digits === 0 ? AS.count(Math.round(value)) : digits === 1 ? AS.number1(value) : three(value);
   return `${number} ${unit}`;
 }
-
-export { PANELS };

@@ -1,13 +1,13 @@
-// The surface that the predictor believes in, near a point: a round piece of a plane or of a sphere. Pure geometry.
+// The predicted surface near a point: a round piece of a plane or of a sphere. Pure geometry.
 
 export const RINGS = 10;
 export const SPOKES = 40;
 export const PLANE = 2;
 export const SPHERE = 3;
 
-// Vertices (x, y, z flat) of the patch around `point`, rings from the middle out; null where nothing is believed.
+// Vertices (x, y, z flat) of the patch around `point`, rings from the middle out; null without a valid surface.
 //
-// A plane is {kind, surface: unit normal n, size: d} with n.p + d the height over the wall; a sphere {kind,
+// A plane is {kind, surface: unit normal n, size: d} with n.p + d the height above the wall; a sphere {kind,
 // surface: centre, size: radius, negative concave}. `reach` is how far the patch goes along the surface. One unit of
 // length throughout.
 export function patch({ kind, surface, size }, point, reach, into) {

@@ -1,4 +1,4 @@
-// The newest rows of a stream, in typed arrays. Knows nothing of what the columns mean, but that `t` ascends.
+// The newest rows of a stream, in typed arrays; column `t` ascends.
 
 const AXES = ["x", "y", "z"];
 
@@ -82,8 +82,8 @@ export class Ring {
 
 // Rows of several rings between two times, on one ascending time line, as a chart takes them.
 //
-// `sources` are {ring, values: [(columns, row) => number]}. The answer is [t, ...one list per value]; a row of one ring
-// says nothing (undefined) of the values of another, and what is not known is null. `into` is filled and returned.
+// `sources` are {ring, values: [(columns, row) => number]}. Fills and returns `into`: [t, ...one list per value], where a
+// value is null if it is unknown, and undefined in a row of another ring.
 export function merge(sources, from, to, into) {
   const live = sources.map(({ ring, values }) => {
     const begin = Math.max(ring.begin, ring.at(from) - 1);

@@ -4,7 +4,7 @@
 import * as THREE from "../vendor/three.module.min.js";
 import { OrbitControls } from "../vendor/orbit_controls.js";
 import { TRAIL_POINTS, actors } from "./actors.js";
-import { MODELS, word } from "./names.js";
+import { modelName } from "./names.js";
 import { PLANE, SPHERE, patch } from "./patch.js";
 import { extent, solids } from "./solids.js";
 import { theme } from "./theme.js";
@@ -18,11 +18,11 @@ const AXES_M = [
   [0.012, 0, 0],
   [0, 0.012, 0],
   [0, 0, 0.012],
-]; // of a tool of which nothing is known but how it is turned
-const SOFT_INTERVAL_MS = 120; // without a graphics processor the picture takes the time of the loop's own
+]; // for a tool of which only the orientation is known
+const SOFT_INTERVAL_MS = 120; // a software renderer takes processor time from the daemons
 
 export class View {
-  // `redraw()` is called when the view was turned. Throws where there is no WebGL.
+  // Calls `redraw()` when the user turns the view. Throws without WebGL.
   constructor(place, store, redraw) {
     Object.assign(this, { place, store, redraw, reach: LEAST_REACH_MM });
     this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
@@ -58,7 +58,7 @@ export class View {
     const scene = this.store.hello?.scene ?? [];
     const points = this.store.tool ?? AXES_M;
     const drawn = JSON.stringify([scene, points]);
-    if (drawn === this.shown) return; // told again: whoever turned the view keeps it
+    if (drawn === this.shown) return; // the same scene again: keep the user's view
     this.shown = drawn;
     this.reach = Math.max(LEAST_REACH_MM, 1.15 * extent(scene));
     this.tool.geometry.dispose();
@@ -74,7 +74,7 @@ export class View {
     this.#colour();
   }
 
-  // Says whether it did; it is to be asked again where it did not.
+  // Draws the state at a time; false if the last drawing is too recent, then call it again later.
   draw(to, now) {
     if (now - this.drawn < this.interval) return false;
     this.drawn = now;
@@ -221,7 +221,7 @@ function point(ring, to, name, scale = MM) {
   return found.every(Number.isFinite) ? found : null;
 }
 
-// Calls `put(k, x, y, z, age)` for the rows between two times, evenly left out where there are too many.
+// Calls `put(k, x, y, z, age)` for the rows between two times, for every n-th one if there are too many.
 function along(ring, name, from, to, put, wanted = null) {
   const { t, [`${name}_x`]: x, [`${name}_y`]: y, [`${name}_z`]: z } = ring.columns;
   if (!z) return 0;
@@ -253,5 +253,5 @@ function caption(kind, size, stiffness) {
   const known = Number.isFinite(stiffness) ? `, ${stiffness.toFixed(0)} N/m` : "";
   const element = document.getElementById("model");
   element.textContent = text + known;
-  element.dataset.value = kind === kind ? word(MODELS, kind) : "";
+  element.dataset.value = kind === kind ? modelName(kind) : "";
 }

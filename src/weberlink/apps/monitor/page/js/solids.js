@@ -1,4 +1,4 @@
-// The objects of a scene as meshes, in millimetres. Knows no session.
+// The objects of a scene as meshes, in millimetres.
 
 import * as THREE from "../vendor/three.module.min.js";
 import { theme } from "./theme.js";
@@ -112,7 +112,7 @@ const MAKERS = {
   sphere(object, reach, clip) {
     const radius = MM * object.radius_m;
     const group = new THREE.Group();
-    // The pole up, where the hand is, so that the circles are those of a dome.
+    // Pole on the z axis, so that the latitude circles are those of a dome.
     const round = new THREE.SphereGeometry(radius, 72, 72).rotateX(Math.PI / 2);
     group.add(new THREE.Mesh(round, matter(clip, object)), lines(globe(radius), clip, 0.4));
     group.position.copy(vector(object.center_m));

@@ -1,12 +1,12 @@
-// All that the page knows of one session: what the server said, and what follows from it. Draws nothing.
+// The data of one session: messages of the server, and what is computed from them. Draws nothing.
 
 import { Ring } from "./ring.js";
 
 const LONGEST_WINDOW_S = 60;
-const ROWS_PER_S = 330; // 250 and those that are kept because something was sent
+const ROWS_PER_S = 330; // 250, and the rows that sent an update
 const RATE_SPAN_S = 1;
 const RATE_STEP_S = 0.1;
-const NEAR_S = 1.5; // a change and the first record under it
+const NEAR_S = 1.5; // largest time between a change and the first record with it
 const COUNTED = ["updates_sent", "datagrams_sent", "one_way_us", "lateness_us", "work_us"];
 
 export class Store {
@@ -22,7 +22,7 @@ export class Store {
     this.hello = null;
     this.figures = null;
     this.changes = []; // {t, label}: live changes, as marks in the charts
-    this.switched = -Infinity; // when the records last said that other settings hold
+    this.switched = -Infinity; // time of the last change of settings in the records
     this.settings = {}; // in force
     this.agreed = null; // {generation, settings}: agreed by both ends, and in force from a later tick on
     this.ended = false;
@@ -34,9 +34,6 @@ export class Store {
   get rate() {
     return this.hello?.rate_hz ?? 1000;
   }
-  get bank() {
-    return this.#description()?.bank ?? (this.hello?.predictors ?? []).filter((name) => !["hybrid", "adaptive"].includes(name));
-  }
   // Whether the session has torque and orientation, too.
   get rotates() {
     return Boolean(this.#description()?.torque_bank);
@@ -45,24 +42,29 @@ export class Store {
   get tool() {
     return this.#description()?.system?.slave?.robot?.tool?.points_m;
   }
-  get schemes() {
-    return this.#description()?.schemes ?? this.hello?.schemes ?? [];
-  }
   #description() {
     return this.hello?.sides?.master ?? this.hello?.sides?.slave;
   }
 
-  // What holds or is about to.
+  // Names of the numbers in a record, as the greeting lists them.
+  stateName(number) {
+    return this.hello?.states?.[number] ?? "unknown";
+  }
+  faultName(number) {
+    return this.hello?.faults?.[number]?.replaceAll("_", " ") ?? "unknown";
+  }
+
+  // Settings in force, or agreed and about to be.
   get wanted() {
     return { ...this.settings, ...this.agreed?.settings };
   }
 
-  // The sides that have said anything.
+  // The sides with at least one row.
   get present() {
     return ["master", "slave"].filter((side) => !this.rings[side].empty);
   }
 
-  // Takes one message of the server; says whether it was one that the page knows.
+  // Takes one message of the server; ignores those of a type that this page does not know.
   take(message) {
     switch (message.type) {
       case "hello":
@@ -85,10 +87,7 @@ export class Store {
         }
         if (message.settings) this.#adopt(message.settings, message.generation);
         break;
-      default:
-        return false;
     }
-    return true;
   }
 
   #greet(hello) {
@@ -103,7 +102,7 @@ export class Store {
     const ring = this.rings[side];
     if (!ring || !t.length) return;
     if (t[t.length - 1] < ring.newest - 1) {
-      // the clock of the session began anew
+      // the clock of the session has started again
       for (const each of Object.values(this.rings)) each.clear();
     }
     ring.push(t, columns);
@@ -111,8 +110,8 @@ export class Store {
     this.#rates(ring, this.rings[`${side}Rates`]);
   }
 
-  // Ten times a second: packets and datagrams per second over the last second, from the counters, so that rows left out
-  // do not matter; jitter over the same second; the worst tick since the last time.
+  // Every 0.1 s: packets and datagrams per second over the last second, from the counters, which omitted rows do not
+  // change; jitter over the same second; the slowest tick of the last 0.1 s.
   #rates(ring, rates) {
     const { t } = ring.columns;
     if (!COUNTED.every((name) => ring.has(name))) return;
@@ -139,7 +138,7 @@ export class Store {
     }
   }
 
-  // A change is known before or after the first record under it, which says exactly when.
+  // The first record with new settings has the exact time of a change; the message about it may come before or after.
   #switch(ring, count) {
     const { t, settings } = ring.columns;
     if (!settings) return;

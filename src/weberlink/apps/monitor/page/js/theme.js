@@ -1,8 +1,6 @@
 // The colours of the style sheet, for what is drawn on a canvas; they follow the system's light or dark scheme.
 
 const NAMES = [
-  "panel",
-  "line",
   "grid",
   "text",
   "quiet",
@@ -23,7 +21,7 @@ const NAMES = [
 
 export const theme = {};
 
-export function readTheme() {
+function readTheme() {
   const style = getComputedStyle(document.documentElement);
   for (const name of NAMES) theme[name] = style.getPropertyValue(`--${name}`).trim();
   theme.font = "11px system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";

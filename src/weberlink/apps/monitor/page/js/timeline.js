@@ -1,23 +1,28 @@
-// What was at work, as bands over time: state of each side, predictor, control scheme, faults. A chart without lines.
+// Bands over time: state of each side, predicted model, faults.
 
 import uPlot from "../vendor/uplot.js";
 import { frame } from "./frame.js";
 import { marks } from "./marks.js";
-import { FAULTS, MODELS, STATES, word } from "./names.js";
+import { modelName } from "./names.js";
 import { theme } from "./theme.js";
 
-const HELP = "State of each side, the predictor in use and the surface that it fitted, and faults, over time.";
+const HELP = "State of each side, the predicted model, and faults, over time.";
 const STATE_COLOURS = { 1: "quiet", 2: "warn", 3: "warn", 4: "good", 5: "bad", 6: "quiet" };
 const MODEL_COLOURS = { 0: "quiet", 1: "third", 2: "model", 3: "master" };
 const ROWS = [
-  { label: "master", ring: "master", of: "state", text: (v) => word(STATES, v), colour: (v) => STATE_COLOURS[v] },
-  { label: "slave", ring: "slave", of: "state", text: (v) => word(STATES, v), colour: (v) => STATE_COLOURS[v] },
+  ...["master", "slave"].map((side) => ({
+    label: side,
+    ring: side,
+    of: "state",
+    text: (v, store) => store.stateName(v),
+    colour: (v) => STATE_COLOURS[v],
+  })),
   {
     label: "model",
     ring: "master",
     other: "slave",
     of: "model",
-    text: (v) => word(MODELS, v),
+    text: modelName,
     colour: (v) => MODEL_COLOURS[v],
   },
   {
@@ -25,7 +30,7 @@ const ROWS = [
     ring: "master",
     also: "slave",
     of: "fault",
-    text: (v) => (v ? word(FAULTS, v) : ""),
+    text: (v, store) => store.faultName(v),
     colour: (v) => (v ? "bad" : null),
   },
 ];
@@ -110,7 +115,11 @@ export class Timeline {
     let start = Math.max(ring.begin, ring.at(from) - 1);
     for (let i = start + 1; i <= end; i += 1) {
       if (i < end && values[i] === values[start]) continue;
-      piece(u, row, values[start], t[start], t[Math.min(i, ring.end - 1)], top, height);
+      const colour = row.colour(values[start]);
+      if (colour) {
+        const text = row.text(values[start], this.store);
+        piece(u, theme[colour], text, t[start], t[Math.min(i, ring.end - 1)], top, height);
+      }
       start = i;
     }
   }
@@ -120,18 +129,15 @@ export class Timeline {
   }
 }
 
-function piece(u, row, value, from, to, top, height) {
-  const colour = row.colour(value);
-  if (!colour) return;
+function piece(u, colour, text, from, to, top, height) {
   const { ctx, bbox } = u;
   const left = Math.max(bbox.left, u.valToPos(from, "x", true));
   const right = Math.min(bbox.left + bbox.width, u.valToPos(to, "x", true));
-  ctx.fillStyle = theme[colour];
+  ctx.fillStyle = colour;
   ctx.globalAlpha = 0.3;
   ctx.fillRect(left, top, Math.max(1, right - left), height);
   ctx.globalAlpha = 1;
   ctx.fillRect(left, top, devicePixelRatio, height);
-  const text = row.text(value);
   if (right - left < ctx.measureText(text).width + 10 * devicePixelRatio) return;
   ctx.fillStyle = theme.text;
   ctx.fillText(text, left + 5 * devicePixelRatio, top + height / 2);
