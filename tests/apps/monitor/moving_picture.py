@@ -12,7 +12,7 @@ from tests.apps.monitor.browser import browser
 from tests.apps.monitor.monitors import Monitor
 from tests.system.processes import Program
 
-FRAMES, EVERY_S, WIDTH, COLOURS = 32, 0.15, 640, 32
+FRAMES, EVERY_S, WIDTH, COLOURS = 32, 0.15, 640, 128
 
 
 def main(out: Path) -> None:
@@ -26,12 +26,11 @@ def main(out: Path) -> None:
             for _ in range(FRAMES):
                 frames.append(page.driver.get_screenshot_as_png())
                 sleep(EVERY_S)
-    pictures = []
-    for frame in frames:
-        picture = Image.open(BytesIO(frame)).convert("RGB")
-        pictures.append(
-            picture.resize((WIDTH, WIDTH * picture.height // picture.width)).quantize(COLOURS, dither=Image.Dither.NONE)
-        )
+    images = [Image.open(BytesIO(frame)).convert("RGB") for frame in frames]
+    images = [image.resize((WIDTH, WIDTH * image.height // image.width)) for image in images]
+    # The default method gives all its colours to shades of the background; curves and markers would be grey.
+    palette = images[-1].quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    pictures = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     pictures[0].save(
         out, save_all=True, append_images=pictures[1:], duration=round(1e3 * EVERY_S), loop=0, optimize=True
     )
