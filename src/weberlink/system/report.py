@@ -155,7 +155,7 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
             f"({_percent(force['violation_floor'])} explained by network delay)"
         )
         yield (
-            f"outside: {force['violation_s']:.2f} s in total, {force['violation_longest_s'] * 1e3:.0f} ms at a time; "
+            f"outside: {force['violation_s']:.2f} s in total, longest {force['violation_longest_s'] * 1e3:.0f} ms; "
             f"{_jnd(force['violation_p99_jnd'])} JND p99, {_jnd(force['violation_max_jnd'])} max"
         )
     else:
