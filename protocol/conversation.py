@@ -85,6 +85,7 @@ class Conversation:
         self._path: Path | None = None
         self._encoding_reported_at: float | None = None
         self._is_encoding = True
+        self._is_peer_heard = False  # true while silent if datagrams of the peer still came as silence fell
         self._due: float | None = None  # read several times a tick; None when it may have changed
 
     # --- what the owner reads
@@ -238,7 +239,12 @@ class Conversation:
         if session is None:
             return inf
         due = session.sender.next_timer(is_engaged=is_engaged, is_encoding=self._is_encoding)
-        return min(due, session.silent_at if is_engaged else session.expires_at)
+        return min(due, session.silent_at if is_engaged else session.expires_at, self._deaf_at)
+
+    @property
+    def _deaf_at(self) -> float:
+        """When a peer that was still heard as silence fell is no longer heard either [s]; infinite without one."""
+        return self.liveness.heard_at + self._parameters.silence if self._is_peer_heard else inf
 
     def _send_due(self, now: float) -> None:
         """Send what is due in the present session, and report lost updates to the owner."""
@@ -269,6 +275,7 @@ class Conversation:
 
     def _end_session(self) -> None:
         self._path = None
+        self._is_peer_heard = False
         if self._session is not None:
             self._former, self._session = self._session, None
 

@@ -182,9 +182,13 @@ class Endpoint(Conversation):
         if now >= self.silent_at:
             self._turn(Trigger.FALL_SILENT)
             self._session.request_full_state()
-            self._mailbox.tell(PeerSilent(now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence))
+            self._is_peer_heard = now - self.liveness.heard_at < 0.5 * FADE_SHARE * self._parameters.silence
+            self._mailbox.tell(PeerSilent(self._is_peer_heard))
             if self.role is Role.INITIATOR:
                 self._call(now)
+        if now >= self._deaf_at:
+            self._is_peer_heard = False
+            self._mailbox.tell(PeerSilent(is_heard=False))
         if self.state is State.SILENT and now >= self._session.expires_at:
             self._turn(Trigger.EXPIRE)
             self._end_session()
@@ -283,6 +287,7 @@ class Endpoint(Conversation):
         self._locate(session, address, now)
         if session.is_fresh and self.state is State.SILENT and now < session.silent_at:
             self._turn(Trigger.HEAR)
+            self._is_peer_heard = False
             self._dialer.stop()
             self._tell_encoding()
             self._mailbox.tell(PeerReturned())

@@ -80,7 +80,8 @@ class PeerSilent(NamedTuple):
     """The loop age has passed the silence limit: the two ends do not hear each other.
 
     Args:
-        is_heard: whether the peer is still heard, so that it is the peer that does not hear this end.
+        is_heard: whether the peer is still heard, so that it is the peer that does not hear this end. A second event
+            with false follows if the peer falls silent as well.
     """
 
     is_heard: bool

@@ -184,6 +184,19 @@ def test_one_way_cut_silences_both_within_the_limit(toward: str) -> None:
         assert side.of(PeerReturned) or len(side.of(Connected)) == 2
 
 
+def test_a_peer_that_falls_silent_after_it_was_only_unheard_is_reported_as_silent() -> None:
+    pair = Pair().engage().run(0.5)
+    pair.forward = pair.link(DARK)
+    pair.run(SILENCE + 0.02)
+    assert pair.master.of(PeerSilent) == [PeerSilent(is_heard=True)]
+    pair.backward = pair.link(DARK)
+    pair.run(0.5 * SILENCE)
+    assert pair.master.of(PeerSilent) == [PeerSilent(is_heard=True)]
+    pair.run(0.6 * SILENCE)
+    assert pair.master.of(PeerSilent) == [PeerSilent(is_heard=True), PeerSilent(is_heard=False)]
+    assert pair.slave.of(PeerSilent) == [PeerSilent(is_heard=False)]
+
+
 def test_session_expires_after_silence_and_another_follows() -> None:
     pair = Pair().engage()
     clear = pair.forward, pair.backward

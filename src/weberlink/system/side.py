@@ -271,6 +271,7 @@ class Side:
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
+                self._faults.clear(Fault.UNHEARD)
                 self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
