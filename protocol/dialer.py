@@ -54,8 +54,8 @@ class Dialer:
     Attributes:
         due: when the next HELLO is to be sent [s]; infinity when not calling.
         expects: name of the slave that is called; "" until it is known. The first slave that answers sets it.
-        takes_over: whether to replace a master that the slave serves; cleared by the first answer, so that two masters
-            do not take the slave from each other for ever.
+        takes_over: whether to replace a master that the slave serves; cleared by `confirm`, so that two masters do not
+            take the slave from each other for ever.
     """
 
     def __init__(
@@ -98,6 +98,10 @@ class Dialer:
         """Stop calling, and accept no more answers."""
         self._open.clear()
         self.due = inf
+
+    def confirm(self) -> None:
+        """Note that the slave serves this master: it has sent a datagram under the keys of a session."""
+        self.takes_over = False
 
     def hello(self, now: float) -> bytes:
         """The next HELLO of this call, and schedule the one after it."""
@@ -161,5 +165,5 @@ class Dialer:
             return DropReason.MALFORMED
         if self.expects and welcome.name != self.expects:
             return unexpected_slave(self.expects, welcome.name)
-        self.expects, self.takes_over = welcome.name, False
+        self.expects = welcome.name
         return Answer(protection, welcome.clock_us * 1e-6, welcome.delta_us * 1e-6)

@@ -283,6 +283,7 @@ class Endpoint(Conversation):
         if session is not self._session and not self._confirm(session, now):
             self._mailbox.drop(outcome if isinstance(outcome, DropReason) else DropReason.STALE)
             return
+        self._dialer.confirm()
         session.measure()
         self._locate(session, address, now)
         if session.is_fresh and self.state is State.SILENT and now < session.silent_at:

@@ -93,6 +93,19 @@ def test_take_over_replaces_the_master_once(security: Security) -> None:
     assert not pair.master.of(PeerClosed)
 
 
+def test_take_over_is_repeated_until_the_slave_serves_the_new_master() -> None:
+    """The slave's answer arrives, but for a time nothing that the new master sends under the keys of the session."""
+    pair = named()
+    other = join(pair, take_over=True)
+    pair.swallow = lambda side, data: side is other and kind_of(data) != Kind.HELLO
+    pair.run(0.3)
+    pair.swallow = lambda side, data: False
+    pair.run(0.3)
+    assert not other.of(Refused)
+    assert other.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
+    assert pair.master.of(TakenOver) == [TakenOver("bob@desk")]
+
+
 def test_of_two_masters_that_may_take_over_one_stays() -> None:
     """The farewell to the first is lost; when it calls again, it does not take over again."""
     pair = named()

@@ -1,7 +1,7 @@
 """Run a function on many tasks on the workers of a Dask cluster, as `parallel` does in processes. Extra: dask."""
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -19,7 +19,7 @@ Own = TypeVar("Own")
 Result = TypeVar("Result")
 
 PATIENCE_S = 5.0
-"""Timeout for the scheduler, its first worker and an answer."""
+"""Timeout for the scheduler, its first worker and an answer of the scheduler."""
 POLL_S = 1.0
 """After this time without a result, check whether the cluster is still alive."""
 COMPARED_PACKAGES = ("weberlink", "numpy")
@@ -77,7 +77,7 @@ def _as_completed(
                 future.add_done_callback(done.put)
             for _ in tasks:
                 future = _next(done, client, futures)
-                yield futures[future], future.result(timeout=PATIENCE_S)
+                yield futures[future], _result(future, client)
         except (KilledWorker, CancelledError, OSError) as error:
             raise LostClusterError(f"{address}: {_loss(client, error)}; the rest of the work is not done") from None
 
@@ -92,10 +92,28 @@ def _next(done: "SimpleQueue[Any]", client: Any, futures: Any) -> Any:
         try:
             return done.get(timeout=POLL_S)
         except Empty:
-            if not _workers_left(client):
-                raise ConnectionError from None
-            if any(future.status in ("lost", "cancelled") for future in futures):
-                raise ConnectionError("data held by a worker is lost") from None
+            _check_alive(client, futures)
+
+
+def _result(future: Any, client: Any) -> Any:
+    """The result of a completed future; computed again if the worker that held it was lost. Raises as `_next`."""
+    timeout = POLL_S
+    while True:
+        try:
+            return future.result(timeout=timeout)
+        except TimeoutError:
+            if future.status == "error":  # raised by the task
+                raise
+            _check_alive(client, [future])
+            timeout *= 2.0  # the transfer of a large result begins anew
+
+
+def _check_alive(client: Any, futures: Iterable[Any]) -> None:
+    """Raise OSError if no worker is left or a future can never be completed."""
+    if not _workers_left(client):
+        raise ConnectionError from None
+    if any(future.status in ("lost", "cancelled") for future in futures):
+        raise ConnectionError("data held by a worker is lost") from None
 
 
 def _workers_left(client: Any) -> int:

@@ -26,13 +26,15 @@ def counterpart(where: Path | None, side: RemoteSide) -> Path | None:
     """The ring on this host of the other side of a remote one; None if there is none.
 
     The slave's records tell the age of its master's clock. That fits its own master, or another one that was started
-    within the same few seconds with the same codec.
+    within the same few seconds with the same codec. A session that has both sides on this host is left out: if the
+    remote side is one of them, the other one will be introduced too.
     """
     if side.newest is None:
         return None
-    other = SLAVE if side.introduction.side == MASTER else MASTER
+    own = side.introduction.side
+    other = SLAVE if own == MASTER else MASTER
     for rings in reversed(find_rings(where).values()):
-        if other in rings and _belongs(rings[other].path, side.newest, side.introduction):
+        if other in rings and own not in rings and _belongs(rings[other].path, side.newest, side.introduction):
             return rings[other].path
     return None
 
