@@ -18,7 +18,7 @@ from tests.apps.packages import add_drivers
 from tests.master.devices import test_contract as contract
 from tests.master.devices.benches import TICK, Bench, real_time
 from tests.system.packages import install
-from tests.system.processes import document
+from tests.system.processes import PATIENT, document
 from tests.system.systems import CONFIGS
 from weberlink.apps.devices import survey
 from weberlink.hardware.emulator import PtyDevice, WireFaults
@@ -194,7 +194,7 @@ def test_session_of_the_page_feels_the_wall(folder: Path, file: Path, wire: PtyD
         felt.append(emulator.force_n(now))
 
     emulator.receive = listen
-    patient = ("--set", "master.limits.device_ms=2000", "--set", "link.silence_ms=2000")  # the machine may stall
+    patient = ("--set", "master.limits.device_ms=2000", *PATIENT)
     ended = weberlink(folder, "loopback", file, "--duration", "3", "--json", "-", *patient)
     assert (document(ended.output)["outcome"], ended.status, ended.errors) == ("completed", 0, "")
     assert max(felt) > 1.0, "at most 2 cm deep in a wall of 300 N/m"

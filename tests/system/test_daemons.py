@@ -16,7 +16,17 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.system.processes import ENGAGED, Program, Records, Telemetry, document, faults_of, free_port, until
+from tests.system.processes import (
+    ENGAGED,
+    PATIENT,
+    Program,
+    Records,
+    Telemetry,
+    document,
+    faults_of,
+    free_port,
+    until,
+)
 from weberlink.cli import app
 from weberlink.protocol import DropReason
 from weberlink.protocol.handshake import PADDED_HELLO, PROTOCOL_VERSION
@@ -103,11 +113,11 @@ def in_contact(master: Telemetry) -> bool:
 @realtime
 def test_master_that_starts_first_finds_the_slave(system: Path) -> None:
     """Started as `python -m weberlink.SIDE`; the other tests start the slave first, as `weberlink SIDE`."""
-    with Program(system, "--json", "-", module="weberlink.master") as master:
+    with Program(system, "--json", "-", *PATIENT, module="weberlink.master") as master:
         waiting = master.telemetry("master")
         until(lambda: waiting.last["tick"] > 100, "ticks without a peer")
         assert ENGAGED not in waiting.records["state"]
-        with Program(system, "--json", "-", module="weberlink.slave") as slave:
+        with Program(system, "--json", "-", *PATIENT, module="weberlink.slave") as slave:
             for side, program in (("master", master), ("slave", slave)):
                 program.engaged(side)
             ended = {"master": stop(master), "slave": stop(slave)}
@@ -234,13 +244,13 @@ def check_approach(back: Records) -> None:
 @realtime
 def test_a_master_with_another_key_gets_no_session_and_disturbs_none(system: Path) -> None:
     with (
-        Program("slave", system, "--json", "-") as slave,
+        Program("slave", system, "--json", "-", *PATIENT) as slave,
         Program("master", system, "--set", f"link.key_file={system.parent / WRONG}", "--json", "-") as stranger,
     ):
         listening, calling = slave.telemetry("slave"), stranger.telemetry("master")
         until(lambda: listening.last["datagrams_dropped"] >= 3, "calls without proof")
         assert set(listening.records["state"]) == {State.LISTENING.value}
-        with Program("master", system, "--json", "-") as friend:
+        with Program("master", system, "--json", "-", *PATIENT) as friend:
             felt = friend.engaged("master")
             called = listening.last["datagrams_dropped"]
             until(lambda: listening.last["datagrams_dropped"] >= called + 2, "more calls without proof")
@@ -351,10 +361,9 @@ def garbage(genuine: list[bytes], count: int) -> Iterator[bytes]:
 @realtime
 def test_thousands_of_bad_datagrams_do_not_disturb_a_session(system: Path) -> None:
     thrown = 0
-    patient = ("--set", "link.silence_ms=2000")  # the tap is an ordinary thread, and waits for its turn
-    with Program("slave", system, *patient, "--json", "-") as slave, tapped(port_of(system)) as tap:
+    with Program("slave", system, *PATIENT, "--json", "-") as slave, tapped(port_of(system)) as tap:
         slave.telemetry("slave")
-        with Program("master", system, *patient, "--set", f"link.slave=127.0.0.1:{tap.port}", "--json", "-") as master:
+        with Program("master", system, *PATIENT, "--set", f"link.slave=127.0.0.1:{tap.port}", "--json", "-") as master:
             felt, moved = master.engaged("master"), slave.engaged("slave")
             until(lambda: in_contact(felt) and len(tap.heard) > 50, "a conversation")
             answered = int(moved.last["datagrams_received"])

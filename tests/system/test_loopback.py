@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.system.processes import ENGAGED, Program, document, faults_of, until
+from tests.system.processes import ENGAGED, PATIENT, Program, document, faults_of, until
 from tests.system.systems import CONFIGS
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.ring import process_started
@@ -71,7 +71,7 @@ def fits(text: str, width: int = WIDTH) -> bool:
 def three_seconds(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, dict[str, Any]]:
     """What a run of three seconds prints, and what it writes."""
     out = tmp_path_factory.mktemp("loopback") / "out.json"
-    with Program("loopback", "--duration", 3, "--json", out) as program:
+    with Program("loopback", "--duration", 3, "--json", out, *PATIENT) as program:
         daemons = until(lambda: len(program.daemons()) == 2 and program.daemons(), "two daemons")
         assert isinstance(daemons, list)
         status, output, errors = program.finish()

@@ -18,7 +18,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import PATIENCE, Program, document, free_port
+from tests.system.processes import PATIENCE, PATIENT, Program, document, free_port
 from tests.system.systems import CONFIGS
 from weberlink.apps.monitor.metrics import COUNTERS
 from weberlink.protocol.keys import generate
@@ -113,7 +113,7 @@ def watched(key: Path, tmp_path_factory: pytest.TempPathFactory) -> Watched:
     out, go = folder / "report.json", folder / "go"
     # Its number is known before it begins, so that everybody is there by then and looks at nothing else.
     held_back = ("sh", "-c", f'while [ ! -e "{go}" ]; do sleep 0.05; done; exec "$@"', "sh")
-    with Program("loopback", "--duration", LENGTH_S, "--json", out, prefix=held_back) as program:
+    with Program("loopback", "--duration", LENGTH_S, "--json", out, *PATIENT, prefix=held_back) as program:
         mine = ("--session", program.pid)
         with (
             Monitor(folder, *mine) as monitor,
@@ -292,7 +292,7 @@ def test_missing_server_is_one_line_and_page_is_served(tmp_path: Path, key: Path
 def test_joined_session_equals_the_joined_recordings(key: Path, tmp_path: Path) -> None:
     """The slave is followed over the link, the master on this host; `info` puts the two files on one clock."""
     address = f"127.0.0.1:{free_port()}"
-    where = ("--set", f"link.listen={address}", "--set", f"link.slave={address}")
+    where = ("--set", f"link.listen={address}", "--set", f"link.slave={address}", *PATIENT)
     files = tmp_path / "master.mcap", tmp_path / "slave.mcap"
     with (
         Program("slave", CONFIGS / "loopback.yaml", *where, "--record", files[1]) as slave,

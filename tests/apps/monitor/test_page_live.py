@@ -13,7 +13,7 @@ import pytest
 
 from tests.apps.monitor.browser import Browser, believed, browser
 from tests.apps.monitor.monitors import Monitor
-from tests.system.processes import ROOT, Program, document
+from tests.system.processes import PATIENT, ROOT, Program, document
 from tests.system.systems import CONFIGS
 from weberlink.telemetry.reader import RingReader
 from weberlink.telemetry.ring import default_path
@@ -57,7 +57,7 @@ def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> 
     with Monitor(tmp_path) as monitor:
         page.open(f"{monitor.url}/")  # a monitor that is there before the session sees all of it
         # Of six degrees of freedom, which has every figure that there is.
-        with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "2", "--json", out) as program:
+        with Program("loopback", CONFIGS / "rotation.yaml", "--duration", "2", "--json", out, *PATIENT) as program:
             name = str(program.pid)
             page.wait(lambda: name in page.text("session").split(), "the session")
             page.choose("session", name)
@@ -84,7 +84,10 @@ def test_numbers_on_the_page_equal_the_report(page: Browser, tmp_path: Path) -> 
 @pytest.fixture(scope="module")
 def demonstration(page: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, str]]:
     """A running session: process id of its launcher, and address of its page."""
-    with Program("loopback") as program, Monitor(tmp_path_factory.mktemp("m"), "--session", program.pid) as monitor:
+    with (
+        Program("loopback", *PATIENT) as program,
+        Monitor(tmp_path_factory.mktemp("m"), "--session", program.pid) as monitor,
+    ):
         page.open(f"{monitor.url}/")
         yield program.pid, f"{monitor.url}/"
 

@@ -72,7 +72,7 @@ class Feed(Protocol):
 
     @property
     def drained(self) -> bool:
-        """Whether the writer has ended and all its records were read."""
+        """Whether the writer has ended and all its records were read; changed by `read` only."""
 
     def read(self) -> Records:
         """The records since the last call."""

@@ -80,7 +80,8 @@ def test_feed_is_drained_after_its_last_record() -> None:
     assert first.drained
     assert not second.drained and len(second.read()) == 20
     source.ended = True
-    assert second.drained
+    assert not second.drained, "whoever follows it would miss the end"
+    assert len(second.read()) == 0 and second.drained
 
 
 @pytest.mark.parametrize(

@@ -117,6 +117,8 @@ class RemoteFeed:
         self.description = introduction.description
         self.over = False
         """Whether this feed takes no more records."""
+        self.drained = False
+        """Changed by `read` only, so that whoever reads sees the end."""
         self._source = side
         self._waiting: deque[Records] = deque()
         self._count = 0
@@ -130,10 +132,6 @@ class RemoteFeed:
     def lost(self) -> int:
         return self._source.lost + self._dropped
 
-    @property
-    def drained(self) -> bool:
-        return not self._waiting and (self.over or self._source.ended)
-
     def put(self, records: Records) -> None:
         self._waiting.append(records)
         self._count += len(records)
@@ -146,6 +144,7 @@ class RemoteFeed:
         records = joined(self._waiting)
         self._waiting.clear()
         self._count = 0
+        self.drained = self.over or self._source.ended
         return records
 
     def close(self) -> None:
