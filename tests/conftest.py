@@ -2,7 +2,8 @@
 
 A test marked `realtime` runs live sessions, in which a slow machine looks like a fault. Such tests come last. They run
 alone, unless this user may use SCHED_FIFO: daemons then go before all other work, and only those marked
-`realtime(alone=True)`, which measure time, run alone. Tests marked `hunt` explore; they run with `--hunt` only.
+`realtime(alone=True)`, which measure time, run alone. A live test that fails while the host itself stood still is run
+again, which the summary counts as a rerun. Tests marked `hunt` explore; they run with `--hunt` only.
 """
 
 import fcntl
@@ -10,18 +11,23 @@ import gc
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests import examples
+from tests.host_stalls import HostStalls, now
 
 # Libraries of linear algebra would put every processor to work on matrices of three rows; before numpy is imported.
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
+RERUNS = 2
+"""How often a live test is run again at most; each time only after a stall of the host."""
+BEGAN = pytest.StashKey[float]()
+"""When the present attempt of a test began, on the clock of the stalls."""
 LONG_FIRST = ("system", "studies", "apps", "cli", "protocol", "telemetry", "control")
 """Folders with slow files start first, so that no worker is left alone with one of them at the end."""
 
@@ -69,11 +75,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items.sort(key=place)
 
 
-@pytest.hookimpl(optionalhook=True)
-def pytest_collection_finish() -> None:
-    """Exclude what collection has created from garbage collection."""
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Exclude what collection has created from garbage collection, and watch the host if there are live tests."""
+    live = [] if session.config.option.usepdb else list(filter(is_realtime, session.items))
+    if live:
+        watcher = HostStalls()
+        session.config.add_cleanup(watcher.end)
+        for item in live:
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=partial(stood_still, item, watcher)))
     gc.collect()
     gc.freeze()
+
+
+def stood_still(item: pytest.Item, watcher: HostStalls) -> bool:
+    """Whether the host withheld its processors during the present attempt of a live test."""
+    began, item.stash[BEGAN] = item.stash[BEGAN], now()
+    return watcher.longest(began) > 0.0
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
@@ -86,9 +103,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
     if not hasattr(item.config, "workerinput"):
+        item.stash[BEGAN] = now()
         return (yield)
     # The temporary folder of a worker is in that of the run.
     with held(Path(item.config.option.basetemp).parent / "machine", alone=is_alone(item)):
+        item.stash[BEGAN] = now()
         return (yield)
 
 

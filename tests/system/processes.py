@@ -26,7 +26,7 @@ T = TypeVar("T")
 Records = NDArray[Any]
 
 ROOT = CONFIGS.parent
-PATIENCE = 120.0
+PATIENCE = 60.0
 """Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
 PATIENT = ("--set", "link.silence_ms=2000")
 """Arguments of live sessions that are about something else: a stall of the host is then no silence of the link."""

@@ -1,0 +1,69 @@
+"""Measure for how long the host withholds its processors, apart from what is tested.
+
+A process on each processor sleeps for a short time, again and again, above the priority of the daemons. If it wakes up
+late, no program of this machine could have been on time.
+"""
+
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from time import clock_gettime, clock_gettime_ns, sleep
+
+SLEEP_S = 0.005
+STALL_S = 0.05
+"""Shortest stall that excuses a live session [s]: half of the default limit of silence."""
+PRIORITY = 60
+"""Of SCHED_FIFO, above that of a daemon. Without this permission it runs as the daemons do, at a normal priority."""
+CLOCK = 7
+"""CLOCK_BOOTTIME of Linux, which also counts the time for which a virtual machine was suspended."""
+
+
+class HostStalls:
+    """Watches from its making to `end`."""
+
+    def __init__(self) -> None:
+        self._times = NamedTemporaryFile("r")  # noqa: SIM115 - closed at the end
+        self._watchers = [
+            subprocess.Popen([sys.executable, "-S", __file__, self._times.name, str(processor), str(os.getpid())])
+            for processor in sorted(os.sched_getaffinity(0))
+        ]
+
+    def end(self) -> None:
+        for watcher in self._watchers:
+            watcher.kill()
+            watcher.wait()
+        self._times.close()
+
+    def longest(self, since: float) -> float:
+        """The longest stall since a time of `now` [s]; 0 if there was none of `STALL_S`."""
+        sleep(2.0 * SLEEP_S)  # a stall that has just ended is being written
+        self._times.seek(0)
+        stalls = (tuple(map(float, line.split())) for line in self._times)
+        return max((length for at, length in stalls if at >= since), default=0.0)
+
+
+def now() -> float:
+    """Time on the clock of the stalls [s]."""
+    return clock_gettime(CLOCK)
+
+
+def watch(path: Path, processor: int, parent: int) -> None:
+    """Append the end and the length [s] of each stall, until the parent is gone."""
+    os.sched_setaffinity(0, {processor})
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
+    before = clock_gettime_ns(CLOCK)
+    while os.getppid() == parent:
+        sleep(SLEEP_S)
+        woken = clock_gettime_ns(CLOCK)
+        late, before = 1e-9 * (woken - before) - SLEEP_S, woken
+        if late >= STALL_S:
+            os.write(descriptor, f"{1e-9 * woken} {late}\n".encode())
+
+
+if __name__ == "__main__":
+    watch(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
