@@ -44,7 +44,7 @@ class RingReader:
         self._data = whole[RECORDS_AT:]
         whole.release()
         self._closed = False
-        self._next = self._oldest()
+        self._next = self._oldest(self._counter[0])
         self.overrun = 0
 
     @property
@@ -89,9 +89,9 @@ class RingReader:
         Records that the writer has overwritten before they could be copied whole are left out and counted in `overrun`.
         """
         end = self._counter[0]
-        first = max(self._next, self._oldest())
+        first = max(self._next, self._oldest(end))
         records = np.frombuffer(self._copy(first, end - first), DTYPE)
-        intact = min(max(first, self._oldest()), end)
+        intact = min(max(first, self._oldest(self._counter[0])), end)
         self.overrun += intact - self._next
         self._next = end
         return records[intact - first :]
@@ -113,9 +113,9 @@ class RingReader:
     ) -> None:
         self.close()
 
-    def _oldest(self) -> int:
-        """The oldest record that the writer cannot be touching."""
-        return max(0, self._counter[0] - self._capacity + 1)
+    def _oldest(self, complete: int) -> int:
+        """The oldest record that the writer cannot be touching when so many are complete."""
+        return max(0, complete - self._capacity + 1)
 
     def _copy(self, first: int, count: int) -> bytearray:
         start = first % self._capacity

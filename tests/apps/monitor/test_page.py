@@ -292,7 +292,7 @@ def test_released_button_and_trip_are_shown(page: Browser, server: ScriptedServe
     visit(page, server, session.hello(), *rows, session.figures(REPORT, faults=met))
     page.wait(lambda: page.data("state") == "released", "the state")
     assert page.text("state-detail") == "hold the button to engage"
-    assert page.text("faults") == "tripped"
+    page.wait(lambda: page.text("faults") == "tripped", "the faults")
     assert page.number("slew-limited") == REPORT["limited"]["slew_ticks"]
     clean(page, server)
 
