@@ -55,7 +55,7 @@ class Dialer:
         due: when the next HELLO is to be sent [s]; infinity when not calling.
         expects: name of the slave that is called; "" until it is known. The first slave that answers sets it.
         takes_over: whether to replace a master that the slave serves; cleared by `confirm`, so that two masters do not
-            take the slave from each other for ever.
+            take the slave from each other for ever. A slave that has served this run ignores it in any case.
     """
 
     def __init__(

@@ -315,8 +315,7 @@ class Endpoint(Conversation):
         """
         if not session.is_fresh or now >= session.silent_at:
             return False
-        caller, address = self._listener.origin_of(session)
-        self._listener.settle()
+        caller, address = self._listener.confirm(session)
         replaced, self._served = self._served, caller
         if self._session is not None and replaced is not None and caller.instance != replaced.instance:
             self._post(self._session.sender.send_bye(now, TAKEN_OVER + caller.name))

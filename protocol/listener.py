@@ -72,10 +72,11 @@ class _Pending(NamedTuple):
 
 @dataclass(slots=True)
 class _Master:
-    """A master that has proven the key: newest stamp, latest exchange, pending sessions."""
+    """A master that has proven the key: newest stamp, latest exchange, instance served last, pending sessions."""
 
     stamp: int
     exchanged_at: float = -inf
+    served: bytes = b""
     pending: deque[_Pending] = field(default_factory=lambda: deque(maxlen=PENDING_LIMIT))
 
 
@@ -101,13 +102,20 @@ class Listener:
         """Sessions that no datagram has confirmed yet."""
         return tuple(pending.session for master in self._masters.values() for pending in master.pending)
 
-    def origin_of(self, session: Session) -> tuple[Caller, Address]:
-        """Caller and address of a pending session."""
-        pending = (each for master in self._masters.values() for each in master.pending)
-        return next((each.caller, each.address) for each in pending if each.session is session)
+    def confirm(self, session: Session) -> tuple[Caller, Address]:
+        """Serve the caller of a pending session, and discard all pending ones; returns caller and address."""
+        master, caller, address = next(
+            (master, each.caller, each.address)
+            for master in self._masters.values()
+            for each in master.pending
+            if each.session is session
+        )
+        master.served = caller.instance
+        self.settle()
+        return caller, address
 
     def settle(self) -> None:
-        """Discard all pending sessions: one was confirmed, or none is wanted."""
+        """Discard all pending sessions."""
         for master in self._masters.values():
             master.pending.clear()
 
@@ -190,7 +198,8 @@ class Listener:
             return f"slave {self._end.name!r} serves master {self._end.expects!r} only, and {hello.name!r} called"
         if message := differences(Role.RESPONDER, self._agreement, agreement):
             return message
-        if serving is None or hello.instance == serving.instance or hello.takes_over:
+        was_served = hello.instance == self._masters[identity_of(hello.name)].served
+        if serving is None or hello.instance == serving.instance or (hello.takes_over and not was_served):
             return ""
         another = "another run of " if hello.name == serving.name else ""
         return f"slave {self._end.name!r} serves {another}master {serving.name!r}; to take it over, use --take-over"

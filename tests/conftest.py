@@ -88,9 +88,9 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def stood_still(item: pytest.Item, watcher: HostStalls) -> bool:
-    """Whether the host withheld its processors during the present attempt of a live test."""
+    """Whether the host stalled during the present attempt of a live test."""
     began, item.stash[BEGAN] = item.stash[BEGAN], now()
-    return watcher.longest(began) > 0.0
+    return watcher.has_stalled(began)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:

@@ -1,7 +1,7 @@
-"""Measure for how long the host withholds its processors, apart from what is tested.
+"""Detect stalls of the host: times in which it gives this machine no processor time.
 
-A process on each processor sleeps for a short time, again and again, above the priority of the daemons. If it wakes up
-late, no program of this machine could have been on time.
+A process on each processor sleeps for 5 ms again and again, at a higher priority than the daemons. If it wakes up late,
+the daemons could not have been on time either.
 """
 
 import os
@@ -16,13 +16,13 @@ SLEEP_S = 0.005
 STALL_S = 0.05
 """Shortest stall that excuses a live session [s]: half of the default limit of silence."""
 PRIORITY = 60
-"""Of SCHED_FIFO, above that of a daemon. Without this permission it runs as the daemons do, at a normal priority."""
+"""SCHED_FIFO priority, above that of a daemon; the normal scheduler, as for the daemons, if it is not permitted."""
 CLOCK = 7
 """CLOCK_BOOTTIME of Linux, which also counts the time for which a virtual machine was suspended."""
 
 
 class HostStalls:
-    """Watches from its making to `end`."""
+    """Watches from construction until `end`."""
 
     def __init__(self) -> None:
         self._times = NamedTemporaryFile("r")  # noqa: SIM115 - closed at the end
@@ -37,12 +37,11 @@ class HostStalls:
             watcher.wait()
         self._times.close()
 
-    def longest(self, since: float) -> float:
-        """The longest stall since a time of `now` [s]; 0 if there was none of `STALL_S`."""
+    def has_stalled(self, since: float) -> bool:
+        """Whether a stall of at least `STALL_S` has ended since a time of `now` [s]."""
         sleep(2.0 * SLEEP_S)  # a stall that has just ended is being written
         self._times.seek(0)
-        stalls = (tuple(map(float, line.split())) for line in self._times)
-        return max((length for at, length in stalls if at >= since), default=0.0)
+        return any(float(line) >= since for line in self._times)
 
 
 def now() -> float:
@@ -51,7 +50,7 @@ def now() -> float:
 
 
 def watch(path: Path, processor: int, parent: int) -> None:
-    """Append the end and the length [s] of each stall, until the parent is gone."""
+    """Append the end [s] of each stall to a file, until the parent is gone."""
     os.sched_setaffinity(0, {processor})
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -62,7 +61,7 @@ def watch(path: Path, processor: int, parent: int) -> None:
         woken = clock_gettime_ns(CLOCK)
         late, before = 1e-9 * (woken - before) - SLEEP_S, woken
         if late >= STALL_S:
-            os.write(descriptor, f"{1e-9 * woken} {late}\n".encode())
+            os.write(descriptor, f"{1e-9 * woken}\n".encode())
 
 
 if __name__ == "__main__":

@@ -106,6 +106,24 @@ def test_take_over_is_repeated_until_the_slave_serves_the_new_master() -> None:
     assert pair.master.of(TakenOver) == [TakenOver("bob@desk")]
 
 
+def test_deaf_master_does_not_take_the_slave_back() -> None:
+    """Of all that the slave sends under the keys of a session, nothing reaches the master that took over first."""
+    pair = named()
+    deaf = join(pair, take_over=True)
+    pair.swallow = lambda side, data: (
+        side is pair.slave
+        and (pair.slave.endpoint.peer == deaf.address or kind_of(data) == Kind.BYE)
+        and kind_of(data) != Kind.WELCOME
+    )
+    pair.run(0.3)
+    other = join(pair, take_over=True, seed=78, name="eve@desk")
+    other.address = ("192.0.2.10", 40_010)
+    pair.run(1.5)
+    assert len(deaf.of(Refused)) == 1
+    assert not other.of(TakenOver)
+    assert other.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
+
+
 def test_of_two_masters_that_may_take_over_one_stays() -> None:
     """The farewell to the first is lost; when it calls again, it does not take over again."""
     pair = named()

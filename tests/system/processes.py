@@ -29,7 +29,7 @@ ROOT = CONFIGS.parent
 PATIENCE = 60.0
 """Until a test gives up on what must come [s]; says nothing about how fast the program has to be."""
 PATIENT = ("--set", "link.silence_ms=2000")
-"""Arguments of live sessions that are about something else: a stall of the host is then no silence of the link."""
+"""For live sessions of tests that are not about silence: a short stall of the host then causes no fault."""
 ENGAGED = State.ENGAGED.value
 
 
