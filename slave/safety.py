@@ -1,9 +1,10 @@
-"""Protects the robot from decoded commands: engagement without a jump, a speed limit, a workspace, trips."""
+"""Protects the robot from decoded commands: engagement without a jump, limits of speed, place and contact, trips."""
 
 from collections.abc import Callable
 from math import hypot
 from typing import Generic, TypeVar
 
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
 Workspace = tuple[Vector, Vector]
@@ -96,6 +97,45 @@ class Follower(Generic[Place]):
         self._held = held
         self.clipped = self._following and held != commanded
         return held
+
+
+class PressLimit:
+    """Bounds the force with which a robot presses on what it touches.
+
+    Against the contact force F the command may lie at most (most - F) / stiffness deeper than where the robot would
+    rest with F, which adds no more than the rest of the limit, however stiff the contact is. Motion along the surface
+    and away from it is not bounded.
+
+    Args:
+        most: largest contact force [N], > 0.
+        stiffness: of the robot towards its command [N/m], > 0; an infinite one is not bounded.
+    """
+
+    __slots__ = ("_compliance", "_most")
+
+    def __init__(self, most: float, stiffness: float) -> None:
+        self._most = most
+        self._compliance = 1.0 / stiffness
+
+    def bounded(self, target: Vector, rest: Vector, force: Vector) -> Vector:
+        """The target [m], moved back along the contact force if it lies too deep; itself if it does not.
+
+        Args:
+            target: position that the robot is to be commanded to [m].
+            rest: command at which the robot would rest with this force where it is [m].
+            force: of the environment on the robot [N].
+        """
+        x, y, z = force
+        length = hypot(x, y, z)
+        compliance = self._compliance
+        if length < LEAST_CONTACT or compliance == 0.0:
+            return target
+        deeper = ((rest[0] - target[0]) * x + (rest[1] - target[1]) * y + (rest[2] - target[2]) * z) / length
+        excess = deeper - (self._most - length) * compliance
+        if excess <= 0.0:
+            return target
+        share = excess / length
+        return (target[0] + share * x, target[1] + share * y, target[2] + share * z)
 
 
 class CommandGuard(Follower[Vector]):
