@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import Vector, distance, norm
+from weberlink.geometry.vector import ZERO, Vector, distance, norm
 
 _UNKNOWN: Vector = (float("nan"),) * 3
 
@@ -43,14 +43,24 @@ _EXTRAPOLATION = ModelRecord(ModelKind.LINE)
 
 
 class ContactSurface(Protocol):
-    """An elastic surface at rest: its force depends on the position only."""
+    """An elastic surface, which may have friction and may move."""
 
     @property
     def stiffness(self) -> float:
         """Stiffness s [N/m]; at a force f the surface stores f^2 / (2 s) [J]."""
 
     def at(self, tick: float, position: Vector) -> Vector:
-        """The force [N] at a position [m]; the tick is not read."""
+        """The force without friction [N], at a tick of the sender and a position [m]."""
+
+    @property
+    def memory(self) -> Any:
+        """As that of a `Model`: None without friction."""
+
+    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
+        """The force with friction [N], and the new memory."""
+
+    def displacement(self, tick: float) -> Vector:
+        """How far the surface has moved since its newest sample [m]."""
 
     def record(self) -> ModelRecord:
         """The surface as telemetry records it."""
@@ -89,8 +99,12 @@ class Model(ABC):
         return newest.value
 
     def surface(self) -> ContactSurface | None:
-        """The contact surface at the newest sample, to render, draw or record; None if the model describes none."""
+        """The contact surface, to render, draw or record; None if the model describes none."""
         return None
+
+    def displacement(self, tick: float) -> Vector:  # noqa: ARG002
+        """How far the surface that the model describes has moved since its newest sample [m]."""
+        return ZERO
 
     def record(self) -> ModelRecord:
         """The model as telemetry records it."""

@@ -88,8 +88,11 @@ class SurfacePatch(Model):
         return (push * a + pull * u, push * b + pull * v, push * c + pull * w), held if is_finite(held) else memory
 
     def surface(self) -> "SurfacePatch":
-        """The patch as it was at the newest sample, without motion and friction, which are not elastic."""
-        return SurfacePatch(self.normal, self.point, self.tick, self.stiffness, self.curvature)
+        return self
+
+    def displacement(self, tick: float) -> Vector:
+        raised = self._raised(tick)
+        return ZERO if raised == 0.0 else scale(self.normal, raised)
 
     def record(self) -> ModelRecord:
         if self.curvature == 0.0:

@@ -6,7 +6,20 @@ from weberlink.geometry.vector import ZERO, Vector
 
 
 @dataclass(frozen=True)
-class Wall:
+class Still:
+    """At rest and without friction."""
+
+    memory = None
+
+    def advance(self, tick: float, position: Vector, memory: object) -> tuple[Vector, object]:
+        raise AssertionError("not called without a memory")
+
+    def displacement(self, tick: float) -> Vector:
+        return ZERO
+
+
+@dataclass(frozen=True)
+class Wall(Still):
     """Solid below a height [m] on z."""
 
     stiffness: float = 500.0
@@ -17,7 +30,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Ball:
+class Ball(Still):
     """Solid within a radius [m] of a centre [m]."""
 
     stiffness: float = 500.0

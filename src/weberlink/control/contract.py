@@ -1,7 +1,7 @@
 """The interface of a control scheme: one class for each end of the link."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from weberlink.geometry.vector import Vector
 
@@ -25,15 +25,28 @@ class LinkQuality(NamedTuple):
 
 
 class WallModel(Protocol):
-    """A received model of a contact: an elastic wall at rest, without friction."""
+    """A received model of a contact: an elastic surface that may have friction and may move."""
 
     @property
     def stiffness(self) -> float:
-        """Stiffness s [N/m]; at a force f the wall stores f^2 / (2 s) [J]."""
+        """Stiffness s [N/m]; at a force f the surface stores f^2 / (2 s) [J]."""
+        ...
+
+    @property
+    def memory(self) -> Any:
+        """The god-object of friction at the newest sample, for `advance`; None without friction."""
         ...
 
     def at(self, tick: float, position: Vector) -> Vector:
-        """The force of the wall [N] at a position [m]; the tick is not read."""
+        """The force without friction [N], at a tick of the other side and a position [m]."""
+        ...
+
+    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
+        """The force with friction [N], and the new memory. Not called if `memory` is None."""
+        ...
+
+    def displacement(self, tick: float) -> Vector:
+        """How far the surface has moved since its newest sample [m]."""
         ...
 
 
@@ -106,7 +119,7 @@ class MasterControl(Control, Protocol):
         Args:
             position: position of the device [m].
             elapsed: time since the last call [s].
-            tick: the present time on the tick clock of the other side, at which its models are evaluated.
+            tick: the tick of the other side from which an update can have arrived by now.
             peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
             quality: state of the link.
         """

@@ -105,28 +105,35 @@ class ForcePort:
         self._lately = max(seen, self._lately)
         self._mobility = max(seen, self._mobility + FORGET * (least - self._mobility))
 
-    def passive(self, force: Vector, tank: float, elapsed: float) -> Vector:
-        """The part of a force [N] that may be displayed with this energy in the tank [J]."""
+    def passive(self, force: Vector, tank: float, elapsed: float, supplied: float = 0.0) -> Vector:
+        """The part of a force [N] that may be displayed.
+
+        Args:
+            force: the whole of it [N].
+            tank: energy in the tank [J].
+            elapsed: time since the last call [s].
+            supplied: energy that comes into the tank in the next tick whatever the hand does [J].
+        """
         length = hypot(force[0], force[1], force[2])
         if length == 0.0:
             self._withheld = 0.0
             return ZERO
         self._withheld = max(
             self._withheld * max(0.0, 1.0 - elapsed / RECOVERY * min(1.0, max(0.0, tank) / self._level)),
-            length * (1.0 - self._affordable_share(force, tank)),
+            length * (1.0 - self._affordable_share(force, SHARE_OF_TANK * tank + supplied)),
         )
         held = self._held
         steepest = hypot(held[0], held[1], held[2]) + STEEPEST * elapsed
         share = max(0.0, min(length - self._withheld, steepest)) / length
         return (force[0] * share, force[1] * share, force[2] * share)
 
-    def _affordable_share(self, force: Vector, tank: float) -> float:
-        """The largest share of a force [N] that takes at most `SHARE_OF_TANK` of the tank [J] in the next tick."""
+    def _affordable_share(self, force: Vector, energy: float) -> float:
+        """The largest share of a force [N] that takes at most this energy [J] in the next tick."""
         way, held = self._way, self._held
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
         rise = force[0] * (force[0] - held[0]) + force[1] * (force[1] - held[1]) + force[2] * (force[2] - held[2])
         leaves = along + self._lately * max(0.0, rise)
-        return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, SHARE_OF_TANK * tank / leaves))
+        return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, energy / leaves))
 
     def hold(self, force: Vector) -> None:
         """Take in the force that is displayed until the next call of `move` [N]."""

@@ -12,6 +12,26 @@ from weberlink.control.contract import LEAST_CONTACT, WallModel
 from weberlink.geometry.vector import ZERO, Vector
 
 
+def matched(position: Vector, stated: Vector, stiffness: float, displayed: Vector) -> Vector:
+    """The position [m] at which a model states the displayed force, on the line of the stated force.
+
+    Args:
+        position: of the device [m].
+        stated: force of the model there [N].
+        stiffness: of the model [N/m].
+        displayed: force [N].
+    """
+    length = hypot(stated[0], stated[1], stated[2])
+    if length < LEAST_CONTACT:
+        return position
+    along = (displayed[0] * stated[0] + displayed[1] * stated[1] + displayed[2] * stated[2]) / length
+    lack = length - max(0.0, along)
+    if lack <= 0.0:
+        return position
+    share = lack / (length * stiffness)
+    return (position[0] + share * stated[0], position[1] + share * stated[1], position[2] + share * stated[2])
+
+
 class ForceMatching:
     """The newest contact model, and the command at which it states the displayed force.
 
@@ -45,17 +65,8 @@ class ForceMatching:
 
         Args:
             position: of the device [m].
-            tick: the present time on the tick clock of the other side.
+            tick: on the tick clock of the other side, at which the model is evaluated.
         """
         surface = self._surface
         force = self._force if surface is None else surface.at(tick, position)
-        length = hypot(force[0], force[1], force[2])
-        if length < LEAST_CONTACT:
-            return position
-        shown = self.displayed
-        along = (shown[0] * force[0] + shown[1] * force[1] + shown[2] * force[2]) / length
-        lack = length - max(0.0, along)
-        if lack <= 0.0:
-            return position
-        share = lack / (length * self.stiffness)
-        return (position[0] + share * force[0], position[1] + share * force[1], position[2] + share * force[2])
+        return matched(position, force, self.stiffness, self.displayed)

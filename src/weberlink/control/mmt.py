@@ -17,12 +17,12 @@ from math import dist, hypot
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
-from weberlink.control.matching import ForceMatching
-from weberlink.control.model import SurfaceMixture
+from weberlink.control.matching import matched
+from weberlink.control.model import TURN, SurfaceMixture
 from weberlink.geometry.vector import ZERO, Vector, interpolate
 
-TURN = 0.05
-"""Time in which a new model replaces the old one, if energy allows it [s]."""
+LEAD_TIME = 1.0
+"""Time constant with which the trip to the other side follows the measured round trip [s]."""
 MISFIT = 0.2
 """Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
@@ -35,16 +35,21 @@ class MmtMaster:
     """Renders the model. The tank holds the energy stored in the model and the energy for changes of the model."""
 
     __slots__ = (
+        "_coupling",
+        "_displayed",
         "_drag",
         "_elapsed",
         "_fallback",
         "_held",
+        "_lead",
         "_level",
-        "_matching",
         "_mixture",
         "_port",
+        "_supplied",
         "_tank",
         "_tick",
+        "_tick_period",
+        "_wanted",
     )
 
     active = "mmt"
@@ -52,19 +57,19 @@ class MmtMaster:
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
+        self._coupling = settings.coupling
+        self._tick_period = settings.tick_period
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
         self._tank = EnergyTank()
         self._mixture = SurfaceMixture()
-        self._fallback: Vector = ZERO
-        self._held: Vector = ZERO
-        self._matching = ForceMatching(settings.coupling)
-        self._elapsed = 0.0
-        self._tick = 0.0
+        self._elapsed = self._tick = self._lead = 0.0
+        self._forget()
 
     @property
     def stiffness(self) -> float:
-        return self._matching.stiffness
+        newest = self._mixture.newest
+        return self._coupling if newest is None else newest.surface.stiffness
 
     @property
     def tank(self) -> float:
@@ -80,46 +85,72 @@ class MmtMaster:
 
     def _forget(self) -> None:
         self._port.reset()
-        self._matching.reset()
         self._mixture.reset()
-        self._fallback = self._held = ZERO
+        self._fallback: Vector = ZERO
+        self._held: Vector = ZERO
+        self._wanted: Vector = ZERO
+        self._displayed: Vector = ZERO
+        self._supplied = 0.0
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        self._matching.learn(surface, force)
+        mixture = self._mixture
         if surface is not None:
-            self._mixture.want(surface, self._port.position)
+            mixture.want(surface)
             self._fallback = ZERO
             return
-        wanted = self._mixture.wanted
-        if wanted is not None and agree(wanted.at(0.0, position), force):
+        newest = mixture.newest
+        if newest is not None and agree(newest.surface.at(self._tick, position), force):
             return  # the sample agrees with the model: free space in front of the wall, or a point on it
-        self._mixture.want(None, self._port.position)
+        mixture.want(None)
         self._fallback = force
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         tank, mixture = self._tank, self._mixture
-        tank.level += self._port.move(position)
-        _, stored = mixture.at(position)
-        share = min(1.0, elapsed / TURN)
-        mixture.turn(share, position, elapsed, tank.level - stored)
-        self._held = interpolate(self._held, self._fallback, share)
-        tank.spill(stored + CAP * self._level)
+        if quality.rtt is not None:
+            self._lead += (0.5 * quality.rtt - self._lead) * min(1.0, elapsed / LEAD_TIME)
         self._elapsed, self._tick = elapsed, tick
+        tank.level += self._port.move(position)
+        self._supplied = self._displayed_share() * mixture.follow(self._present, position)
+        tank.level += self._supplied
+        mixture.turn(elapsed, tank.level - mixture.stored)
+        self._held = interpolate(self._held, self._fallback, min(1.0, elapsed / TURN))
+        tank.spill(mixture.stored + CAP * self._level)
+
+    @property
+    def _present(self) -> float:
+        """The present tick of the other side, at which the model is displayed."""
+        return self._tick + self._lead / self._tick_period
+
+    def _displayed_share(self) -> float:
+        """The share of the force of the model that was displayed, 0 to 1."""
+        wanted, displayed = self._wanted, self._displayed
+        squared = wanted[0] * wanted[0] + wanted[1] * wanted[1] + wanted[2] * wanted[2]
+        if squared == 0.0:
+            return 0.0
+        along = displayed[0] * wanted[0] + displayed[1] * wanted[1] + displayed[2] * wanted[2]
+        return min(1.0, max(0.0, along / squared))
 
     def command(self, position: Vector) -> Vector:
-        return self._matching.command(position, self._tick)
+        newest = self._mixture.newest
+        if newest is None:
+            return matched(position, self._fallback, self._coupling, self._displayed)
+        surface, present = newest.surface, self._present
+        x, y, z = matched(position, newest.force, surface.stiffness, self._displayed)
+        # The command arrives a trip later. By then a surface that moves has carried the contact along.
+        a, b, c = surface.displacement(present)
+        u, v, w = surface.displacement(present + self._lead / self._tick_period)
+        return (x + u - a, y + v - b, z + w - c)
 
     def render(self, force: Vector) -> Vector:  # noqa: ARG002
-        port, tank = self._port, self._tank
-        modelled, stored = self._mixture.at(port.position)
-        held = self._held
-        wanted = (modelled[0] + held[0], modelled[1] + held[1], modelled[2] + held[2])
-        passive = port.passive(wanted, tank.level, self._elapsed)
-        return self._drag.added(passive, port.way, self._elapsed, tank.level - stored, port.mobility)
+        port, tank, mixture = self._port, self._tank, self._mixture
+        modelled, held = mixture.force, self._held
+        self._wanted = wanted = (modelled[0] + held[0], modelled[1] + held[1], modelled[2] + held[2])
+        passive = port.passive(wanted, tank.level, self._elapsed, self._supplied)
+        return self._drag.added(passive, port.way, self._elapsed, tank.level - mixture.stored, port.mobility)
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
-        self._matching.displayed = force
+        self._displayed = force
 
     def forgive(self, elapsed: float) -> None:
         """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""

@@ -1,18 +1,25 @@
 """A mixture of received contact models that are faded into one another without creating energy.
 
-Every model is an elastic wall at rest. A new wall that would press harder than the energy allows is displayed recessed:
-at a greater depth, with its own stiffness. It rises as energy becomes available. A mixture with fixed weights and
-recesses is conservative. Only a change of it creates or takes energy, and the amount is known before the change.
+Every model is an elastic surface, which may have friction and may move. A new surface that would press harder than the
+energy allows is displayed recessed: at a greater depth, with its own stiffness. It rises as energy becomes available.
+
+A mixture with fixed weights and recesses is passive: in the frame of each surface, the force is that of a spring to an
+anchor, the foot of the hand or the god-object of friction, and the anchor slides towards the hand only, which takes
+energy. A change of the mixture creates or takes energy, and the amount is known before the change. A surface that moves
+does work on the hand; `follow` returns it.
 """
 
 from math import hypot, sqrt
-from operator import attrgetter
+from typing import Any
 
 from weberlink.control.contract import WallModel
+from weberlink.control.force_port import STEEPEST
 from weberlink.geometry.vector import ZERO, Vector
 
+TURN = 0.05
+"""Time in which a new model replaces the old one, if energy allows it [s]."""
 MOST_SURFACES = 6
-"""Largest number of surfaces in a mixture; beyond it, the one with the least weight is dropped, which takes energy."""
+"""Largest number of surfaces in a mixture; beyond it, a new one waits until another has faded out."""
 LEAST_WEIGHT = 0.01
 """A surface with a smaller weight is dropped."""
 RISE_SPEED = 0.03
@@ -23,44 +30,78 @@ SPENT_AT_ONCE = 0.1
 
 
 class RecessedSurface:
-    """A surface in the mixture, with its weight (0 to 1) and its recess: the additional depth [m], >= 0."""
+    """A surface in the mixture, with its weight (0 to 1) and its recess: the additional depth [m], >= 0.
 
-    __slots__ = ("recess", "surface", "weight")
+    Attributes:
+        force: that the surface states at the hand, without recess and weight [N].
+        pressed: size of the force with the recess, without the weight [N].
+    """
 
-    def __init__(self, surface: WallModel, recess: float) -> None:
+    __slots__ = ("_length", "_moved", "force", "memory", "pressed", "recess", "surface", "weight")
+
+    def __init__(self, surface: WallModel, memory: Any, tick: float) -> None:
         self.surface = surface
+        self.memory = memory
+        self.weight = self.recess = self.pressed = self._length = 0.0
+        self.force: Vector = ZERO
+        self._moved = surface.displacement(tick)
+
+    @property
+    def stored(self) -> float:
+        """Stored energy, without the weight [J]."""
+        return 0.5 * self.pressed * self.pressed / self.surface.stiffness
+
+    def follow(self, tick: float, position: Vector) -> float:
+        """Go on to this tick and position of the hand [m]; returns the work of its motion without the weight [J]."""
+        surface, before = self.surface, self._moved
+        moved = surface.displacement(tick)
+        work = 0.0
+        if moved is not before:
+            self._moved = moved
+            force = self.force
+            x, y, z = moved[0] - before[0], moved[1] - before[1], moved[2] - before[2]
+            if self.pressed > 0.0:
+                work = self.pressed / self._length * (force[0] * x + force[1] * y + force[2] * z)
+        if self.memory is None:
+            force = surface.at(tick, position)
+        else:
+            force, self.memory = surface.advance(tick, position, self.memory)
+        self.force = force
+        self._length = hypot(force[0], force[1], force[2])
+        self.sink_to(self.recess)
+        return work
+
+    def sink_to(self, recess: float) -> None:
         self.recess = recess
-        self.weight = 0.0
+        self.pressed = max(0.0, self._length - recess * self.surface.stiffness)
 
-    def at(self, position: Vector) -> tuple[Vector, float]:
-        """Force [N] and stored energy [J] at a position [m], without the weight."""
-        force = self.surface.at(0.0, position)
-        length = hypot(force[0], force[1], force[2])
-        pressed = length - self.recess * self.surface.stiffness
-        if pressed <= 0.0:
-            return ZERO, 0.0
-        share = pressed / length
-        stored = 0.5 * pressed * pressed / self.surface.stiffness
-        return (share * force[0], share * force[1], share * force[2]), stored
+    def press_no_harder_than(self, most: float) -> None:
+        """Take the least recess with which it presses with at most this force [N]."""
+        self.sink_to(max(0.0, self._length - most) / self.surface.stiffness)
 
-    def come_up(self, position: Vector, elapsed: float, spare: float) -> None:
+    def weighted(self, weight: float) -> Vector:
+        """A share of the force with the recess [N]."""
+        if self.pressed == 0.0:
+            return ZERO
+        share, force = weight * self.pressed / self._length, self.force
+        return (share * force[0], share * force[1], share * force[2])
+
+    def come_up(self, elapsed: float, spare: float) -> None:
         """Reduce the recess: up to the hand at once, and against the hand as fast as the spare energy [J] allows."""
         if self.recess == 0.0:
             return
-        force = self.surface.at(0.0, position)
         stiffness = self.surface.stiffness
-        depth = hypot(force[0], force[1], force[2]) / stiffness
-        self.recess = min(self.recess, depth)  # free up to the hand
-        pressed = depth - self.recess
+        recess = min(self.recess, self._length / stiffness)  # free up to the hand
+        pressed = self._length / stiffness - recess
         affordable = SPENT_AT_ONCE * max(0.0, spare)
         rise = sqrt(pressed * pressed + 2.0 * affordable / stiffness) - pressed
-        self.recess = max(0.0, self.recess - min(rise, RISE_SPEED * elapsed))
+        self.sink_to(max(0.0, recess - min(rise, RISE_SPEED * elapsed)))
 
 
 class SurfaceMixture:
     """Weighted surfaces: the newest is the wanted one and fades in, the others fade out."""
 
-    __slots__ = ("_parts", "_wanted")
+    __slots__ = ("_parts", "_position", "_tick", "_waiting", "_wanted")
 
     def __init__(self) -> None:
         self.reset()
@@ -68,79 +109,135 @@ class SurfaceMixture:
     def reset(self) -> None:
         self._parts: list[RecessedSurface] = []
         self._wanted: RecessedSurface | None = None
+        self._waiting: RecessedSurface | None = None
+        self._tick = 0.0
+        self._position: Vector = ZERO
 
     @property
-    def wanted(self) -> WallModel | None:
-        """The surface that the mixture changes to; None for free space."""
-        return None if self._wanted is None else self._wanted.surface
+    def newest(self) -> RecessedSurface | None:
+        """The surface that the mixture changes to, or will; None for free space."""
+        return self._wanted if self._waiting is None else self._waiting
 
-    def want(self, surface: WallModel | None, position: Vector) -> None:
+    @property
+    def force(self) -> Vector:
+        """Force on the hand [N]."""
+        x = y = z = 0.0
+        for part in self._parts:
+            a, b, c = part.weighted(part.weight)
+            x, y, z = x + a, y + b, z + c
+        return (x, y, z)
+
+    @property
+    def stored(self) -> float:
+        """Stored energy [J]."""
+        stored = 0.0
+        for part in self._parts:
+            stored += part.weight * part.stored
+        return stored
+
+    def follow(self, tick: float, position: Vector) -> float:
+        """Go on to a tick and a position of the hand.
+
+        Args:
+            tick: at which surfaces that move are evaluated.
+            position: of the hand [m].
+
+        Returns:
+            Work of the motion of the surfaces on the hand since the last call, by the force before it [J].
+        """
+        self._tick, self._position = tick, position
+        work = 0.0
+        for part in self._parts:
+            work += part.weight * part.follow(tick, position)
+        if self._waiting is not None:
+            self._waiting.follow(tick, position)
+        return work
+
+    def want(self, surface: WallModel | None) -> None:
         """Begin to change to this surface, recessed so that it presses no harder on the hand than the mixture does.
+
+        A surface with friction keeps the god-object that the hand has dragged along the surface before it.
 
         Args:
             surface: the new surface; None for free space.
-            position: position of the hand [m].
         """
+        newest = self.newest
+        self._waiting = None
         if surface is None:
             self._wanted = None
             return
-        felt, _ = self.at(position)
-        force = surface.at(0.0, position)
-        excess = hypot(force[0], force[1], force[2]) - hypot(felt[0], felt[1], felt[2])
-        self._wanted = RecessedSurface(surface, max(0.0, excess) / surface.stiffness)
-        self._parts = [*sorted(self._parts, key=attrgetter("weight"))[1 - MOST_SURFACES :], self._wanted]
+        memory = surface.memory
+        if memory is not None and newest is not None and newest.memory is not None:
+            memory = newest.memory
+        self._waiting = RecessedSurface(surface, memory, self._tick)
+        self._waiting.follow(self._tick, self._position)
+        self._let_in()
 
-    def at(self, position: Vector) -> tuple[Vector, float]:
-        """Force [N] and stored energy [J] at a position [m]."""
-        x = y = z = stored = 0.0
-        for part in self._parts:
-            force, energy = part.at(position)
-            weight = part.weight
-            x, y, z = x + weight * force[0], y + weight * force[1], z + weight * force[2]
-            stored += weight * energy
-        return (x, y, z), stored
+    def _let_in(self) -> None:
+        """Begin to change to the surface that waits, if there is room for it."""
+        waiting = self._waiting
+        if waiting is None:
+            return
+        if len(self._parts) >= MOST_SURFACES:
+            self._parts = [part for part in self._parts if part.pressed > 0.0]
+        if len(self._parts) < MOST_SURFACES:
+            waiting.press_no_harder_than(hypot(*self.force))
+            self._wanted, self._waiting = waiting, None
+            self._parts.append(waiting)
 
-    def turn(self, share: float, position: Vector, elapsed: float, spare: float) -> None:
+    def turn(self, elapsed: float, spare: float) -> None:
         """Move weight to the wanted surface, and let it rise.
 
+        The force on the hand turns, rises and drops by this at no more than `STEEPEST`. A drop is delayed only as long
+        as the surfaces that cause the force are there: they store the energy that the hand takes out meanwhile.
+
         Args:
-            share: weight that may move now, 0 to 1.
-            position: position of the hand [m].
             elapsed: time since the last call [s].
             spare: energy that the change may put into the model [J].
         """
+        share, most = min(1.0, elapsed / TURN), STEEPEST * elapsed
+        self._let_in()
         wanted = self._wanted
         if wanted is None:
-            self._fade(list(self._parts), 1.0 - share)
+            length = hypot(*self.force)
+            self._fade(self._parts, 1.0 - (min(share, most / length) if length > 0.0 else share))
             return
-        others = [part for part in self._parts if part is not wanted]
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:
-            spare -= self._move(wanted, others, moved, position, spare)
-        wanted.come_up(position, elapsed, spare)
+            spare -= self._move(wanted, moved, most, spare)
+        wanted.come_up(elapsed, spare)
 
-    def _move(
-        self, wanted: RecessedSurface, others: list[RecessedSurface], moved: float, position: Vector, spare: float
-    ) -> float:
-        """Move this weight to the wanted surface, or as much as the energy allows; returns the energy cost [J].
+    def _move(self, wanted: RecessedSurface, moved: float, most: float, spare: float) -> float:
+        """Move this weight to the wanted surface, or as much as energy and slew allow; returns the energy cost [J].
 
         The other surfaces lose weight so that the sum stays at most 1. They lose more, up to the weight that moves, if
         the energy that this frees is needed.
         """
         spare = max(0.0, spare)
-        of_others = sum(part.weight for part in others)
-        price = moved * wanted.at(position)[1]
+        others = [part for part in self._parts if part is not wanted]
+        of_others = freed = x = y = z = 0.0
+        for part in others:
+            weight = part.weight
+            a, b, c = part.weighted(weight)
+            of_others, freed = of_others + weight, freed + weight * part.stored
+            x, y, z = x + a, y + b, z + c
+        if of_others > 0.0:
+            freed /= of_others
+        price = moved * wanted.stored
         lost = max(0.0, wanted.weight + of_others + moved - 1.0)
-        freed = sum(part.weight * part.at(position)[1] for part in others) / of_others if of_others > 0.0 else 0.0
         if price - lost * freed > spare and freed > 0.0:
             lost = max(lost, min(moved, of_others, (price - spare) / freed))
         price -= lost * freed
-        if price > spare:
-            moved, lost, price = (spare / price * amount for amount in (moved, lost, price))
+        share = spare / price if price > spare else 1.0
+        a, b, c = wanted.weighted(moved)
+        left = lost / of_others if of_others > 0.0 else 0.0
+        change = hypot(a - left * x, b - left * y, c - left * z)
+        if change * share > most:
+            share = most / change
         if of_others > 0.0:
-            self._fade(others, max(0.0, 1.0 - lost / of_others))
-        wanted.weight += moved
-        return price
+            self._fade(others, max(0.0, 1.0 - share * left))
+        wanted.weight += share * moved
+        return share * price
 
     def _fade(self, parts: list[RecessedSurface], share: float) -> None:
         """Multiply the weights of these surfaces by a share; drop a surface whose weight falls below `LEAST_WEIGHT`."""
