@@ -38,19 +38,23 @@ class ForcePort:
         "_least_mobility",
         "_level",
         "_mobility",
+        "_passed",
         "_position",
+        "_steepest",
         "_step",
         "_way",
         "_withheld",
     )
 
-    def __init__(self, tick_period: float, level: float) -> None:
+    def __init__(self, tick_period: float, level: float, steepest: float = STEEPEST) -> None:
         """Make the port.
 
         Args:
             tick_period: time between ticks [s].
             level: energy at which the tank counts as full [J].
+            steepest: largest rise of what `passive` lets through [N/s].
         """
+        self._steepest = steepest
         self._level = level
         self._least_mobility = tick_period * tick_period / (2.0 * LEAST_MASS)
         self.reset()
@@ -61,7 +65,7 @@ class ForcePort:
         self._held: Vector = ZERO
         self._step: Vector = ZERO
         self._mobility = self._lately = self._least_mobility
-        self._withheld = 0.0
+        self._withheld = self._passed = 0.0
 
     @property
     def way(self) -> Vector:
@@ -116,15 +120,15 @@ class ForcePort:
         """
         length = hypot(force[0], force[1], force[2])
         if length == 0.0:
-            self._withheld = 0.0
+            self._withheld = self._passed = 0.0
             return ZERO
         self._withheld = max(
             self._withheld * max(0.0, 1.0 - elapsed / RECOVERY * min(1.0, max(0.0, tank) / self._level)),
             length * (1.0 - self._affordable_share(force, SHARE_OF_TANK * tank + supplied)),
         )
-        held = self._held
-        steepest = hypot(held[0], held[1], held[2]) + STEEPEST * elapsed
-        share = max(0.0, min(length - self._withheld, steepest)) / length
+        # A ramp from the force that is held would never rise against a drag that is added to it.
+        self._passed = max(0.0, min(length - self._withheld, self._passed + self._steepest * elapsed))
+        share = self._passed / length
         return (force[0] * share, force[1] * share, force[2] * share)
 
     def _affordable_share(self, force: Vector, energy: float) -> float:

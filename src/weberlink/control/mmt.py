@@ -12,7 +12,7 @@ newest received force is held. The passivity controller of `ForcePort` also limi
 of the model could create.
 """
 
-from math import dist, hypot
+from math import dist, hypot, inf
 
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
@@ -60,7 +60,7 @@ class MmtMaster:
         self._coupling = settings.coupling
         self._tick_period = settings.tick_period
         self._drag = LevelDrag(settings.damping, self._level)
-        self._port = ForcePort(settings.tick_period, self._level)
+        self._port = ForcePort(settings.tick_period, self._level, inf)
         self._tank = EnergyTank()
         self._mixture = SurfaceMixture()
         self._elapsed = self._tick = self._lead = 0.0
