@@ -193,12 +193,13 @@ class RobotPort:
         return trips
 
     def settle(self, now: float) -> None:
-        """Hold the robot where it is now."""
-        with suppress(RobotFault):  # the side meets it in this very tick
-            where = self.robot.latest(now).position
-            if is_finite(where):
-                self._where = where
-                self._guard.place(where)
+        """Hold the robot where it is now: in contact, with the force that it presses with."""
+        with suppress(RobotFault):  # the side meets it in this very tick, as it does a reading that is not finite
+            reading = self.robot.latest(now)
+            if is_finite(reading.position) and is_finite(reading.force):
+                self._where = reading.position
+                self.force.take(reading)
+                self._guard.place(self.force.rest)
         for follower in self.followers:
             follower.reset()
 
@@ -232,7 +233,7 @@ class RobotPort:
         else:
             self.commanded = commanded
             wanted = self._controlled(commanded, elapsed)
-            goal = self._press_limit.bounded(wanted, self.force.rest, self.force.value)
+            goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
             self.contact_ticks += goal is not wanted
             self.applied = guard.follow(goal, step)
         self.robot.command(self.applied, now)
