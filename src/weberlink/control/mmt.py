@@ -6,20 +6,20 @@ correct the model. Sources: Mitra, Niemeyer, "Model-mediated telemanipulation", 
 teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation and Measurement 63(11),
 2014.
 
-It assumes a passive scene at rest that is a plane or a sphere at the point of contact; changes of the scene are felt a
-round trip later. If there is no model (the first sample of a contact, a fit outside its limits, a force field), the
-newest received force is held. The passivity controller of `ForcePort` also limits the energy that sampling and changes
-of the model could create.
+It assumes a passive scene whose surface at the point of contact is the received one; changes of the scene are felt a
+round trip later. A sample without a surface (the first one of a contact, a fit outside its limits) is taken as a wall
+as stiff as the robot's coupling, the stiffest that the robot can feel. The passivity controller of `ForcePort` also
+limits the energy that sampling and changes of the model could create.
 """
 
 from math import dist, hypot, inf
 
-from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import matched
-from weberlink.control.model import TURN, SurfaceMixture
-from weberlink.geometry.vector import ZERO, Vector, interpolate
+from weberlink.control.model import SpringWall, SurfaceMixture
+from weberlink.geometry.vector import ZERO, Vector
 
 LEAD_TIME = 1.0
 """Time constant with which the trip to the other side follows the measured round trip [s]."""
@@ -39,8 +39,6 @@ class MmtMaster:
         "_displayed",
         "_drag",
         "_elapsed",
-        "_fallback",
-        "_held",
         "_lead",
         "_level",
         "_mixture",
@@ -86,8 +84,6 @@ class MmtMaster:
     def _forget(self) -> None:
         self._port.reset()
         self._mixture.reset()
-        self._fallback: Vector = ZERO
-        self._held: Vector = ZERO
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
@@ -96,13 +92,12 @@ class MmtMaster:
         mixture = self._mixture
         if surface is not None:
             mixture.want(surface)
-            self._fallback = ZERO
             return
         newest = mixture.newest
         if newest is not None and agree(newest.surface.at(self._tick, position), force):
             return  # the sample agrees with the model: free space in front of the wall, or a point on it
-        mixture.want(None)
-        self._fallback = force
+        touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+        mixture.want(SpringWall(position, force, self._coupling) if touches else None)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         tank, mixture = self._tank, self._mixture
@@ -113,7 +108,6 @@ class MmtMaster:
         self._supplied = self._displayed_share() * mixture.follow(self._present, position)
         tank.level += self._supplied
         mixture.turn(elapsed, tank.level - mixture.stored)
-        self._held = interpolate(self._held, self._fallback, min(1.0, elapsed / TURN))
         tank.spill(mixture.stored + CAP * self._level)
 
     @property
@@ -133,7 +127,7 @@ class MmtMaster:
     def command(self, position: Vector) -> Vector:
         newest = self._mixture.newest
         if newest is None:
-            return matched(position, self._fallback, self._coupling, self._displayed)
+            return position
         surface, present = newest.surface, self._present
         x, y, z = matched(position, newest.force, surface.stiffness, self._displayed)
         # The command arrives a trip later. By then a surface that moves has carried the contact along.
@@ -143,8 +137,7 @@ class MmtMaster:
 
     def render(self, force: Vector) -> Vector:  # noqa: ARG002
         port, tank, mixture = self._port, self._tank, self._mixture
-        modelled, held = mixture.force, self._held
-        self._wanted = wanted = (modelled[0] + held[0], modelled[1] + held[1], modelled[2] + held[2])
+        self._wanted = wanted = mixture.force
         passive = port.passive(wanted, tank.level, self._elapsed, self._supplied)
         return self._drag.added(passive, port.way, self._elapsed, tank.level - mixture.stored, port.mobility)
 

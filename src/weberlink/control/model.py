@@ -29,6 +29,37 @@ SPENT_AT_ONCE = 0.1
 """Largest energy that a rising surface may take in a tick, as a share of the spare energy."""
 
 
+class SpringWall:
+    """The elastic flat wall through a sample of a contact.
+
+    Args:
+        position: commanded position of the sample [m].
+        force: its force [N], not zero; the wall faces its direction.
+        stiffness: of the wall [N/m].
+    """
+
+    __slots__ = ("_normal", "_offset", "stiffness")
+
+    memory = None
+
+    def __init__(self, position: Vector, force: Vector, stiffness: float) -> None:
+        length = hypot(force[0], force[1], force[2])
+        a, b, c = self._normal = (force[0] / length, force[1] / length, force[2] / length)
+        self._offset = position[0] * a + position[1] * b + position[2] * c + length / stiffness
+        self.stiffness = stiffness
+
+    def at(self, tick: float, position: Vector) -> Vector:  # noqa: ARG002
+        a, b, c = self._normal
+        push = self.stiffness * (self._offset - position[0] * a - position[1] * b - position[2] * c)
+        return (push * a, push * b, push * c) if push > 0.0 else ZERO
+
+    def advance(self, tick: float, position: Vector, memory: Any) -> tuple[Vector, Any]:
+        return self.at(tick, position), memory
+
+    def displacement(self, tick: float) -> Vector:  # noqa: ARG002
+        return ZERO
+
+
 class RecessedSurface:
     """A surface in the mixture, with its weight (0 to 1) and its recess: the additional depth [m], >= 0.
 
