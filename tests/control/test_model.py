@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from tests.control.vectors import vectors
 from tests.control.walls import Ball, Wall
+from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.control.contract import WallModel
 from weberlink.control.model import MOST_SURFACES, SurfaceMixture
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, subtract
 
 TICK = 1e-3
-TURN = 0.02
-"""Share of the weight that moves in a tick."""
+UP = (0.0, 0.0, 1.0)
 stiffnesses = st.floats(10.0, 3000.0)
 surfaces = st.one_of(
     st.builds(Wall, stiffnesses, st.floats(-0.02, 0.02)),
@@ -31,10 +31,21 @@ def changed(course: list[Change]) -> SurfaceMixture:
     """A mixture after these changes, each with its surface, hand, duration in ticks and spare energy."""
     mixture = SurfaceMixture()
     for surface, hand, ticks, spare in course:
-        mixture.want(surface, hand)
+        want(mixture, surface, hand)
         for _ in range(ticks):
-            mixture.turn(TURN, hand, TICK, spare)
+            mixture.turn(TICK, spare)
     return mixture
+
+
+def at(mixture: SurfaceMixture, hand: Vector) -> tuple[Vector, float]:
+    """Force [N] and stored energy [J] with the hand there [m]."""
+    mixture.follow(0.0, hand)
+    return mixture.force, mixture.stored
+
+
+def want(mixture: SurfaceMixture, surface: WallModel | None, hand: Vector) -> None:
+    mixture.follow(0.0, hand)
+    mixture.want(surface)
 
 
 @given(changes, st.lists(hands, min_size=2, max_size=6))
@@ -42,33 +53,33 @@ def test_work_around_a_closed_path_is_zero(course: list[Change], corners: list[V
     mixture, work, pieces = changed(course), 0.0, 400
     for start, end in pairwise([*corners, corners[0]]):
         way = subtract(end, start)
-        force, _ = mixture.at(start)
+        force, _ = at(mixture, start)
         for piece in range(1, pieces + 1):
             share = piece / pieces
-            then, _ = mixture.at((start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2]))
+            then, _ = at(mixture, (start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2]))
             work += sum(0.5 * (f + g) * d / pieces for f, g, d in zip(force, then, way, strict=True))
             force = then
     step = 0.11 / pieces
     assert abs(work) <= len(corners) * 4.0 * 3000.0 * step * step * MOST_SURFACES
 
 
-@given(changes, st.one_of(st.none(), surfaces), hands, hands, st.floats(0.0, 1.0), st.floats(-0.1, 0.5))
+@given(changes, st.one_of(st.none(), surfaces), hands, hands, st.floats(0.0, 0.05), st.floats(-0.1, 0.5))
 def test_a_change_stores_no_more_than_there_is_to_spare(
-    course: list[Change], surface: WallModel | None, wanted_at: Vector, hand: Vector, share: float, spare: float
+    course: list[Change], surface: WallModel | None, wanted_at: Vector, hand: Vector, elapsed: float, spare: float
 ) -> None:
     mixture = changed(course)
-    mixture.want(surface, wanted_at)
+    want(mixture, surface, wanted_at)
     for _ in range(3):
-        _, before = mixture.at(hand)
-        mixture.turn(share, hand, TICK, spare)
-        _, after = mixture.at(hand)
+        _, before = at(mixture, hand)
+        mixture.turn(elapsed, spare)
+        _, after = at(mixture, hand)
         assert after - before <= max(0.0, spare) + 1e-12
 
 
 @given(changes, hands)
 def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course: list[Change], hand: Vector) -> None:
     """The sum of the weights is at most 1."""
-    force, stored = changed(course).at(hand)
+    force, stored = at(changed(course), hand)
     alone = [(norm(surface.at(0.0, hand)), surface.stiffness) for surface, *_ in course if surface is not None]
     assert norm(force) <= max((pressed for pressed, _ in alone), default=0.0) * (1.0 + 1e-9)
     most = max((0.5 * pressed * pressed / stiffness for pressed, stiffness in alone), default=0.0)
@@ -79,19 +90,20 @@ def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course
 def test_wanting_changes_no_force_by_itself(course: list[Change], surface: WallModel, hand: Vector) -> None:
     assume(len(course) < MOST_SURFACES)
     mixture = changed(course)
-    before, _ = mixture.at(hand)
-    mixture.want(surface, hand)
-    assert mixture.at(hand)[0] == pytest.approx(before)
+    before, _ = at(mixture, hand)
+    want(mixture, surface, hand)
+    assert at(mixture, hand)[0] == pytest.approx(before)
 
 
 @given(changes, surfaces, hands)
 def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], surface: WallModel, hand: Vector) -> None:
     mixture = changed(course)
-    mixture.want(surface, hand)
+    want(mixture, surface, hand)
     for _ in range(2000):
-        mixture.turn(TURN, hand, TICK, 1.0)
-    assert mixture.wanted == surface
-    force, stored = mixture.at(hand)
+        mixture.turn(TICK, 1.0)
+    assert mixture.newest is not None
+    assert mixture.newest.surface == surface
+    force, stored = at(mixture, hand)
     wanted = surface.at(0.0, hand)
     assert distance(force, wanted) <= 1e-6
     assert stored == pytest.approx(0.5 * norm(wanted) ** 2 / surface.stiffness, abs=1e-8)
@@ -100,21 +112,21 @@ def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], su
 @given(changes, hands)
 def test_free_space_is_reached_whatever_is_owed(course: list[Change], hand: Vector) -> None:
     mixture = changed(course)
-    mixture.want(None, hand)
-    for _ in range(300):
-        mixture.turn(TURN, hand, TICK, -1.0)
-    assert mixture.wanted is None
-    assert mixture.at(hand) == (ZERO, 0.0)
+    want(mixture, None, hand)
+    for _ in range(1000):
+        mixture.turn(TICK, -1.0)
+    assert mixture.newest is None
+    assert at(mixture, hand) == (ZERO, 0.0)
 
 
 @given(surfaces, surfaces, hands)
 def test_what_takes_energy_is_turned_into_even_in_debt(first: WallModel, second: WallModel, hand: Vector) -> None:
     mixture = changed([(first, hand, 2000, 1.0)])
-    _, stored = mixture.at(hand)
-    mixture.want(second, hand)
-    for _ in range(100):
-        mixture.turn(TURN, hand, TICK, -1.0)
-    force, after = mixture.at(hand)
+    _, stored = at(mixture, hand)
+    want(mixture, second, hand)
+    for _ in range(500):
+        mixture.turn(TICK, -1.0)
+    force, after = at(mixture, hand)
     assert after <= stored + 1e-12
     felt, wanted = norm(first.at(0.0, hand)), norm(second.at(0.0, hand))
     if wanted <= felt and wanted**2 / second.stiffness < 0.9 * felt**2 / first.stiffness:
@@ -127,16 +139,51 @@ def test_updates_in_quick_succession_do_not_wear_the_wall_away(ticks: int) -> No
     hand = (0.0, 0.0, -0.01)
     mixture = changed([(Wall(500.0), hand, 1000, 1.0)])
     for number in range(1, 60):
-        mixture.want(Wall(500.0, 1e-6 * number), hand)
+        want(mixture, Wall(500.0, 1e-6 * number), hand)
         for _ in range(ticks):
-            mixture.turn(TURN, hand, TICK, 1.0)
-            assert norm(mixture.at(hand)[0]) >= 0.85 * 5.0
+            mixture.turn(TICK, 1.0)
+            assert norm(at(mixture, hand)[0]) >= 0.85 * 5.0
 
 
 def test_a_course_of_changes_makes_a_mixture() -> None:
     """Otherwise the laws above would be tested in free space only."""
     hand = (0.0, 0.0, -0.01)
     walls = [Wall(500.0, 0.001 * number) for number in range(4)]
-    force, stored = changed([(wall, hand, 15, 0.5) for wall in walls]).at(hand)
+    force, stored = at(changed([(wall, hand, 15, 0.5) for wall in walls]), hand)
     assert 0.1 < norm(force) < norm(walls[-1].at(0.0, hand))
     assert stored > 0.0
+
+
+@given(st.lists(hands, min_size=2, max_size=8), st.floats(0.05, 1.0), stiffnesses)
+def test_friction_returns_no_energy(corners: list[Vector], friction: float, stiffness: float) -> None:
+    """Around a closed path the hand puts in work, or none."""
+    mixture, work, pieces = (
+        changed([(SurfacePatch(UP, ZERO, 0, stiffness, friction=friction), corners[0], 2000, 1.0)]),
+        0.0,
+        200,
+    )
+    force, _ = at(mixture, corners[0])
+    _, stored = at(mixture, corners[0])
+    for start, end in pairwise([*corners, corners[0]]):
+        way = subtract(end, start)
+        for piece in range(1, pieces + 1):
+            share = piece / pieces
+            there = (start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2])
+            then, _ = at(mixture, there)
+            work -= sum(0.5 * (f + g) * d / pieces for f, g, d in zip(force, then, way, strict=True))
+            force = then
+    step = 0.11 / pieces
+    assert work + stored >= -len(corners) * 4.0 * stiffness * step * step
+
+
+@given(hands, st.floats(-0.2, 0.2), stiffnesses)
+def test_the_work_of_a_moving_surface_is_stored(hand: Vector, speed: float, stiffness: float) -> None:
+    """With the hand at rest, the stored energy changes by the work that the surface does."""
+    mixture = changed([(SurfacePatch(UP, ZERO, 0, stiffness, velocity=speed * TICK), hand, 2000, 1.0)])
+    _, stored = at(mixture, hand)
+    work, greatest = 0.0, mixture.force[2]
+    for tick in range(1, 400):
+        work += mixture.follow(0.1 * tick, hand)
+        greatest = max(greatest, mixture.force[2])
+    step = 0.1 * abs(speed) * TICK
+    assert mixture.stored - stored == pytest.approx(work, abs=400 * stiffness * step * step + greatest * step + 1e-12)
