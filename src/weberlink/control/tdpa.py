@@ -106,7 +106,8 @@ class TdpaMaster(_TankedPort):
         port = self._port
         self._in_contact = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         passive = port.passive(force, self._tank.level, self._elapsed)
-        return self._drag.added(passive, port.way, self._elapsed, self._tank.level, port.mobility)
+        tank = self._tank.level
+        return port.secured(self._drag.added(passive, port.way, self._elapsed, tank, port.mobility), tank)
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
