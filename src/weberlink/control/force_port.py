@@ -6,6 +6,7 @@ is exact: the held force times the displacement.
 
 from math import hypot
 
+from weberlink.control.quadratic import root_share
 from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
@@ -149,9 +150,11 @@ class ForcePort:
         """The largest share of a force [N] that takes at most `SHARE_OF_TANK` of the tank [J] in the next tick."""
         way, held = self._way, self._held
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
-        rise = force[0] * (force[0] - held[0]) + force[1] * (force[1] - held[1]) + force[2] * (force[2] - held[2])
-        leaves = along + self._lately * max(0.0, rise)
-        return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, SHARE_OF_TANK * tank / leaves))
+        square = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
+        now = force[0] * held[0] + force[1] * held[1] + force[2] * held[2]
+        budget = SHARE_OF_TANK * max(0.0, tank)
+        share = min(1.0, root_share(along - self._lately * now, self._lately * square, budget))
+        return share if share * along <= budget else budget / along
 
     def secured(self, force: Vector, tank: float) -> Vector:
         """The part of a force [N] that leaves energy above the floor whichever way the hand goes.

@@ -5,9 +5,10 @@ the forces before and after it, which is exact for a spring. If a stiff contact 
 saturates, the work is bounded so that a wall never seems to return more energy than it took.
 """
 
-from math import hypot, inf, sqrt
+from math import hypot, inf
 
 from weberlink.control.contract import LEAST_CONTACT
+from weberlink.control.quadratic import root_share
 from weberlink.geometry.vector import ZERO, Vector
 
 CAUTION = 4.0
@@ -46,6 +47,11 @@ class MotionPort:
         self._stiffness = inf
         self._taken = 0.0
         self._touches = False
+
+    @property
+    def touches(self) -> bool:
+        """Whether the robot touches something."""
+        return self._touches
 
     def book(self, position: Vector, force: Vector) -> float:
         """Take in commanded position [m] and force on the robot [N]; returns the work on the environment [J]."""
@@ -122,7 +128,7 @@ def affordable_share(against: float, rise: float, jump: float, tank: float) -> f
     if tank < 0.0:
         return _most_gainful_share(against, rise, jump)
     with_jump = tank / (against + jump) if against + jump > 0.0 else 1.0
-    return min(1.0, max(with_jump, _share_with_rise(against, rise, tank)))
+    return min(1.0, max(with_jump, root_share(against, rise, tank)))
 
 
 def _most_gainful_share(against: float, rise: float, jump: float) -> float:
@@ -132,11 +138,3 @@ def _most_gainful_share(against: float, rise: float, jump: float) -> float:
     if 2.0 * rise <= -against or against + jump <= -0.25 * against * against / rise:
         return 1.0
     return -0.5 * against / rise
-
-
-def _share_with_rise(against: float, rise: float, tank: float) -> float:
-    """The positive root of  s^2 rise + s against = tank > 0, by the formula without cancellation."""
-    if rise == inf:
-        return 0.0
-    root = sqrt(against * against + 4.0 * rise * tank)
-    return 2.0 * tank / (against + root) if against > 0.0 else 0.5 * (root - against) / rise

@@ -25,8 +25,8 @@ CAP = 10.0
 """Largest energy of the master's tank, as a multiple of its level: energy back from the wall pays for the next push."""
 LEAK = 0.2
 """Time constant with which the master's tank feeds the slave's [s]; the slave returns what it does not need."""
-KEPT = 0.5
-"""Share of its level that the master's tank keeps in contact, because the tremor of a resting hand can take energy."""
+KEPT_IN_CONTACT = 0.2
+"""Share of its level that the slave's tank keeps in contact; with the rest the master pushes the hand out."""
 PREDICTED = 0.004
 """Largest predicted credit, as a share of the level."""
 SLIDING_DEBT = 0.004
@@ -94,8 +94,8 @@ class TdpaMaster(_TankedPort):
         if work > 0.0:  # the work of the hand goes to the robot, except for what this tank lacks
             tank.hand_over(min(work, tank.level - self._level))
         tank.receive(peer_credit)
-        kept = KEPT * self._level if self._in_contact else 0.0
-        tank.hand_over((min(tank.level, self._level) - kept) * min(1.0, elapsed / LEAK))
+        if not self._in_contact:
+            tank.hand_over(min(tank.level, self._level) * min(1.0, elapsed / LEAK))
         tank.spill(CAP * self._level)
         self._elapsed, self._tick = elapsed, tick
 
@@ -121,7 +121,7 @@ class TdpaMaster(_TankedPort):
 class TdpaSlave(_TankedPort):
     """Observer and controller of the robot's port."""
 
-    __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_target")
+    __slots__ = ("_catch_up_speed", "_elapsed", "_level", "_port", "_prediction", "_target")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
@@ -129,6 +129,7 @@ class TdpaSlave(_TankedPort):
         self._catch_up_speed = settings.catch_up_speed
         self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)
         self._prediction = CreditPrediction(PREDICTED * settings.level)
+        self._elapsed = 0.0
         self._target: Vector | None = None
 
     def reset(self) -> None:
@@ -144,6 +145,7 @@ class TdpaSlave(_TankedPort):
         self._target = None
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
+        self._elapsed = elapsed
         self._tank.receive(peer_credit)
         ahead = self._prediction.ahead(peer_credit, elapsed)
         goal = self._caught_up(target, here, elapsed)
@@ -168,3 +170,5 @@ class TdpaSlave(_TankedPort):
         tank = self._tank
         tank.level -= self._port.book(position, force)
         tank.hand_over(tank.level - self._level)
+        if self._port.touches:
+            tank.hand_over((tank.level - KEPT_IN_CONTACT * self._level) * min(1.0, self._elapsed / LEAK))
