@@ -6,7 +6,7 @@ is exact: the held force times the displacement.
 
 from math import hypot
 
-from weberlink.control.quadratic import root_share
+from weberlink.control.energy import root_share
 from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
@@ -25,7 +25,7 @@ FORGET = 0.02
 DEBT = 5e-4
 """Debt that the tank may have [J], so that a force against the motion can fill an empty tank."""
 STAKE = 0.5
-"""Largest loss in one tick if the hand turns against the force, as a share of the tank and of what is left of `DEBT`."""
+"""Largest loss in one tick if the hand turns against the force, as a share of the energy above the floor."""
 LEAST_STAKE = 1e-12
 """What is left of `DEBT` at least [J]: from here an honest motion doubles it in a few ticks."""
 MEMORY = 1.0

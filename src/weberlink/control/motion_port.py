@@ -8,7 +8,7 @@ saturates, the work is bounded so that a wall never seems to return more energy 
 from math import hypot, inf
 
 from weberlink.control.contract import LEAST_CONTACT
-from weberlink.control.quadratic import root_share
+from weberlink.control.energy import root_share
 from weberlink.geometry.vector import ZERO, Vector
 
 CAUTION = 4.0

@@ -25,7 +25,7 @@ CAP = 10.0
 """Largest energy of the master's tank, as a multiple of its level: energy back from the wall pays for the next push."""
 LEAK = 0.2
 """Time constant with which the master's tank feeds the slave's [s]; the slave returns what it does not need."""
-KEPT_IN_CONTACT = 0.2
+KEPT_IN_CONTACT = 0.1
 """Share of its level that the slave's tank keeps in contact; with the rest the master pushes the hand out."""
 PREDICTED = 0.004
 """Largest predicted credit, as a share of the level."""
