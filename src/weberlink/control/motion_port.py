@@ -9,7 +9,7 @@ from math import hypot, inf
 
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.energy import root_share
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, unit
 
 CAUTION = 4.0
 """Assumed stiffness of a wall over the largest one seen in this contact."""
@@ -19,34 +19,47 @@ LONGEST_RETREAT = 5e-5
 """Longest step back from a wall that is allowed in a tick with an empty tank [m]."""
 SHORTEST_WAY = 1e-6
 """Shortest step from which a stiffness is estimated [m]."""
+SLIDE = 1e-3
+"""Way along a surface over which the direction of sliding is averaged [m]."""
+STEEPEST_CONE = 0.5
+"""Least square of the share of the force that is normal to the surface; less is no sliding: friction below 1."""
 
 
 class MotionPort:
     """Observer and controller of the port.
 
-    The energy cost of a step is predicted. In contact, the force is assumed to rise with `CAUTION` times the stiffness
-    seen in this contact. In free space a wall may be anywhere, so the force is assumed to jump to the range of the
-    sensor. A step is shortened to what the tank can pay. The remaining distance is covered when energy arrives, which
-    removes the position drift of the passivity approach.
+    The energy cost of a step is predicted. The force is assumed to rise with `CAUTION` times the stiffness seen in this
+    contact, or in free space, where a wall may be anywhere, with that of the robot towards its command; at most to the
+    range of the sensor. A step is shortened to what the tank can pay. The remaining distance is covered when energy
+    arrives, which removes the position drift of the passivity approach.
+
+    On a surface with friction, only the part normal to the surface is shortened: the robot follows along the surface,
+    and lifts by as much as pays for that. This is always possible if the friction coefficient is below 1. The normal is
+    told from the direction of sliding. A robot in debt that has lifted off stays outside the surface until it is even.
 
     Args:
         force_range: largest force that the robot reports [N].
-        debt: largest debt that sliding along a surface may make [J].
+        stiffness: of the robot towards its command [N/m].
+        debt: largest debt that a first contact may make [J].
     """
 
-    __slots__ = ("_debt", "_force", "_force_range", "_position", "_stiffness", "_taken", "_touches")
+    __slots__ = ("_coupling", "_outside", "_debt", "_force", "_force_range", "_position", "_seen", "_slid", "_stiffness", "_taken", "_touches")
 
-    def __init__(self, force_range: float, debt: float) -> None:
+    def __init__(self, force_range: float, stiffness: float, debt: float) -> None:
         self._force_range = force_range
+        self._coupling = stiffness
         self._debt = debt
         self.reset()
 
     def reset(self) -> None:
         self._position: Vector | None = None
         self._force: Vector = ZERO
-        self._stiffness = inf
+        self._stiffness = self._coupling
+        self._seen = False
         self._taken = 0.0
         self._touches = False
+        self._outside: tuple[Vector, Vector] | None = None
+        self._slid: Vector = ZERO
 
     @property
     def touches(self) -> bool:
@@ -56,8 +69,13 @@ class MotionPort:
     def book(self, position: Vector, force: Vector) -> float:
         """Take in commanded position [m] and force on the robot [N]; returns the work on the environment [J]."""
         before, earlier, touched = self._position, self._force, self._touches
+        out = self.normal_force
         self._position, self._force = position, force
         self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+        if self._touches:
+            self._outside = None
+        elif touched:
+            self._outside = position, unit(out)
         if before is None:
             return 0.0
         x, y, z = position[0] - before[0], position[1] - before[1], position[2] - before[2]
@@ -68,6 +86,7 @@ class MotionPort:
             work = max(work, -(force[0] * x + force[1] * y + force[2] * z))
         self._taken = self._taken + work if self._touches else 0.0  # since this contact began
         self._learn_stiffness(x * x + y * y + z * z, earlier, touched=touched)
+        self._learn_slide(x, y, z, earlier, touched=touched)
         return work
 
     def _is_saturated(self, force: Vector) -> bool:
@@ -78,38 +97,73 @@ class MotionPort:
     def _learn_stiffness(self, squared_way: float, earlier: Vector, *, touched: bool) -> None:
         force = self._force
         if not self._touches:
-            self._stiffness = inf
+            self._stiffness, self._seen = self._coupling, False
         elif touched and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # part of the first step of a contact was free
             x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
             seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
-            self._stiffness = seen if self._stiffness == inf else max(seen, self._stiffness)
+            self._stiffness, self._seen = max(seen, self._stiffness) if self._seen else seen, True
+
+    def _learn_slide(self, x: float, y: float, z: float, earlier: Vector, *, touched: bool) -> None:
+        """Average the motion [m] of the point x + F / K at the surface, which pressing does not move."""
+        if not (touched and self._touches):
+            self._slid = ZERO
+            return
+        force, slid, compliance = self._force, self._slid, 1.0 / self._stiffness
+        x += compliance * (force[0] - earlier[0])
+        y += compliance * (force[1] - earlier[1])
+        z += compliance * (force[2] - earlier[2])
+        kept = max(0.0, 1.0 - hypot(x, y, z) / SLIDE)
+        self._slid = (kept * slid[0] + x, kept * slid[1] + y, kept * slid[2] + z)
+
+    @property
+    def normal_force(self) -> Vector:
+        """The part of the force that is normal to the surface [N], by the direction of sliding."""
+        force, slid = self._force, self._slid
+        squared = slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2]
+        if squared == 0.0:
+            return force
+        share = (force[0] * slid[0] + force[1] * slid[1] + force[2] * slid[2]) / squared
+        x, y, z = force[0] - share * slid[0], force[1] - share * slid[1], force[2] - share * slid[2]
+        whole = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
+        return (x, y, z) if x * x + y * y + z * z >= STEEPEST_CONE * whole else force
 
     def affordable(self, target: Vector, here: Vector, tank: float) -> Vector:
         """The farthest point from `here` towards `target` [m] that the tank [J] can pay for."""
+        if not self._touches:
+            return self._free(target, here, tank)
         x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
         squared = x * x + y * y + z * z
-        if squared == 0.0:
+        if squared == 0.0 and tank >= 0.0:
             return target
         force = self._force
         against = -(force[0] * x + force[1] * y + force[2] * z)
         jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # by the mean of this force and the range
         share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
-        if against < 0.0 and self._touches:  # the step leads out of the wall
+        if against < 0.0:  # the step leads out of the wall
             share = max(share, min(1.0, LONGEST_RETREAT / squared**0.5))
         if share == 1.0:
             return target
-        pressed = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
-        if against > 0.0 and pressed > 0.0 and tank > -self._debt:  # only the part against the force is shortened
-            kept = (1.0 - share) * against / pressed
-            return (target[0] + kept * force[0], target[1] + kept * force[1], target[2] + kept * force[2])
-        back = 0.0
-        if tank < 0.0 < against and pressed > 0.0:  # yielding to the wall pays the debt back
-            back = min(-tank / pressed, LONGEST_RETREAT / pressed**0.5)
-        return (
-            here[0] + share * x + back * force[0],
-            here[1] + share * y + back * force[1],
-            here[2] + share * z + back * force[2],
-        )
+        if against < 0.0:
+            return (here[0] + share * x, here[1] + share * y, here[2] + share * z)
+        out = self.normal_force
+        pressed = out[0] * out[0] + out[1] * out[1] + out[2] * out[2]
+        back = (1.0 - share) * against / pressed
+        if tank < 0.0:  # yielding to the wall pays the debt back
+            back += min(-tank / pressed, max(LONGEST_RETREAT, squared**0.5) / pressed**0.5)
+        return (target[0] + back * out[0], target[1] + back * out[1], target[2] + back * out[2])
+
+    def _free(self, target: Vector, here: Vector, tank: float) -> Vector:
+        """As `affordable`, in free space."""
+        if tank < 0.0 and self._outside is not None:
+            place, out = self._outside
+            depth = sum((p - t) * n for p, t, n in zip(place, target, out, strict=True))
+            if depth > 0.0:
+                target = (target[0] + depth * out[0], target[1] + depth * out[1], target[2] + depth * out[2])
+        x, y, z = target[0] - here[0], target[1] - here[1], target[2] - here[2]
+        way = hypot(x, y, z)
+        rise, jump = 0.5 * CAUTION * self._coupling * way * way, 0.5 * self._force_range * way
+        share = affordable_share(0.0, rise, jump, max(tank, self._debt))
+        return target if share == 1.0 else (here[0] + share * x, here[1] + share * y, here[2] + share * z)
 
 
 def affordable_share(against: float, rise: float, jump: float, tank: float) -> float:

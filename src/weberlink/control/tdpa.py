@@ -29,8 +29,8 @@ KEPT_IN_CONTACT = 0.1
 """Share of its level that the slave's tank keeps in contact; with the rest the master pushes the hand out."""
 PREDICTED = 0.004
 """Largest predicted credit, as a share of the level."""
-SLIDING_DEBT = 0.004
-"""Largest debt that sliding along a surface may make, as a share of the level."""
+FIRST_DEBT = 0.004
+"""Largest debt that a first contact may make, as a share of the level."""
 
 
 class _TankedPort:
@@ -127,7 +127,7 @@ class TdpaSlave(_TankedPort):
         super().__init__()
         self._level = settings.level
         self._catch_up_speed = settings.catch_up_speed
-        self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)
+        self._port = MotionPort(settings.force_range, settings.coupling, FIRST_DEBT * settings.level)
         self._prediction = CreditPrediction(PREDICTED * settings.level)
         self._elapsed = 0.0
         self._target: Vector | None = None
@@ -158,13 +158,13 @@ class TdpaSlave(_TankedPort):
         return self._caught_up(target, here, elapsed)
 
     def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
-        """The target, or the point towards it at a distance of the target's own motion plus the catch-up motion [m]."""
+        """Where the target's own motion leads from here, and from there the catch-up motion towards it [m]."""
         before, self._target = self._target, target
-        way = self._catch_up_speed * elapsed + (dist(target, before) if before is not None else 0.0)
-        drift = dist(here, target)
-        if drift <= way:
-            return target
-        return interpolate(here, target, way / drift)
+        if before is None:
+            before = target
+        start = (here[0] + target[0] - before[0], here[1] + target[1] - before[1], here[2] + target[2] - before[2])
+        way, drift = self._catch_up_speed * elapsed, dist(start, target)
+        return target if drift <= way else interpolate(start, target, way / drift)
 
     def observe(self, position: Vector, force: Vector) -> None:
         tank = self._tank
