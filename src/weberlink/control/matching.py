@@ -9,7 +9,8 @@ states the displayed force. Source of the idea: force-matched commands of model-
 from math import hypot
 
 from weberlink.control.contract import LEAST_CONTACT, WallModel
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.sliding import Sliding
+from weberlink.geometry.vector import ZERO, Vector, subtract
 
 
 class ForceMatching:
@@ -19,21 +20,25 @@ class ForceMatching:
         coupling: stiffness of the robot towards its command [N/m], assumed where no surface is known.
     """
 
-    __slots__ = ("_coupling", "_force", "_surface", "displayed")
+    __slots__ = ("_before", "_coupling", "_force", "_sliding", "_surface", "displayed")
 
     def __init__(self, coupling: float) -> None:
         self._coupling = coupling
+        self._sliding = Sliding()
         self.reset()
 
     def reset(self) -> None:
         self._surface: WallModel | None = None
         self._force: Vector = ZERO
+        self._sliding.reset()
+        self._before: tuple[Vector, Vector] | None = None
         self.displayed: Vector = ZERO
         """The force that is displayed now [N]."""
 
     def learn(self, surface: WallModel | None, force: Vector) -> None:
         """Take in the contact surface of an update, None if it has none, and its newest force [N]."""
         self._surface, self._force = surface, force
+        self._before = None
 
     @property
     def stiffness(self) -> float:
@@ -41,7 +46,9 @@ class ForceMatching:
         return self._coupling if self._surface is None else self._surface.stiffness
 
     def command(self, position: Vector, tick: float) -> Vector:
-        """The position [m] at which the model states the displayed force, on the line of the force through `position`.
+        """The position [m] at which the model states the displayed force, along the normal from `position`.
+
+        Not along the force: friction tilts it, and the robot would lag behind the hand.
 
         Args:
             position: of the device [m].
@@ -51,11 +58,17 @@ class ForceMatching:
         force = self._force if surface is None else surface.at(tick, position)
         length = hypot(force[0], force[1], force[2])
         if length < LEAST_CONTACT:
+            self._sliding.reset()
+            self._before = None
             return position
+        before, self._before = self._before, (position, force)
+        if before is not None:
+            self._sliding.move(subtract(position, before[0]), subtract(force, before[1]), self.stiffness)
         shown = self.displayed
         along = (shown[0] * force[0] + shown[1] * force[1] + shown[2] * force[2]) / length
         lack = length - max(0.0, along)
         if lack <= 0.0:
             return position
         share = lack / (length * self.stiffness)
-        return (position[0] + share * force[0], position[1] + share * force[1], position[2] + share * force[2])
+        out = self._sliding.normal_part(force)
+        return (position[0] + share * out[0], position[1] + share * out[1], position[2] + share * out[2])

@@ -5,10 +5,11 @@ the forces before and after it, which is exact for a spring. If a stiff contact 
 saturates, the work is bounded so that a wall never seems to return more energy than it took.
 """
 
-from math import hypot, inf
+from math import hypot
 
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.energy import root_share
+from weberlink.geometry.sliding import Sliding
 from weberlink.geometry.vector import ZERO, Vector, unit
 
 CAUTION = 4.0
@@ -19,10 +20,6 @@ LONGEST_RETREAT = 5e-5
 """Longest step back from a wall that is allowed in a tick with an empty tank [m]."""
 SHORTEST_WAY = 1e-6
 """Shortest step from which a stiffness is estimated [m]."""
-SLIDE = 1e-3
-"""Way along a surface over which the direction of sliding is averaged [m]."""
-STEEPEST_CONE = 0.5
-"""Least square of the share of the force that is normal to the surface; less is no sliding: friction below 1."""
 
 
 class MotionPort:
@@ -43,12 +40,25 @@ class MotionPort:
         debt: largest debt that a first contact may make [J].
     """
 
-    __slots__ = ("_coupling", "_outside", "_debt", "_force", "_force_range", "_position", "_seen", "_slid", "_stiffness", "_taken", "_touches")
+    __slots__ = (
+        "_coupling",
+        "_debt",
+        "_force",
+        "_force_range",
+        "_outside",
+        "_position",
+        "_seen",
+        "_sliding",
+        "_stiffness",
+        "_taken",
+        "_touches",
+    )
 
     def __init__(self, force_range: float, stiffness: float, debt: float) -> None:
         self._force_range = force_range
         self._coupling = stiffness
         self._debt = debt
+        self._sliding = Sliding()
         self.reset()
 
     def reset(self) -> None:
@@ -59,17 +69,22 @@ class MotionPort:
         self._taken = 0.0
         self._touches = False
         self._outside: tuple[Vector, Vector] | None = None
-        self._slid: Vector = ZERO
+        self._sliding.reset()
 
     @property
     def touches(self) -> bool:
         """Whether the robot touches something."""
         return self._touches
 
+    @property
+    def taken(self) -> float:
+        """Work on the environment in this contact [J]."""
+        return self._taken
+
     def book(self, position: Vector, force: Vector) -> float:
         """Take in commanded position [m] and force on the robot [N]; returns the work on the environment [J]."""
         before, earlier, touched = self._position, self._force, self._touches
-        out = self.normal_force
+        out = self._sliding.normal_part(earlier)
         self._position, self._force = position, force
         self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         if self._touches:
@@ -86,7 +101,11 @@ class MotionPort:
             work = max(work, -(force[0] * x + force[1] * y + force[2] * z))
         self._taken = self._taken + work if self._touches else 0.0  # since this contact began
         self._learn_stiffness(x * x + y * y + z * z, earlier, touched=touched)
-        self._learn_slide(x, y, z, earlier, touched=touched)
+        if touched and self._touches:
+            change = (force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2])
+            self._sliding.move((x, y, z), change, self._stiffness)
+        else:
+            self._sliding.reset()
         return work
 
     def _is_saturated(self, force: Vector) -> bool:
@@ -102,30 +121,6 @@ class MotionPort:
             x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
             seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
             self._stiffness, self._seen = max(seen, self._stiffness) if self._seen else seen, True
-
-    def _learn_slide(self, x: float, y: float, z: float, earlier: Vector, *, touched: bool) -> None:
-        """Average the motion [m] of the point x + F / K at the surface, which pressing does not move."""
-        if not (touched and self._touches):
-            self._slid = ZERO
-            return
-        force, slid, compliance = self._force, self._slid, 1.0 / self._stiffness
-        x += compliance * (force[0] - earlier[0])
-        y += compliance * (force[1] - earlier[1])
-        z += compliance * (force[2] - earlier[2])
-        kept = max(0.0, 1.0 - hypot(x, y, z) / SLIDE)
-        self._slid = (kept * slid[0] + x, kept * slid[1] + y, kept * slid[2] + z)
-
-    @property
-    def normal_force(self) -> Vector:
-        """The part of the force that is normal to the surface [N], by the direction of sliding."""
-        force, slid = self._force, self._slid
-        squared = slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2]
-        if squared == 0.0:
-            return force
-        share = (force[0] * slid[0] + force[1] * slid[1] + force[2] * slid[2]) / squared
-        x, y, z = force[0] - share * slid[0], force[1] - share * slid[1], force[2] - share * slid[2]
-        whole = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
-        return (x, y, z) if x * x + y * y + z * z >= STEEPEST_CONE * whole else force
 
     def affordable(self, target: Vector, here: Vector, tank: float) -> Vector:
         """The farthest point from `here` towards `target` [m] that the tank [J] can pay for."""
@@ -145,7 +140,7 @@ class MotionPort:
             return target
         if against < 0.0:
             return (here[0] + share * x, here[1] + share * y, here[2] + share * z)
-        out = self.normal_force
+        out = self._sliding.normal_part(force)
         pressed = out[0] * out[0] + out[1] * out[1] + out[2] * out[2]
         back = (1.0 - share) * against / pressed
         if tank < 0.0:  # yielding to the wall pays the debt back

@@ -32,6 +32,9 @@ PREDICTED = 0.004
 FIRST_DEBT = 0.004
 """Largest debt that a first contact may make, as a share of the level."""
 
+FASTEST = 1.0
+"""Largest speed of the operator's motion that the robot follows at once [m/s]; a faster one is a jump of the signal."""
+
 
 class _TankedPort:
     """One end of the scheme: a port with an energy tank."""
@@ -162,7 +165,13 @@ class TdpaSlave(_TankedPort):
         before, self._target = self._target, target
         if before is None:
             before = target
-        start = (here[0] + target[0] - before[0], here[1] + target[1] - before[1], here[2] + target[2] - before[2])
+        moved = dist(target, before)
+        share = min(1.0, FASTEST * elapsed / moved) if moved > 0.0 else 0.0
+        start = (
+            here[0] + share * (target[0] - before[0]),
+            here[1] + share * (target[1] - before[1]),
+            here[2] + share * (target[2] - before[2]),
+        )
         way, drift = self._catch_up_speed * elapsed, dist(start, target)
         return target if drift <= way else interpolate(start, target, way / drift)
 
@@ -171,4 +180,5 @@ class TdpaSlave(_TankedPort):
         tank.level -= self._port.book(position, force)
         tank.hand_over(tank.level - self._level)
         if self._port.touches:
-            tank.hand_over((tank.level - KEPT_IN_CONTACT * self._level) * min(1.0, self._elapsed / LEAK))
+            kept = KEPT_IN_CONTACT * self._level + max(0.0, self._port.taken)
+            tank.hand_over((tank.level - kept) * min(1.0, self._elapsed / LEAK))
