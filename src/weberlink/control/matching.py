@@ -58,7 +58,6 @@ class ForceMatching:
         force = self._force if surface is None else surface.at(tick, position)
         length = hypot(force[0], force[1], force[2])
         if length < LEAST_CONTACT:
-            self._sliding.reset()
             self._before = None
             return position
         before, self._before = self._before, (position, force)

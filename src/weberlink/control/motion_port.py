@@ -104,8 +104,6 @@ class MotionPort:
         if touched and self._touches:
             change = (force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2])
             self._sliding.move((x, y, z), change, self._stiffness)
-        else:
-            self._sliding.reset()
         return work
 
     def _is_saturated(self, force: Vector) -> bool:
