@@ -17,7 +17,7 @@ from weberlink.control.energy import CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import ForceMatching
 from weberlink.control.motion_port import MotionPort
-from weberlink.geometry.vector import Vector, interpolate
+from weberlink.geometry.vector import ZERO, Vector, interpolate
 
 SHARE_AT_MASTER = 0.3
 """Level of the master's tank as a share of the slave's."""
@@ -88,7 +88,9 @@ class TdpaMaster(_TankedPort):
         self._in_contact = False
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
-        self._matching.learn(surface, force)
+        # A held sample cannot say how the force of the robot depends on its position: matched to it, the robot would
+        # yield to what is withheld, feel less, and yield more, down to no force.
+        self._matching.learn(surface, ZERO if surface is None else force)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)

@@ -10,6 +10,8 @@ from weberlink.geometry.vector import ZERO, Vector
 
 AVERAGED = 1e-3
 """Way along a surface over which the direction of sliding is averaged [m]."""
+LEAST_WAY = 1e-4
+"""Shortest averaged way that has a direction [m]; less may be noise."""
 LEAST_NORMAL = 0.5
 """Least square of the normal part of a force, as a share of the whole: friction below 1. With less it is no sliding."""
 
@@ -46,7 +48,7 @@ class Sliding:
         """The part of a contact force [N] that is normal to the surface; all of it where nothing slides."""
         slid = self._slid
         squared = slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2]
-        if squared == 0.0:
+        if squared < LEAST_WAY * LEAST_WAY:
             return force
         share = (force[0] * slid[0] + force[1] * slid[1] + force[2] * slid[2]) / squared
         x, y, z = force[0] - share * slid[0], force[1] - share * slid[1], force[2] - share * slid[2]
