@@ -12,6 +12,7 @@ from weberlink.control.motion_port import CAUTION, LONGEST_RETREAT, MotionPort, 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
 
 RANGE = 30.0
+COUPLING = 2500.0
 DEBT = 1e-4
 costs = st.floats(-1.0, 1.0)
 stiffnesses = st.floats(1.0, 1e6)
@@ -57,7 +58,7 @@ def test_the_share_is_paid_for_or_gains_most_and_no_larger_one_is(
 def test_work_on_a_spring_is_the_energy_that_it_stores(normal: Vector, stiffness: float, way: list[Vector]) -> None:
     """As long as the contact does not open: the force changes linearly within each step."""
     normal = scale(normal, 1.0 / norm(normal))
-    port, at, done = MotionPort(inf, DEBT), ZERO, 0.0
+    port, at, done = MotionPort(inf, COUPLING, DEBT), ZERO, 0.0
     pressed = 2.0 * LEAST_CONTACT / stiffness + sum(map(norm, way))  # so deep that no way leads out
     for step in [ZERO, *way]:
         at = add(at, step)
@@ -68,7 +69,7 @@ def test_work_on_a_spring_is_the_energy_that_it_stores(normal: Vector, stiffness
 
 @given(at=positions, way=st.lists(steps, max_size=20), tank=st.floats(0.0, 1.0))
 def test_a_step_that_costs_nothing_is_made(at: Vector, way: list[Vector], tank: float) -> None:
-    port = MotionPort(0.0, DEBT)
+    port = MotionPort(0.0, COUPLING, DEBT)
     for step in way:
         at = add(at, step)
         port.book(at, ZERO)
@@ -82,7 +83,7 @@ def mean_work(way: Vector, before: Vector, after: Vector) -> float:
 
 def pressed(stiffness: float, depth: float) -> MotionPort:
     """A port that moved into a wall on z to this depth, and estimated its stiffness."""
-    port = MotionPort(RANGE, DEBT)
+    port = MotionPort(RANGE, COUPLING, DEBT)
     port.book(ZERO, ZERO)
     for share in (0.5, 1.0):
         port.book((0.0, 0.0, -share * depth), (0.0, 0.0, stiffness * share * depth))
@@ -122,7 +123,7 @@ def test_no_step_costs_more_than_the_tank_where_a_wall_may_be_anywhere(
 
     The short step out of a wall that is always allowed is an exception.
     """
-    port, now = MotionPort(RANGE, DEBT), scale(step, force / norm(step))
+    port, now = MotionPort(RANGE, COUPLING, DEBT), scale(step, force / norm(step))
     port.book(ZERO, now)
     there = port.affordable(step, ZERO, tank)
     spared = 0.5 * RANGE * LONGEST_RETREAT if force > LEAST_CONTACT else 0.0
@@ -135,7 +136,7 @@ def test_no_step_costs_more_than_the_tank_where_a_wall_may_be_anywhere(
 )
 def test_a_wall_never_seems_to_give_back_more_than_it_was_given(stiffness: float, depths: list[float]) -> None:
     """With steps of any size, also if the contact opens within a step or the sensor saturates."""
-    port, done = MotionPort(RANGE, DEBT), 0.0
+    port, done = MotionPort(RANGE, COUPLING, DEBT), 0.0
     port.book(ZERO, ZERO)
     for depth in [*depths, -0.001]:
         done += port.book((0.0, 0.0, -depth), (0.0, 0.0, min(RANGE, max(0.0, stiffness * depth))))
@@ -165,7 +166,7 @@ def test_a_deep_debt_stops_sliding_too_and_lets_the_robot_be_pushed_out(stiffnes
 
 @given(st.lists(st.tuples(vectors(1e30), vectors(1e30), vectors(1e30), st.floats(-1e30, 1e30)), max_size=8))
 def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vector, Vector, float]]) -> None:
-    port = MotionPort(RANGE, DEBT)
+    port = MotionPort(RANGE, COUPLING, DEBT)
     for position, force, target, tank in ticks:
         assert all(map(isfinite, port.affordable(target, position, tank)))
         assert isfinite(port.book(position, force))
@@ -174,7 +175,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vec
 def test_reset_forgets() -> None:
     port = pressed(500.0, 0.01)
     port.reset()
-    fresh = MotionPort(RANGE, DEBT)
+    fresh = MotionPort(RANGE, COUPLING, DEBT)
     assert port.book((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)) == 0.0
     fresh.book((1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     step = (1.0, 0.0, -0.001)

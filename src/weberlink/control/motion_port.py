@@ -5,7 +5,7 @@ the forces before and after it, which is exact for a spring. If a stiff contact 
 saturates, the work is bounded so that a wall never seems to return more energy than it took.
 """
 
-from math import hypot
+from math import hypot, inf
 
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.energy import root_share
@@ -103,7 +103,7 @@ class MotionPort:
         self._learn_stiffness(x * x + y * y + z * z, earlier, touched=touched)
         if touched and self._touches:
             change = (force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2])
-            self._sliding.move((x, y, z), change, self._stiffness)
+            self._sliding.move((x, y, z), change, self._stiffness or inf)
         return work
 
     def _is_saturated(self, force: Vector) -> bool:
@@ -115,7 +115,10 @@ class MotionPort:
         force = self._force
         if not self._touches:
             self._stiffness, self._seen = self._coupling, False
-        elif touched and squared_way > SHORTEST_WAY * SHORTEST_WAY:  # part of the first step of a contact was free
+        elif not touched:  # the depth is at most the whole step
+            length = hypot(force[0], force[1], force[2])
+            self._coupling = max(self._coupling, length / max(squared_way**0.5, SHORTEST_WAY))
+        elif squared_way > SHORTEST_WAY * SHORTEST_WAY:  # part of the first step of a contact was free
             x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
             seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
             self._stiffness, self._seen = max(seen, self._stiffness) if self._seen else seen, True
