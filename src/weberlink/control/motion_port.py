@@ -10,7 +10,7 @@ from math import hypot, inf
 from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.energy import root_share
 from weberlink.geometry.sliding import Sliding
-from weberlink.geometry.vector import ZERO, Vector, unit
+from weberlink.geometry.vector import ZERO, Vector, add, scale, unit
 
 CAUTION = 4.0
 """Assumed stiffness of a wall over the largest one seen in this contact."""
@@ -20,6 +20,10 @@ LONGEST_RETREAT = 5e-5
 """Longest step back from a wall that is allowed in a tick with an empty tank [m]."""
 SHORTEST_WAY = 1e-6
 """Shortest step from which a stiffness is estimated [m]."""
+DEEPEST_REST = 1e-3
+"""Longest way from the end of a contact to outside the surface [m]."""
+LEAST_RISE = 0.5
+"""Smallest force of a first contact that shows the stiffness of the robot [N]."""
 
 
 class MotionPort:
@@ -90,7 +94,10 @@ class MotionPort:
         if self._touches:
             self._outside = None
         elif touched:
-            self._outside = position, unit(out)
+            # What is left of the depth: less force than this does not count as contact, but rubs.
+            left = min(2.0 * LEAST_CONTACT / (self._stiffness or inf), DEEPEST_REST)
+            normal = unit(out)
+            self._outside = add(position, scale(normal, left)), normal
         if before is None:
             return 0.0
         x, y, z = position[0] - before[0], position[1] - before[1], position[2] - before[2]
@@ -112,16 +119,16 @@ class MotionPort:
         return squared >= SATURATED * SATURATED * self._force_range * self._force_range
 
     def _learn_stiffness(self, squared_way: float, earlier: Vector, *, touched: bool) -> None:
-        force = self._force
+        if squared_way > SHORTEST_WAY * SHORTEST_WAY:
+            force = self._force
+            rise = hypot(force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2])
+            seen = rise / squared_way**0.5
+            if touched:  # part of the first step of a contact was free
+                self._stiffness, self._seen = max(seen, self._stiffness) if self._seen else seen, True
+            elif rise > LEAST_RISE:  # the robot is at least so stiff
+                self._coupling = max(self._coupling, seen)
         if not self._touches:
             self._stiffness, self._seen = self._coupling, False
-        elif not touched:  # the depth is at most the whole step
-            length = hypot(force[0], force[1], force[2])
-            self._coupling = max(self._coupling, length / max(squared_way**0.5, SHORTEST_WAY))
-        elif squared_way > SHORTEST_WAY * SHORTEST_WAY:  # part of the first step of a contact was free
-            x, y, z = force[0] - earlier[0], force[1] - earlier[1], force[2] - earlier[2]
-            seen = ((x * x + y * y + z * z) / squared_way) ** 0.5
-            self._stiffness, self._seen = max(seen, self._stiffness) if self._seen else seen, True
 
     def affordable(self, target: Vector, here: Vector, tank: float) -> Vector:
         """The farthest point from `here` towards `target` [m] that the tank [J] can pay for."""

@@ -153,16 +153,19 @@ class TdpaSlave(_TankedPort):
         self._elapsed = elapsed
         self._tank.receive(peer_credit)
         ahead = self._prediction.ahead(peer_credit, elapsed)
-        goal = self._caught_up(target, here, elapsed)
-        return self._port.affordable(goal, here, self._tank.level + ahead)
+        energy = self._tank.level + ahead
+        # To catch up is to press, which costs; without energy the robot would be stuck by what it cannot pay.
+        broke = energy <= 0.0 and self._port.touches
+        goal = self._caught_up(target, here, elapsed, 0.0 if broke else self._catch_up_speed)
+        return self._port.affordable(goal, here, energy)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
         """As `follow`, without a limit by energy; a debt is forgotten slowly."""
         self._tank.receive(peer_credit)
         self._tank.forgive(elapsed)
-        return self._caught_up(target, here, elapsed)
+        return self._caught_up(target, here, elapsed, self._catch_up_speed)
 
-    def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
+    def _caught_up(self, target: Vector, here: Vector, elapsed: float, speed: float) -> Vector:
         """Where the target's own motion leads from here, and from there the catch-up motion towards it [m]."""
         before, self._target = self._target, target
         if before is None:
@@ -174,7 +177,7 @@ class TdpaSlave(_TankedPort):
             here[1] + share * (target[1] - before[1]),
             here[2] + share * (target[2] - before[2]),
         )
-        way, drift = self._catch_up_speed * elapsed, dist(start, target)
+        way, drift = speed * elapsed, dist(start, target)
         return target if drift <= way else interpolate(start, target, way / drift)
 
     def observe(self, position: Vector, force: Vector) -> None:
