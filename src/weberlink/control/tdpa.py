@@ -6,8 +6,17 @@ bound on the delay is assumed, only that hand and environment are passive. Sourc
 teleoperation with time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of
 `weberlink.control.energy`.
 
-The operator feels it if a tank cannot pay: drag while the tanks fill for the first time, a soft wall until the first
-work has crossed the link, and stickiness when the hand turns back.
+In contact the energy goes to the side that displays the force: the slave keeps what pressing and rubbing need, the
+master pushes the hand out of a wall that it felt late. While a force is withheld, the robot presses with what is felt
+(`ForceMatching`); not so where only a sample is known.
+
+A passive linear link of round trip R displays a stiffness of at most about b / (R / 2), with the damping b of the hand
+(Colgate's bound with the delay). The predicted force belongs to the present position of the hand, so it is not delayed,
+and only energy limits it: what the hand has put in must pay for pushing it out. To push a hand of stiffness k out by x
+takes about k x^2 / 2.
+
+The operator feels it if a tank cannot pay: drag while the tanks fill for the first time, a wall that pushes the hand
+out slowly, and stickiness when the hand turns back. A robot that cannot pay for friction lifts.
 """
 
 from math import dist, hypot
@@ -26,12 +35,12 @@ CAP = 10.0
 LEAK = 0.2
 """Time constant with which the master's tank feeds the slave's [s]; the slave returns what it does not need."""
 KEPT_IN_CONTACT = 0.1
-"""Share of its level that the slave's tank keeps in contact; with the rest the master pushes the hand out."""
+"""Share of its level that the slave's tank keeps in contact, beside as much as the contact took so far: pressing took
+what it gives back, and rubbing goes on. With the rest the master pushes the hand out."""
 PREDICTED = 0.004
 """Largest predicted credit, as a share of the level."""
 FIRST_DEBT = 0.004
 """Largest debt that a first contact may make, as a share of the level."""
-
 FASTEST = 1.0
 """Largest speed of the operator's motion that the robot follows at once [m/s]; a faster one is a jump of the signal."""
 
