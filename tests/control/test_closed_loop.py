@@ -15,7 +15,9 @@ from tests.control.walls import Wall
 from weberlink.control.contract import MasterControl, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 
-SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0)
+COUPLING = 2500.0
+"""Stiffness of the robot towards its command [N/m]."""
+SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=COUPLING)
 BOUND = 1e-3
 """Largest energy that may seem to be created [J]."""
 LINKS = (Link(), Link(jitter=0.05, loss=0.3, seed=3))
@@ -30,7 +32,10 @@ STIFFEST_MODEL = 3000.0
 """Largest stiffness of a model [N/m]; from a stiffer wall come only samples."""
 
 
-def run(name: str, stiffness: float, link: Link, hand: Hand, **more: object) -> Course:
+def run(name: str, stiffness: float, link: Link, hand: Hand, *, ideal: bool = False, **more: object) -> Course:
+    """With a robot that is as stiff as stated, or an ideal one that is at its command."""
+    if not ideal:
+        stiffness *= COUPLING / (COUPLING + stiffness)
     master, slave = build_master_control(name, SETTINGS), build_slave_control(name, SETTINGS)
     return operate(master, slave, wall=Wall(stiffness), link=link, hand=hand, seconds=4.5, **more)  # type: ignore[arg-type]
 
@@ -52,6 +57,18 @@ def test_nor_does_it_with_another_hand(hand: str, stiffness: float) -> None:
             course = run("tdpa", stiffness, replace(link, delay=delay), HANDS[hand])
             assert course.generated_at_the_hand <= BOUND, (delay, link)
             assert course.generated_between_the_ports <= BOUND, (delay, link)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.05, 0.35])
+@pytest.mark.parametrize("stiffness", [1e4, 1e6])
+def test_a_robot_that_is_stiffer_than_stated_makes_no_more_than_one_first_contact(
+    stiffness: float, delay: float
+) -> None:
+    """It comes at up to 0.5 m/s, to a force that jumps to the range of the sensor."""
+    for link in LINKS:
+        course = run("tdpa", stiffness, replace(link, delay=delay), HANDS["arm"], ideal=True)
+        assert course.generated_at_the_hand <= BOUND, link
+        assert course.generated_between_the_ports <= BOUND + 0.5 * FORCE_RANGE * 0.5 * TICK, link
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -96,7 +113,7 @@ def test_mmt_makes_no_energy_at_the_hand(stiffness: float, delay: float) -> None
         master.learn(wall if is_model else None, (0.0, 0.0, force), (0.0, 0.0, -force / stiffness))
 
     for link in LINKS:
-        course = run("mmt", stiffness, replace(link, delay=delay), HANDS["arm"], learn=learn)
+        course = run("mmt", stiffness, replace(link, delay=delay), HANDS["arm"], ideal=True, learn=learn)
         assert course.generated_at_the_hand <= BOUND, link
         if stiffness <= STIFFEST_MODEL:
             assert max(course.forces) > 0.1

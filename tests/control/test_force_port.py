@@ -1,6 +1,8 @@
 """The operator's port: exact work, and a force that is reduced by what the tank lacks and never increased."""
 
-from math import isfinite
+from collections.abc import Callable, Iterable
+from math import cos, isfinite, pi, sin
+from random import Random
 
 import pytest
 from hypothesis import given
@@ -8,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.control.vectors import forces, positions, steps, vectors
 from tests.examples import examples
-from weberlink.control.force_port import LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
+from weberlink.control.force_port import DEBT, LEAST_MASS, RECOVERY, SHARE_OF_TANK, STEEPEST, ForcePort
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract
 
 TICK = 1e-3
@@ -94,6 +96,92 @@ def test_an_empty_tank_lets_no_force_push_a_hand_out(force: Vector, tank: float)
     assert dot(passed, force) <= 1e-12
 
 
+def drawn(ways: Iterable[Vector], wanted: Callable[[int, Vector], Vector]) -> tuple[float, float]:
+    """Move a hand by these ways against the secured part of a wanted force.
+
+    Args:
+        ways: of the hand [m], tick by tick.
+        wanted: the force [N] at a tick after a way [m].
+
+    Returns:
+        The largest energy drawn so far at any time beyond what was put in [J], and the largest work of one tick [J].
+    """
+    port, at, held, tank, lowest, tick_worth = ForcePort(TICK, LEVEL), ZERO, ZERO, 0.0, 0.0, 0.0
+    port.move(at)
+    for tick, way in enumerate(ways):
+        at = add(at, way)
+        work = port.move(at)
+        tick_worth = max(tick_worth, abs(work))
+        tank += work
+        lowest = min(lowest, tank)
+        held = port.secured(wanted(tick, port.way), tank)
+        port.hold(held)
+    return -lowest, tick_worth
+
+
+def against(_: int, way: Vector) -> Vector:
+    """10 N against the last way, as a drag."""
+    return scale(way, -10.0 / max(norm(way), 1e-12))
+
+
+@given(st.lists(st.tuples(steps, forces), max_size=100))
+def test_no_motion_draws_more_than_was_put_in_but_for_the_debt_and_one_tick(ticks: list[tuple[Vector, Vector]]) -> None:
+    ways = [way for way, _ in ticks]
+    for wanted in (against, lambda tick, _: ticks[tick][1]):
+        out, tick_worth = drawn(ways, wanted)
+        assert out <= DEBT + tick_worth + 1e-9
+
+
+@pytest.mark.parametrize("amplitude", [1e-5, 1e-4, 1e-3, 5e-3])
+@pytest.mark.parametrize("seed", range(3))
+def test_nor_does_a_long_random_walk_or_a_hand_shaken_at_any_rate(amplitude: float, seed: int) -> None:
+    random = Random(seed)
+    walk = [(random.uniform(-amplitude, amplitude), 0.0, 0.0) for _ in range(5000)]
+    flips = [(amplitude if tick % 2 else -amplitude, 0.0, 0.0) for tick in range(5000)]
+    rests = [(amplitude * random.choice((-1, 0, 0, 0, 1)), 0.0, 0.0) for _ in range(5000)]
+    phase = random.uniform(0.0, pi)
+    shaken = [
+        [
+            (2.0 * amplitude * sin(pi * hz * TICK) * cos(2.0 * pi * hz * TICK * tick + phase), 0.0, 0.0)
+            for tick in range(3000)
+        ]
+        for hz in (30.0, 230.0, 250.0, 270.0, 375.0, 499.0)
+    ]
+    for ways in (walk, flips, rests, *shaken):
+        out, tick_worth = drawn(ways, against)
+        assert out <= DEBT + tick_worth + 1e-9
+
+
+@pytest.mark.parametrize("speed", [0.01, 0.1, 0.5])
+def test_a_drag_fills_an_empty_tank_all_the_same(speed: float) -> None:
+    """5 N s/m, after a second of shaking at the Nyquist rate too."""
+
+    def drag(_: int, way: Vector) -> Vector:
+        return scale(way, -5.0 / TICK)
+
+    shaken = [(speed * TICK if tick % 2 else -speed * TICK, 0.0, 0.0) for tick in range(1000)]
+    moved = [(speed * TICK, 0.0, 0.0)] * 1000
+    for ways in (moved, shaken + moved):
+        port, at, tank = ForcePort(TICK, LEVEL), ZERO, 0.0
+        port.move(at)
+        for tick, way in enumerate(ways):
+            at = add(at, way)
+            tank += port.move(at)
+            port.hold(port.secured(drag(tick, port.way), tank))
+        assert tank >= 0.8 * 5.0 * speed * speed - DEBT
+
+
+@given(history=histories, force=forces, tank=st.floats(0.05, 1.0))
+def test_with_energy_in_the_tank_no_force_is_taken_away_at_the_speeds_of_a_hand(
+    history: list[tuple[Vector, Vector, float]], force: Vector, tank: float
+) -> None:
+    """Below 0.5 m/s, and below 10 N."""
+    history = [(scale(step, 0.1), wanted, available) for step, wanted, available in history]
+    force = scale(force, min(1.0, 10.0 / max(norm(force), 1e-9)))
+    port, _ = after(history)
+    assert port.secured(force, tank) == force
+
+
 @given(
     st.lists(st.tuples(vectors(1e30), vectors(1e30), st.floats(-1e30, 1e30), st.floats(0.0, 1e3)), max_size=10),
 )
@@ -101,7 +189,7 @@ def test_nothing_finite_makes_it_raise_or_infinite(ticks: list[tuple[Vector, Vec
     port = ForcePort(TICK, LEVEL)
     for position, force, tank, elapsed in ticks:
         assert isfinite(port.move(position))
-        passed = port.passive(force, tank, elapsed)
+        passed = port.secured(port.passive(force, tank, elapsed), tank)
         assert all(map(isfinite, passed))
         port.hold(passed)
     assert isfinite(port.mobility)

@@ -6,6 +6,7 @@ is exact: the held force times the displacement.
 
 from math import hypot
 
+from weberlink.control.energy import root_share
 from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
@@ -21,6 +22,16 @@ LEAST_STEP = 0.1
 """Smallest change of force from which the mobility is estimated [N]."""
 FORGET = 0.02
 """Share of the estimated mobility that is forgotten: per tick, or per estimate."""
+DEBT = 5e-4
+"""Debt that the tank may have [J], so that a force against the motion can fill an empty tank."""
+STAKE = 0.5
+"""Largest loss in one tick if the hand turns against the force, as a share of the energy above the floor."""
+LEAST_STAKE = 1e-12
+"""What is left of `DEBT` at least [J]: from here an honest motion doubles it in a few ticks."""
+MEMORY = 1.0
+"""Time constant with which the longest displacement in a tick is forgotten [s]."""
+FASTEST = 1.0
+"""Largest speed that a hand is assumed to turn to within a tick while the tank is not empty [m/s]."""
 
 
 class ForcePort:
@@ -30,9 +41,18 @@ class ForcePort:
     past (`mobility`). If the force would then take more than `SHARE_OF_TANK` of the tank, the excess is withheld and
     returned over `RECOVERY`. A constant is subtracted, not a share: so the wall keeps its stiffness and lies deeper,
     and the control does not chatter.
+
+    The prediction has the wrong sign where the hand is shaken faster than a quarter of the tick rate. So `secured`
+    bounds the loss for both directions of motion: no tick takes more than `STAKE` of what is left above a floor, at
+    first `DEBT` below zero. A motion that always turns against the force takes less and less and never reaches the
+    floor; one that works against the force raises the stake as it fills the tank. A motion that suddenly is `1 / STAKE`
+    times longer than all before can break the floor once, and must then earn the debt back before the next.
     """
 
     __slots__ = (
+        "_fastest",
+        "_floor",
+        "_forgotten",
         "_held",
         "_lately",
         "_least_mobility",
@@ -40,6 +60,7 @@ class ForcePort:
         "_mobility",
         "_passed",
         "_position",
+        "_reach",
         "_steepest",
         "_step",
         "_way",
@@ -57,6 +78,8 @@ class ForcePort:
         self._steepest = steepest
         self._level = level
         self._least_mobility = tick_period * tick_period / (2.0 * LEAST_MASS)
+        self._fastest = FASTEST * tick_period
+        self._forgotten = tick_period / MEMORY
         self.reset()
 
     def reset(self) -> None:
@@ -66,6 +89,8 @@ class ForcePort:
         self._step: Vector = ZERO
         self._mobility = self._lately = self._least_mobility
         self._withheld = self._passed = 0.0
+        self._reach = 0.0
+        self._floor = -DEBT
 
     @property
     def way(self) -> Vector:
@@ -94,6 +119,7 @@ class ForcePort:
         self._position = position
         work = -(held[0] * x + held[1] * y + held[2] * z)
         self._learn_mobility(x - way[0], y - way[1], z - way[2])
+        self._reach = max(hypot(x, y, z), self._reach - self._forgotten * self._reach)
         self._way = (x, y, z)
         return work
 
@@ -135,9 +161,31 @@ class ForcePort:
         """The largest share of a force [N] that takes at most this energy [J] in the next tick."""
         way, held = self._way, self._held
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
-        rise = force[0] * (force[0] - held[0]) + force[1] * (force[1] - held[1]) + force[2] * (force[2] - held[2])
-        leaves = along + self._lately * max(0.0, rise)
-        return 1.0 if leaves <= 0.0 else min(1.0, max(0.0, energy / leaves))
+        square = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
+        now = force[0] * held[0] + force[1] * held[1] + force[2] * held[2]
+        budget = max(0.0, energy)
+        share = min(1.0, root_share(along - self._lately * now, self._lately * square, budget))
+        return share if share * along <= budget else budget / along
+
+    def secured(self, force: Vector, tank: float) -> Vector:
+        """The part of a force [N] that leaves energy above the floor whichever way the hand goes.
+
+        Args:
+            force: all that is to be displayed [N].
+            tank: energy in the tank [J].
+        """
+        if tank >= 0.0:
+            self._floor = -DEBT
+            reach = min(self._reach, self._fastest)
+        else:
+            self._floor = min(self._floor, tank - LEAST_STAKE)
+            reach = self._reach
+        worst = hypot(force[0], force[1], force[2]) * reach
+        stake = STAKE * (tank - self._floor)
+        if worst <= stake:
+            return force
+        share = stake / worst
+        return (force[0] * share, force[1] * share, force[2] * share)
 
     def hold(self, force: Vector) -> None:
         """Take in the force that is displayed until the next call of `move` [N]."""

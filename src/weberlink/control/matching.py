@@ -9,17 +9,19 @@ states the displayed force. Source of the idea: force-matched commands of model-
 from math import hypot
 
 from weberlink.control.contract import LEAST_CONTACT, WallModel
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.sliding import Sliding
+from weberlink.geometry.vector import ZERO, Vector, subtract
 
 
-def matched(position: Vector, stated: Vector, stiffness: float, displayed: Vector) -> Vector:
-    """The position [m] at which a model states the displayed force, on the line of the stated force.
+def matched(position: Vector, stated: Vector, stiffness: float, displayed: Vector, way: Vector) -> Vector:
+    """The position [m] at which a model states the displayed force.
 
     Args:
         position: of the device [m].
         stated: force of the model there [N].
         stiffness: of the model [N/m].
         displayed: force [N].
+        way: direction in which the command leaves the contact: the stated force, or its part along the normal [N].
     """
     length = hypot(stated[0], stated[1], stated[2])
     if length < LEAST_CONTACT:
@@ -29,7 +31,7 @@ def matched(position: Vector, stated: Vector, stiffness: float, displayed: Vecto
     if lack <= 0.0:
         return position
     share = lack / (length * stiffness)
-    return (position[0] + share * stated[0], position[1] + share * stated[1], position[2] + share * stated[2])
+    return (position[0] + share * way[0], position[1] + share * way[1], position[2] + share * way[2])
 
 
 class ForceMatching:
@@ -39,20 +41,24 @@ class ForceMatching:
         coupling: stiffness of the robot towards its command [N/m], assumed where no surface is known.
     """
 
-    __slots__ = ("_coupling", "_surface", "displayed")
+    __slots__ = ("_before", "_coupling", "_sliding", "_surface", "displayed")
 
     def __init__(self, coupling: float) -> None:
         self._coupling = coupling
+        self._sliding = Sliding()
         self.reset()
 
     def reset(self) -> None:
         self._surface: WallModel | None = None
+        self._sliding.reset()
+        self._before: tuple[Vector, Vector] | None = None
         self.displayed: Vector = ZERO
         """The force that is displayed now [N]."""
 
     def learn(self, surface: WallModel | None) -> None:
         """Take in the contact surface of an update; None if it has none."""
         self._surface = surface
+        self._before = None
 
     @property
     def stiffness(self) -> float:
@@ -60,9 +66,11 @@ class ForceMatching:
         return self._coupling if self._surface is None else self._surface.stiffness
 
     def command(self, position: Vector, tick: float) -> Vector:
-        """The position [m] at which the surface states the displayed force, on the line of its force there.
+        """The position [m] at which the surface states the displayed force, along its normal from `position`.
 
-        Without a surface it is `position` itself: a held force does not tell how it changes with the position.
+        Not along the force: friction tilts it, and the robot would lag behind the hand. Without a surface it is
+        `position` itself: a held sample does not tell how the force depends on the position. Matched to it, the robot
+        would yield to what is withheld, feel less, and yield more, down to no force.
 
         Args:
             position: of the device [m].
@@ -71,4 +79,8 @@ class ForceMatching:
         surface = self._surface
         if surface is None:
             return position
-        return matched(position, surface.at(tick, position), surface.stiffness, self.displayed)
+        force = surface.at(tick, position)
+        before, self._before = self._before, (position, force)
+        if before is not None:
+            self._sliding.move(subtract(position, before[0]), subtract(force, before[1]), surface.stiffness)
+        return matched(position, force, surface.stiffness, self.displayed, self._sliding.normal_part(force))

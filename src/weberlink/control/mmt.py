@@ -129,7 +129,7 @@ class MmtMaster:
         if newest is None:
             return position
         surface, present = newest.surface, self._present
-        x, y, z = matched(position, newest.force, surface.stiffness, self._displayed)
+        x, y, z = matched(position, newest.force, surface.stiffness, self._displayed, newest.force)
         # The command arrives a trip later. By then a surface that moves has carried the contact along.
         a, b, c = surface.displacement(present)
         u, v, w = surface.displacement(present + self._lead / self._tick_period)
@@ -139,7 +139,8 @@ class MmtMaster:
         port, tank, mixture = self._port, self._tank, self._mixture
         self._wanted = wanted = mixture.force
         passive = port.passive(wanted, tank.level, self._elapsed, self._supplied)
-        return self._drag.added(passive, port.way, self._elapsed, tank.level - mixture.stored, port.mobility)
+        dragged = self._drag.added(passive, port.way, self._elapsed, tank.level - mixture.stored, port.mobility)
+        return port.secured(dragged, tank.level)
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)

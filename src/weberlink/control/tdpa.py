@@ -6,8 +6,17 @@ bound on the delay is assumed, only that hand and environment are passive. Sourc
 teleoperation with time-domain passivity control", IEEE Trans. Robotics and Automation 20(2), 2004; and those of
 `weberlink.control.energy`.
 
-The operator feels it if a tank cannot pay: drag while the tanks fill for the first time, a soft wall until the first
-work has crossed the link, and stickiness when the hand turns back.
+In contact the energy goes to the side that displays the force: the slave keeps what pressing and rubbing need, the
+master pushes the hand out of a wall that it felt late. While a force is withheld, the robot presses with what is felt
+(`ForceMatching`); not so where only a sample is known.
+
+A passive linear link of round trip R displays a stiffness of at most about b / (R / 2), with the damping b of the hand
+(Colgate's bound with the delay). The predicted force belongs to the present position of the hand, so it is not delayed,
+and only energy limits it: what the hand has put in must pay for pushing it out. To push a hand of stiffness k out by x
+takes about k x^2 / 2.
+
+The operator feels it if a tank cannot pay: drag while the tanks fill for the first time, a wall that pushes the hand
+out slowly, and stickiness when the hand turns back. A robot that cannot pay for friction lifts.
 """
 
 from math import dist, hypot
@@ -25,12 +34,15 @@ CAP = 10.0
 """Largest energy of the master's tank, as a multiple of its level: energy back from the wall pays for the next push."""
 LEAK = 0.2
 """Time constant with which the master's tank feeds the slave's [s]; the slave returns what it does not need."""
-KEPT = 0.5
-"""Share of its level that the master's tank keeps in contact, because the tremor of a resting hand can take energy."""
+KEPT_IN_CONTACT = 0.1
+"""Share of its level that the slave's tank keeps in contact, beside as much as the contact took so far: pressing took
+what it gives back, and rubbing goes on. With the rest the master pushes the hand out."""
 PREDICTED = 0.004
 """Largest predicted credit, as a share of the level."""
-SLIDING_DEBT = 0.004
-"""Largest debt that sliding along a surface may make, as a share of the level."""
+FIRST_DEBT = 0.004
+"""Largest debt that a first contact may make, as a share of the level."""
+FASTEST = 1.0
+"""Largest speed of the operator's motion that the robot follows at once [m/s]; a faster one is a jump of the signal."""
 
 
 class _TankedPort:
@@ -94,8 +106,8 @@ class TdpaMaster(_TankedPort):
         if work > 0.0:  # the work of the hand goes to the robot, except for what this tank lacks
             tank.hand_over(min(work, tank.level - self._level))
         tank.receive(peer_credit)
-        kept = KEPT * self._level if self._in_contact else 0.0
-        tank.hand_over((min(tank.level, self._level) - kept) * min(1.0, elapsed / LEAK))
+        if not self._in_contact:
+            tank.hand_over(min(tank.level, self._level) * min(1.0, elapsed / LEAK))
         tank.spill(CAP * self._level)
         self._elapsed, self._tick = elapsed, tick
 
@@ -106,7 +118,8 @@ class TdpaMaster(_TankedPort):
         port = self._port
         self._in_contact = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         passive = port.passive(force, self._tank.level, self._elapsed)
-        return self._drag.added(passive, port.way, self._elapsed, self._tank.level, port.mobility)
+        tank = self._tank.level
+        return port.secured(self._drag.added(passive, port.way, self._elapsed, tank, port.mobility), tank)
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
@@ -120,14 +133,15 @@ class TdpaMaster(_TankedPort):
 class TdpaSlave(_TankedPort):
     """Observer and controller of the robot's port."""
 
-    __slots__ = ("_catch_up_speed", "_level", "_port", "_prediction", "_target")
+    __slots__ = ("_catch_up_speed", "_elapsed", "_level", "_port", "_prediction", "_target")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
         self._level = settings.level
         self._catch_up_speed = settings.catch_up_speed
-        self._port = MotionPort(settings.force_range, SLIDING_DEBT * settings.level)
+        self._port = MotionPort(settings.force_range, settings.coupling, FIRST_DEBT * settings.level)
         self._prediction = CreditPrediction(PREDICTED * settings.level)
+        self._elapsed = 0.0
         self._target: Vector | None = None
 
     def reset(self) -> None:
@@ -143,27 +157,40 @@ class TdpaSlave(_TankedPort):
         self._target = None
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
+        self._elapsed = elapsed
         self._tank.receive(peer_credit)
         ahead = self._prediction.ahead(peer_credit, elapsed)
-        goal = self._caught_up(target, here, elapsed)
-        return self._port.affordable(goal, here, self._tank.level + ahead)
+        energy = self._tank.level + ahead
+        # To catch up is to press, which costs; without energy the robot would be stuck by what it cannot pay.
+        broke = energy <= 0.0 and self._port.touches
+        goal = self._caught_up(target, here, elapsed, 0.0 if broke else self._catch_up_speed)
+        return self._port.affordable(goal, here, energy)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
         """As `follow`, without a limit by energy; a debt is forgotten slowly."""
         self._tank.receive(peer_credit)
         self._tank.forgive(elapsed)
-        return self._caught_up(target, here, elapsed)
+        return self._caught_up(target, here, elapsed, self._catch_up_speed)
 
-    def _caught_up(self, target: Vector, here: Vector, elapsed: float) -> Vector:
-        """The target, or the point towards it at a distance of the target's own motion plus the catch-up motion [m]."""
+    def _caught_up(self, target: Vector, here: Vector, elapsed: float, speed: float) -> Vector:
+        """Where the target's own motion leads from here, and from there the catch-up motion towards it [m]."""
         before, self._target = self._target, target
-        way = self._catch_up_speed * elapsed + (dist(target, before) if before is not None else 0.0)
-        drift = dist(here, target)
-        if drift <= way:
-            return target
-        return interpolate(here, target, way / drift)
+        if before is None:
+            before = target
+        moved = dist(target, before)
+        share = min(1.0, FASTEST * elapsed / moved) if moved > 0.0 else 0.0
+        start = (
+            here[0] + share * (target[0] - before[0]),
+            here[1] + share * (target[1] - before[1]),
+            here[2] + share * (target[2] - before[2]),
+        )
+        way, drift = speed * elapsed, dist(start, target)
+        return target if drift <= way else interpolate(start, target, way / drift)
 
     def observe(self, position: Vector, force: Vector) -> None:
         tank = self._tank
         tank.level -= self._port.book(position, force)
         tank.hand_over(tank.level - self._level)
+        if self._port.touches:
+            kept = KEPT_IN_CONTACT * self._level + max(0.0, self._port.taken)
+            tank.hand_over((tank.level - kept) * min(1.0, self._elapsed / LEAK))
