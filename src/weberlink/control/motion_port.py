@@ -47,6 +47,11 @@ class MotionPort:
         self._taken = 0.0
         self._touches = False
 
+    @property
+    def taken(self) -> float:
+        """Work on the environment since the present contact began [J], >= 0; 0 without a contact."""
+        return max(0.0, self._taken)
+
     def book(self, position: Vector, force: Vector) -> float:
         """Take in commanded position [m] and force on the robot [N]; returns the work on the environment [J]."""
         before, earlier, touched = self._position, self._force, self._touches
