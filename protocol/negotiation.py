@@ -2,8 +2,8 @@
 
 One end proposes, the other answers. A proposal is repeated until it is answered, and each repeat is answered again. An
 answer is not acknowledged: if all answers are lost until the tick has passed, the other end makes the change at the
-tick, and the proposer makes it when the first answer arrives. Repeats do not wait for an answer to the last one, so that
-several are lost before that happens.
+tick, and the proposer makes it when the first answer arrives. Repeats do not wait for an answer to the one before, so
+several must be lost until that happens.
 """
 
 from math import inf

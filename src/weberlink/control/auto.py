@@ -15,11 +15,10 @@ each scheme of the operator's end bounds the energy that leaves its port whateve
 their tanks, `none` by the guard of `ContactBalance`.
 """
 
-from math import inf, sqrt
+from math import hypot, inf, sqrt
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
-from weberlink.control.energy import FORGIVENESS
 from weberlink.control.force_port import ForcePort
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
@@ -46,6 +45,8 @@ LARGEST_DEBT = 0.1
 """Debt without control that the guard allows, likewise: 5 mJ."""
 GUARDED_SHARE = 0.3
 """Largest part of the energy left until then that the guard lets out in one tick, as predicted."""
+FORGET = 0.2
+"""Time constant with which a debt is forgotten between contacts [s]: longer than a hand takes to bounce back."""
 MOST_KNOWN = 3.0
 """Energy that a contact may return beyond what its known stiffness stores, as a multiple of the level."""
 
@@ -69,13 +70,15 @@ class SchemeChoice:
         """Call for `TDPA`, which is passive at any delay, before anything else."""
         self._falls_back = True
 
-    def follow(self, active: int, quality: LinkQuality, elapsed: float, *, in_debt: bool) -> int:
+    def follow(self, active: int, quality: LinkQuality, elapsed: float, *, touches: bool, in_debt: bool) -> int:
         """Take in a tick; returns the index in `ORDER` of the scheme that is called for.
 
         Args:
             active: index of the scheme in use.
             quality: state of the link.
             elapsed: time since the last call [s].
+            touches: whether the robot touches something. Control is not given up then: the operator would feel more
+                force at the same depth, and that difference is energy out of nothing.
             in_debt: whether the loop is active.
         """
         self._calm_for += elapsed
@@ -92,7 +95,8 @@ class SchemeChoice:
         if step != self._asked:  # the dwell time starts again at a change of direction
             self._asked, self._beyond_for = step, 0.0
         self._beyond_for += elapsed
-        return active + step if self._beyond_for >= DWELL else active
+        waits = self._beyond_for < DWELL or (touches and active + step == NONE)
+        return active if waits else active + step
 
     def _step(self, delay: float) -> int:
         active = self._active
@@ -107,9 +111,9 @@ class ContactBalance:
     """Energy that the hand has put into the present contact, and the guard that limits its debt.
 
     A passive environment at rest returns no more in a contact than the contact took. So the balance begins at zero with
-    each contact; a debt stays, since a bouncing loop makes it in many contacts, and is forgotten with the time constant
-    `FORGIVENESS`. What the contact dissipates would hide an active loop, so the balance is at most what the contact
-    stores and some more.
+    each contact. A debt is kept in contact and forgotten between contacts, slowly: an active loop bounces and makes its
+    debt in many contacts, while a tap on a sampled wall returns 1 to 2 mJ too much and the hand damps it. What the
+    contact dissipates would hide an active loop, so the balance is at most what the contact stores and some more.
     """
 
     __slots__ = ("_debt", "_force", "_holds_back", "_least", "_most", "_port", "level")
@@ -144,21 +148,20 @@ class ContactBalance:
         """Energy that the hand may still take out of the contact [J]."""
         return max(0.0, self.level - self._least)
 
-    def book(self, position: Vector, elapsed: float, stiffness: float) -> None:
+    def book(self, position: Vector, elapsed: float, *, touches: bool, stiffness: float) -> None:
         """Book the work of the last tick.
 
         Args:
             position: of the device [m].
             elapsed: time since the last call [s].
+            touches: whether the robot touched something in it; the guard may hold all of that force back.
             stiffness: of the contact [N/m].
         """
         x, y, z = self._force
-        squared = x * x + y * y + z * z
-        touches = squared > LEAST_CONTACT * LEAST_CONTACT
-        most = self._most + 0.5 * squared / stiffness if touches else 0.0
+        most = self._most + 0.5 * (x * x + y * y + z * z) / stiffness if touches else 0.0
         self.level = min(self.level + self._port.move(position), most)
-        if self.level < 0.0:
-            self.level -= self.level * min(1.0, elapsed / FORGIVENESS)
+        if not touches:
+            self.level -= self.level * min(1.0, elapsed / FORGET)
 
     def forgive(self) -> None:
         """Forget a debt: another scheme keeps its own account."""
@@ -203,7 +206,7 @@ def yielding_share(along: float, rise: float, before: float, most: float) -> flo
 class AutoMaster:
     """The operator's end of all schemes, of which one is displayed, or several while one fades into another."""
 
-    __slots__ = ("_active", "_balance", "_choice", "_mmt", "_schemes", "_shares", "_tdpa", "_wanted")
+    __slots__ = ("_active", "_balance", "_choice", "_mmt", "_schemes", "_shares", "_tdpa", "_touches", "_wanted")
 
     def __init__(self, settings: SchemeParameters) -> None:
         self._tdpa, self._mmt = TdpaMaster(settings), MmtMaster(settings)
@@ -215,6 +218,7 @@ class AutoMaster:
     def _begin(self) -> None:
         self._active = self._wanted = TDPA
         self._shares = [0.0, 1.0, 0.0]
+        self._touches = False
 
     @property
     def active(self) -> str:
@@ -263,7 +267,7 @@ class AutoMaster:
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
         balance, shares = self._balance, self._shares
-        balance.book(position, elapsed, self.stiffness)
+        balance.book(position, elapsed, touches=self._touches, stiffness=self.stiffness)
         if shares[TDPA] > 0.0 or self._active == TDPA:
             self._tdpa.observe(position, elapsed, tick, peer_credit, quality)
         else:
@@ -274,7 +278,9 @@ class AutoMaster:
         if shares[NONE] == 0.0:
             balance.forgive()
         self._fade(elapsed)
-        self._wanted = self._choice.follow(self._active, quality, elapsed, in_debt=balance.in_debt)
+        self._wanted = self._choice.follow(
+            self._active, quality, elapsed, touches=self._touches, in_debt=balance.in_debt
+        )
 
     def _fade(self, elapsed: float) -> None:
         """Give the active scheme a larger share of the displayed force."""
@@ -289,6 +295,7 @@ class AutoMaster:
         return self._schemes[self._active].command(position)
 
     def render(self, force: Vector) -> Vector:
+        self._touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
         if self._shares[self._active] == 1.0:
             return self._rendered(self._active, force)
         x = y = z = 0.0

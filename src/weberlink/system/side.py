@@ -296,10 +296,7 @@ class Side:
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
-                if self._choosing is not None:
-                    self._choosing.fall_back()
-                self._faults.clear(Fault.UNHEARD)
-                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
+                self._fall_silent(is_heard=is_heard)
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
                 self._forget()
@@ -313,6 +310,12 @@ class Side:
                 self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
             case Refused(message):
                 self._give_up(Fault.REFUSED, f"refused: {message}", now)
+
+    def _fall_silent(self, *, is_heard: bool) -> None:
+        self._faults.clear(Fault.UNHEARD)
+        self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
+        if self._choosing is not None:
+            self._choosing.fall_back()
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()
