@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from math import isfinite
 from typing import Any
 
@@ -19,7 +19,10 @@ from weberlink.control.tuning import LEAD_TICKS, lead
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 from weberlink.protocol.wire import Kind, kind_of
+from weberlink.studies.stability.cells import SystemCell, timing
+from weberlink.studies.stability.command import configuration
 from weberlink.system.side import Side
+from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import Simulation
 from weberlink.telemetry.record import Record
 
@@ -113,7 +116,7 @@ class Pair:
         assert max(self.differences(), default=0.0) <= bound
 
 
-EVENTS = ["", "silence", "restart master", "restart slave", "master asks", "slave asks", "both ask"]
+EVENTS = ["", "silence", "restart slave", "master asks", "slave asks", "both ask"]
 delays = st.one_of(st.sampled_from([0.0, *RISING, *FALLING, 0.1, 0.3]), st.floats(0.0, 0.3))
 whiles = st.floats(0.2, 2.0)
 
@@ -125,11 +128,8 @@ def test_without_loss_both_sides_use_the_same_scheme_at_every_tick(course: list[
     for rtt, seconds in course:
         pair.link(rtt)
         pair.run(seconds)
-    pair.link(0.0)
-    pair.run(4.0)
     assert pair.differences() == []
-    last = pair.moments[-1]
-    assert last.master.control == last.slave.control == NONE
+    assert {moment.master.control for moment in pair.moments} == {moment.slave.control for moment in pair.moments}
 
 
 @given(
@@ -154,24 +154,24 @@ def test_on_any_link_they_differ_no_longer_than_it_takes_to_repeat(course: list[
     for rtt, jitter, loss, seconds, event, scheme in course:
         pair.link(rtt, jitter, loss)
         pair.run(seconds)
-        if event.startswith("restart"):
-            pair.restart(event.removeprefix("restart "))
+        if event == "restart slave":
+            pair.restart("slave")
         elif event == "silence":
             pair.link(rtt, jitter, 1.0)
             pair.run(0.3 * seconds)
             pair.link(rtt, jitter, loss)
         for name in ("master", "slave"):
-            if name in event or event == "both ask":
+            if event in (f"{name} asks", "both ask"):
                 getattr(pair.simulation, name).propose({"scheme": scheme}, pair.now)
     pair.link(0.002)
-    pair.run(6.0)
+    pair.run(2.0)
     pair.assert_agreed()
     last = pair.moments[-1]
     master, slave = pair.simulation.master.tuning, pair.simulation.slave.tuning
     assert last.master.state == last.slave.state == ENGAGED
     assert (master.settings, master.generation) == (slave.settings, slave.generation)
-    expected = NONE if master.settings.scheme == "auto" else list(SCHEMES).index(master.settings.scheme)
-    assert last.master.control == last.slave.control == expected
+    assert last.master.control == last.slave.control
+    assert master.settings.scheme in ("auto", list(SCHEMES)[last.master.control])
 
 
 @pytest.mark.parametrize("rtt", [0.0, 0.1])
@@ -256,3 +256,34 @@ def test_proposals_of_both_sides_in_the_same_tick_end_in_that_of_the_master() ->
     assert last.master.control == last.slave.control == MMT
     assert pair.simulation.slave.tuning.result.refusal is not None
     assert pair.differences() == []
+
+
+@pytest.mark.parametrize(
+    ("hand", "is_active", "felt"),
+    [
+        ({}, False, 0.95),
+        ({"mass_kg": 0.05, "damping_n_s_m": 1.0}, True, 0.9),
+        ({"mass_kg": 0.3, "damping_n_s_m": 1.0}, True, 0.9),
+        ({"mass_kg": 0.01, "damping_n_s_m": 0.5}, True, 0.0),
+        ({"mass_kg": 0.01, "damping_n_s_m": 0.5, "loss": 0.3}, True, 0.0),
+    ],
+)
+def test_at_a_rigid_wall_without_delay_an_active_loop_gets_out_no_more_than_the_debt(
+    hand: dict[str, float], is_active: bool, felt: float
+) -> None:
+    """5 mJ since the press began. Without control it is 54 mJ to 6.7 J with these hands."""
+    cell = SystemCell("auto", "auto", "hybrid", stiffness_n_m=1e7, round_trip_s=0.0, **hand)
+    when = timing(cell)
+    simulation = build_simulation(configuration(cell, when))
+    course = [simulation.step() for _ in range(round(when.release * cell.rate_hz))]
+    work = least = 0.0
+    for (before, _), (after, _) in pairwise(course[round(when.press * cell.rate_hz) :]):
+        work -= before.output_z * (after.position_z - before.position_z)
+        least = min(least, work)
+    assert least >= -5e-3
+    assert all(master.control == slave.control for master, slave in course if slave.state == ENGAGED)
+    after_press = {master.control for master, _ in course[round(when.press * cell.rate_hz) :]}
+    assert after_press == ({NONE, TDPA} if is_active else {NONE})
+    hold = [master.output_z for master, _ in course if master.at >= when.hold + 0.3]
+    ideal = 0.015 * 300.0 * 2500.0 / (300.0 + 2500.0)
+    assert sum(hold) / len(hold) >= felt * ideal
