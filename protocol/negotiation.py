@@ -2,7 +2,8 @@
 
 One end proposes, the other answers. A proposal is repeated until it is answered, and each repeat is answered again. An
 answer is not acknowledged: if all answers are lost until the tick has passed, the other end makes the change at the
-tick, and the proposer makes it when the first answer arrives.
+tick, and the proposer makes it when the first answer arrives. Repeats do not wait for an answer to the one before, so
+several must be lost until that happens.
 """
 
 from math import inf
@@ -11,8 +12,8 @@ from typing import NamedTuple
 from weberlink.protocol.events import ChangeAnswered, ChangeProposed
 
 NUMBERS = 8
-PACE = 0.02
-"""Least time between two repeats [s]."""
+PACE, PACE_SHARE = 0.002, 0.1
+"""Time between two repeats: the least [s], and as a share of round trip plus jitter."""
 ACCEPTED, REFUSED = b"\x01", b"\x00"
 
 
@@ -80,13 +81,18 @@ class ParameterNegotiation:
             self._answer_due = False
             return self._answer
         assert self._proposal is not None
-        self._due = now + max(PACE, 1.5 * rtt)
+        self._due = now + max(PACE, PACE_SHARE * rtt)
         return self._proposal
 
     def heard_proposal(self, number: int, tick: int, body: bytes) -> ChangeProposed | None:
-        """Receive a proposal with its full tick; None for a repeated one, which is answered again."""
+        """Receive a proposal with its full tick; None for a repeated one, which is answered again if it is the newest.
+
+        A proposer goes on to the next number only when the last one is answered, so any other number is of the past.
+        """
         if self._answering == (number, tick):
             self._answer_due = self._answer is not None
+            return None
+        if number != ((0 if self._answering is None else self._answering[0]) + 1) % NUMBERS:
             return None
         self._answering, self._answer, self._answer_due = (number, tick), None, False
         return ChangeProposed(tick, body)

@@ -10,79 +10,120 @@ from weberlink.control.auto import CALM, DWELL, FALLING, MMT, NONE, RISING, TDPA
 from weberlink.control.contract import LinkQuality
 
 TICK = 0.01
-LEVEL = 0.05
 delays = st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, *RISING, *FALLING, 1.0]))
-courses = st.lists(st.tuples(delays, st.floats(0.0, 0.3)), max_size=300)
+elapsed_times = st.floats(0.0, 0.3)
 
 
-def follow(choice: SchemeChoice, delay: float | None, seconds: float, jitter: float = 0.0, tank: float = LEVEL) -> int:
-    for _ in range(round(seconds / TICK)):
-        choice.follow(LinkQuality(delay, jitter), tank, TICK)
-    return choice.active
+class Chooser:
+    """A choice that is followed at once, or after some ticks."""
+
+    def __init__(self, lead: int = 0) -> None:
+        self.choice = SchemeChoice()
+        self.active = TDPA
+        self._lead, self._since = lead, 0
+
+    def tick(
+        self, delay: float | None, elapsed: float, *, jitter: float = 0.0, touches: bool = False, in_debt: bool = False
+    ) -> int:
+        wanted = self.choice.follow(self.active, LinkQuality(delay, jitter), elapsed, touches=touches, in_debt=in_debt)
+        self._since = self._since + 1 if wanted != self.active else 0
+        if self._since > self._lead:
+            self.active, self._since = wanted, 0
+        return wanted
+
+    def follow(self, delay: float | None, seconds: float, **conditions: float) -> int:
+        for _ in range(round(seconds / TICK)):
+            self.tick(delay, TICK, **conditions)  # type: ignore[arg-type]
+        return self.active
 
 
-@pytest.mark.parametrize(("delay", "scheme"), [(0.001, NONE), (0.02, TDPA), (0.1, TDPA), (0.7, MMT)])
-@pytest.mark.parametrize("first", [0.001, 0.1, 0.7])
-def test_each_delay_ends_up_in_its_scheme_from_anywhere(first: float, delay: float, scheme: int) -> None:
-    choice = SchemeChoice(LEVEL)
-    follow(choice, first, 3.0)
-    assert follow(choice, delay, 3.0) == scheme
+@pytest.mark.parametrize("lead", [0, 10])
+@pytest.mark.parametrize(("delay", "scheme"), [(0.001, NONE), (0.02, TDPA), (0.06, TDPA), (0.7, MMT)])
+@pytest.mark.parametrize("first", [0.001, 0.03, 0.7])
+def test_each_delay_ends_up_in_its_scheme_from_anywhere(first: float, delay: float, scheme: int, lead: int) -> None:
+    chooser = Chooser(lead)
+    chooser.follow(first, 3.0)
+    assert chooser.follow(delay, 3.0) == scheme
 
 
 def test_it_starts_with_what_is_passive_at_any_delay_and_stays_there_while_none_is_known() -> None:
-    choice = SchemeChoice(LEVEL)
-    assert choice.active == TDPA
-    assert follow(choice, None, 10.0) == TDPA
+    chooser = Chooser()
+    assert chooser.active == TDPA
+    assert chooser.follow(None, 10.0) == TDPA
 
 
 def test_jitter_counts_as_delay() -> None:
-    assert follow(SchemeChoice(LEVEL), 0.15, 3.0, jitter=0.1) == MMT
+    assert Chooser().follow(0.06, 3.0, jitter=0.04) == MMT
 
 
-@given(courses)
+@given(st.lists(st.tuples(delays, elapsed_times), max_size=300))
 def test_changes_are_to_a_neighbour_and_at_least_a_dwell_apart(course: list[tuple[float, float]]) -> None:
-    choice, now, changes = SchemeChoice(LEVEL), 0.0, [(0.0, TDPA)]
+    chooser, now, changes = Chooser(), 0.0, [(0.0, TDPA)]
     for delay, elapsed in course:
         now += elapsed
-        active = choice.follow(LinkQuality(delay, 0.0), 0.0, elapsed)
-        if active != changes[-1][1]:
-            changes.append((now, active))
+        chooser.tick(delay, elapsed)
+        if chooser.active != changes[-1][1]:
+            changes.append((now, chooser.active))
     for (before, left), (at, taken) in pairwise(changes):
         assert abs(taken - left) == 1
         assert at - before >= DWELL - 1e-9
     assert len(changes) - 1 <= now / DWELL + 1e-9
 
 
-@given(
-    st.lists(
-        st.tuples(delays, st.floats(0.0, 0.3), st.sampled_from([0.0, -0.5 * LEVEL, -1.1 * LEVEL])),
-        max_size=300,
-    )
-)
-def test_a_debt_without_control_calls_for_control_at_once_and_for_a_while(
-    course: list[tuple[float, float, float]],
+@given(st.lists(st.tuples(delays, elapsed_times, st.booleans(), st.booleans()), max_size=300))
+def test_an_active_loop_calls_for_control_at_once_and_for_a_while(
+    course: list[tuple[float, float, bool, bool]],
 ) -> None:
-    """With any delays and debts, there are few changes: one more per `CALM`."""
-    choice, now, changes, called_at = SchemeChoice(LEVEL), 0.0, 0, -CALM
-    for delay, elapsed, tank in course:
+    """With any delays, contacts and debts, there are few changes: one more per `CALM`."""
+    chooser, now, changes, called_at = Chooser(), 0.0, 0, -CALM
+    for delay, elapsed, touches, in_debt in course:
         now += elapsed
-        before = choice.active
-        after = choice.follow(LinkQuality(delay, 0.0), tank, elapsed)
-        if before == NONE and tank < -LEVEL:
-            assert after == TDPA
+        before = chooser.active
+        chooser.tick(delay, elapsed, touches=touches, in_debt=in_debt)
+        if before == NONE and in_debt:
+            assert chooser.active == TDPA
             called_at = now
-        if after == NONE != before:
+        if chooser.active == NONE != before:
             assert now - called_at >= CALM - 1e-9
-        changes += after != before
+            assert not touches
+        changes += chooser.active != before
     assert changes <= now / DWELL + now / CALM + 1.0 + 1e-9
 
 
+def test_the_call_for_control_lasts_until_it_is_heard() -> None:
+    chooser = Chooser(lead=20)
+    assert chooser.follow(0.001, 3.0) == NONE
+    assert chooser.tick(0.001, TICK, in_debt=True) == TDPA
+    for _ in range(20):
+        assert chooser.active == NONE
+        assert chooser.tick(0.001, TICK) == TDPA
+    assert chooser.active == TDPA
+
+
 def test_a_loop_that_was_active_stays_under_control_until_it_has_been_calm() -> None:
-    choice = SchemeChoice(LEVEL)
-    assert follow(choice, 0.001, 3.0) == NONE
-    assert follow(choice, 0.001, TICK, tank=-1.1 * LEVEL) == TDPA
-    assert follow(choice, 0.001, CALM - 2.0 * TICK) == TDPA
-    assert follow(choice, 0.001, DWELL + 4.0 * TICK) == NONE
+    chooser = Chooser()
+    assert chooser.follow(0.001, 3.0) == NONE
+    assert chooser.follow(0.001, TICK, in_debt=True) == TDPA
+    assert chooser.follow(0.001, CALM - 2.0 * TICK) == TDPA
+    assert chooser.follow(0.001, DWELL + 4.0 * TICK) == NONE
+
+
+def test_control_is_not_given_up_in_contact() -> None:
+    chooser = Chooser()
+    assert chooser.follow(0.001, 10.0, touches=True) == TDPA
+    assert chooser.follow(0.001, TICK) == NONE
+    assert chooser.follow(0.03, 3.0, touches=True) == TDPA, "but taken up"
+
+
+@pytest.mark.parametrize("delay", [None, 0.001, 0.03, 0.7])
+@pytest.mark.parametrize("first", [0.001, 0.7])
+def test_after_a_silence_the_scheme_that_is_passive_at_any_delay_comes_first(first: float, delay: float | None) -> None:
+    chooser = Chooser(lead=5)
+    assert chooser.follow(first, 3.0) != TDPA
+    chooser.choice.fall_back()
+    assert chooser.tick(delay, TICK) == TDPA
+    assert chooser.follow(delay, 0.5 * DWELL) == TDPA
+    assert chooser.follow(first, 3.0) != TDPA, "and then the delay decides again"
 
 
 @pytest.mark.parametrize("threshold", [0, 1])
@@ -90,11 +131,11 @@ def test_a_loop_that_was_active_stays_under_control_until_it_has_been_calm() -> 
 def test_a_delay_between_the_thresholds_changes_nothing(threshold: int, extreme: float) -> None:
     """Neither the scheme below the threshold nor the one above it."""
     between = 0.5 * (RISING[threshold] + FALLING[threshold])
-    choice = SchemeChoice(LEVEL)
+    chooser = Chooser()
     beside = {0.0: threshold, 1.0: threshold + 1}[extreme]
     for _ in range(2000):
-        if choice.active == beside:
+        if chooser.active == beside:
             break
-        choice.follow(LinkQuality(extreme, 0.0), 0.0, TICK)
-    assert choice.active == beside
-    assert follow(choice, between, 10.0) == beside
+        chooser.tick(extreme, TICK)
+    assert chooser.active == beside
+    assert chooser.follow(between, 10.0) == beside

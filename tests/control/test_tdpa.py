@@ -70,18 +70,31 @@ def test_the_robot_comes_back_to_the_operator_at_a_limited_speed_on_top_of_the_m
     assert distances[-1] <= 1e-12
 
 
-def test_a_free_robot_pays_nothing_and_forgets_what_it_owes() -> None:
+def test_a_robot_on_stand_by_follows_freely_and_its_tank_stays_as_it_is() -> None:
     wall, slave, here = Wall(500.0), TdpaSlave(SETTINGS), ZERO
     for tick in range(1000):
-        here = slave.follow_freely((0.0, 0.0, -2e-5 * tick), here, TICK, 0)
-        slave.observe(here, wall.at(0.0, here))
+        here = slave.follow_freely((0.0, 0.0, -2e-5 * tick), here, TICK, 5 * tick)
+        slave.stand_by(here, wall.at(0.0, here))
+        assert (slave.tank, slave.credit) == (0.0, 0)
     assert here[2] == pytest.approx(-2e-5 * 999)
-    owed = slave.tank
-    assert owed < -0.05
-    for _ in range(10_000):
-        slave.follow_freely(here, here, TICK, 0)
+
+
+@pytest.mark.parametrize("depth", [-0.002, -0.01])
+def test_what_the_hand_has_paid_for_before_is_not_gained_by_the_robot(depth: float) -> None:
+    """The robot is in contact when control begins: the wall returns the energy, and it is on the master's account."""
+    wall, slave, here = Wall(500.0), TdpaSlave(SETTINGS), ZERO
+    for tick in range(101):
+        here = slave.follow_freely((0.0, 0.0, depth * tick / 100), here, TICK, 0)
+        slave.stand_by(here, wall.at(0.0, here))
+    slave.begin()
+    for tick in range(101):
+        here = (0.0, 0.0, depth * (1.0 - tick / 100) + 1e-5)
         slave.observe(here, wall.at(0.0, here))
-    assert 0.5 * owed < slave.tank < 0.0
+    assert slave.tank == pytest.approx(0.0, abs=0.02 * 250.0 * depth**2)
+    for tick in range(101):  # a later contact counts as ever
+        here = (0.0, 0.0, depth * tick / 100)
+        slave.observe(here, wall.at(0.0, here))
+    assert slave.tank == pytest.approx(-250.0 * depth**2, rel=0.05)
 
 
 def rub(friction: float, stiffness: float, speed: float, income: float, turns: int) -> tuple[float, float, float]:

@@ -5,7 +5,7 @@ import pytest
 from tests.protocol.harness import TICK, Pair
 from weberlink.protocol import ChangeAnswered, ChangeProposed
 from weberlink.protocol.emulation import Emulation
-from weberlink.protocol.negotiation import ParameterNegotiation
+from weberlink.protocol.negotiation import NUMBERS, ParameterNegotiation
 from weberlink.protocol.wire import LONGEST_CHANGE
 
 BODY = b'{"weber":0.2}'
@@ -81,6 +81,27 @@ def test_both_may_propose_at_once() -> None:
     pair.run(0.02)
     assert [event.refusal for event in pair.slave.of(ChangeAnswered)] == ["busy"]
     assert [event.refusal for event in answers(pair)] == ["busy"]
+
+
+def test_a_late_repeat_of_an_answered_proposal_is_not_a_new_one() -> None:
+    negotiation = ParameterNegotiation()
+    for number in range(1, 3 * NUMBERS):
+        assert negotiation.heard_proposal(number % NUMBERS, 100 + number, BODY) is not None
+        negotiation.answer(None)
+        for past in range(1, min(number, NUMBERS - 2)):
+            assert negotiation.heard_proposal((number - past) % NUMBERS, 100 + number - past, BODY) is None
+
+
+@pytest.mark.parametrize("rtt", [0.0, 0.005, 0.1, 1.0])
+def test_repeats_do_not_wait_for_an_answer(rtt: float) -> None:
+    negotiation = ParameterNegotiation()
+    negotiation.propose(10, BODY, 0.0)
+    sent, now = 0, 0.0
+    while now <= max(0.01, rtt):
+        now = negotiation.due
+        negotiation.take(now, rtt)
+        sent += 1
+    assert 5 <= sent <= 12
 
 
 def test_clocks_that_differ_do_not_move_the_tick() -> None:

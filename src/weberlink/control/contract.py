@@ -84,11 +84,25 @@ class Control(Protocol):
 
 
 @runtime_checkable
-class Imposable(Protocol):
-    """A scheme that chooses among others and can be held to one."""
+class Switchable(Protocol):
+    """A scheme that consists of others, of which both ends use the same one."""
 
-    def impose(self, scheme: str | None) -> None:
-        """Use the scheme of this name from now on, at any delay; None to choose by delay again."""
+    def use(self, scheme: str) -> None:
+        """Use the scheme of this name from now on."""
+        ...
+
+
+@runtime_checkable
+class Choosing(Switchable, Protocol):
+    """The operator's end of such a scheme, which chooses for both."""
+
+    @property
+    def wanted(self) -> str | None:
+        """Name of the scheme that both ends should change to; None for no change."""
+        ...
+
+    def fall_back(self) -> None:
+        """Call for the scheme that is safe at any delay: the link fell silent."""
         ...
 
 

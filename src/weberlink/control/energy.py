@@ -52,6 +52,10 @@ class EnergyTank:
             self.level += (credit - self._received) * CREDIT_STEP
             self._received = credit
 
+    def ignore(self, credit: int) -> None:
+        """Take in the credit of the other side without its energy."""
+        self._received = max(self._received, credit)
+
     def renounce(self, credit: int) -> None:
         """Give up the level and all credit of the other side so far; a debt stays."""
         self.receive(credit)

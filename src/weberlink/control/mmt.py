@@ -147,7 +147,7 @@ class MmtMaster:
         self._displayed = force
 
     def forgive(self, elapsed: float) -> None:
-        """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""
+        """Forget a debt with the time constant `FORGIVENESS`; `elapsed` since the last call [s]."""
         self._tank.forgive(elapsed)
 
 

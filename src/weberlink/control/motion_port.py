@@ -82,8 +82,8 @@ class MotionPort:
 
     @property
     def taken(self) -> float:
-        """Work on the environment in this contact [J]."""
-        return self._taken
+        """Work on the environment since the present contact began [J], >= 0; 0 without a contact."""
+        return max(0.0, self._taken)
 
     def book(self, position: Vector, force: Vector) -> float:
         """Take in commanded position [m] and force on the robot [N]; returns the work on the environment [J]."""

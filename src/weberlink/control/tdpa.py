@@ -125,15 +125,23 @@ class TdpaMaster(_TankedPort):
         self._port.hold(force)
         self._matching.displayed = force
 
-    def forgive(self, elapsed: float) -> None:
-        """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""
-        self._tank.forgive(elapsed)
+    def stand_by(self, position: Vector, elapsed: float, tick: float, peer_credit: int) -> None:
+        """As `observe` while another scheme is active: the tank stays as it is, and no energy is handed over."""
+        self._port.move(position)
+        self._tank.ignore(peer_credit)
+        self._elapsed, self._tick = elapsed, tick
+
+    def begin(self, energy: float) -> None:
+        """Become active again, without the debt of another time, with this energy [J] at least."""
+        tank = self._tank
+        tank.level = max(tank.level, energy)
+        tank.spill(CAP * self._level)
 
 
 class TdpaSlave(_TankedPort):
     """Observer and controller of the robot's port."""
 
-    __slots__ = ("_catch_up_speed", "_elapsed", "_level", "_port", "_prediction", "_target")
+    __slots__ = ("_catch_up_speed", "_elapsed", "_level", "_owed", "_port", "_prediction", "_target")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
@@ -143,9 +151,11 @@ class TdpaSlave(_TankedPort):
         self._prediction = CreditPrediction(PREDICTED * settings.level)
         self._elapsed = 0.0
         self._target: Vector | None = None
+        self._owed = 0.0  # energy stored in the present contact that is on the master's account [J]
 
     def reset(self) -> None:
         self._port.reset()
+        self._owed = 0.0
         self._tank.reset()
         self._prediction.reset()
         self._target = None
@@ -155,6 +165,16 @@ class TdpaSlave(_TankedPort):
         self._tank.renounce(peer_credit)
         self._prediction.reset(peer_credit)
         self._target = None
+        self._owed = 0.0
+
+    def begin(self) -> None:
+        """Become active with the energy that was left, without a debt.
+
+        What the present contact stores was paid by the hand, so it is on the account of the master's tank. It is not
+        gained here when the contact returns it.
+        """
+        self._tank.level = max(0.0, self._tank.level)
+        self._owed = self._port.taken
 
     def follow(self, target: Vector, here: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> Vector:  # noqa: ARG002
         self._elapsed = elapsed
@@ -167,9 +187,9 @@ class TdpaSlave(_TankedPort):
         return self._port.affordable(goal, here, energy)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
-        """As `follow`, without a limit by energy; a debt is forgotten slowly."""
-        self._tank.receive(peer_credit)
-        self._tank.forgive(elapsed)
+        """As `follow`, without a limit by energy, while another scheme is active."""
+        self._tank.ignore(peer_credit)
+        self._prediction.reset(peer_credit)
         return self._caught_up(target, here, elapsed, self._catch_up_speed)
 
     def _caught_up(self, target: Vector, here: Vector, elapsed: float, speed: float) -> Vector:
@@ -189,8 +209,17 @@ class TdpaSlave(_TankedPort):
 
     def observe(self, position: Vector, force: Vector) -> None:
         tank = self._tank
-        tank.level -= self._port.book(position, force)
+        work = self._port.book(position, force)
+        if self._owed > 0.0:
+            returned = min(self._owed, max(0.0, -work))
+            self._owed = min(self._owed - returned, self._port.taken)
+            work += returned
+        tank.level -= work
         tank.hand_over(tank.level - self._level)
         if self._port.touches:
-            kept = KEPT_IN_CONTACT * self._level + max(0.0, self._port.taken)
+            kept = KEPT_IN_CONTACT * self._level + max(0.0, self._port.taken - self._owed)
             tank.hand_over((tank.level - kept) * min(1.0, self._elapsed / LEAK))
+
+    def stand_by(self, position: Vector, force: Vector) -> None:
+        """As `observe` while another scheme is active: the tank stays as it is."""
+        self._port.book(position, force)

@@ -1,14 +1,27 @@
-"""The settings of a session that may change while it runs, and the tick at which a change takes effect."""
+"""The settings of a session that may change while it runs, and the tick at which a change takes effect.
+
+One side proposes a change for one of its ticks, and makes it only when the other side has agreed. The other side agrees
+only if its answer can be there before that tick, so both make the change at the same moment unless every answer is lost
+until then. In that case the proposer follows with the first answer to a repeat: after n lost exchanges more than the
+lead holds, that is n times the pace of the repeats later. If two proposals cross, that of the master is made.
+"""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-LEAD = 0.1
-"""Time from a proposal to the tick of the change [s], plus `ROUND_TRIPS` round trips to leave time for repeats."""
-ROUND_TRIPS = 6.0
+LEAD, ROUND_TRIPS, JITTERS = 0.01, 1.5, 2.0
+"""Time from a proposal to the tick of the change: a constant [s], and multiples of round trip and jitter. By the pace
+of `weberlink.protocol.negotiation`, five exchanges at least fit in, of which one must succeed."""
+LEAD_TICKS = 4
+"""Ticks in addition: each message waits for the next one of its sender and of its receiver."""
+UNMEASURED_RTT = 0.1
+"""Round trip that is assumed while it is unknown [s]."""
 BUSY = "another change is on its way"
+LATE = "the proposal came too late; ask again"
+CHOICE = "choice"
+"""Key of the scheme that `auto` changes to, in a proposal of the master."""
 
 
 class LiveSettings(NamedTuple):
@@ -17,7 +30,7 @@ class LiveSettings(NamedTuple):
     Args:
         weber: Weber factor k of the force channel, 0 to 1.
         predictor: name of the predictor of the force channel, or "hybrid" or "adaptive".
-        scheme: name of the control scheme.
+        scheme: name of the control scheme; "auto" if the master chooses.
     """
 
     weber: float
@@ -32,6 +45,16 @@ class ChangeResult(NamedTuple):
     refusal: str | None
 
 
+def lead(rtt: float | None, jitter: float) -> float:
+    """Time from a proposal to the tick of the change [s], beside `LEAD_TICKS`.
+
+    Args:
+        rtt: round trip [s]; None while unknown.
+        jitter: by how much few datagrams exceed their least delay [s].
+    """
+    return LEAD + ROUND_TRIPS * (UNMEASURED_RTT if rtt is None else rtt) + JITTERS * jitter
+
+
 class Tuning:
     """The live settings of one side. Both sides of a session count the same changes.
 
@@ -39,48 +62,78 @@ class Tuning:
         settings: the settings of the file, with which every session begins.
         permitted: settings that may be changed, each with the names allowed; `weber` may be any number from 0 to 1.
         apply: makes a change on this side.
+        choices: schemes that the master may choose on its own; none unless the scheme is "auto".
+        use: uses one of them on this side.
+        leads: whether this is the master.
     """
 
     __slots__ = (
+        "_agreed",
         "_apply",
         "_asked",
-        "_at",
+        "_choices",
         "_initial",
-        "_of_peer",
+        "_leads",
+        "_use",
         "generation",
-        "pending",
         "permitted",
         "result",
         "settings",
     )
 
     def __init__(
-        self, settings: LiveSettings, permitted: Mapping[str, Sequence[str]], apply: Callable[[LiveSettings], None]
+        self,
+        settings: LiveSettings,
+        permitted: Mapping[str, Sequence[str]],
+        apply: Callable[[LiveSettings], None],
+        choices: Sequence[str] = (),
+        use: Callable[[str], None] = lambda _: None,
+        *,
+        leads: bool = False,
     ) -> None:
         self._initial = self.settings = settings
         self.permitted = permitted
-        self._apply = apply
+        self._apply, self._use = apply, use
+        self._choices = choices
+        self._leads = leads
         self.generation = 0
-        """Number of changes since the session began."""
+        """Number of changes of `settings` since the session began."""
         self.result: ChangeResult | None = None
-        """Outcome of the last change that this side proposed; None while it is open, or before the first one."""
-        self._asked = False
-        self.pending: LiveSettings | None = None
+        """Outcome of the last change that this side's user proposed; None while it is open, or before the first one."""
+        self._asked: Mapping[str, object] | None = None
+        self._agreed: list[_Agreed] = []
+
+    @property
+    def pending(self) -> LiveSettings | None:
         """Settings that are agreed and not yet in effect; None if there are none."""
-        self._at = inf
-        self._of_peer = False
+        changes = [agreed.change for agreed in self._agreed if CHOICE not in agreed.change]
+        return self.settings._replace(**changes[-1]) if changes else None
+
+    @property
+    def chooses(self) -> bool:
+        """Whether the master may propose a scheme of its choice now."""
+        return not self.is_busy and self.settings.scheme == self._initial.scheme
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a change is proposed by this side, or agreed and not yet in effect."""
+        return self._asked is not None or bool(self._agreed)
 
     def reset(self) -> None:
         """Begin a new session: return to the settings of the file and drop any open change."""
-        if self._asked or (self.pending is not None and not self._of_peer):
+        own = [self._asked, *(agreed.change for agreed in self._agreed if not agreed.of_peer)]
+        if any(change is not None and CHOICE not in change for change in own):
             self.result = ChangeResult(0, "the session ended")
-        self._asked, self.pending, self._at = False, None, inf
+        self._asked, self._agreed = None, []
         if self.settings != self._initial:
             self._apply(self._initial)
         self.settings, self.generation = self._initial, 0
 
     def complaint(self, change: Mapping[str, object]) -> str | None:
         """Why a change cannot be made; None if it can."""
+        return self._content_complaint(change) or (BUSY if self.is_busy else None)
+
+    def _content_complaint(self, change: Mapping[str, object]) -> str | None:
         if not change:
             return "nothing to change; name weber, predictor or scheme"
         for name, value in change.items():
@@ -90,7 +143,7 @@ class Tuning:
                 return f"{name} is fixed in this session: {_FIXED[name]}"
             if (refusal := self._value_complaint(name, value)) is not None:
                 return refusal
-        return BUSY if self._asked or self.pending is not None else None
+        return None
 
     def _value_complaint(self, name: str, value: object) -> str | None:
         if name == "weber":
@@ -100,43 +153,78 @@ class Tuning:
         names = self.permitted[name]
         return None if value in names else f"{name} must be one of {', '.join(names)}, not {value!r}"
 
-    def lead(self, rtt: float | None) -> float:
-        """Time from a proposal to the tick of the change [s], at this round-trip time [s]; None if it is unknown."""
-        return LEAD if rtt is None else LEAD + ROUND_TRIPS * rtt
-
     def ask(self, change: Mapping[str, object]) -> bytes:
         """The message that proposes a change, which must have no `complaint`; `settle` sets `result` later."""
-        self._asked, self.result = True, None
-        return json.dumps(dict(change), separators=(",", ":")).encode()
+        self._asked, self.result = change, None
+        return _body(change)
 
-    def hear(self, tick: int, body: bytes) -> str | None:
-        """Take in a proposal of the peer for a tick of its clock; returns None to agree, or the reason of a refusal."""
+    def choose(self, scheme: str) -> bytes:
+        """The message by which the master proposes a scheme of its choice, while `chooses`."""
+        self._asked = {CHOICE: scheme}
+        return _body(self._asked)
+
+    def hear(self, tick: int, body: bytes, answered_at: float = -inf) -> str | None:
+        """Take in a proposal of the peer; returns None to agree, or the reason of a refusal.
+
+        Args:
+            tick: of the peer, at which the change is to be made.
+            body: of the message.
+            answered_at: tick of the peer at which it has the answer.
+        """
         change = _read(body)
-        refusal = "not a change" if change is None else self.complaint(change)
-        if refusal is None and change is not None:
-            self._agree(change, tick, of_peer=True)
-        return refusal
+        if change is None:
+            return "not a change"
+        if set(change) == {CHOICE}:
+            is_known = not self._leads and change[CHOICE] in self._choices
+            refusal = None if is_known else f"no {CHOICE} of this session"
+        else:
+            refusal = self._content_complaint(change)
+        if refusal is not None:
+            return refusal
+        if self._agreed or (self._asked is not None and self._leads):  # the master refuses a proposal that crosses its
+            return BUSY
+        if answered_at > tick:
+            return LATE
+        self._agreed.append(_Agreed(change, tick, of_peer=True))
+        return None
 
     def settle(self, tick: int, body: bytes, refusal: str | None) -> None:
         """Take in the answer of the peer to this side's proposal: the tick on this side's clock, and any refusal."""
-        self._asked = False
-        self.result = ChangeResult(tick, refusal)
+        self._asked = None
         change = _read(body)
+        if change is None or CHOICE not in change:
+            self.result = ChangeResult(tick, refusal)
         if refusal is None and change is not None:
-            self._agree(change, tick, of_peer=False)
+            self._agreed.append(_Agreed(change, tick, of_peer=False))
 
     def advance(self, tick: int, peer_tick: float | None) -> None:
-        """Make the pending change if it is due at this tick; `peer_tick` is the same time on the peer's tick clock."""
-        now = peer_tick if self._of_peer else tick
-        if self.pending is None or now is None or now < self._at:
+        """Make what is agreed for this tick, or for the tick of the peer that is nearest to it.
+
+        Args:
+            tick: of this side.
+            peer_tick: the same time on the tick clock of the peer; None while unknown.
+        """
+        nearest = -inf if peer_tick is None else peer_tick + 0.5
+        due = [agreed for agreed in self._agreed if agreed.tick <= (nearest if agreed.of_peer else tick)]
+        for agreed in due:
+            self._agreed.remove(agreed)
+            self._make(agreed.change)
+
+    def _make(self, change: Mapping[str, Any]) -> None:
+        if CHOICE in change:
+            self._use(change[CHOICE])
             return
-        self.settings, self.pending = self.pending, None
+        self.settings = self.settings._replace(**change)
         self.generation += 1
         self._apply(self.settings)
 
-    def _agree(self, change: Mapping[str, object], tick: int, *, of_peer: bool) -> None:
-        self.pending = self.settings._replace(**change)  # type: ignore[arg-type]
-        self._at, self._of_peer = tick, of_peer
+
+class _Agreed(NamedTuple):
+    """A change that is agreed for a tick, of this side or of the peer."""
+
+    change: Mapping[str, Any]
+    tick: int
+    of_peer: bool
 
 
 _FIXED = {
@@ -144,6 +232,10 @@ _FIXED = {
     "predictor": "control.live_changes is off, or codec.force.predictor is neither hybrid nor adaptive",
     "scheme": "control.live_changes is off, or control.scheme is not auto",
 }
+
+
+def _body(change: Mapping[str, object]) -> bytes:
+    return json.dumps(dict(change), separators=(",", ":")).encode()
 
 
 def _read(body: bytes) -> dict[str, object] | None:

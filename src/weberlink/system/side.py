@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, nan
 from typing import Any
 
+from weberlink.control.contract import Choosing
 from weberlink.control.port import Port
 from weberlink.control.table import SCHEMES
-from weberlink.control.tuning import Tuning
+from weberlink.control.tuning import LEAD_TICKS, Tuning, lead
 from weberlink.geometry.vector import ZERO
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.protocol.events import (
@@ -123,6 +124,7 @@ class Side:
         """Whether the updates of the peer are acted on."""
         self.pace = StallDetector(tick_period)
         self._leads = port.leads
+        self._choosing = port.control if isinstance(port.control, Choosing) else None
         self._tick_period = tick_period
         self._horizon = horizon
         self._watchdog = watchdog
@@ -199,9 +201,11 @@ class Side:
         if self.pace.settling:
             self._settle(now)
         self._hear(now)
-        if self.tuning.pending is not None:
+        if self.tuning.is_busy:
             peer_time = self.endpoint.peer_time(deadline)
             self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
+        elif self._choosing is not None and self._choosing.wanted is not None:
+            self._choose(self._choosing.wanted, now)
         self._follow_peer_clock(now)
         if self._leads:
             self._sense(now)
@@ -223,10 +227,30 @@ class Side:
             return complaint
         if self.endpoint.state is not State.ENGAGED:
             return "no session: the other side is not there"
-        tick = self.index + ceil(self.tuning.lead(self.endpoint.rtt) / self._tick_period)
-        if not self.endpoint.propose_change(now, tick, self.tuning.ask(change)):
-            raise AssertionError("the tuning allows one change at a time")
+        self._propose(self.tuning.ask(change), now)
         return None
+
+    def _choose(self, scheme: str, now: float) -> None:
+        """Ask the peer for the scheme that the control calls for, unless the user has set another one."""
+        if self.tuning.chooses and self.endpoint.state is State.ENGAGED:
+            self._propose(self.tuning.choose(scheme), now)
+
+    def _propose(self, body: bytes, now: float) -> None:
+        ahead = lead(self.endpoint.rtt, self.endpoint.jitter)
+        tick = self.index + LEAD_TICKS + ceil(ahead / self._tick_period)
+        if not self.endpoint.propose_change(now, tick, body):
+            raise AssertionError("the tuning allows one change at a time")
+
+    def _answered_at(self, now: float) -> float:
+        """Tick of the peer at which nearly every answer that leaves now has arrived.
+
+        The mapping of its clock errs by half the asymmetry of the delays, so half a round trip more is exact.
+        """
+        endpoint = self.endpoint
+        peer_time, rtt = endpoint.peer_time(now), endpoint.rtt
+        if peer_time is None or rtt is None:
+            return inf
+        return (peer_time + 0.5 * rtt + endpoint.jitter) / self._tick_period + 0.5 * LEAD_TICKS
 
     def stop(self, now: float, reason: str) -> None:
         """Leave the session: the robot's end at once, the operator's end when the force has faded to zero."""
@@ -272,21 +296,26 @@ class Side:
             case Connected():
                 self._begin()
             case PeerSilent(is_heard):
-                self._faults.clear(Fault.UNHEARD)
-                self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
+                self._fall_silent(is_heard=is_heard)
             case PeerReturned():
                 self._faults.clear(Fault.SILENCE, Fault.UNHEARD)
                 self._forget()
             case UpdateLost(stream):
                 self.outgoing[stream].encoder.restart()
             case ChangeProposed(tick, body):
-                self.endpoint.answer_change(self.tuning.hear(tick, body))
+                self.endpoint.answer_change(self.tuning.hear(tick, body, self._answered_at(now)))
             case ChangeAnswered(tick, body, refusal):
                 self.tuning.settle(tick, body, refusal)
             case TakenOver(name):
                 self._give_up(Fault.TAKEN_OVER, f"taken over by {name}", now)
             case Refused(message):
                 self._give_up(Fault.REFUSED, f"refused: {message}", now)
+
+    def _fall_silent(self, *, is_heard: bool) -> None:
+        self._faults.clear(Fault.UNHEARD)
+        self._faults.meet(Fault.UNHEARD if is_heard else Fault.SILENCE)
+        if self._choosing is not None:
+            self._choosing.fall_back()
 
     def _apply(self, update: Update, stream: int) -> None:
         began = self._stopwatch()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, TypeV
 
 from weberlink.codec import Channel, Encoder
 from weberlink.codec.predictors import BANKS
-from weberlink.control.contract import Control, Imposable, SchemeParameters
+from weberlink.control.contract import Control, SchemeParameters, Switchable
 from weberlink.control.table import SCHEMES
 from weberlink.control.tuning import LiveSettings, Tuning
 from weberlink.protocol import Role
@@ -206,8 +206,17 @@ def permitted(system: System) -> dict[str, tuple[str, ...]]:
     if force.predictor in BANKS and len(force.bank) > 1:
         choices["predictor"] = (*force.bank, force.predictor)
     if system.control.scheme == AUTO:
-        choices["scheme"] = tuple(SCHEMES)
+        choices["scheme"] = (*_choices(system), AUTO)
     return choices
+
+
+def _choices(system: System) -> tuple[str, ...]:
+    """The schemes among which the master chooses."""
+    if system.control.scheme != AUTO:
+        return ()
+    from weberlink.control.auto import ORDER  # noqa: PLC0415 - for this scheme alone
+
+    return ORDER
 
 
 def build_tuning(system: System, control: Control, force_encoder: Encoder | None = None) -> Tuning:
@@ -218,10 +227,15 @@ def build_tuning(system: System, control: Control, force_encoder: Encoder | None
         if force_encoder is not None:
             chosen = range(len(force.bank)) if settings.predictor in BANKS else [force.bank.index(settings.predictor)]
             force_encoder.retune(force_deadband(system, settings.weber), chosen if force.predictor in BANKS else [0])
-        if isinstance(control, Imposable):
-            control.impose(None if settings.scheme == AUTO else settings.scheme)
+        if settings.scheme != AUTO:
+            use(settings.scheme)
 
-    return Tuning(_of_file(system), permitted(system), apply)
+    def use(scheme: str) -> None:
+        if isinstance(control, Switchable):
+            control.use(scheme)
+
+    leads = force_encoder is None
+    return Tuning(_of_file(system), permitted(system), apply, _choices(system), use, leads=leads)
 
 
 def _of_file(system: System) -> LiveSettings:
