@@ -131,9 +131,9 @@ def test_what_takes_energy_is_turned_into_even_in_debt(first: WallModel, second:
         mixture.turn(TICK, -1.0)
     force, after = felt(mixture, hand)
     assert after <= stored + 1e-12
-    felt, wanted = norm(first.at(0.0, hand)), norm(second.at(0.0, hand))
-    if wanted <= felt and wanted**2 / second.stiffness < 0.9 * felt**2 / first.stiffness:
-        assert distance(force, second.at(0.0, hand)) <= 0.01 * felt + 1e-6
+    pressed, wanted = norm(first.at(0.0, hand)), norm(second.at(0.0, hand))
+    if wanted <= pressed and wanted**2 / second.stiffness < 0.9 * pressed**2 / first.stiffness:
+        assert distance(force, second.at(0.0, hand)) <= 0.01 * pressed + 1e-6
 
 
 @pytest.mark.parametrize("ticks", [3, 10, 30, 100])
@@ -154,10 +154,7 @@ def test_a_change_slews_the_force(course: list[Change], surface: WallModel | Non
     mixture = changed(course)
     mixture.follow(0.0, hand)
     mixture.want(surface)
-    if surface is not None and mixture.newest is not None:
-        rise = RISE_SPEED * TICK * surface.stiffness
-    else:
-        rise = 0.0
+    rise = 0.0 if surface is None else RISE_SPEED * TICK * surface.stiffness
     before = mixture.force
     mixture.turn(TICK, 1.0)
     left = LEAST_WEIGHT * MOST_SURFACES * 3000.0 * 0.1
