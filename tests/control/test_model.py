@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import cos, sin
+from math import ceil, cos, sin
 
 import pytest
 from hypothesis import assume, given
@@ -127,7 +127,8 @@ def test_what_takes_energy_is_turned_into_even_in_debt(first: WallModel, second:
     _, stored = felt(mixture, hand)
     mixture.follow(0.0, hand)
     mixture.want(second)
-    for _ in range(100):
+    slewing = norm(subtract(first.at(0.0, hand), second.at(0.0, hand))) / (STEEPEST * TICK)
+    for _ in range(100 + ceil(slewing)):
         mixture.turn(TICK, -1.0)
     force, after = felt(mixture, hand)
     assert after <= stored + 1e-12
