@@ -7,8 +7,8 @@ cloud-based model-mediated teleoperation with dynamic and perception-based model
 and Measurement 63(11), 2014.
 
 A surface that moves is displayed where it is now on the other side, and the command leads it by the trip. Unforeseen
-changes of the scene are felt a round trip later. If there is no model (the first sample of a contact, a fit outside its
-limits, a force field), the newest received force is held.
+changes of the scene are felt a round trip later. If there is no model (the first sample of a contact, a fit outside
+its limits, a force field), the newest received force is held.
 
 The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. It assumes
 that a motor of the scene supplies the work of a surface that the model moves: the displayed force times the modelled
