@@ -10,10 +10,10 @@ A surface that moves is displayed where it is now on the other side, and the com
 changes of the scene are felt a round trip later. If there is no model (the first sample of a contact, a fit outside
 its limits, a force field), the newest received force is held.
 
-The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. It assumes
-that a motor of the scene supplies the work of a surface that the model moves: the displayed force times the modelled
-displacement. So a wrong motion costs at most the force times the distance that the model moves the surface by mistake,
-until an update corrects it a round trip later: 0.28 J for 4 N, 0.1 m/s and 0.7 s.
+The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. It
+assumes that a motor of the scene supplies the work of a surface that the model moves: the displayed force times the
+modelled displacement. So a wrong motion costs at most the force times the distance that the model moves the surface
+by mistake, until an update corrects it a round trip later: 0.28 J for 4 N, 0.1 m/s and 0.7 s.
 """
 
 from math import dist, hypot, inf
