@@ -1,6 +1,8 @@
 """The mixture of surfaces: conservative between changes, and no change costs more energy than allowed."""
 
+from dataclasses import replace
 from itertools import pairwise
+from math import ceil, cos, sin
 
 import pytest
 from hypothesis import assume, given
@@ -10,11 +12,11 @@ from tests.control.vectors import vectors
 from tests.control.walls import Ball, Wall
 from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.control.contract import WallModel
-from weberlink.control.model import MOST_SURFACES, SurfaceMixture
+from weberlink.control.force_port import STEEPEST
+from weberlink.control.model import LEAST_WEIGHT, MOST_SURFACES, RISE_SPEED, SurfaceMixture
 from weberlink.geometry.vector import ZERO, Vector, distance, norm, subtract
 
 TICK = 1e-3
-UP = (0.0, 0.0, 1.0)
 stiffnesses = st.floats(10.0, 3000.0)
 surfaces = st.one_of(
     st.builds(Wall, stiffnesses, st.floats(-0.02, 0.02)),
@@ -31,21 +33,17 @@ def changed(course: list[Change]) -> SurfaceMixture:
     """A mixture after these changes, each with its surface, hand, duration in ticks and spare energy."""
     mixture = SurfaceMixture()
     for surface, hand, ticks, spare in course:
-        want(mixture, surface, hand)
+        mixture.follow(0.0, hand)
+        mixture.want(surface)
         for _ in range(ticks):
             mixture.turn(TICK, spare)
     return mixture
 
 
-def at(mixture: SurfaceMixture, hand: Vector) -> tuple[Vector, float]:
-    """Force [N] and stored energy [J] with the hand there [m]."""
+def felt(mixture: SurfaceMixture, hand: Vector) -> tuple[Vector, float]:
+    """Force [N] and stored energy [J] with the hand there."""
     mixture.follow(0.0, hand)
     return mixture.force, mixture.stored
-
-
-def want(mixture: SurfaceMixture, surface: WallModel | None, hand: Vector) -> None:
-    mixture.follow(0.0, hand)
-    mixture.want(surface)
 
 
 @given(changes, st.lists(hands, min_size=2, max_size=6))
@@ -53,33 +51,34 @@ def test_work_around_a_closed_path_is_zero(course: list[Change], corners: list[V
     mixture, work, pieces = changed(course), 0.0, 400
     for start, end in pairwise([*corners, corners[0]]):
         way = subtract(end, start)
-        force, _ = at(mixture, start)
+        force, _ = felt(mixture, start)
         for piece in range(1, pieces + 1):
             share = piece / pieces
-            then, _ = at(mixture, (start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2]))
+            then, _ = felt(mixture, (start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2]))
             work += sum(0.5 * (f + g) * d / pieces for f, g, d in zip(force, then, way, strict=True))
             force = then
     step = 0.11 / pieces
     assert abs(work) <= len(corners) * 4.0 * 3000.0 * step * step * MOST_SURFACES
 
 
-@given(changes, st.one_of(st.none(), surfaces), hands, hands, st.floats(0.0, 0.05), st.floats(-0.1, 0.5))
+@given(changes, st.one_of(st.none(), surfaces), hands, hands, st.floats(-0.1, 0.5))
 def test_a_change_stores_no_more_than_there_is_to_spare(
-    course: list[Change], surface: WallModel | None, wanted_at: Vector, hand: Vector, elapsed: float, spare: float
+    course: list[Change], surface: WallModel | None, wanted_at: Vector, hand: Vector, spare: float
 ) -> None:
     mixture = changed(course)
-    want(mixture, surface, wanted_at)
+    mixture.follow(0.0, wanted_at)
+    mixture.want(surface)
     for _ in range(3):
-        _, before = at(mixture, hand)
-        mixture.turn(elapsed, spare)
-        _, after = at(mixture, hand)
+        _, before = felt(mixture, hand)
+        mixture.turn(TICK, spare)
+        _, after = felt(mixture, hand)
         assert after - before <= max(0.0, spare) + 1e-12
 
 
 @given(changes, hands)
 def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course: list[Change], hand: Vector) -> None:
     """The sum of the weights is at most 1."""
-    force, stored = at(changed(course), hand)
+    force, stored = felt(changed(course), hand)
     alone = [(norm(surface.at(0.0, hand)), surface.stiffness) for surface, *_ in course if surface is not None]
     assert norm(force) <= max((pressed for pressed, _ in alone), default=0.0) * (1.0 + 1e-9)
     most = max((0.5 * pressed * pressed / stiffness for pressed, stiffness in alone), default=0.0)
@@ -90,20 +89,22 @@ def test_it_presses_no_harder_and_stores_no_more_than_one_of_its_surfaces(course
 def test_wanting_changes_no_force_by_itself(course: list[Change], surface: WallModel, hand: Vector) -> None:
     assume(len(course) < MOST_SURFACES)
     mixture = changed(course)
-    before, _ = at(mixture, hand)
-    want(mixture, surface, hand)
-    assert at(mixture, hand)[0] == pytest.approx(before)
+    before, _ = felt(mixture, hand)
+    mixture.follow(0.0, hand)
+    mixture.want(surface)
+    assert felt(mixture, hand)[0] == pytest.approx(before)
 
 
 @given(changes, surfaces, hands)
 def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], surface: WallModel, hand: Vector) -> None:
     mixture = changed(course)
-    want(mixture, surface, hand)
+    mixture.follow(0.0, hand)
+    mixture.want(surface)
     for _ in range(2000):
         mixture.turn(TICK, 1.0)
     assert mixture.newest is not None
     assert mixture.newest.surface == surface
-    force, stored = at(mixture, hand)
+    force, stored = felt(mixture, hand)
     wanted = surface.at(0.0, hand)
     assert distance(force, wanted) <= 1e-6
     assert stored == pytest.approx(0.5 * norm(wanted) ** 2 / surface.stiffness, abs=1e-8)
@@ -112,25 +113,28 @@ def test_with_energy_to_spare_it_becomes_what_is_wanted(course: list[Change], su
 @given(changes, hands)
 def test_free_space_is_reached_whatever_is_owed(course: list[Change], hand: Vector) -> None:
     mixture = changed(course)
-    want(mixture, None, hand)
-    for _ in range(1000):
+    mixture.follow(0.0, hand)
+    mixture.want(None)
+    for _ in range(300):
         mixture.turn(TICK, -1.0)
     assert mixture.newest is None
-    assert at(mixture, hand) == (ZERO, 0.0)
+    assert felt(mixture, hand) == (ZERO, 0.0)
 
 
 @given(surfaces, surfaces, hands)
 def test_what_takes_energy_is_turned_into_even_in_debt(first: WallModel, second: WallModel, hand: Vector) -> None:
     mixture = changed([(first, hand, 2000, 1.0)])
-    _, stored = at(mixture, hand)
-    want(mixture, second, hand)
-    for _ in range(500):
+    _, stored = felt(mixture, hand)
+    mixture.follow(0.0, hand)
+    mixture.want(second)
+    slewing = norm(subtract(first.at(0.0, hand), second.at(0.0, hand))) / (STEEPEST * TICK)
+    for _ in range(100 + ceil(slewing)):
         mixture.turn(TICK, -1.0)
-    force, after = at(mixture, hand)
+    force, after = felt(mixture, hand)
     assert after <= stored + 1e-12
-    felt, wanted = norm(first.at(0.0, hand)), norm(second.at(0.0, hand))
-    if wanted <= felt and wanted**2 / second.stiffness < 0.9 * felt**2 / first.stiffness:
-        assert distance(force, second.at(0.0, hand)) <= 0.01 * felt + 1e-6
+    pressed, wanted = norm(first.at(0.0, hand)), norm(second.at(0.0, hand))
+    if wanted <= pressed and wanted**2 / second.stiffness < 0.9 * pressed**2 / first.stiffness:
+        assert distance(force, second.at(0.0, hand)) <= 0.01 * pressed + 1e-6
 
 
 @pytest.mark.parametrize("ticks", [3, 10, 30, 100])
@@ -139,51 +143,67 @@ def test_updates_in_quick_succession_do_not_wear_the_wall_away(ticks: int) -> No
     hand = (0.0, 0.0, -0.01)
     mixture = changed([(Wall(500.0), hand, 1000, 1.0)])
     for number in range(1, 60):
-        want(mixture, Wall(500.0, 1e-6 * number), hand)
+        mixture.follow(0.0, hand)
+        mixture.want(Wall(500.0, 1e-6 * number))
         for _ in range(ticks):
             mixture.turn(TICK, 1.0)
-            assert norm(at(mixture, hand)[0]) >= 0.85 * 5.0
+            assert norm(felt(mixture, hand)[0]) >= 0.85 * 5.0
+
+
+@given(changes, st.one_of(st.none(), surfaces), hands)
+def test_a_change_slews_the_force(course: list[Change], surface: WallModel | None, hand: Vector) -> None:
+    mixture = changed(course)
+    mixture.follow(0.0, hand)
+    mixture.want(surface)
+    rise = 0.0 if surface is None else RISE_SPEED * TICK * surface.stiffness
+    before = mixture.force
+    mixture.turn(TICK, 1.0)
+    # A surface whose weight falls below the least one is dropped.
+    left = LEAST_WEIGHT * sum(norm(one.at(0.0, hand)) for one, *_ in course if one is not None)
+    assert distance(mixture.force, before) <= STEEPEST * TICK + rise + left + 1e-9
+
+
+def test_friction_takes_energy_around_any_path_and_across_changes() -> None:
+    patch = SurfacePatch((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0, 500.0, friction=0.5)
+    mixture, hand = SurfaceMixture(), (0.0, 0.0, -0.005)
+    mixture.follow(0.0, hand)
+    mixture.want(patch)
+    for _ in range(300):
+        mixture.turn(TICK, 1.0)
+    begun = mixture.stored
+    work, angle = 0.0, 0.0
+    for tick in range(4000):
+        if tick % 500 == 250:
+            mixture.want(replace(patch, friction=0.3 if tick % 1000 == 250 else 0.5))
+            assert mixture.newest is not None
+            assert mixture.newest.memory != patch.point  # the god-object that the hand has dragged along is kept
+        force, angle = mixture.force, angle + 0.002
+        then = (0.01 * sin(angle), 0.01 * (1.0 - cos(angle)), -0.005)
+        work -= sum(f * (b - a) for f, a, b in zip(force, hand, then, strict=True))
+        hand = then
+        mixture.follow(0.0, hand)
+        mixture.turn(TICK, 0.0)
+    assert work - (mixture.stored - begun) >= 0.3 * 2.5 * 4000 * 0.002 * 0.01 * 0.9
+
+
+@pytest.mark.parametrize("speed", [1e-4, -1e-4])
+def test_a_surface_that_moves_does_its_work_on_the_hand(speed: float) -> None:
+    """Carried along with it, the hand takes out what the motion puts in."""
+    patch = SurfacePatch((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), 0, 500.0, velocity=speed)
+    mixture = SurfaceMixture()
+    mixture.follow(0.0, (0.0, 0.0, -0.005))
+    mixture.want(patch)
+    for _ in range(300):
+        mixture.turn(TICK, 1.0)
+    supplied = sum(mixture.follow(float(tick), (0.0, 0.0, speed * tick - 0.005)) for tick in range(1, 101))
+    assert supplied == pytest.approx(2.5 * 100 * speed, rel=1e-6)
+    assert mixture.force == pytest.approx((0.0, 0.0, 2.5))
 
 
 def test_a_course_of_changes_makes_a_mixture() -> None:
     """Otherwise the laws above would be tested in free space only."""
     hand = (0.0, 0.0, -0.01)
     walls = [Wall(500.0, 0.001 * number) for number in range(4)]
-    force, stored = at(changed([(wall, hand, 15, 0.5) for wall in walls]), hand)
+    force, stored = felt(changed([(wall, hand, 15, 0.5) for wall in walls]), hand)
     assert 0.1 < norm(force) < norm(walls[-1].at(0.0, hand))
     assert stored > 0.0
-
-
-@given(st.lists(hands, min_size=2, max_size=8), st.floats(0.05, 1.0), stiffnesses)
-def test_friction_returns_no_energy(corners: list[Vector], friction: float, stiffness: float) -> None:
-    """Around a closed path the hand puts in work, or none."""
-    mixture, work, pieces = (
-        changed([(SurfacePatch(UP, ZERO, 0, stiffness, friction=friction), corners[0], 2000, 1.0)]),
-        0.0,
-        200,
-    )
-    force, _ = at(mixture, corners[0])
-    _, stored = at(mixture, corners[0])
-    for start, end in pairwise([*corners, corners[0]]):
-        way = subtract(end, start)
-        for piece in range(1, pieces + 1):
-            share = piece / pieces
-            there = (start[0] + share * way[0], start[1] + share * way[1], start[2] + share * way[2])
-            then, _ = at(mixture, there)
-            work -= sum(0.5 * (f + g) * d / pieces for f, g, d in zip(force, then, way, strict=True))
-            force = then
-    step = 0.11 / pieces
-    assert work + stored >= -len(corners) * 4.0 * stiffness * step * step
-
-
-@given(hands, st.floats(-0.2, 0.2), stiffnesses)
-def test_the_work_of_a_moving_surface_is_stored(hand: Vector, speed: float, stiffness: float) -> None:
-    """With the hand at rest, the stored energy changes by the work that the surface does."""
-    mixture = changed([(SurfacePatch(UP, ZERO, 0, stiffness, velocity=speed * TICK), hand, 2000, 1.0)])
-    _, stored = at(mixture, hand)
-    work, greatest = 0.0, mixture.force[2]
-    for tick in range(1, 400):
-        work += mixture.follow(0.1 * tick, hand)
-        greatest = max(greatest, mixture.force[2])
-    step = 0.1 * abs(speed) * TICK
-    assert mixture.stored - stored == pytest.approx(work, abs=400 * stiffness * step * step + greatest * step + 1e-12)

@@ -1,15 +1,19 @@
 """Model-mediated teleoperation: the operator feels a local model of the scene instead of the delayed force.
 
-The geometry that the codec fits (plane, sphere) is rendered at the device's own position without delay; updates
-correct the model. Sources: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J. Robotics Research 27(2),
-2008; with geometry from a perceptual codec, Xu, Cizmeci, Al-Nuaimi, Steinbach, "Point cloud-based model-mediated
-teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation and Measurement 63(11),
-2014.
+The surface that the codec fits (plane, sphere, or patch with friction and motion) is rendered at the device's own
+position without delay; updates correct the model. Sources: Mitra, Niemeyer, "Model-mediated telemanipulation", Int. J.
+Robotics Research 27(2), 2008; with geometry from a perceptual codec, Xu, Cizmeci, Al-Nuaimi, Steinbach, "Point
+cloud-based model-mediated teleoperation with dynamic and perception-based model updating", IEEE Trans. Instrumentation
+and Measurement 63(11), 2014.
 
-It assumes a passive scene whose surface at the point of contact is the received one; changes of the scene are felt a
-round trip later. A sample without a surface (the first one of a contact, a fit outside its limits) is taken as a wall
-as stiff as the robot's coupling, the stiffest that the robot can feel. The passivity controller of `ForcePort` also
-limits the energy that sampling and changes of the model could create.
+A surface that moves is displayed where it is now on the other side, and the command leads it by the trip. Unforeseen
+changes of the scene are felt a round trip later. A sample without a surface (the first one of a contact, a fit outside
+its limits) is taken as a wall as stiff as the robot's coupling, the stiffest that the robot can feel.
+
+The passivity controller of `ForcePort` limits the energy that sampling and changes of the model could create. It
+assumes that a motor of the scene supplies the work of a surface that the model moves: the displayed force times the
+modelled displacement. So a wrong motion costs at most the force times the distance that the model moves the surface
+by mistake, until an update corrects it a round trip later: 0.28 J for 4 N, 0.1 m/s and 0.7 s.
 """
 
 from math import dist, hypot, inf
