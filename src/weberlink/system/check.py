@@ -19,6 +19,7 @@ from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
+from weberlink.system.composition.bounds import beyond
 from weberlink.system.composition.channels import channels, streams
 from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
@@ -73,7 +74,11 @@ def describe(configuration: Configuration) -> Iterator[str]:
     uncoded = _uncoded_kbit(system, security.tag_size)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
     stiffness = None if device is None else device.spec.stiffness_n_m
-    for warning in (*_warnings(system, stiffness), *lacks(system, device, robot)):
+    for warning in (
+        *_warnings(system, stiffness),
+        *lacks(system, device, robot),
+        *beyond(configuration, device, robot),
+    ):
         yield f"warning   {warning}"
 
 
@@ -196,10 +201,11 @@ def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
         yield f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}"
     emulate = system.link.emulate or EmulationSettings()
     round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
-    if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
+    loop_ms = round_trip_ms + 2e3 * system.tick_period
+    if loop_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
         yield (
-            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms: "
-            f"sessions would be interrupted; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
+            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {loop_ms:g} ms, a tick of "
+            f"each side included: sessions would be interrupted; use at least {loop_ms / ROUND_TRIP_SHARE:.0f}"
         )
     if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
         yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"

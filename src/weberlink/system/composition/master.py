@@ -54,7 +54,7 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_control(configuration, build_master_control, force_limit, coupling(configuration))
+    control = build_control(configuration, build_master_control, force_limit, coupling(configuration, device))
     tuning = build_tuning(system, control)
 
     def force_bound(force: float) -> float:
