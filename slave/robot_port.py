@@ -233,7 +233,7 @@ class RobotPort:
         else:
             self.commanded = commanded
             wanted = self._controlled(commanded, elapsed)
-            goal = self._press_limit.bounded(wanted, self.force.rest, self.force.value)
+            goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
             self.contact_ticks += goal is not wanted
             self.applied = guard.follow(goal, step)
         self.robot.command(self.applied, now)

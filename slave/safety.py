@@ -1,7 +1,7 @@
 """Protects the robot from decoded commands: engagement without a jump, limits of speed, place and contact, trips."""
 
 from collections.abc import Callable
-from math import hypot
+from math import hypot, inf
 from typing import Generic, TypeVar
 
 from weberlink.control.contract import LEAST_CONTACT
@@ -13,6 +13,10 @@ Place = TypeVar("Place", bound=tuple[float, ...])
 
 TRIP_PAUSE = 0.5
 """The robot follows no sooner than this after a trip [s]."""
+
+
+REBOUND = 0.1
+"""Time for which a robot that has lost contact may be bouncing [s]."""
 
 
 class Follower(Generic[Place]):
@@ -102,8 +106,9 @@ class Follower(Generic[Place]):
 class PressLimit:
     """Bounds the force with which a robot presses on what it touches.
 
-    Against the contact force F the command may lie at most (most - F) / stiffness deeper than where the robot would
-    rest with F, which adds no more than the rest of the limit, however stiff the contact is. Motion along the surface
+    Along the contact force, the command may lie at most `most / stiffness` deeper than the tip, so that the robot's
+    spring presses with at most `most`, however stiff the contact is. This holds for `REBOUND` after the contact too: a
+    heavy robot that bounces off a hard wall would otherwise be pulled into the next impact. Motion along the surface
     and away from it is not bounded.
 
     Args:
@@ -111,31 +116,34 @@ class PressLimit:
         stiffness: of the robot towards its command [N/m], > 0; an infinite one is not bounded.
     """
 
-    __slots__ = ("_compliance", "_most")
+    __slots__ = ("_deepest", "_left", "_out")
 
     def __init__(self, most: float, stiffness: float) -> None:
-        self._most = most
-        self._compliance = 1.0 / stiffness
+        self._deepest = inf if stiffness == inf else most / stiffness
+        self._out: Vector = ZERO
+        self._left = 0.0
 
-    def bounded(self, target: Vector, rest: Vector, force: Vector) -> Vector:
+    def bounded(self, target: Vector, tip: Vector, force: Vector, elapsed: float) -> Vector:
         """The target [m], moved back along the contact force if it lies too deep; itself if it does not.
 
         Args:
             target: position that the robot is to be commanded to [m].
-            rest: command at which the robot would rest with this force where it is [m].
+            tip: where the robot is [m].
             force: of the environment on the robot [N].
+            elapsed: time since the last call [s].
         """
         x, y, z = force
         length = hypot(x, y, z)
-        compliance = self._compliance
-        if length < LEAST_CONTACT or compliance == 0.0:
+        if length >= LEAST_CONTACT:
+            self._out, self._left = (x / length, y / length, z / length), REBOUND
+        elif self._left <= 0.0:
             return target
-        deeper = ((rest[0] - target[0]) * x + (rest[1] - target[1]) * y + (rest[2] - target[2]) * z) / length
-        excess = deeper - (self._most - length) * compliance
+        self._left -= elapsed
+        a, b, c = self._out
+        excess = (tip[0] - target[0]) * a + (tip[1] - target[1]) * b + (tip[2] - target[2]) * c - self._deepest
         if excess <= 0.0:
             return target
-        share = excess / length
-        return (target[0] + share * x, target[1] + share * y, target[2] + share * z)
+        return (target[0] + excess * a, target[1] + excess * b, target[2] + excess * c)
 
 
 class CommandGuard(Follower[Vector]):

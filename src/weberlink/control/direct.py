@@ -42,7 +42,7 @@ class DirectMaster(_Uncontrolled):
         self._matching.reset()
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
-        self._matching.learn(surface, force)
+        self._matching.learn(surface)
 
     def observe(
         self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality

@@ -19,7 +19,7 @@ class ForceMatching:
         coupling: stiffness of the robot towards its command [N/m], assumed where no surface is known.
     """
 
-    __slots__ = ("_coupling", "_force", "_surface", "displayed")
+    __slots__ = ("_coupling", "_surface", "displayed")
 
     def __init__(self, coupling: float) -> None:
         self._coupling = coupling
@@ -27,13 +27,12 @@ class ForceMatching:
 
     def reset(self) -> None:
         self._surface: WallModel | None = None
-        self._force: Vector = ZERO
         self.displayed: Vector = ZERO
         """The force that is displayed now [N]."""
 
-    def learn(self, surface: WallModel | None, force: Vector) -> None:
-        """Take in the contact surface of an update, None if it has none, and its newest force [N]."""
-        self._surface, self._force = surface, force
+    def learn(self, surface: WallModel | None) -> None:
+        """Take in the contact surface of an update; None if it has none."""
+        self._surface = surface
 
     @property
     def stiffness(self) -> float:
@@ -41,14 +40,18 @@ class ForceMatching:
         return self._coupling if self._surface is None else self._surface.stiffness
 
     def command(self, position: Vector, tick: float) -> Vector:
-        """The position [m] at which the model states the displayed force, on the line of the force through `position`.
+        """The position [m] at which the surface states the displayed force, on the line of its force there.
+
+        Without a surface it is `position` itself: a held force does not tell how it changes with the position.
 
         Args:
             position: of the device [m].
             tick: the present time on the tick clock of the other side.
         """
         surface = self._surface
-        force = self._force if surface is None else surface.at(tick, position)
+        if surface is None:
+            return position
+        force = surface.at(tick, position)
         length = hypot(force[0], force[1], force[2])
         if length < LEAST_CONTACT:
             return position

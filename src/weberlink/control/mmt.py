@@ -85,7 +85,7 @@ class MmtMaster:
         self._fallback = self._held = ZERO
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        self._matching.learn(surface, force)
+        self._matching.learn(surface)
         if surface is not None:
             self._mixture.want(surface, self._port.position)
             self._fallback = ZERO

@@ -85,7 +85,7 @@ class TdpaMaster(_TankedPort):
         self._in_contact = False
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
-        self._matching.learn(surface, force)
+        self._matching.learn(surface)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)
