@@ -1,7 +1,9 @@
 """How stiff a sampled wall may be on a damped device without giving energy to the hand."""
 
 
-def passivity_limit(damping: float, tick_period: float, *, delay_ticks: int = 0, wall_damping: float = 0.0) -> float:
+def passivity_limit(
+    damping: float, tick_period: float, *, delay_ticks: float = 0.0, wall_damping: float = 0.0
+) -> float:
     """The stiffness [N/m] up to which a sampled wall and the device that displays it are passive; may be 0.
 
     b > K (T/2 + t) + |B| with the delay t. For t = 0 it is the bound of Colgate and Schenkel, "Passivity of a class of

@@ -5,7 +5,7 @@ A wall is displayed a tick after the position that it answers, so the passivity 
 """
 
 from collections.abc import Iterator
-from math import ceil, inf, isinf
+from math import ceil, floor, inf, isinf, log10
 
 from weberlink.control.passivity import passivity_limit
 from weberlink.master.devices.contract import Device
@@ -30,6 +30,7 @@ def beyond(configuration: Configuration, device: Device | None, robot: Robot | N
     system = configuration.system
     if device is not None:
         yield from _walls(system, device)
+    yield from _delayed(configuration, robot)
     if robot is None:
         return
     trip, most = system.slave.limits.trip_n, robot.spec.force_n
@@ -45,30 +46,66 @@ def beyond(configuration: Configuration, device: Device | None, robot: Robot | N
 
 def _contact(configuration: Configuration, device: Device, stiffness: float) -> Iterator[str]:
     """A robot or a scene that is stiffer or more damped than what the device displays at the file's rate."""
-    system = configuration.system
-    damping, passive = _device_damping(configuration), inf
+    system, damping, passive = configuration.system, _device_damping(configuration), inf
+    if damping == 0.0:
+        yield "master.device.hand.damping_n_s_m 0: no wall is passive on it; use for example 8"
+        return
     if damping is not None:
-        felt = [_felt_damping(thing, stiffness) for thing in system.slave.scene]
-        strongest = max(felt, default=0.0)
-        if strongest > 0.0 and strongest >= damping:
-            yield (
-                f"slave.scene.{felt.index(strongest)}.damping_n_s_m: {strongest:.3g} N s/m are felt on a device and hand "
-                f"of {damping:g} N s/m, which gives energy to the hand at any stiffness; use less than {damping:g}"
-            )
+        passive = _passive_stiffness(configuration, damping, stiffness)
+        for index, thing in enumerate(system.slave.scene):
+            felt = _felt_damping(thing, stiffness)
+            if felt > 0.0 and felt >= damping:
+                most = _at_most(damping * (thing.damping_n_s_m or 0.0) / felt)
+                yield (
+                    f"slave.scene.{index}.damping_n_s_m: {felt:.3g} N s/m are felt on a device and hand of "
+                    f"{damping:.3g} N s/m, which gives energy to the hand at any stiffness; use less than {most}"
+                )
+        if passive == 0.0:
             return
-        passive = passivity_limit(damping, system.tick_period, delay_ticks=LOOP_TICKS, wall_damping=strongest)
     stable = device.spec.stiffness_n_m * min(1.0, system.rate_hz / device.spec.rate_hz)
-    remains = min(stable, passive)
-    if stiffness <= remains * ROUNDING:
+    displayed = min(stable, passive)
+    if stiffness <= displayed * ROUNDING or displayed == 0.0:
         return
     why = " passively, b > K T (1/2 + 1) + B" if passive < stable else ""
     energy = "control.scheme none does not bound the energy beyond; " if system.control.scheme == "none" else ""
-    faster = system.rate_hz * stiffness / remains if remains > 0.0 else inf
+    faster = system.rate_hz * stiffness / displayed
     raised = f"raise rate_hz to {ceil(faster)}, or " if device.spec.stiffness_n_m >= stiffness and faster <= 1e4 else ""
     yield (
         f"slave.robot.{STATED} {stiffness:g}: at rate_hz {system.rate_hz:g} {device.spec.name} displays at most "
-        f"{remains:.3g} N/m{why}; {energy}{raised}set it to at most {remains / FIT_MARGIN:.3g}"
+        f"{_at_most(displayed)} N/m{why}; {energy}{raised}set it to at most {_at_most(displayed / FIT_MARGIN)}"
     )
+
+
+def _delayed(configuration: Configuration, robot: Robot | None) -> Iterator[str]:
+    """A delay at which a contact may give energy, under the scheme that does not bound it."""
+    system, emulate = configuration.system, configuration.system.link.emulate
+    delay_ms = 0.0 if emulate is None else sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
+    if delay_ms == 0.0 or system.control.scheme != "none":
+        return
+    stiffness = inf if robot is None else robot.spec.stiffness_n_m
+    damping = _device_damping(configuration)
+    passive = 0.0 if damping is None else _passive_stiffness(configuration, damping, stiffness, delay_ms * 1e-3)
+    if stiffness > passive * ROUNDING:
+        beyond_it = f" beyond {_at_most(passive)} N/m" if passive > 0.0 else ""
+        yield (
+            f"control.scheme none: a round trip of {delay_ms:g} ms can make contact unstable, its energy is not bounded"
+            f"{beyond_it}; use tdpa, mmt or auto"
+        )
+
+
+def _passive_stiffness(configuration: Configuration, damping: float, stiffness: float, delay: float = 0.0) -> float:
+    """What a device and hand display passively of the file's scene [N/m]; may be 0.
+
+    Args:
+        configuration: of both sides.
+        damping: of device and hand [N s/m].
+        stiffness: of the robot [N/m].
+        delay: round trip of the network [s].
+    """
+    system = configuration.system
+    wall_damping = max((_felt_damping(thing, stiffness) for thing in system.slave.scene), default=0.0)
+    ticks = LOOP_TICKS + delay / system.tick_period
+    return passivity_limit(damping, system.tick_period, delay_ticks=ticks, wall_damping=wall_damping)
 
 
 def _device_damping(configuration: Configuration) -> float | None:
@@ -87,18 +124,19 @@ def _felt_damping(thing: ObjectSettings, stiffness: float) -> float:
 def _commands(system: System, stiffness: float) -> Iterator[str]:
     """Errors of position that the robot turns into more force than may stay unsent."""
     codec = system.codec
-    floor, largest = codec.force.floor_n, max(codec.force.weber * system.master.limits.force_n, codec.force.floor_n)
+    floor_n = codec.force.floor_n
+    largest = max(codec.force.weber * system.master.limits.force_n, floor_n)
     bound, step = codec.position.bound_m, codec.position.step_m
     if bound * stiffness > largest * ROUNDING:
         yield (
             f"codec.position.bound_m {bound:g}: until a contact is felt the robot may press {bound * stiffness:.3g} N "
             f"into it, more than the deadband of the largest force ({largest:.3g} N); use at most "
-            f"{largest / stiffness:.2g}"
+            f"{_at_most(largest / stiffness)}"
         )
-    if 0.0 < floor < 0.5 * step * stiffness:
+    if 0.0 < floor_n < 0.5 * step * stiffness:
         yield (
             f"codec.position.step_m {step:g}: half a step is {0.5 * step * stiffness:.2g} N at the robot, above "
-            f"codec.force.floor_n; use at most {2.0 * floor / stiffness:.2g}"
+            f"codec.force.floor_n; use at most {_at_most(2.0 * floor_n / stiffness)}"
         )
 
 
@@ -109,6 +147,14 @@ def _walls(system: System, device: Device) -> Iterator[str]:
     stiffness, most = mapping.walls.stiffness_n_m, device.spec.stiffness_n_m * mapping.scale * mapping.force_scale
     if stiffness > most * ROUNDING:
         yield (
-            f"master.mapping.walls.stiffness_n_m {stiffness:g}: {device.spec.name} displays at most {most:.0f} N/m; "
-            f"use at most {most:.0f}"
+            f"master.mapping.walls.stiffness_n_m {stiffness:g}: {device.spec.name} displays at most {_at_most(most)} N/m; "
+            f"use at most {_at_most(most)}"
         )
+
+
+def _at_most(value: float) -> str:
+    """A largest value in two digits, rounded down, so that a file that follows the advice keeps the bound."""
+    if value <= 0.0:
+        return "0"
+    digit = floor(log10(value)) - 1
+    return f"{floor(value * 10.0**-digit * ROUNDING) * 10.0**digit:g}"

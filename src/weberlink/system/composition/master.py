@@ -187,6 +187,11 @@ def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system
             f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
             f"use a step of at least {reach / INT16_MAX:.2g}"
         )
+    bound = system.codec.position.bound_m
+    if bound >= reach:
+        raise ConfigurationError(
+            f"codec.position.bound_m {bound:g}: nothing would be sent, {where} reaches {reach:g} m; use less"
+        )
 
 
 def _mapped(system: System, device: Device) -> Device:

@@ -69,7 +69,7 @@ TorquePredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.de
 PositionPredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.geometric, *BANKS)]
 
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
-Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+Range = tuple[Annotated[float, Field(gt=0, le=1e9)], Annotated[float, Field(gt=0, le=1e9)]]
 Interval = tuple[float, float]
 Name = Annotated[str, AfterValidator(check_name)]
 
@@ -235,7 +235,7 @@ class ForceCodecSettings(PredictedSettings):
     default these four, or plane, surface, affine, trend, zoh."""
     weber: float = Field(default=0.10, ge=0, lt=1)
     """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
-    floor_n: float = Field(default=0.02, ge=0)
+    floor_n: float = Field(default=0.02, ge=0, le=10)
     """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which force k scales."""
@@ -296,7 +296,7 @@ class TorqueCodecSettings(PredictedSettings):
     """What `hybrid` (of zoh, linear) or `adaptive` (of all four, which is its default) chooses among."""
     weber: float = Field(default=0.13, ge=0, lt=1)
     """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
-    floor_nm: float = Field(default=0.005, ge=0)
+    floor_nm: float = Field(default=0.005, ge=0, le=10)
     """Absolute threshold [N m] below which Weber's law fails."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which torque the Weber factor scales."""
@@ -307,7 +307,7 @@ class TorqueCodecSettings(PredictedSettings):
 class OrientationCodecSettings(MotionCodecSettings):
     """The forward channel of the rotation."""
 
-    bound_rad: float = Field(default=0.01, ge=0)
+    bound_rad: float = Field(default=0.01, ge=0, le=1)
     """Error of orientation at rest that stays unsent [rad]."""
     step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
     """Wire step [rad], of both channels; 16 bits span +-32767 steps, which must be more than half a turn."""
@@ -374,9 +374,9 @@ class MasterLimits(Settings):
     """Largest force [N], on top of the device's own limit."""
     torque_nm: float = Field(default=0.5, ge=1e-3, le=1e4)
     """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
-    slew_n_s: float | None = Field(default=None, gt=0)
+    slew_n_s: float | None = Field(default=None, ge=1e-3, le=1e9)
     """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
-    slew_nm_s: float | None = Field(default=None, gt=0)
+    slew_nm_s: float | None = Field(default=None, ge=1e-3, le=1e9)
     """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
     """Time in which force and torque fade in and out."""
@@ -465,9 +465,9 @@ class SlaveLimits(Settings):
     """What the robot does when the master is not heard: stay, or back off along the contact force."""
     retract_m: float = Field(default=0.01, ge=1e-6, le=1)
     """How far it backs off."""
-    contact_n: float | None = Field(default=None, ge=LEAST_CONTACT)
+    contact_n: float | None = Field(default=None, ge=LEAST_CONTACT, le=1e4)
     """Largest force with which the robot presses; by default the largest that the operator can feel of it."""
-    trip_n: float | None = Field(default=None, ge=LEAST_CONTACT)
+    trip_n: float | None = Field(default=None, ge=LEAST_CONTACT, le=1e4)
     """Contact force above which the robot stops following and backs off by retract_m; by default the largest that the
     robot stands or measures."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
