@@ -146,9 +146,10 @@ def _walls(system: System, device: Device) -> Iterator[str]:
         return
     stiffness, most = mapping.walls.stiffness_n_m, device.spec.stiffness_n_m * mapping.scale * mapping.force_scale
     if stiffness > most * ROUNDING:
+        limit = _at_most(most)
         yield (
-            f"master.mapping.walls.stiffness_n_m {stiffness:g}: {device.spec.name} displays at most {_at_most(most)} N/m; "
-            f"use at most {_at_most(most)}"
+            f"master.mapping.walls.stiffness_n_m {stiffness:g}: {device.spec.name} displays at most {limit} N/m; use "
+            f"at most {limit}"
         )
 
 
