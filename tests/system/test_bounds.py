@@ -1,6 +1,7 @@
 """What a file asks beyond device, robot and rate: refused, or said before a run with advice that ends the warning."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.system.systems import configuration
+from tests.system.systems import CONFIGS, configuration
 from weberlink.control.passivity import passivity_limit
 from weberlink.slave.robots.virtual import STIFFEST, UNSTATED
 from weberlink.system.check import describe
@@ -123,6 +124,12 @@ def test_the_default_file_has_nothing_to_say() -> None:
             "master.mapping.walls.stiffness_n_m 4000",
             ["at most 3000 N/m"],
             ["master.mapping.walls.stiffness_n_m=3000"],
+        ),
+        (
+            ["control.scheme=mmt", "codec.force.predictor=zoh"],
+            "control.scheme mmt",
+            ["no predictor fits a surface"],
+            ["codec.force.predictor=hybrid"],
         ),
         (["codec.force.floor_n=0"], "codec.force.floor_n 0", ["every tick"], ["codec.force.floor_n=0.02"]),
         (["codec.force.weber=0.5"], "codec.force.weber 0.5", ["use at most"], ["codec.force.weber=0.27"]),
@@ -245,6 +252,45 @@ def test_a_robot_of_unstated_stiffness_is_said_to_press_without_limit() -> None:
 )  # fmt: skip
 def test_what_is_out_of_range_is_refused_by_its_name(override: str, expected: str) -> None:
     assert expected in refusal(override)
+
+
+UNITS = (
+    "_kg",
+    "_kg_m2",
+    "_n",
+    "_nm",
+    "_n_m",
+    "_n_m_rad",
+    "_n_s",
+    "_n_s_m",
+    "_nm_s",
+    "_n_m_s_rad",
+    "_hz",
+    "_m_s",
+    "_rad_s",
+    "_j",
+)
+
+
+def unbounded(node: Any, path: tuple[str, ...] = ()) -> Iterator[str]:
+    """Numbers with a mechanical unit in their name that lack a lowest or a highest value, in a JSON schema."""
+    if isinstance(node, list):
+        for entry in node:
+            yield from unbounded(entry, path)
+    elif isinstance(node, dict):
+        if node.get("type") in ("number", "integer") and path[-1].endswith(UNITS):
+            low, high = ("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum")
+            if not (any(map(node.__contains__, low)) and any(map(node.__contains__, high))):
+                yield ".".join(path)
+        for name, entry in node.items():
+            in_it = path if name in ("anyOf", "oneOf", "items", "prefixItems", "properties", "$defs") else (*path, name)
+            yield from unbounded(entry, in_it)
+
+
+def test_every_number_with_a_mechanical_unit_has_a_range() -> None:
+    schema = json.loads((CONFIGS / "weberlink.schema.json").read_text())
+    assert list(unbounded(schema)) == []
+    assert list(unbounded({"properties": {"mass_kg": {"anyOf": [{"type": "number", "minimum": 0}]}}})) == ["mass_kg"]
 
 
 @pytest.mark.parametrize(
