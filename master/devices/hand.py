@@ -27,9 +27,11 @@ class HandOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    mass_kg: float = Field(default=0.3, gt=0.0, description="hand and handle")
-    damping_n_s_m: float = Field(default=8.0, ge=0.0)
-    stiffness_n_m: float = Field(default=300.0, gt=0.0, description="how hard it holds on to where it wants to be")
+    mass_kg: float = Field(default=0.3, ge=1e-6, le=1e3, description="hand and handle")
+    damping_n_s_m: float = Field(default=8.0, ge=0.0, le=1e6)
+    stiffness_n_m: float = Field(
+        default=300.0, ge=1e-3, le=1e9, description="how hard it holds on to where it wants to be"
+    )
 
     @property
     def oscillator(self) -> Oscillator:
@@ -152,9 +154,11 @@ class WristOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    inertia_kg_m2: float = Field(default=0.002, gt=0.0, description="hand and handle")
-    damping_n_m_s_rad: float = Field(default=0.053, ge=0.0)
-    stiffness_n_m_rad: float = Field(default=2.0, gt=0.0, description="how hard it holds on to how it wants to be")
+    inertia_kg_m2: float = Field(default=0.002, ge=1e-9, le=1e3, description="hand and handle")
+    damping_n_m_s_rad: float = Field(default=0.053, ge=0.0, le=1e6)
+    stiffness_n_m_rad: float = Field(
+        default=2.0, ge=1e-6, le=1e9, description="how hard it holds on to how it wants to be"
+    )
     tremor_rad: float = Field(
         default=0.0005, ge=0.0, le=0.1, description="RMS about each axis of the free hand, 8 to 12 Hz; 0 for none"
     )

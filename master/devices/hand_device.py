@@ -31,14 +31,19 @@ class HandDeviceOptions(BaseModel):
     )
     seed: int = Field(default=1, ge=0, description="of the tremor")
     home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="where the hand rests at first")
-    workspace_m: float = Field(default=0.06, gt=0.0, le=1.0, description="half an edge of the cube about the origin")
+    workspace_m: float = Field(default=0.06, ge=1e-3, le=1.0, description="half an edge of the cube about the origin")
     force_n: float = Field(
-        default=12.0, gt=0.0, description="largest force that the device displays; more is cut to it"
+        default=12.0, ge=0.01, le=1e4, description="largest force that the device displays; more is cut to it"
     )
     torque_n_m: float = Field(
-        default=0.5, gt=0.0, description="largest torque that it displays on a hand with a wrist; more is cut to it"
+        default=0.5,
+        ge=1e-4,
+        le=1e4,
+        description="largest torque that it displays on a hand with a wrist; more is cut to it",
     )
-    stiffness_n_m: float = Field(default=3000.0, gt=0.0, description="stiffest wall that the device displays stably")
+    stiffness_n_m: float = Field(
+        default=3000.0, ge=1e-3, le=1e9, description="stiffest wall that the device displays stably"
+    )
 
     @model_validator(mode="after")
     def check_home(self) -> Self:

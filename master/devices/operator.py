@@ -67,7 +67,7 @@ class SlideStep(ScriptStep):
 
     motion: Literal["slide"]
     points_m: tuple[Vector, ...] = Field(min_length=2, description="on the surface")
-    depth_m: float = Field(default=0.015, ge=0.0, description="how far below the surface the hand means to be")
+    depth_m: float = Field(default=0.015, ge=0.0, le=1.0, description="how far below the surface the hand means to be")
     duration_s: Duration = Field(default=1.5, description="from each point to the next")
     passes: int = Field(default=1, ge=1, le=1000)
     approach_s: Duration = Field(default=0.8, description="to the first point")
@@ -86,9 +86,9 @@ class CircleStep(ScriptStep):
 
     motion: Literal["circle"]
     center_m: Vector = Field(description="on the surface")
-    radius_m: float = Field(gt=0.0)
-    depth_m: float = Field(default=0.015, ge=0.0)
-    turns: float = Field(default=1.0, description="negative for clockwise")
+    radius_m: float = Field(gt=0.0, le=1.0)
+    depth_m: float = Field(default=0.015, ge=0.0, le=1.0)
+    turns: float = Field(default=1.0, ge=-1e3, le=1e3, description="negative for clockwise")
     duration_s: Duration = 3.0
     approach_s: Duration = Field(default=0.8, description="to where the circle begins, on the side of +x")
 
@@ -102,8 +102,8 @@ class TapStep(ScriptStep):
 
     motion: Literal["tap"]
     at_m: Vector = Field(description="on the surface")
-    height_m: float = Field(default=0.01, gt=0.0, description="above it between taps")
-    depth_m: float = Field(default=0.015, ge=0.0, description="below it in a tap")
+    height_m: float = Field(default=0.01, gt=0.0, le=1.0, description="above it between taps")
+    depth_m: float = Field(default=0.015, ge=0.0, le=1.0, description="below it in a tap")
     frequency_hz: float = Field(default=2.0, gt=0.0, le=20.0)
     count: int = Field(default=4, ge=1, le=10_000)
     approach_s: Duration = 0.8
@@ -120,9 +120,9 @@ class PressStep(ScriptStep):
 
     motion: Literal["press"]
     at_m: Vector = Field(description="on the surface")
-    depth_m: float = Field(default=0.02, gt=0.0)
+    depth_m: float = Field(default=0.02, gt=0.0, le=1.0)
     hold_s: Duration = 1.0
-    height_m: float = Field(default=0.01, ge=0.0)
+    height_m: float = Field(default=0.01, ge=0.0, le=1.0)
     duration_s: Duration = Field(default=0.6, description="to go in, and again to come out")
     approach_s: Duration = 0.8
 

@@ -26,12 +26,14 @@ class ReplayOptions(HandDeviceOptions):
     axes: Annotated[str, AfterValidator(signed_axes)] = Field(
         default="+x+y+z", description="which signed axis of the trace becomes x, y and z here"
     )
-    scale: float = Field(default=1.0, gt=0.0, description="of the motion about its anchor")
+    scale: float = Field(default=1.0, ge=1e-3, le=1e3, description="of the motion about its anchor")
     center_m: Vector | None = Field(default=None, description="where the anchor is moved to; not given: it stays")
     anchor: Literal["mean", "first"] = Field(
         default="mean", description="the trace's mean position, or its first sample"
     )
-    approach_s: float = Field(default=1.0, gt=0.0, description="from home to the first sample, and back on repeat")
+    approach_s: float = Field(
+        default=1.0, ge=1e-3, le=3600.0, description="from home to the first sample, and back on repeat"
+    )
     repeat: bool = Field(default=False, description="begin again at the end; otherwise the reading says `ended`")
 
 

@@ -22,7 +22,7 @@ class ToolOptions(BaseModel):
         min_length=1, max_length=32, description="points of contact from the tip, in the initial orientation"
     )
     torque_n_m: float = Field(
-        default=2.0, gt=0.0, description="range of its torque sensor; larger torques are limited to it"
+        default=2.0, ge=1e-4, le=1e4, description="range of its torque sensor; larger torques are limited to it"
     )
 
 

@@ -26,7 +26,9 @@ class SimulatedOptions(VirtualOptions):
     """Options of `simulated`: by default a light robot, which lags by 4 ms at 2500 N/m."""
 
     mass_kg: float = Field(default=0.01, ge=1e-6, le=1000.0)
-    damping_n_s_m: float | None = Field(default=None, gt=0.0, description="derivative gain; critical if not given")
+    damping_n_s_m: float | None = Field(
+        default=None, gt=0.0, le=1e6, description="derivative gain; critical if not given"
+    )
     integrator: IntegratorName = Field(
         default="auto", description="scheme of integration; auto chooses by stiffness, mass, damping and scene"
     )

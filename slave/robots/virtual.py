@@ -4,6 +4,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector, is_finite, norm, scale
 from weberlink.slave.robots.contract import RobotFault, RobotReading, RobotSpec
 
@@ -11,8 +12,8 @@ LONGEST_GAP = 0.1
 """Longest time that a mechanical model advances per reading [s]; the rest of a longer silence is skipped."""
 
 
-STIFFEST = 1e9
-"""Largest stiffness of a computed robot [N/m]."""
+SOFTEST, STIFFEST = 1e-3, 1e9
+"""Range of the stiffness of a computed robot [N/m]."""
 UNSTATED = 2500.0
 """Stiffness of a computed robot that is built without a device [N/m]."""
 
@@ -22,15 +23,14 @@ class VirtualOptions(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    workspace_m: float = Field(default=0.06, gt=0.0, le=1.0, description="half an edge of the cube about the origin")
+    workspace_m: float = Field(default=0.06, ge=1e-3, le=1.0, description="half an edge of the cube about the origin")
     home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="position until the first command")
     force_n: float = Field(
-        default=30.0, gt=0.0, description="range of its force sensor; larger forces are limited to it"
+        default=30.0, ge=LEAST_CONTACT, le=1e4, description="range of its force sensor; larger forces are limited to it"
     )
-
     stiffness_n_m: float | None = Field(
         default=None,
-        gt=0.0,
+        ge=SOFTEST,
         le=STIFFEST,
         description="stiffness towards the command; by default what the device can display",
     )

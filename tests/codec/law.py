@@ -1,7 +1,8 @@
 """The law of closed-loop coding, asserted tick by tick for any channel and any finite samples."""
 
-from collections.abc import Iterator, Sequence
-from math import sqrt
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, repeat
+from math import inf, sqrt
 from typing import Any, NamedTuple
 
 from weberlink.codec import Channel, Decoder, Encoder, Update, force_channel, position_channel
@@ -37,17 +38,23 @@ def half_step(channel: Channel) -> float:
 
 
 def coded(
-    channel: Channel, samples: Sequence[tuple[Vector, Vector]], encoder: Encoder | None = None, start: int = 0
+    channel: Channel,
+    samples: Sequence[tuple[Vector, Vector]],
+    encoder: Encoder | None = None,
+    start: int = 0,
+    limits: Iterable[float] = (),
 ) -> Iterator[Tick]:
     """Code finite samples, one per tick; assert that both ends hold the same state, and the error is in the deadband.
+
+    `limits` are of the errors that may stay unsent, one per tick; infinite where there are none left.
 
     A sample that is sent is displayed within the rounding of the wire. A line of `trend` begins within the deadband
     around it instead, or within the rounding if that is more.
     """
     encoder, decoder = encoder or Encoder(channel), Decoder(channel)
     near = half_step(channel)
-    for tick, (value, position) in enumerate(samples, start):
-        update = encoder.encode(tick, value, position)
+    for tick, ((value, position), most) in enumerate(zip(samples, chain(limits, repeat(inf)), strict=False), start):
+        update = encoder.encode(tick, value, position, most)
         if update is not None:
             decoder.apply(update)
         shown = decoder.value(tick, position)

@@ -48,6 +48,17 @@ def test_law_holds_for_positions(predictor: str, weber: float, bound: float, see
     consume(channel, [(position, ZERO) for _, position in contact_stream(seed, axes=axes, ticks=300)])
 
 
+@positions
+@given(seed=seeds, limits=st.lists(st.sampled_from([1e-5, 1e-4, 1e-3, inf]), min_size=300, max_size=300))
+@examples(10)
+def test_a_limit_of_the_error_holds_where_the_deadband_allows_more(
+    predictor: str, seed: int, limits: list[float]
+) -> None:
+    samples = [(position, ZERO) for _, position in contact_stream(seed, ticks=300)]
+    ticks = list(coded(make_channel(predictor, position=True, weber=0.0, bound=2e-4), samples, limits=limits))
+    assert [tick.bound for tick in ticks] == [min(2e-4, limit) for limit in limits]
+
+
 @forces
 @given(
     reference=st.sampled_from(["actual", "displayed", "sent"]),

@@ -1,12 +1,14 @@
 from itertools import pairwise
+from math import inf
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.rotation import IDENTITY, Quaternion, angle_between, quaternion, toward
-from weberlink.geometry.vector import Vector, distance, norm
-from weberlink.slave.safety import TRIP_PAUSE, CommandGuard, Follower
+from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
+from weberlink.slave.safety import REBOUND, TRIP_PAUSE, CommandGuard, Follower, PressLimit
 
 WORKSPACE = ((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
 TICK = 1e-3
@@ -175,3 +177,57 @@ def test_whatever_interrupts_it_the_robot_never_jumps_nor_does_what_is_shown(ste
         shown = norm(guarding.shown((0.0, 0.0, 1.0)))
         assert shown - share <= TICK / 0.05 * (1 + 1e-9)
         last, share = applied, shown
+
+
+# --- the limit of the force with which the robot presses
+
+MOST, COUPLING = 6.0, 2500.0
+near = st.floats(-0.05, 0.05)
+places = st.tuples(near, near, near)
+directions = st.tuples(coordinates, coordinates, coordinates).filter(lambda v: norm(v) > 0.1).map(unit)
+
+
+def pressed(target: Vector, tip: Vector, outward: Vector, stiffness: float = COUPLING) -> float:
+    """Force of the robot's spring into the contact [N]."""
+    return stiffness * dot(subtract(tip, target), outward)
+
+
+@given(places, places, directions, st.floats(LEAST_CONTACT * 1.001, 30.0), st.floats(0.1, 20.0), st.floats(10.0, 1e6))
+def test_the_spring_of_the_robot_never_presses_with_more_than_the_limit(
+    target: Vector, tip: Vector, outward: Vector, force: float, most: float, stiffness: float
+) -> None:
+    goal = PressLimit(most, stiffness).bounded(target, tip, scale(outward, force), TICK)
+    assert pressed(goal, tip, outward, stiffness) <= most + 1e-9 * stiffness
+    if pressed(target, tip, outward, stiffness) <= most - 1e-9 * stiffness:
+        assert goal is target
+    else:
+        moved = subtract(goal, target)
+        assert norm(moved) == pytest.approx(abs(dot(moved, outward)), abs=1e-12)  # along the force alone
+        assert dot(moved, outward) >= -1e-12
+        assert pressed(goal, tip, outward, stiffness) == pytest.approx(most, abs=1e-9 * stiffness)
+
+
+@given(places, directions, places, st.floats(0.0, 0.05))
+def test_motion_along_a_contact_and_out_of_it_is_not_bounded(
+    tip: Vector, outward: Vector, aside: Vector, out: float
+) -> None:
+    along = subtract(aside, scale(outward, dot(aside, outward)))
+    target = add(tip, add(along, scale(outward, out)))
+    assert PressLimit(MOST, COUPLING).bounded(target, tip, scale(outward, 5.0), TICK) is target
+
+
+def test_a_robot_that_bounces_is_held_back_until_the_rebound_is_over() -> None:
+    limit = PressLimit(MOST, COUPLING)
+    deep, tip, up = (0.01, 0.0, -0.02), (0.0, 0.0, 0.001), (0.0, 0.0, 1.0)
+    assert limit.bounded(deep, tip, ZERO, TICK) is deep  # before any contact
+    limit.bounded(deep, tip, (0.0, 0.0, 3.0), TICK)
+    ticks = round(REBOUND / TICK)
+    for _ in range(ticks - 2):
+        assert pressed(limit.bounded(deep, tip, ZERO, TICK), tip, up) == pytest.approx(MOST)
+    free = [limit.bounded(deep, tip, (0.0, 0.0, 0.9 * LEAST_CONTACT), TICK) is deep for _ in range(4)]
+    assert free[-1]
+
+
+def test_a_robot_of_unstated_stiffness_is_not_bounded() -> None:
+    deep = (0.0, 0.0, -1.0)
+    assert PressLimit(MOST, inf).bounded(deep, ZERO, (0.0, 0.0, 5.0), TICK) is deep

@@ -59,7 +59,7 @@ def test_a_force_scale_changes_what_is_felt_but_not_the_limit(factor: float) -> 
     [
         ("{clutch: {button: 0}}", "master.mapping: clutch needs walls"),
         ("{clutch: {button: 0}, walls: {}}", "master.mapping.clutch.button: operator has 0 buttons, none is 0"),
-        ("{scale: 0}", "master.mapping.scale: should be greater than 0"),
+        ("{scale: 0}", "master.mapping.scale: should be greater than or equal to 0.001"),
         ("{scale: 20}", "codec.position.step_m: spans"),
         ("{rotation: [0, 0, 90]}", "master.mapping.rotation: unknown key; did you mean rotation_deg?"),
         ("{walls: {box_m: [[0, 1], [1, 0], [0, 1]]}}", "master.mapping.walls.box_m: y must rise"),

@@ -50,7 +50,9 @@ class HaplyOptions(BaseModel):
     torque_limit_n_m: float = Field(default=MOST_TORQUE_N_M, gt=0.0, le=MOST_TORQUE_N_M, description="of either motor")
     torque_gain: float = Field(default=1.0, gt=0.0, le=10.0, description="what the board is told for each newton metre")
     force_n: float = Field(default=2.0, gt=0.0, le=10.0, description="largest force; more is cut to it")
-    stiffness_n_m: float = Field(default=300.0, gt=0.0, description="stiffest wall; no figure has been published")
+    stiffness_n_m: float = Field(
+        default=300.0, ge=1e-3, le=1e9, description="stiffest wall; no figure has been published"
+    )
     reply_ms: float = Field(default=10.0, ge=1.0, le=100.0, description="how long an answer may take")
     signs_checked: str | None = Field(
         default=None, description="what `weberlink device test` prints once the directions are right; no force without"

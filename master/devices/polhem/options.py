@@ -68,7 +68,7 @@ class PolhemOptions(BaseModel):
     )
     home_patience_s: float = Field(default=30.0, gt=0.0, le=600.0, description="how long to wait for that button")
     force_n: float | None = Field(
-        default=None, gt=0.0, description="largest force; what its makers publish if not given, and no more"
+        default=None, ge=0.01, le=1e4, description="largest force; what its makers publish if not given, and no more"
     )
     max_current_ma: float = Field(
         default=2000.0, gt=0.0, le=HID_CURRENT_LIMIT_MA, description="per motor; the device has no limit of its own"

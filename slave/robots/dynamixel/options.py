@@ -72,8 +72,8 @@ class DynamixelOptions(BaseModel):
     pitch_deg: float | None = Field(
         default=None, ge=-90.0, le=90.0, description="of the gripper, positive down; that at opening if not given"
     )
-    stiffness_n_m: float = Field(default=400.0, gt=0.0, description="of the tip; bounded by damping and rate")
-    damping_rate_s: float = Field(default=12.0, gt=0.0, description="decay rate of motions [1/s]")
+    stiffness_n_m: float = Field(default=400.0, ge=1e-3, le=1e9, description="of the tip; bounded by damping and rate")
+    damping_rate_s: float = Field(default=12.0, ge=1e-3, le=1e4, description="decay rate of motions [1/s]")
     rotor_inertia_kg_m2: float = Field(
         default=ROTOR_INERTIA_KG_M2,
         ge=LEAST_ROTOR_INERTIA_KG_M2,
@@ -93,7 +93,7 @@ class DynamixelOptions(BaseModel):
     )
     coulomb_n_m: JointValues = Field(default=COULOMB_N_M, description="dry friction of the joints")
     viscous_n_m_s: JointValues = Field(default=VISCOUS_N_M_S, description="viscous friction of the joints")
-    force_cutoff_hz: float = Field(default=50.0, ge=0.0, description="of the low-pass on the force; 0 for none")
+    force_cutoff_hz: float = Field(default=50.0, ge=0.0, le=1e4, description="of the low-pass on the force; 0 for none")
 
     @property
     def margin_s(self) -> float:

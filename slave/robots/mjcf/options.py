@@ -23,7 +23,7 @@ class RotationOptions(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     stiffness_n_m_rad: float = Field(
-        default=5.0, gt=0.0, description="of the orientation control, equal about all axes"
+        default=5.0, ge=1e-6, le=1e9, description="of the orientation control, equal about all axes"
     )
     torque: str = Field(
         default=CONTACTS,
@@ -31,7 +31,7 @@ class RotationOptions(BaseModel):
         "on a site that has a force sensor too",
     )
     torque_n_m: float = Field(
-        default=2.0, gt=0.0, description="range of the torque sensing; larger torques are limited to it"
+        default=2.0, ge=1e-4, le=1e4, description="range of the torque sensing; larger torques are limited to it"
     )
 
 
@@ -48,9 +48,11 @@ class MujocoOptions(BaseModel):
         "name of a force sensor of the MJCF file",
     )
     force_n: float = Field(
-        default=30.0, gt=0.0, description="range of the force sensing; larger forces are limited to it"
+        default=30.0, ge=0.05, le=1e4, description="range of the force sensing; larger forces are limited to it"
     )
-    stiffness_n_m: float = Field(default=1000.0, gt=0.0, description="of the position control, equal on all axes")
+    stiffness_n_m: float = Field(
+        default=1000.0, ge=1e-3, le=1e9, description="of the position control, equal on all axes"
+    )
     rotation: RotationOptions | None = Field(
         default=None, description="orientation control and torque sensing; without it, position and force only"
     )

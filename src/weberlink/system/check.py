@@ -19,6 +19,7 @@ from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
 from weberlink.protocol.wire import UpdateLayout
 from weberlink.slave.robots.contract import Robot, RobotSpec
 from weberlink.slave.scenes.scene import Scene
+from weberlink.system.composition.bounds import beyond
 from weberlink.system.composition.channels import channels, streams
 from weberlink.system.composition.link import build_security
 from weberlink.system.composition.master import build_device
@@ -73,7 +74,11 @@ def describe(configuration: Configuration) -> Iterator[str]:
     uncoded = _uncoded_kbit(system, security.tag_size)
     yield f"          an update every tick would be {uncoded:.0f} kbit/s both ways, IP headers included"
     stiffness = None if device is None else device.spec.stiffness_n_m
-    for warning in (*_warnings(system, stiffness), *lacks(system, device, robot)):
+    for warning in (
+        *_warnings(system, stiffness),
+        *lacks(system, device, robot),
+        *beyond(configuration, device, robot),
+    ):
         yield f"warning   {warning}"
 
 
@@ -193,25 +198,27 @@ def _stroke(tick: int) -> tuple[Vector, Vector]:
 def _warnings(system: System, device_stiffness: float | None) -> Iterator[str]:
     weber = system.codec.force.weber
     if weber > PERCEPTUAL_WEBER_LIMIT:
-        yield f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}"
+        yield (
+            f"codec.force.weber {weber:g}: published task performance falls above {PERCEPTUAL_WEBER_LIMIT:g}; use at "
+            "most that"
+        )
     emulate = system.link.emulate or EmulationSettings()
     round_trip_ms = sum(way.delay_ms + way.jitter_ms for way in emulate.directions)
-    if round_trip_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
+    loop_ms = round_trip_ms + 2e3 * system.tick_period
+    if loop_ms > ROUND_TRIP_SHARE * system.link.silence_ms:
         yield (
-            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {round_trip_ms:g} ms: "
-            f"sessions would be interrupted; use at least {round_trip_ms / ROUND_TRIP_SHARE:.0f}"
+            f"link.silence_ms {system.link.silence_ms:g}: too short for a round trip of up to {loop_ms:g} ms, a tick "
+            f"of each side included: sessions would be interrupted; use at least {loop_ms / ROUND_TRIP_SHARE:.0f}"
         )
     if device_stiffness is not None and system.codec.force.trust.stiffness_n_m[1] > device_stiffness:
-        yield f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device"
-    if system.codec.force.floor_n == 0.0:
-        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick"
-    if round_trip_ms > 0.0 and system.control.scheme == "none":
         yield (
-            f"control.scheme none: a round trip of {round_trip_ms:g} ms can make contact unstable; "
-            "use tdpa, mmt or auto"
+            f"codec.force.trust.stiffness_n_m: a fit may be stiffer than the {device_stiffness:g} N/m of the device; "
+            "use at most that"
         )
+    if system.codec.force.floor_n == 0.0:
+        yield "codec.force.floor_n 0: sensor noise at rest is sent at every tick; use for example 0.02"
     if system.control.scheme in ("mmt", "auto") and not _fits_a_surface(system):
-        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model"
+        yield f"control.scheme {system.control.scheme}: no predictor fits a surface for the local model; use hybrid"
 
 
 def _fits_a_surface(system: System) -> bool:

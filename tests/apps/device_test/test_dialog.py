@@ -43,7 +43,7 @@ def test_ctrl_c_waits_while_a_device_is_made_safe() -> None:
     [
         (DeviceTestRequest("phantom"), "phantom: there is no such driver; there are "),
         (DeviceTestRequest("operator", None, ["foce_n=1"]), "operator.foce_n: unknown key; did you mean force_n?"),
-        (DeviceTestRequest("operator", None, ["force_n=0"]), "greater than 0"),
+        (DeviceTestRequest("operator", None, ["force_n=0"]), "greater than or equal to 0.01"),
         (DeviceTestRequest("replay", FILE), "is operator, not replay"),
         (DeviceTestRequest("operator", CONFIGS / "none.yaml"), "no such file"),
         (DeviceTestRequest("replay"), "replay.trace: is missing"),

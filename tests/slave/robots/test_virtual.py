@@ -4,7 +4,10 @@ from math import exp, sqrt
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from tests.examples import examples
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots import load
 from weberlink.slave.robots.contract import Robot, RobotFault
@@ -91,6 +94,24 @@ def test_wrong_options_are_refused_by_name(name: str, options: dict[str, Any]) -
 def test_an_unknown_driver_names_the_nearest() -> None:
     with pytest.raises(ValueError, match=r"'simulatd'.*nearest is 'simulated'.*point"):
         load("simulatd")
+
+
+@given(st.floats(10.0, 1e7), st.floats(10.0, 1e6), st.floats(1e-6, 0.05))
+@examples(40)
+def test_a_point_feels_the_softer_of_wall_and_coupling_and_its_tip_is_where_its_spring_holds_it(
+    stiffness: float, coupling: float, depth: float
+) -> None:
+    robot = robot_of("point", wall(stiffness), stiffness_n_m=coupling, force_n=10.0)
+    robot.open(0.0)
+    robot.command((0.0, 0.0, 0.001), TICK)
+    robot.latest(TICK)
+    robot.command((0.002, 0.0, -depth), 2.0 * TICK)
+    reading = robot.latest(2.0 * TICK)
+    felt = min(10.0, min(stiffness, coupling) * depth)
+    assert reading.force == pytest.approx((0.0, 0.0, felt))
+    assert reading.position == pytest.approx((0.002, 0.0, -depth + felt / coupling))
+    robot.command((0.0, 0.0, 0.001), 3.0 * TICK)
+    assert robot.latest(3.0 * TICK)[1:3] == ((0.0, 0.0, 0.001), ZERO)
 
 
 UP = (0.0, 0.0, 1.0)

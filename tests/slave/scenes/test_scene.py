@@ -195,3 +195,35 @@ def test_an_impossible_surface_is_refused_by_name(thing: object, named: str) -> 
     assert callable(thing)
     with pytest.raises(ValueError, match=named):
         thing()
+
+
+@given(st.floats(1.0, 1e5), st.floats(1e-5, 0.02), st.floats(0.0, 0.01))
+@examples(40)
+def test_a_softened_scene_yields_as_if_made_of_the_softer_material(most: float, depth: float, aside: float) -> None:
+    """Stiffness is cut to the limit, damping falls in proportion, and friction stays a share of the pressure."""
+    stiff, soft = SceneObject(GROUND, 1e4, FrictionCone(0.6, 0.4), 20.0), SceneObject(GROUND, 300.0, None, 5.0)
+    softened = Scene([stiff, soft])
+    softened.soften(most)
+    made = Scene(
+        [
+            SceneObject(GROUND, min(1e4, most), FrictionCone(0.6, 0.4), 20.0 * min(1.0, most / 1e4)),
+            SceneObject(GROUND, min(300.0, most), None, 5.0 * min(1.0, most / 300.0)),
+        ]
+    )
+    assert softened.stiffness_n_m == min(1e4, most)
+    assert softened.damping_n_s_m == pytest.approx(made.damping_n_s_m)
+    assert softened.rubs
+    for position in ((0.0, 0.0, 0.01), (0.0, 0.0, -depth), (aside, 0.0, -depth), (aside, 0.0, -0.5 * depth)):
+        assert softened.force(position, TICK) == pytest.approx(made.force(position, TICK))
+    for softer, expected in zip(softened.facing((0.0, 0.0, 0.01)), made.facing((0.0, 0.0, 0.01)), strict=True):
+        assert (softer.stiffness, softer.damping) == pytest.approx((expected.stiffness, expected.damping))
+
+
+def test_a_contact_keeps_its_state_when_the_scene_is_softened() -> None:
+    scene = Scene([SceneObject(GROUND, 1e4, FrictionCone(0.6, 0.4))])
+    walked(scene, (0.0, 0.0, 0.001), (0.0, 0.0, -0.001), 1)
+    before = scene.state
+    scene.soften(1e3)
+    assert scene.state == before
+    (x, _, z) = scene.force((0.0001, 0.0, -0.001), TICK)
+    assert (x, z) == pytest.approx((-0.1, 1.0))  # held at the anchor by the softer grip

@@ -13,6 +13,7 @@ from math import log, pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from weberlink.control import passivity
 from weberlink.master.devices.hand import transition
 
 PRECISION = 1e-9
@@ -112,19 +113,13 @@ def gain_limit(wall: SampledWall) -> float:
 
 
 def passivity_limit(wall: SampledWall) -> float:
-    """The stiffness [N/m] up to which wall and device together are passive; may be 0.
-
-    b > K (T/2 + t) + |B| with the delay t. For t = 0 it is the bound of Colgate and Schenkel, "Passivity of a class of
-    sampled-data systems: application to haptic interfaces", ACC 1994. Their criterion for any law H,
-
-        b > T/2 / (1 - cos wT) Re((1 - exp(-j wT)) H(exp(j wT)))   at all w,
-
-    gives the rest: a delay of d ticks turns K T/2 into K T/2 sin((2 d + 1) wT/2) / sin(wT/2), at most 2 d + 1 times as
-    much, at w = 0, and the damping into -B cos((d + 1) wT). Both worst cases together may be more than there is at
-    any one frequency, so with delay and damping the bound is on the safe side.
-    """
-    left = wall.damping_n_s_m - abs(wall.wall_damping_n_s_m)
-    return max(0.0, left / (wall.tick_period * (0.5 + wall.delay_ticks)))
+    """The stiffness [N/m] up to which wall and device together are passive; may be 0."""
+    return passivity.passivity_limit(
+        wall.damping_n_s_m,
+        wall.tick_period,
+        delay_ticks=wall.delay_ticks,
+        wall_damping=wall.wall_damping_n_s_m,
+    )
 
 
 def bracket(exceeds: Callable[[float], bool], start: float) -> tuple[float, float]:

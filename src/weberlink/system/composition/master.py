@@ -54,7 +54,7 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_control(configuration, build_master_control, force_limit, coupling(configuration))
+    control = build_control(configuration, build_master_control, force_limit, coupling(configuration, device))
     tuning = build_tuning(system, control)
 
     def force_bound(force: float) -> float:
@@ -186,6 +186,11 @@ def _check_range(where: str, workspace: tuple[Vector, Vector], axes: str, system
         raise ConfigurationError(
             f"codec.position.step_m: spans {limit:g} m but {where} reaches {reach:g} m; "
             f"use a step of at least {reach / INT16_MAX:.2g}"
+        )
+    bound = system.codec.position.bound_m
+    if bound >= reach:
+        raise ConfigurationError(
+            f"codec.position.bound_m {bound:g}: nothing would be sent, {where} reaches {reach:g} m; use less"
         )
 
 

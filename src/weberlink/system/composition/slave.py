@@ -112,7 +112,8 @@ def build_robot(configuration: Configuration) -> Robot:
     """The robot with the scene that it touches, not yet open.
 
     Raises:
-        ConfigurationError: if either cannot be made of its options, or the wire cannot say its forces.
+        ConfigurationError: if either cannot be made of its options, the wire cannot say its forces, or a limit
+            of the file is beyond its range.
     """
     system, part = configuration.system, configuration.robot
     assert part is not None
@@ -127,6 +128,7 @@ def build_robot(configuration: Configuration) -> Robot:
             f"codec.force.step_n: spans {force:g} N but slave.robot reports up to {robot.spec.force_n:g} N; "
             f"use a step of at least {robot.spec.force_n / INT16_MAX:.2g}"
         )
+    press_limit(system, robot)
     if system.codec.rotation is not None:
         _check_rotation(system, robot)
     return robot

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from weberlink.control.table import SCHEMES
 from weberlink.master.devices.contract import Device
 from weberlink.slave.robots.contract import Robot
+from weberlink.system.composition.bounds import beyond
 from weberlink.system.composition.link import build_security, construct, located
 from weberlink.system.composition.master import build_device
 from weberlink.system.composition.slave import build_robot, workspace_of
@@ -42,7 +43,7 @@ def try_out(configuration: Configuration) -> list[str]:
             f"{configuration.path}: link.security: session is for weberlink loopback, which runs both sides; "
             "for one side write psk, with key_file (weberlink keygen KEYFILE)"
         )
-    return list(lacks(configuration.system, device, robot))
+    return [*lacks(configuration.system, device, robot), *beyond(configuration, device, robot)]
 
 
 @located

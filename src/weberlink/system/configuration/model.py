@@ -21,6 +21,7 @@ from pydantic import (
 from pydantic_core.core_schema import CoreSchema, no_info_after_validator_function
 
 from weberlink.codec.predictors import ADAPTIVE, ADAPTIVE_BANK, BANKS, HYBRID, HYBRID_BANK, PREDICTORS, Predictor
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.control.table import SchemeName
 from weberlink.protocol.conversation import MOST_TICKS
 from weberlink.protocol.handshake import check_name
@@ -68,7 +69,7 @@ TorquePredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.de
 PositionPredictor = Annotated[str, PredictorFor(lambda predictor: not predictor.geometric, *BANKS)]
 
 Axes = Literal["x", "y", "z", "xy", "xz", "yz", "xyz"]
-Range = tuple[Annotated[float, Field(gt=0)], Annotated[float, Field(gt=0)]]
+Range = tuple[Annotated[float, Field(gt=0, le=1e9)], Annotated[float, Field(gt=0, le=1e9)]]
 Interval = tuple[float, float]
 Name = Annotated[str, AfterValidator(check_name)]
 
@@ -232,9 +233,9 @@ class ForceCodecSettings(PredictedSettings):
     bank: ForceBank = HYBRID_BANK
     """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. By
     default these four, or plane, surface, affine, trend, zoh."""
-    weber: float = Field(default=0.10, ge=0, le=1)
-    """Weber factor k: the relative error that stays unsent."""
-    floor_n: float = Field(default=0.02, ge=0)
+    weber: float = Field(default=0.10, ge=0, lt=1)
+    """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
+    floor_n: float = Field(default=0.02, ge=0, le=10)
     """Absolute threshold [N] below which Weber's law fails; 0 reproduces the paper."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which force k scales."""
@@ -278,7 +279,7 @@ class MotionCodecSettings(PredictedSettings):
 class PositionCodecSettings(MotionCodecSettings):
     """The forward channel."""
 
-    bound_m: float = Field(default=0.0002, ge=0)
+    bound_m: float = Field(default=0.0002, ge=0, le=0.1)
     """Position error at rest that stays unsent [m]."""
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
     """Wire step [m], of both channels; 16 bits span +-32767 steps."""
@@ -293,9 +294,9 @@ class TorqueCodecSettings(PredictedSettings):
     """What both ends predict with."""
     bank: TorqueBank = ("zoh", "linear")
     """What `hybrid` (of zoh, linear) or `adaptive` (of all four, which is its default) chooses among."""
-    weber: float = Field(default=0.13, ge=0, le=1)
+    weber: float = Field(default=0.13, ge=0, lt=1)
     """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
-    floor_nm: float = Field(default=0.005, ge=0)
+    floor_nm: float = Field(default=0.005, ge=0, le=10)
     """Absolute threshold [N m] below which Weber's law fails."""
     reference: Literal["actual", "displayed", "sent"] = "actual"
     """Which torque the Weber factor scales."""
@@ -306,7 +307,7 @@ class TorqueCodecSettings(PredictedSettings):
 class OrientationCodecSettings(MotionCodecSettings):
     """The forward channel of the rotation."""
 
-    bound_rad: float = Field(default=0.01, ge=0)
+    bound_rad: float = Field(default=0.01, ge=0, le=1)
     """Error of orientation at rest that stays unsent [rad]."""
     step_rad: float = Field(default=0.0001, ge=0.0001, le=0.01)
     """Wire step [rad], of both channels; 16 bits span +-32767 steps, which must be more than half a turn."""
@@ -333,9 +334,9 @@ class ControlSettings(Settings):
 
     scheme: SchemeName = "none"
     """`tdpa`: time-domain passivity. `mmt`: the operator feels a local model. `auto`: by the measured delay."""
-    level_j: float = Field(default=0.05, gt=0, le=10)
+    level_j: float = Field(default=0.05, ge=1e-6, le=10)
     """Energy at which `tdpa` keeps the robot's tank [J]: what it may spend before the operator's work arrives."""
-    damping_n_s_m: float = Field(default=5.0, gt=0, le=100)
+    damping_n_s_m: float = Field(default=5.0, ge=1e-3, le=100)
     """Strongest drag that fills an empty tank [N s/m]."""
     live_changes: bool = True
     """Whether Weber factor, predictor (of a hybrid's bank) and scheme (under `auto`) may be changed in a session."""
@@ -369,13 +370,13 @@ class DriverSettings(BaseModel):
 class MasterLimits(Settings):
     """What protects the operator."""
 
-    force_n: float = Field(default=10.0, gt=0)
+    force_n: float = Field(default=10.0, ge=LEAST_CONTACT, le=1e4)
     """Largest force [N], on top of the device's own limit."""
-    torque_nm: float = Field(default=0.5, gt=0)
+    torque_nm: float = Field(default=0.5, ge=1e-3, le=1e4)
     """Largest torque [N m], on top of the device's own limit; with `codec.rotation`."""
-    slew_n_s: float | None = Field(default=None, gt=0)
+    slew_n_s: float | None = Field(default=None, ge=1e-3, le=1e9)
     """Fastest change of force [N/s]; by default that of the device's stiffest wall, touched at 1 m/s."""
-    slew_nm_s: float | None = Field(default=None, gt=0)
+    slew_nm_s: float | None = Field(default=None, ge=1e-3, le=1e9)
     """Fastest change of torque [N m/s]; by default torque may rise to its largest in the time in which force may."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
     """Time in which force and torque fade in and out."""
@@ -400,7 +401,7 @@ class EngageSettings(Settings):
 class WallSettings(Settings):
     """What keeps the hand within the robot's workspace."""
 
-    stiffness_n_m: float = Field(default=500.0, gt=0)
+    stiffness_n_m: float = Field(default=500.0, ge=1e-3, le=1e9)
     """Felt by the hand."""
     box_m: tuple[Interval, Interval, Interval] | None = None
     """Lowest and highest position of the robot on x, y, z; slave.limits.workspace_m if not given."""
@@ -416,9 +417,9 @@ class MappingSettings(Settings):
 
     rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Turns about the robot's fixed x, y and z axes, in this order."""
-    scale: float = Field(default=1.0, gt=0, le=1000)
+    scale: float = Field(default=1.0, ge=1e-3, le=1000)
     """Metres of the robot for a metre of the hand."""
-    force_scale: float = Field(default=1.0, gt=0, le=1000)
+    force_scale: float = Field(default=1.0, ge=1e-3, le=1000)
     """Newtons on the hand for a newton on the robot."""
     offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the device's origin is in the robot's frame."""
@@ -452,27 +453,35 @@ class SlaveLimits(Settings):
 
     workspace_m: tuple[Interval, Interval, Interval] = ((-0.3, 0.3), (-0.3, 0.3), (-0.3, 0.3))
     """Lowest and highest commanded position on x, y, z."""
-    speed_m_s: float = Field(default=2.0, gt=0)
+    speed_m_s: float = Field(default=2.0, ge=1e-4, le=100)
     """Largest speed while following."""
-    approach_speed_m_s: float = Field(default=0.25, gt=0)
+    approach_speed_m_s: float = Field(default=0.25, ge=1e-4, le=100)
     """Speed at which the robot approaches the operator's position after an engagement."""
-    turn_rad_s: float = Field(default=10.0, gt=0)
+    turn_rad_s: float = Field(default=10.0, ge=1e-4, le=1000)
     """Largest angular speed while following; with `codec.rotation`."""
-    approach_turn_rad_s: float = Field(default=1.5, gt=0)
+    approach_turn_rad_s: float = Field(default=1.5, ge=1e-4, le=1000)
     """Angular speed at which the tool turns to the operator's orientation after an engagement."""
     on_silence: Literal["hold", "retract"] = "hold"
     """What the robot does when the master is not heard: stay, or back off along the contact force."""
-    retract_m: float = Field(default=0.01, gt=0)
+    retract_m: float = Field(default=0.01, ge=1e-6, le=1)
     """How far it backs off."""
-    contact_n: float | None = Field(default=None, gt=0)
+    contact_n: float | None = Field(default=None, ge=LEAST_CONTACT, le=1e4)
     """Largest force with which the robot presses; by default the largest that the operator can feel of it."""
-    trip_n: float | None = Field(default=None, gt=0)
+    trip_n: float | None = Field(default=None, ge=LEAST_CONTACT, le=1e4)
     """Contact force above which the robot stops following and backs off by retract_m; by default the largest that the
     robot stands or measures."""
     ramp_ms: float = Field(default=50.0, gt=0, le=5000)
     """Time in which its force fades in once it has reached the operator's position."""
     robot_ms: float = Field(default=20.0, gt=0, le=5000)
     """Longest time without a usable sample of the robot."""
+
+    @model_validator(mode="after")
+    def _presses_before_it_trips(self) -> Self:
+        if self.contact_n is not None and self.trip_n is not None and self.contact_n > self.trip_n:
+            raise ValueError(
+                f"contact_n {self.contact_n:g} is above trip_n {self.trip_n:g}, at which the robot backs off"
+            )
+        return self
 
     @field_validator("workspace_m")
     @classmethod
@@ -513,6 +522,15 @@ class System(Settings):
         longest = 1e3 * MOST_TICKS / self.rate_hz
         if self.link.silence_ms > longest:
             raise ValueError(f"link.silence_ms: at most {longest:.0f} at rate_hz {self.rate_hz:g}")
+        return self
+
+    @model_validator(mode="after")
+    def _contact_is_felt(self) -> "System":
+        limit, floor = self.slave.limits.contact_n, self.codec.force.floor_n
+        if limit is not None and limit < floor:
+            raise ValueError(
+                f"slave.limits.contact_n: {limit:g} is not felt; use at least codec.force.floor_n, {floor:g}"
+            )
         return self
 
     @model_validator(mode="after")

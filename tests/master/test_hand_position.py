@@ -1,0 +1,64 @@
+"""What is sent of the hand, and which of its errors may stay unsent."""
+
+from math import inf, nan
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.control.walls import Wall
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters
+from weberlink.control.direct import DirectMaster
+from weberlink.control.mmt import MmtMaster
+from weberlink.geometry.vector import ZERO, norm
+from weberlink.master.devices.contract import DeviceReading
+from weberlink.master.operator_port import HandPosition
+
+COUPLING = 2500.0
+SETTINGS = SchemeParameters(1e-3, 30.0, 0.05, 5.0, 0.25, COUPLING)
+WEBER, FLOOR = 0.1, 0.02
+
+
+def force_bound(force: float) -> float:
+    return max(WEBER * force, FLOOR)
+
+
+forces = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+
+
+@given(forces, st.one_of(st.none(), st.floats(10.0, 1e5)))
+def test_an_error_stays_unsent_only_if_the_change_of_force_would(
+    displayed: tuple[float, float, float], stiffness: float | None
+) -> None:
+    control = DirectMaster(SETTINGS)
+    control.reset()
+    if stiffness is not None:
+        control.learn(Wall(stiffness), ZERO, ZERO)
+    hand = HandPosition(control, force_bound)
+    hand.take(DeviceReading(0.0, (0.01, 0.02, 0.03)))
+    hand.displayed = displayed
+    command, position, most = hand.sample()
+    assert (command, position) == (hand.command, ZERO)
+    if norm(displayed) > LEAST_CONTACT:
+        assert most * (COUPLING if stiffness is None else stiffness) == pytest.approx(force_bound(norm(displayed)))
+    else:
+        assert most == inf
+
+
+def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:
+    """On a wall of 500 N/m the robot presses with what is displayed: 2 N, at a depth of 4 mm."""
+    control = MmtMaster(SETTINGS)
+    control.reset()
+    control.learn(Wall(500.0), (0.0, 0.0, 5.0), (0.0, 0.0, -0.01))
+    hand = HandPosition(control, force_bound)
+    hand.take(DeviceReading(0.0, (0.0, 0.0, -0.01)))
+    control.observe(hand.value, 1e-3, 0.0, 0, LinkQuality(0.1, 0.0))
+    control.displayed((0.0, 0.0, 2.0))
+    assert hand.sample()[0] == pytest.approx((0.0, 0.0, -0.004))
+    assert hand.command == control.command(hand.value)
+
+
+def test_a_position_that_is_not_finite_is_named() -> None:
+    hand = HandPosition(DirectMaster(SETTINGS), force_bound)
+    assert hand.complaint(DeviceReading(0.0, ZERO)) is None
+    assert "nan" in (hand.complaint(DeviceReading(0.0, (nan, 0.0, 0.0))) or "")
