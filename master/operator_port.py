@@ -26,7 +26,9 @@ class HandPosition:
         self.command: Vector = ZERO
         """What was sampled last [m]."""
         self.displayed: Vector = ZERO
-        """Force on the hand now [N]."""
+        """Force on the hand now [N], drag included."""
+        self.touched: Vector = ZERO
+        """Force of the contact as decoded [N]: in free motion, drag alone does not narrow the deadband."""
         self._control = control
         self._force_bound = force_bound
 
@@ -40,9 +42,9 @@ class HandPosition:
     def sample(self) -> tuple[Vector, Vector, float]:
         control = self._control
         self.command = command = control.command(self.value)
-        x, y, z = self.displayed
-        force = hypot(x, y, z)
-        most = self._force_bound(force) / control.stiffness if force > LEAST_CONTACT else inf
+        force = hypot(*self.displayed)
+        touches = force > LEAST_CONTACT and hypot(*self.touched) > LEAST_CONTACT
+        most = self._force_bound(force) / control.stiffness if touches else inf
         return command, ZERO, most
 
 
@@ -220,7 +222,7 @@ class OperatorPort:
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
             clipped |= display.limiter.clipped
-        self.hand.displayed = self.displays[0].output
+        self.hand.displayed, self.hand.touched = self.displays[0].output, self.displays[0].decoded
         self.slew_ticks += held_back
         self.clipped = clipped
 

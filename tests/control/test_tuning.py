@@ -65,7 +65,7 @@ def test_a_refusal_changes_nothing_and_is_the_verdict() -> None:
     ("change", "complaint"),
     [
         ({}, "nothing to change"),
-        ({"weber": 1.5}, "weber must be a number from 0 to 1, not 1.5"),
+        ({"weber": 1.5}, "weber must be a number from 0 to less than 1, not 1.5"),
         ({"weber": -0.1}, "weber must be"),
         ({"weber": float("nan")}, "weber must be"),
         ({"weber": True}, "weber must be"),

@@ -36,13 +36,21 @@ def test_an_error_stays_unsent_only_if_the_change_of_force_would(
         control.learn(Wall(stiffness), ZERO, ZERO)
     hand = HandPosition(control, force_bound)
     hand.take(DeviceReading(0.0, (0.01, 0.02, 0.03)))
-    hand.displayed = displayed
+    hand.displayed = hand.touched = displayed
     command, position, most = hand.sample()
     assert (command, position) == (hand.command, ZERO)
     if norm(displayed) > LEAST_CONTACT:
         assert most * (COUPLING if stiffness is None else stiffness) == pytest.approx(force_bound(norm(displayed)))
     else:
         assert most == inf
+
+
+def test_drag_in_free_motion_does_not_narrow_the_deadband() -> None:
+    hand = HandPosition(DirectMaster(SETTINGS), force_bound)
+    hand.displayed = (0.0, 0.0, 0.5)
+    assert hand.sample()[2] == inf
+    hand.touched = (0.0, 0.0, 0.5)
+    assert hand.sample()[2] < inf
 
 
 def test_what_is_sent_is_the_command_of_the_control_scheme() -> None:

@@ -28,7 +28,7 @@ class LiveSettings(NamedTuple):
     """The settings that may change in a running session.
 
     Args:
-        weber: Weber factor k of the force channel, 0 to 1.
+        weber: Weber factor k of the force channel, 0 <= k < 1.
         predictor: name of the predictor of the force channel, or "hybrid" or "adaptive".
         scheme: name of the control scheme; "auto" if the master chooses.
     """
@@ -60,7 +60,8 @@ class Tuning:
 
     Args:
         settings: the settings of the file, with which every session begins.
-        permitted: settings that may be changed, each with the names allowed; `weber` may be any number from 0 to 1.
+        permitted: settings that may be changed, each with the names allowed; `weber` may be any number from 0 to less
+            than 1.
         apply: makes a change on this side.
         choices: schemes that the master may choose on its own; none unless the scheme is "auto".
         use: uses one of them on this side.
@@ -147,9 +148,9 @@ class Tuning:
 
     def _value_complaint(self, name: str, value: object) -> str | None:
         if name == "weber":
-            if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
+            if isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < 1.0:
                 return None
-            return f"weber must be a number from 0 to 1, not {value!r}"
+            return f"weber must be a number from 0 to less than 1, not {value!r}"
         names = self.permitted[name]
         return None if value in names else f"{name} must be one of {', '.join(names)}, not {value!r}"
 

@@ -48,7 +48,7 @@ def ask(ring: str | Path, change: Mapping[str, Any], patience_s: float = 2.0) ->
 
     Args:
         ring: its path.
-        change: any of `weber` (0 to 1), `predictor`, `scheme`; empty to ask what is in force only.
+        change: any of `weber` (0 to less than 1), `predictor`, `scheme`; empty to ask what is in force only.
         patience_s: how long to wait [s].
 
     Returns:
