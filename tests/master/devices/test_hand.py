@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, add
-from weberlink.master.devices.hand import Hand, HandOptions, Tremor, transition
+from weberlink.master.devices.hand import HandOptions, Tremor, modelled_hand, transition
 
 positive = st.floats(0.01, 100.0)
 
@@ -17,7 +17,7 @@ positive = st.floats(0.01, 100.0)
 @examples(30)
 @given(force=st.tuples(*[st.floats(-10.0, 10.0)] * 3), stiffness=st.floats(50.0, 1000.0))
 def test_it_yields_by_force_over_stiffness(force: tuple[float, float, float], stiffness: float) -> None:
-    hand = Hand(HandOptions(stiffness_n_m=stiffness), ZERO)
+    hand = modelled_hand(HandOptions(stiffness_n_m=stiffness), ZERO)
     for _ in range(5000):
         hand.advance((0.01, 0.0, 0.0), force, 0.001)
     expected = (0.01 + force[0] / stiffness, force[1] / stiffness, force[2] / stiffness)
@@ -47,7 +47,7 @@ def test_very_short_step_still_moves(damping: float) -> None:
 @examples(30)
 @given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(1.0, 1e4), step=st.floats(1e-4, 100.0))
 def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: float, step: float) -> None:
-    hand = Hand(HandOptions(mass_kg=mass, damping_n_s_m=damping, stiffness_n_m=stiffness), (0.01, 0.0, 0.0))
+    hand = modelled_hand(HandOptions(mass_kg=mass, damping_n_s_m=damping, stiffness_n_m=stiffness), (0.01, 0.0, 0.0))
     energy = 0.5 * stiffness * 0.01**2
     for _ in range(20):
         hand.advance(ZERO, ZERO, step)
@@ -59,7 +59,7 @@ def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: fl
 @pytest.mark.parametrize("damping", [0.0, 2.0, 19.99999, 20.0, 20.00001, 100.0])
 def test_it_is_the_solution_of_the_differential_equation(damping: float) -> None:
     """Against ten thousand steps of a second-order integrator; m = 0.25 and k = 400 are critically damped at 20."""
-    hand = Hand(HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0), (0.02, 0.0, 0.0))
+    hand = modelled_hand(HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0), (0.02, 0.0, 0.0))
     hand.advance((0.005, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1)
     x, v, step = 0.02, 0.0, 1e-5
     for _ in range(10_000):
@@ -74,7 +74,7 @@ def test_it_is_the_solution_of_the_differential_equation(damping: float) -> None
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_tremor_has_stated_amplitude_and_band(seed: int) -> None:
     options = HandOptions()
-    tremor, hand = Tremor(30e-6, options.oscillator, Random(seed).random), Hand(options, ZERO)
+    tremor, hand = Tremor(30e-6, options.oscillator, Random(seed).random), modelled_hand(options, ZERO)
     positions = []
     for tick in range(22_000):
         hand.advance(add(ZERO, tremor.at(tick * 0.001)), ZERO, 0.001)

@@ -11,12 +11,11 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.master.devices.hand import Hand
+from weberlink.master.devices.hand import modelled_hand
 from weberlink.studies.stability.measured_wall import (
     activity,
     generated,
     grows,
-    hand_options,
     measured_limit,
     plane,
 )
@@ -80,7 +79,7 @@ def test_colgate_bound_of_a_damped_wall() -> None:
 @pytest.mark.parametrize(("delay", "wall_damping"), list(product((0, 1, 3), (0.0, 2.0))))
 def test_the_matrix_moves_as_hand_and_plane(delay: int, wall_damping: float) -> None:
     wall, stiffness, depth = SampledWall(0.3, 8.0, 300.0, 1e-3, delay, wall_damping), 800.0, 1e-3
-    scene, hand = plane(stiffness, wall_damping), Hand(hand_options(wall), (0.0, 0.0, -depth))
+    scene, hand = plane(stiffness, wall_damping), modelled_hand(wall.hand, (0.0, 0.0, -depth))
     scene.force(hand.position, wall.tick_period)
     hand.position = (0.0, 0.0, -1.1 * depth)
     on_the_way = deque([stiffness * depth] * delay)
@@ -159,7 +158,7 @@ def bounce(wall: SampledWall, stiffness: float, speed: float = 0.1) -> float:
     """Energy of a free device after the wall, as a share of its energy before; 0 if it does not leave."""
     scene = plane(stiffness, wall.wall_damping_n_s_m)
     start = 0.3 * speed * wall.tick_period  # the surface lies between two samples
-    hand = Hand(hand_options(wall), (0.0, 0.0, start))
+    hand = modelled_hand(wall.hand, (0.0, 0.0, start))
     hand.velocity = (0.0, 0.0, -speed)
     on_the_way = deque([0.0] * wall.delay_ticks)
     for _ in range(2000):
