@@ -82,13 +82,14 @@ class Encoder:
         self._selectors = tuple(sorted(set(selectors)))
         self._forced = self._newest is not None and self.mirror.selected not in self._selectors
 
-    def encode(self, tick: int, value: Vector, position: Vector = ZERO) -> Update | None:
+    def encode(self, tick: int, value: Vector, position: Vector = ZERO, most: float = inf) -> Update | None:
         """Code the sample of one tick.
 
         Args:
             tick: the sender's tick number, higher in every call.
             value: measured force [N] or position [m]; saturated at the range of the wire.
             position: commanded position at which a force was measured [m]; not read on a position channel.
+            most: largest error that may stay unsent, where the deadband allows more.
 
         Returns:
             The update to send; None if the prediction is good enough, or if the sample is not finite (counted in
@@ -106,7 +107,7 @@ class Encoder:
         compared = displayed if displayed is not None else actual
         newest = self._newest
         sent = newest.value if newest is not None else compared
-        self.bound = self._allowed(actual, compared, sent, moved)
+        self.bound = min(self._allowed(actual, compared, sent, moved), most)
         if self._choice is not None:
             self._choice.follow(tick, actual, self._channel.place(position), self.bound)
         error = self._measure(displayed, actual) if displayed is not None and not self._forced else inf

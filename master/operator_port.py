@@ -1,8 +1,9 @@
 """The operator's end of the link: the hand's motion is sensed, received forces and torques are displayed."""
 
 from collections.abc import Callable, Sequence
+from math import hypot, inf
 
-from weberlink.control.contract import LinkQuality, MasterControl
+from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.master.devices.contract import Device, DeviceFault, DeviceReading, ReportsTrouble
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
@@ -10,10 +11,24 @@ from weberlink.protocol.endpoint import Endpoint
 
 
 class HandPosition:
-    """The position of the device [m]."""
+    """The position of the device [m], and what is sent of it: the command of the control scheme.
 
-    def __init__(self) -> None:
+    In contact, a position error e changes the robot's force by up to K e, with the stiffness K of the contact. So an
+    error stays unsent only if K e is within the deadband of the displayed force.
+
+    Args:
+        control: the operator's end of the control scheme.
+        force_bound: deadband of a force of this size [N].
+    """
+
+    def __init__(self, control: MasterControl, force_bound: Callable[[float], float]) -> None:
         self.value: Vector = ZERO
+        self.command: Vector = ZERO
+        """What was sampled last [m]."""
+        self.displayed: Vector = ZERO
+        """Force on the hand now [N]."""
+        self._control = control
+        self._force_bound = force_bound
 
     def complaint(self, reading: DeviceReading) -> str | None:
         position = reading.position
@@ -22,8 +37,13 @@ class HandPosition:
     def take(self, reading: DeviceReading) -> None:
         self.value = reading.position
 
-    def sample(self) -> tuple[Vector, Vector]:
-        return self.value, ZERO
+    def sample(self) -> tuple[Vector, Vector, float]:
+        control = self._control
+        self.command = command = control.command(self.value)
+        x, y, z = self.displayed
+        force = hypot(x, y, z)
+        most = self._force_bound(force) / control.stiffness if force > LEAST_CONTACT else inf
+        return command, ZERO, most
 
 
 class Display:
@@ -82,6 +102,7 @@ class Display:
 
 COLUMNS = {
     "position": "port.hand.value",
+    "raw": "port.hand.command",
     "decoded": "port.displays[0].decoded",
     "output": "port.displays[0].output",
     "selected": "force.decoder.selected",
@@ -107,6 +128,7 @@ class OperatorPort:
         displays: one per incoming channel, the force first.
         control: the operator's end of the control scheme.
         endpoint: measures the link.
+        hand: the sensor of the position channel.
         gate: fades all displays in and out.
         button: only while it is held, the robot follows and force is displayed; None for always.
     """
@@ -123,11 +145,12 @@ class OperatorPort:
         displays: Sequence[Display],
         control: MasterControl,
         endpoint: Endpoint,
+        hand: HandPosition,
         gate: ForceGate,
         button: int | None = None,
     ) -> None:
         self.device, self.displays, self.control, self.gate = device, displays, control, gate
-        self.hand = HandPosition()
+        self.hand = hand
         self.columns = COLUMNS | (ROTATION_COLUMNS if len(displays) > 1 else {})
         self.name = device.spec.name
         self.buttons = 0
@@ -175,10 +198,10 @@ class OperatorPort:
 
     def release(self, *, retreat: bool) -> None: ...
 
-    def account(self, elapsed: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002 - energy is booked in every tick
         endpoint, control = self._endpoint, self.control
         quality = LinkQuality(endpoint.rtt, endpoint.jitter)
-        control.observe(self.hand.value, elapsed, endpoint.peer_credit, quality)
+        control.observe(self.hand.value, elapsed, tick, endpoint.peer_credit, quality)
         return control.credit
 
     def actuate(
@@ -197,6 +220,7 @@ class OperatorPort:
         for display, value in zip(self.displays, values):  # noqa: B905 - strict costs as much as the loop
             held_back |= display.show(value or ZERO, gain, slew_step, now)
             clipped |= display.limiter.clipped
+        self.hand.displayed = self.displays[0].output
         self.slew_ticks += held_back
         self.clipped = clipped
 

@@ -1,7 +1,7 @@
 """The orientation of the operator's hand as a channel."""
 
 from collections.abc import Callable
-from math import pi
+from math import inf, pi
 
 from weberlink.geometry.rotation import Quaternion, unit_quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance
@@ -33,5 +33,5 @@ class HandOrientation:
             self._on_jump()
         self.value = turned
 
-    def sample(self) -> tuple[Vector, Vector]:
-        return self.value, ZERO
+    def sample(self) -> tuple[Vector, Vector, float]:
+        return self.value, ZERO, inf

@@ -23,7 +23,7 @@ GAP_FACTOR = 5.0
 Array = NDArray[np.float64]
 Side = Literal["master", "slave"]
 
-SIGNALS = {"slave": ("output", "raw"), "master": ("raw", "output")}
+SIGNALS = {"slave": ("output", "raw"), "master": ("position", "output")}
 """Position and force of each side: commanded and measured of the robot, measured and displayed of the device."""
 
 

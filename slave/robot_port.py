@@ -2,18 +2,20 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from math import inf
 from typing import Protocol
 
 from weberlink.control.contract import LinkQuality, SlaveControl
 from weberlink.geometry.vector import ZERO, Vector, is_finite
 from weberlink.protocol.endpoint import Endpoint
 from weberlink.slave.robots.contract import Explaining, Robot, RobotFault, RobotReading
-from weberlink.slave.safety import CommandGuard
+from weberlink.slave.safety import CommandGuard, PressLimit
 
 COLUMNS = {
     "position": "port.commanded",
     "decoded": "force.held or ZERO",
     "output": "port.applied",
+    "contact_ticks": "port.contact_ticks",
     "selected": "force.encoder.mirror.selected",
     "position_selected": "position.decoder.selected",
     "clipped": "port.clipped",
@@ -60,20 +62,33 @@ class ChannelFollower(Protocol):
 
 
 class ContactForce:
-    """The force of the environment on the robot [N], as far as it may be shown, at the commanded position."""
+    """The force of the environment on the robot [N], as far as it may be shown, and the command that belongs to it.
 
-    def __init__(self, port: "RobotPort") -> None:
+    A robot of stiffness k that rests at x under a force F is commanded to x - F / k. A moving one lags behind its
+    command, but this point lies on the same static line at any speed. So predictors fit one line to all samples.
+
+    Args:
+        port: that has the robot.
+        stiffness: of the robot towards its command [N/m]; infinite for an ideal one, which is at its command.
+    """
+
+    def __init__(self, port: "RobotPort", stiffness: float) -> None:
         self.value: Vector = ZERO
+        self.rest: Vector = ZERO
+        """The command at which the robot would rest with this force where it is [m]."""
         self._port = port
+        self._compliance = 1.0 / stiffness
 
     def complaint(self, reading: RobotReading) -> str | None:
         return None if is_finite(reading.force) else f"reports the force {reading.force}"
 
     def take(self, reading: RobotReading) -> None:
         self.value = reading.force
+        (x, y, z), (u, v, w), compliance = reading.position, reading.force, self._compliance
+        self.rest = (x - compliance * u, y - compliance * v, z - compliance * w)
 
-    def sample(self) -> tuple[Vector, Vector]:
-        return self._port.shown(self.value), self._port.applied
+    def sample(self) -> tuple[Vector, Vector, float]:
+        return self._port.shown(self.value), self.rest, inf
 
 
 class RobotPort:
@@ -85,6 +100,7 @@ class RobotPort:
         followers: one per incoming channel beside the position.
         control: the teleoperator's end of the control scheme.
         endpoint: measures the link.
+        press_limit: bounds the force with which the robot presses.
         trip_force: contact force above which the robot stops following and backs off [N].
         by_button: whether the operator leads only while holding a button; for telemetry.
     """
@@ -103,18 +119,22 @@ class RobotPort:
         followers: Sequence[ChannelFollower],
         control: SlaveControl,
         endpoint: Endpoint,
+        press_limit: PressLimit,
         trip_force: float,
         by_button: bool = False,
     ) -> None:
         self.robot, self.followers, self.control, self.by_button = robot, followers, control, by_button
         self.name = robot.spec.name
-        self.force = ContactForce(self)
+        self.force = ContactForce(self, robot.spec.stiffness_n_m)
         self.columns = COLUMNS | (ROTATION_COLUMNS if followers else {})
         self.commanded: Vector = ZERO
         """The decoded position that was last followed [m]."""
         self.applied: Vector = ZERO
         """The commanded position after control and guard [m]."""
         self._guard = guard
+        self._press_limit = press_limit
+        self.contact_ticks = 0
+        """Ticks in which the press limit held the robot back."""
         self._endpoint = endpoint
         # A reading that saturates at the limit is not above it.
         self._trip_squared = (trip_force * (1.0 + 1e-9)) ** 2
@@ -173,12 +193,13 @@ class RobotPort:
         return trips
 
     def settle(self, now: float) -> None:
-        """Hold the robot where it is now."""
-        with suppress(RobotFault):  # the side meets it in this very tick
-            where = self.robot.latest(now).position
-            if is_finite(where):
-                self._where = where
-                self._guard.place(where)
+        """Hold the robot where it is now: in contact, with the force that it presses with."""
+        with suppress(RobotFault):  # the side meets it in this very tick, as it does a reading that is not finite
+            reading = self.robot.latest(now)
+            if is_finite(reading.position) and is_finite(reading.force):
+                self._where = reading.position
+                self.force.take(reading)
+                self._guard.place(self.force.rest)
         for follower in self.followers:
             follower.reset()
 
@@ -197,7 +218,7 @@ class RobotPort:
         for follower in self.followers:
             follower.release()
 
-    def account(self, elapsed: float, *, encodes: bool) -> int:  # noqa: ARG002
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:  # noqa: ARG002
         if encodes:
             self.control.observe(self.applied, self.force.value)
         return self.control.credit
@@ -211,7 +232,10 @@ class RobotPort:
             self.applied = guard.hold(step)
         else:
             self.commanded = commanded
-            self.applied = guard.follow(self._controlled(commanded, elapsed), step)
+            wanted = self._controlled(commanded, elapsed)
+            goal = self._press_limit.bounded(wanted, self._where, self.force.value, step)
+            self.contact_ticks += goal is not wanted
+            self.applied = guard.follow(goal, step)
         self.robot.command(self.applied, now)
         if self.followers:
             follows = follows and not guard.tripped

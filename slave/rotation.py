@@ -1,5 +1,7 @@
 """The tool of the robot as a channel: it turns as the hand does, and the torque on it is sensed."""
 
+from math import inf
+
 from weberlink.geometry.rotation import IDENTITY, Quaternion, quaternion, toward, vector
 from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.slave.robot_port import RobotPort
@@ -57,5 +59,5 @@ class ToolTorque:
     def take(self, reading: RobotReading) -> None:
         self.value = reading.torque
 
-    def sample(self) -> tuple[Vector, Vector]:
-        return self._port.shown(self.value), self._orientation.applied
+    def sample(self) -> tuple[Vector, Vector, float]:
+        return self._port.shown(self.value), self._orientation.applied, inf

@@ -1,9 +1,10 @@
-"""Protects the robot from decoded commands: engagement without a jump, a speed limit, a workspace, trips."""
+"""Protects the robot from decoded commands: engagement without a jump, limits of speed, place and contact, trips."""
 
 from collections.abc import Callable
-from math import hypot
+from math import hypot, inf
 from typing import Generic, TypeVar
 
+from weberlink.control.contract import LEAST_CONTACT
 from weberlink.geometry.vector import ZERO, Vector, add, distance, dot, norm, scale, subtract, unit
 
 Workspace = tuple[Vector, Vector]
@@ -12,6 +13,10 @@ Place = TypeVar("Place", bound=tuple[float, ...])
 
 TRIP_PAUSE = 0.5
 """The robot follows no sooner than this after a trip [s]."""
+
+
+REBOUND = 0.1
+"""Time for which a robot that has lost contact may be bouncing [s]."""
 
 
 class Follower(Generic[Place]):
@@ -96,6 +101,49 @@ class Follower(Generic[Place]):
         self._held = held
         self.clipped = self._following and held != commanded
         return held
+
+
+class PressLimit:
+    """Bounds the force with which a robot presses on what it touches.
+
+    Along the contact force, the command may lie at most `most / stiffness` deeper than the tip, so that the robot's
+    spring presses with at most `most`, however stiff the contact is. This holds for `REBOUND` after the contact too: a
+    heavy robot that bounces off a hard wall would otherwise be pulled into the next impact. Motion along the surface
+    and away from it is not bounded.
+
+    Args:
+        most: largest contact force [N], > 0.
+        stiffness: of the robot towards its command [N/m], > 0; an infinite one is not bounded.
+    """
+
+    __slots__ = ("_deepest", "_left", "_out")
+
+    def __init__(self, most: float, stiffness: float) -> None:
+        self._deepest = inf if stiffness == inf else most / stiffness
+        self._out: Vector = ZERO
+        self._left = 0.0
+
+    def bounded(self, target: Vector, tip: Vector, force: Vector, elapsed: float) -> Vector:
+        """The target [m], moved back along the contact force if it lies too deep; itself if it does not.
+
+        Args:
+            target: position that the robot is to be commanded to [m].
+            tip: where the robot is [m].
+            force: of the environment on the robot [N].
+            elapsed: time since the last call [s].
+        """
+        x, y, z = force
+        length = hypot(x, y, z)
+        if length >= LEAST_CONTACT:
+            self._out, self._left = (x / length, y / length, z / length), REBOUND
+        elif self._left <= 0.0:
+            return target
+        self._left -= elapsed
+        a, b, c = self._out
+        excess = (tip[0] - target[0]) * a + (tip[1] - target[1]) * b + (tip[2] - target[2]) * c - self._deepest
+        if excess <= 0.0:
+            return target
+        return (target[0] + excess * a, target[1] + excess * b, target[2] + excess * c)
 
 
 class CommandGuard(Follower[Vector]):

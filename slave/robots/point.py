@@ -1,4 +1,4 @@
-"""The ideal haptic point: it reaches every command at once and feels the scene there, optionally with a rigid tool."""
+"""The ideal haptic point: it has no mass and no lag, and feels the scene through a spring, optionally with a tool."""
 
 from typing import TYPE_CHECKING
 
@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from weberlink.geometry.vector import ZERO, Vector
 from weberlink.slave.robots.contract import Quaternion
-from weberlink.slave.robots.virtual import ComputedRobot, VirtualOptions, virtual_spec
+from weberlink.slave.robots.virtual import ComputedRobot, VirtualOptions, saturated, virtual_spec
 from weberlink.slave.scenes.scene import Scene
 
 if TYPE_CHECKING:
@@ -35,16 +35,22 @@ class PointOptions(VirtualOptions):
 
 
 class PointRobot(ComputedRobot):
-    """No mass and no lag: the reference for all other robots."""
+    """No mass and no lag: the reference for all other robots.
+
+    A spring of stiffness K_c, `spec.stiffness_n_m`, holds its tip at the command. Through it, a contact of stiffness K
+    is felt as min(K, K_c): a stiffer one as the spring, a softer one as it is.
+    """
 
     Options = PointOptions
 
     def __init__(self, options: PointOptions, scene: Scene | None, tick_period: float) -> None:
         tool = options.tool
         torque = 0.0 if tool is None else tool.torque_n_m
-        super().__init__(virtual_spec("point", options, float("inf"), tick_period, torque), options.home_m)
+        super().__init__(virtual_spec("point", options, tick_period, torque), options.home_m)
         self._scene = Scene([]) if scene is None else scene
+        self._scene.soften(self.spec.stiffness_n_m)
         self._tool = None if tool is None else _tool(tool, self._scene)
+        self._compliance = 1.0 / self.spec.stiffness_n_m
         self._description = (
             "the ideal point"
             if tool is None
@@ -67,9 +73,17 @@ class PointRobot(ComputedRobot):
             self._scene.reset()
 
     def _advance(self, commanded: Vector, elapsed: float) -> tuple[Vector, Vector, Vector]:
-        if self._tool is not None:
-            return (commanded, *self._tool.wrench(commanded, elapsed))
-        return commanded, self._scene.force(commanded, elapsed), ZERO
+        tool, most = self._tool, self.spec.force_n
+        if tool is None:
+            felt, torque = self._scene.force(commanded, elapsed), ZERO
+        else:
+            felt, torque = tool.wrench(commanded, elapsed)
+        if felt == ZERO:
+            return commanded, ZERO, torque
+        x, y, z = force = saturated(felt, most)
+        compliance = self._compliance
+        tip = (commanded[0] + compliance * x, commanded[1] + compliance * y, commanded[2] + compliance * z)
+        return tip, force, torque
 
 
 def _tool(options: ToolOptions, scene: Scene) -> "Tool":

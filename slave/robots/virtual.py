@@ -11,8 +11,14 @@ LONGEST_GAP = 0.1
 """Longest time that a mechanical model advances per reading [s]; the rest of a longer silence is skipped."""
 
 
+STIFFEST = 1e9
+"""Largest stiffness of a computed robot [N/m]."""
+UNSTATED = 2500.0
+"""Stiffness of a computed robot that is built without a device [N/m]."""
+
+
 class VirtualOptions(BaseModel):
-    """Workspace, home and force range of a robot that is computed."""
+    """Workspace, home, force range and stiffness of a robot that is computed."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -20,6 +26,13 @@ class VirtualOptions(BaseModel):
     home_m: Vector = Field(default=(0.0, 0.0, 0.03), description="position until the first command")
     force_n: float = Field(
         default=30.0, gt=0.0, description="range of its force sensor; larger forces are limited to it"
+    )
+
+    stiffness_n_m: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=STIFFEST,
+        description="stiffness towards the command; by default what the device can display",
     )
 
     @model_validator(mode="after")
@@ -31,15 +44,13 @@ class VirtualOptions(BaseModel):
         return self
 
 
-def virtual_spec(
-    name: str, options: VirtualOptions, stiffness_n_m: float, tick_period: float, torque_n_m: float = 0.0
-) -> RobotSpec:
-    edge = options.workspace_m
+def virtual_spec(name: str, options: VirtualOptions, tick_period: float, torque_n_m: float = 0.0) -> RobotSpec:
+    edge, stiffness = options.workspace_m, options.stiffness_n_m
     return RobotSpec(
         name=name,
         axes="xyz",
         force_n=options.force_n,
-        stiffness_n_m=stiffness_n_m,
+        stiffness_n_m=UNSTATED if stiffness is None else stiffness,
         workspace_m=((-edge, -edge, -edge), (edge, edge, edge)),
         rate_hz=1.0 / tick_period,
         force_sensing=True,

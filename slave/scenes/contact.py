@@ -1,6 +1,6 @@
 """From a penetration to a force: stiffness, damping and friction of one object."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract
@@ -35,6 +35,14 @@ class SceneObject:
             raise ValueError(f"stiffness_n_m: expected more than 0 N/m, got {self.stiffness_n_m}")
         if self.damping_n_s_m is not None and not self.damping_n_s_m >= 0.0:
             raise ValueError(f"damping_n_s_m: expected at least 0 N s/m, got {self.damping_n_s_m}")
+
+    def softened(self, most: float) -> "SceneObject":
+        """This object with a stiffness of at most `most` [N/m]; its damping falls in proportion."""
+        share = most / self.stiffness_n_m
+        if share >= 1.0:
+            return self
+        damping = None if self.damping_n_s_m is None else share * self.damping_n_s_m
+        return replace(self, stiffness_n_m=most, damping_n_s_m=damping)
 
 
 class Touch(NamedTuple):
@@ -81,14 +89,18 @@ class ObjectContact:
     __slots__ = ("_anchor", "_cone", "_damping", "_depth", "_sliding", "_stiffness", "has_memory")
 
     def __init__(self, thing: SceneObject) -> None:
+        self.become(thing)
+        self._depth = 0.0
+        self._anchor: Vector | None = None
+        self._sliding = False
+
+    def become(self, thing: SceneObject) -> None:
+        """Take the stiffness, damping and friction of an object; the contact stays."""
         self._stiffness = thing.stiffness_n_m
         self._damping = thing.damping_n_s_m
         self._cone = thing.friction
         self.has_memory = self._damping is not None or self._cone is not None
         """Whether `state` ever changes."""
-        self._depth = 0.0
-        self._anchor: Vector | None = None
-        self._sliding = False
 
     @property
     def state(self) -> ContactState:

@@ -56,11 +56,18 @@ class Scene:
     """Whether any object moves by itself."""
 
     def __init__(self, objects: Sequence[SceneObject], contacts: Sequence[ObjectContact] | None = None) -> None:
-        self._objects = tuple(objects)
+        self._describe(objects)
         self._contacts = [ObjectContact(thing) for thing in objects] if contacts is None else list(contacts)
         self._remembering = [contact for contact in self._contacts if contact.has_memory]
         self._proxy = Proxy([thing.shape for thing in objects])
         self._touched: frozenset[int] = NOTHING
+        self.penetration_depth = 0.0
+        """Distance [m] between probe and proxy at the last call."""
+        self.rejected = 0
+        """Positions that were not usable, since the start."""
+
+    def _describe(self, objects: Sequence[SceneObject]) -> None:
+        self._objects = tuple(objects)
         self.flat = all(thing.shape.flat for thing in objects)
         """Whether every object is a half-space, so that `facing` is the same from anywhere."""
         self.rubs = any(thing.friction is not None for thing in objects)
@@ -68,10 +75,12 @@ class Scene:
         self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
         """Of the stiffest object, which limits the step of an integrator."""
         self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)
-        self.penetration_depth = 0.0
-        """Distance [m] between probe and proxy at the last call."""
-        self.rejected = 0
-        """Positions that were not usable, since the start."""
+
+    def soften(self, most: float) -> None:
+        """Give every object a stiffness of at most `most` [N/m]; its damping falls in proportion."""
+        self._describe([thing.softened(most) for thing in self._objects])
+        for contact, thing in zip(self._contacts, self._objects, strict=True):
+            contact.become(thing)
 
     @property
     def contacts(self) -> int:

@@ -133,11 +133,12 @@ def operate(
         given = -felt * (at - moved)
         if learn is not None:
             learn(master, backward.known, at, tick)
-        master.observe((0.0, 0.0, at), TICK, backward.credit, quality)
+        master.observe((0.0, 0.0, at), TICK, tick, backward.credit, quality)
+        (_, _, sent) = master.command((0.0, 0.0, at))
         (_, _, felt) = master.render((0.0, 0.0, backward.known))
         felt = min(FORCE_LIMIT, max(-FORCE_LIMIT, felt))
         master.displayed((0.0, 0.0, felt))
-        forward.carry(tick, at, master.credit)
+        forward.carry(tick, sent, master.credit)
         went, before = robot, wall_force
         (_, _, robot) = slave.follow((0.0, 0.0, forward.known), (0.0, 0.0, robot), TICK, forward.credit, quality)
         wall_force = min(FORCE_RANGE, wall.at(0.0, (0.0, 0.0, robot))[2])

@@ -14,7 +14,7 @@ from weberlink.geometry.vector import ZERO, Vector
 
 TICK = 1e-3
 NONE, TDPA, MMT = ORDER
-SETTINGS = SchemeParameters(TICK, 30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+SETTINGS = SchemeParameters(TICK, 30.0, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0)
 WALL = Wall(500.0)
 DELAY = {NONE: 0.001, TDPA: 0.1, MMT: 0.7}
 LONG = 3.0 * DWELL
@@ -35,7 +35,7 @@ class Operator:
         ticks, start = round(seconds / TICK), self.at
         for tick in range(1, ticks + 1):
             self.at = start + (height - start) * tick / ticks
-            self.control.observe((0.0, 0.0, self.at), TICK, self.credit, LinkQuality(delay, 0.0))
+            self.control.observe((0.0, 0.0, self.at), TICK, 0.0, self.credit, LinkQuality(delay, 0.0))
             force = self.control.render(WALL.at(0.0, (0.0, 0.0, self.at)) if decoded is None else decoded)
             self.control.displayed(force)
             self.forces.append(force)

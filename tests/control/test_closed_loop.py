@@ -15,7 +15,7 @@ from tests.control.walls import Wall
 from weberlink.control.contract import MasterControl, SchemeParameters
 from weberlink.control.table import build_master_control, build_slave_control
 
-SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25)
+SETTINGS = SchemeParameters(TICK, FORCE_RANGE, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0)
 BOUND = 1e-3
 """Largest energy that may seem to be created [J]."""
 LINKS = (Link(), Link(jitter=0.05, loss=0.3, seed=3))

@@ -15,7 +15,9 @@ from weberlink.control.contract import LinkQuality, MasterControl, SchemeParamet
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 from weberlink.geometry.vector import Vector
 
-SETTINGS = SchemeParameters(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+SETTINGS = SchemeParameters(
+    tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0
+)
 every = pytest.mark.parametrize("name", SCHEMES)
 qualities = st.builds(LinkQuality, st.one_of(st.none(), st.floats(0.0, 2.0)), st.floats(0.0, 1.0))
 surfaces = st.one_of(st.none(), st.builds(Wall, st.floats(1.0, 1e6)), st.builds(Ball, st.floats(1.0, 1e6)))
@@ -85,7 +87,9 @@ def run_master(control: MasterControl, ticks: list[MasterTick]) -> list[object]:
     for tick in ticks:
         if tick.news is not None:
             control.learn(*tick.news)
-        control.observe(tick.position, tick.elapsed, tick.peer_credit, tick.quality)
+        control.observe(tick.position, tick.elapsed, 0.0, tick.peer_credit, tick.quality)
+        assert all(map(isfinite, control.command(tick.position)))
+        assert control.stiffness > 0.0
         force = control.render(tick.force)
         assert all(map(isfinite, force))
         control.displayed((force[0] * tick.share, force[1] * tick.share, force[2] * tick.share))
@@ -174,7 +178,7 @@ def test_only_a_scheme_that_carries_credit_hands_any_over(name: str) -> None:
     quality = LinkQuality(0.05, 0.0)
     for tick in range(200):
         depth = 1e-4 * tick
-        master.observe((0.0, 0.0, -depth), 1e-3, 0, quality)
+        master.observe((0.0, 0.0, -depth), 1e-3, 0.0, 0, quality)
         master.displayed((0.0, 0.0, 500.0 * depth))
         slave.follow((0.0, 0.0, 0.0), (0.0, 0.0, -depth), 1e-3, 2000, quality)
         slave.observe((0.0, 0.0, -depth), (0.0, 0.0, 0.0))

@@ -20,7 +20,7 @@ class Operator:
     """A hand on a prescribed path, and the forces that it felt."""
 
     def __init__(self) -> None:
-        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25))
+        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25, 2500.0))
         self.at = 0.002
         self.forces: list[Vector] = []
 
@@ -29,7 +29,7 @@ class Operator:
         start = self.at
         for tick in range(1, ticks + 1):
             self.at = start + (height - start) * tick / ticks
-            self.control.observe((0.0, 0.0, self.at), TICK, 0, QUALITY)
+            self.control.observe((0.0, 0.0, self.at), TICK, 0.0, 0, QUALITY)
             force = self.control.render((9.0, 9.0, 9.0))
             self.control.displayed(force)
             self.forces.append(force)

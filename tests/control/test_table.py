@@ -12,7 +12,9 @@ from weberlink.control.auto import ORDER
 from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 
-PARAMETERS = SchemeParameters(tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25)
+PARAMETERS = SchemeParameters(
+    tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0
+)
 TDPA = {"energy", "force_port", "motion_port", "tdpa"}
 MMT = {"energy", "force_port", "mmt", "model"}
 PARTS = {
@@ -25,7 +27,7 @@ BUILD = """
 import json, sys
 from weberlink.control.contract import SchemeParameters
 from weberlink.control.table import build_{side}_control
-build_{side}_control("{name}", SchemeParameters(1e-3, 30.0, 0.05, 5.0, 0.25))
+build_{side}_control("{name}", SchemeParameters(1e-3, 30.0, 0.05, 5.0, 0.25, 2500.0))
 json.dump([name.rpartition(".")[2] for name in sys.modules if name.startswith("weberlink.control.")], sys.stdout)
 """
 
@@ -42,7 +44,7 @@ def test_a_scheme_starts_with_nothing_handed_over(name: str) -> None:
 def test_only_what_a_scheme_needs_is_imported(name: str, side: str) -> None:
     command = [sys.executable, "-c", BUILD.format(side=side, name=name)]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-    assert set(json.loads(ended.stdout)) == PARTS[name][side] | {"contract", "table"}
+    assert set(json.loads(ended.stdout)) == PARTS[name][side] | {"contract", "matching", "table"}
 
 
 def test_the_documentation_lists_every_scheme() -> None:

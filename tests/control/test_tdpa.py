@@ -10,14 +10,16 @@ from weberlink.geometry.vector import ZERO, distance
 TICK = 1e-3
 LEVEL = 0.05
 SPEED = 0.25
-SETTINGS = SchemeParameters(tick_period=TICK, force_range=30.0, level=LEVEL, damping=5.0, catch_up_speed=SPEED)
+SETTINGS = SchemeParameters(
+    tick_period=TICK, force_range=30.0, level=LEVEL, damping=5.0, catch_up_speed=SPEED, coupling=2500.0
+)
 QUALITY = LinkQuality(0.1, 0.0)
 
 
 def press(master: TdpaMaster, depth: float, ticks: int, force: float) -> float:
     """Push at constant speed against a constant force; returns the work done [J]."""
     for tick in range(ticks + 1):
-        master.observe((0.0, 0.0, -depth * tick / ticks), TICK, 0, QUALITY)
+        master.observe((0.0, 0.0, -depth * tick / ticks), TICK, 0.0, 0, QUALITY)
         master.displayed((0.0, 0.0, force))
     return force * depth
 

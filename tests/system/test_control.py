@@ -58,14 +58,14 @@ class Course:
     @property
     def generated_at_the_operator(self) -> float:
         """Of a force that is held over a tick [J]."""
-        port = PortWork("output", "raw", held=True)
+        port = PortWork("output", "position", held=True)
         port.add(self.master)
         return -port.least
 
     @property
     def generated_between_the_ports(self) -> float:
         """At the robot's by the mean of two forces [J]."""
-        given = PortWork("output", "raw", held=True).add(self.master)
+        given = PortWork("output", "position", held=True).add(self.master)
         taken = PortWork("raw", "output", held=False).add(self.slave)
         return -min(0.0, float((given - taken).min()))
 
@@ -80,7 +80,7 @@ class Course:
     @property
     def drift(self) -> Any:
         """From the operator to the robot [m]."""
-        return np.linalg.norm(self.master["raw"] - self.slave["output"], axis=1)
+        return np.linalg.norm(self.master["position"] - self.slave["output"], axis=1)
 
 
 def on_a_plane(scheme: str, stiffness: float, round_trip: float, *overrides: str, script: str = PRESS_AND_TAP) -> Any:

@@ -97,6 +97,8 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
     mapped = master and system.master.mapping is not None
     secured = system.link.security != "none"
     integrator: Any = build_robot(loaded).integrator if simulated else None  # type: ignore[attr-defined]
+    follows = slave and robot in ("point", "simulated") and "stiffness_n_m" not in system.slave.robot.options
+    builds_device = master or follows  # its stiffness is that of the robot
     plugged = (master and device == "polhem_serial") or (slave and robot == "dynamixel")
     return {
         "cryptography": secured,
@@ -108,10 +110,10 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.geometry.rotation": turns or mapped,
         "weberlink.master.mapping": mapped,
         "weberlink.master.rotation": turns and master,
-        "weberlink.master.devices.turning": turns and master,
-        "weberlink.master.devices.operator": master and device == "operator",
-        "weberlink.master.devices.replay": master and device == "replay",
-        "weberlink.master.devices.polhem": master and device == "polhem_serial",
+        "weberlink.master.devices.turning": turns and builds_device and device == "operator",
+        "weberlink.master.devices.operator": builds_device and device == "operator",
+        "weberlink.master.devices.replay": builds_device and device == "replay",
+        "weberlink.master.devices.polhem": builds_device and device == "polhem_serial",
         "weberlink.slave.rotation": turns and slave,
         "weberlink.slave.robots.point": slave and robot == "point",
         "weberlink.slave.robots.tool": turns and slave and robot == "point",
@@ -121,7 +123,7 @@ def expected(name: str, side: str, key: Path) -> dict[str, bool]:
         "weberlink.slave.robots.mjcf": mujoco,
         "weberlink.slave.robots.mjcf.rotation": turns and mujoco,
         "mujoco": mujoco,
-        "numpy": mujoco or (master and device == "replay"),
+        "numpy": mujoco or (builds_device and device == "replay"),
         "serial": plugged,
         "weberlink.hardware": plugged,
     }

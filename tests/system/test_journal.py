@@ -127,13 +127,16 @@ def test_schemes_and_live_changes_are_told() -> None:
     assert (lines[1]["scheme"], lines[1]["before"], lines[2]["generation"]) == ("tdpa", "none", 1)
 
 
-def test_missed_ticks_and_clipped_outputs_are_counted() -> None:
+def test_missed_ticks_and_outputs_at_a_limit_are_counted() -> None:
     records = ticks(5000)
     records["ticks_missed"][1500:] = 4
     records["ticks_missed"][1510:] = 7
     records["clipped"][2500:2600] = 1
+    records["slew_ticks"][3500:] = 3
+    records["contact_ticks"][4500:] = 5
     lines = Log().look(records)
-    assert [(line["event"], line["ticks"]) for line in lines[1:]] == [("missed", 7), ("clipped", 100)]
+    counted = [(line["event"], line["ticks"]) for line in lines[1:]]
+    assert counted == [("missed", 7), ("clipped", 100), ("slewed", 3), ("pressed", 5)]
 
 
 def test_sides_are_told_apart() -> None:

@@ -112,6 +112,10 @@ class AutoMaster:
         return ORDER[self._choice.active]
 
     @property
+    def stiffness(self) -> float:
+        return self._schemes[self._choice.active].stiffness
+
+    @property
     def tank(self) -> float:
         return self._schemes[self._choice.active].tank
 
@@ -137,9 +141,9 @@ class AutoMaster:
         for scheme in self._schemes:
             scheme.learn(surface, force, position)
 
-    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
         for scheme in self._schemes:
-            scheme.observe(position, elapsed, peer_credit, quality)
+            scheme.observe(position, elapsed, tick, peer_credit, quality)
         before = self._choice.active
         if self._choice.follow(quality, self._tdpa.tank, elapsed) != before:
             self._leaving = before
@@ -149,6 +153,9 @@ class AutoMaster:
         if self._choice.active != MMT:
             self._mmt.forgive(elapsed)
         self._share = min(1.0, self._share + elapsed / HANDOVER)
+
+    def command(self, position: Vector) -> Vector:
+        return self._schemes[self._choice.active].command(position)
 
     def render(self, force: Vector) -> Vector:
         wanted = self._schemes[self._choice.active].render(force)

@@ -80,7 +80,15 @@ class Imposable(Protocol):
 
 
 class MasterControl(Control, Protocol):
-    """The operator's end of a scheme. Calls in a tick: `learn` for each update, `observe`, `render`, `displayed`."""
+    """The operator's end of a scheme.
+
+    Calls in a tick: `learn` for each update, `observe`, `command`, `render`, `displayed`.
+    """
+
+    @property
+    def stiffness(self) -> float:
+        """Stiffness of the contact by the newest model, or that of the robot's coupling if there is none [N/m]."""
+        ...
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         """Take in an update.
@@ -92,15 +100,20 @@ class MasterControl(Control, Protocol):
         """
         ...
 
-    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:
         """Book the work of the last tick.
 
         Args:
             position: position of the device [m].
             elapsed: time since the last call [s].
+            tick: the present time on the tick clock of the other side, at which its models are evaluated.
             peer_credit: credit of the other side so far, in units of `CREDIT_STEP`.
             quality: state of the link.
         """
+        ...
+
+    def command(self, position: Vector) -> Vector:
+        """The position [m] to send to the robot for this position of the device [m]."""
         ...
 
     def render(self, force: Vector) -> Vector:
@@ -148,6 +161,7 @@ class SchemeParameters:
         damping: damping of the drag that fills an empty tank [N s/m]; less the fuller the tank is.
         catch_up_speed: speed at which the robot reduces its distance to the operator, added to the operator's own
             motion [m/s].
+        coupling: stiffness of the robot towards its command [N/m].
     """
 
     tick_period: float
@@ -155,3 +169,4 @@ class SchemeParameters:
     level: float
     damping: float
     catch_up_speed: float
+    coupling: float

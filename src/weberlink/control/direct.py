@@ -4,6 +4,7 @@ For links with a delay that is not felt. `weberlink stability` measures at which
 """
 
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
+from weberlink.control.matching import ForceMatching
 from weberlink.geometry.vector import Vector
 
 
@@ -24,11 +25,31 @@ class _Uncontrolled:
 class DirectMaster(_Uncontrolled):
     """Displays the decoded force."""
 
-    __slots__ = ()
+    __slots__ = ("_matching",)
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None: ...
+    def __init__(self, settings: SchemeParameters) -> None:
+        super().__init__(settings)
+        self._matching = ForceMatching(settings.coupling)
 
-    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None: ...
+    @property
+    def stiffness(self) -> float:
+        return self._matching.stiffness
+
+    def reset(self) -> None:
+        self._matching.reset()
+
+    def resume(self, peer_credit: int) -> None:  # noqa: ARG002
+        self._matching.reset()
+
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
+        self._matching.learn(surface)
+
+    def observe(
+        self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality
+    ) -> None: ...
+
+    def command(self, position: Vector) -> Vector:
+        return position
 
     def render(self, force: Vector) -> Vector:
         return force

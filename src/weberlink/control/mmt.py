@@ -17,6 +17,7 @@ from math import dist, hypot
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
+from weberlink.control.matching import ForceMatching
 from weberlink.control.model import SurfaceMixture
 from weberlink.geometry.vector import ZERO, Vector, interpolate
 
@@ -33,7 +34,18 @@ CAP = 3.0
 class MmtMaster:
     """Renders the model. The tank holds the energy stored in the model and the energy for changes of the model."""
 
-    __slots__ = ("_drag", "_elapsed", "_fallback", "_held", "_level", "_mixture", "_port", "_tank")
+    __slots__ = (
+        "_drag",
+        "_elapsed",
+        "_fallback",
+        "_held",
+        "_level",
+        "_matching",
+        "_mixture",
+        "_port",
+        "_tank",
+        "_tick",
+    )
 
     active = "mmt"
     credit = 0
@@ -46,7 +58,13 @@ class MmtMaster:
         self._mixture = SurfaceMixture()
         self._fallback: Vector = ZERO
         self._held: Vector = ZERO
+        self._matching = ForceMatching(settings.coupling)
         self._elapsed = 0.0
+        self._tick = 0.0
+
+    @property
+    def stiffness(self) -> float:
+        return self._matching.stiffness
 
     @property
     def tank(self) -> float:
@@ -62,10 +80,12 @@ class MmtMaster:
 
     def _forget(self) -> None:
         self._port.reset()
+        self._matching.reset()
         self._mixture.reset()
         self._fallback = self._held = ZERO
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
+        self._matching.learn(surface)
         if surface is not None:
             self._mixture.want(surface, self._port.position)
             self._fallback = ZERO
@@ -76,7 +96,7 @@ class MmtMaster:
         self._mixture.want(None, self._port.position)
         self._fallback = force
 
-    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         tank, mixture = self._tank, self._mixture
         tank.level += self._port.move(position)
         _, stored = mixture.at(position)
@@ -84,7 +104,10 @@ class MmtMaster:
         mixture.turn(share, position, elapsed, tank.level - stored)
         self._held = interpolate(self._held, self._fallback, share)
         tank.spill(stored + CAP * self._level)
-        self._elapsed = elapsed
+        self._elapsed, self._tick = elapsed, tick
+
+    def command(self, position: Vector) -> Vector:
+        return self._matching.command(position, self._tick)
 
     def render(self, force: Vector) -> Vector:  # noqa: ARG002
         port, tank = self._port, self._tank
@@ -96,6 +119,7 @@ class MmtMaster:
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
+        self._matching.displayed = force
 
     def forgive(self, elapsed: float) -> None:
         """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""

@@ -15,8 +15,9 @@ MOST_SURFACES = 6
 """Largest number of surfaces in a mixture; beyond it, the one with the least weight is dropped, which takes energy."""
 LEAST_WEIGHT = 0.01
 """A surface with a smaller weight is dropped."""
-RISE_SPEED = 0.1
-"""Largest speed at which a recessed surface rises [m/s]."""
+RISE_SPEED = 0.03
+"""Largest speed at which a recessed surface rises [m/s]. It lifts the hand, which takes energy: a faster one loses more
+of it in the damping of the hand, and stays recessed in the end."""
 SPENT_AT_ONCE = 0.1
 """Largest energy that a rising surface may take in a tick, as a share of the spare energy."""
 

@@ -19,8 +19,9 @@ class Sensor(Protocol):
     def take(self, reading: Any) -> None:
         """Keep a reading that has no complaint."""
 
-    def sample(self) -> tuple[Vector, Vector]:
-        """The value to encode now and its commanded position [m] (zero on a forward channel)."""
+    def sample(self) -> tuple[Vector, Vector, float]:
+        """What to encode now: the value, its commanded position [m] (zero on a forward channel), and the largest error
+        that may stay unsent even if the deadband is wider (inf for no such limit)."""
 
 
 class Port(Protocol):
@@ -105,8 +106,14 @@ class Port(Protocol):
     def release(self, *, retreat: bool) -> None:
         """Stop following the peer: hold, or retreat from a contact if configured."""
 
-    def account(self, elapsed: float, *, encodes: bool) -> int:
-        """Book the work of a tick of `elapsed` [s]; returns the energy credit to send to the peer."""
+    def account(self, elapsed: float, tick: float, *, encodes: bool) -> int:
+        """Book the work of a tick of `elapsed` [s]; returns the energy credit to send to the peer.
+
+        Args:
+            elapsed: time since the last tick [s].
+            tick: present time on the tick clock of the peer.
+            encodes: whether the channels are encoded in this tick.
+        """
 
     def actuate(
         self, values: Sequence[Vector | None], now: float, elapsed: float, step: float, *, engaged: bool

@@ -15,6 +15,7 @@ from math import dist, hypot
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import CreditPrediction, EnergyTank, LevelDrag
 from weberlink.control.force_port import ForcePort
+from weberlink.control.matching import ForceMatching
 from weberlink.control.motion_port import MotionPort
 from weberlink.geometry.vector import Vector, interpolate
 
@@ -54,29 +55,39 @@ class _TankedPort:
 class TdpaMaster(_TankedPort):
     """Observer and controller of the operator's port."""
 
-    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_port")
+    __slots__ = ("_drag", "_elapsed", "_in_contact", "_level", "_matching", "_port", "_tick")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__()
         self._level = SHARE_AT_MASTER * settings.level
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level)
+        self._matching = ForceMatching(settings.coupling)
         self._elapsed = 0.0
+        self._tick = 0.0
         self._in_contact = False
+
+    @property
+    def stiffness(self) -> float:
+        return self._matching.stiffness
 
     def reset(self) -> None:
-        self._port.reset()
         self._tank.reset()
-        self._in_contact = False
+        self._forget()
 
     def resume(self, peer_credit: int) -> None:
-        self._port.reset()
         self._tank.renounce(peer_credit)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._port.reset()
+        self._matching.reset()
         self._in_contact = False
 
-    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None: ...
+    def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
+        self._matching.learn(surface)
 
-    def observe(self, position: Vector, elapsed: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
+    def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         work = self._port.move(position)
         tank = self._tank
         tank.level += work
@@ -86,7 +97,10 @@ class TdpaMaster(_TankedPort):
         kept = KEPT * self._level if self._in_contact else 0.0
         tank.hand_over((min(tank.level, self._level) - kept) * min(1.0, elapsed / LEAK))
         tank.spill(CAP * self._level)
-        self._elapsed = elapsed
+        self._elapsed, self._tick = elapsed, tick
+
+    def command(self, position: Vector) -> Vector:
+        return self._matching.command(position, self._tick)
 
     def render(self, force: Vector) -> Vector:
         port = self._port
@@ -96,6 +110,7 @@ class TdpaMaster(_TankedPort):
 
     def displayed(self, force: Vector) -> None:
         self._port.hold(force)
+        self._matching.displayed = force
 
     def forgive(self, elapsed: float) -> None:
         """Forget a debt slowly while another scheme is active; `elapsed` since the last call [s]."""

@@ -37,8 +37,8 @@ class OutgoingChannel:
     def encode(self, tick: int) -> None:
         """Encode the newest sample into `update`, where one must be sent."""
         encoder = self.encoder
-        value, position = self._sample()
-        self.update = update = encoder.encode(tick, value, position)
+        value, position, most = self._sample()
+        self.update = update = encoder.encode(tick, value, position, most)
         if update is None:
             self.held = encoder.predicted
             return

@@ -143,12 +143,12 @@ class _Side:
 
     def count(self, records: Records) -> None:
         """Count missed deadlines and limited outputs, which are too many for a line each."""
-        missed, slewed = (
+        missed, slewed, pressed = (
             np.diff(records[name].astype(np.int64), prepend=int(self.last[name]))
-            for name in ("ticks_missed", "slew_ticks")
+            for name in ("ticks_missed", "slew_ticks", "contact_ticks")
         )
         clipped = (records["clipped"] > 0).astype(np.int64)
-        for name, ticks in (("missed", missed), ("clipped", clipped), ("slewed", slewed)):
+        for name, ticks in (("missed", missed), ("clipped", clipped), ("slewed", slewed), ("pressed", pressed)):
             total = int(ticks.sum())
             if total:
                 kind = self.kinds.setdefault(name, _Kind())

@@ -187,7 +187,8 @@ def _limited(ticks: dict[str, int]) -> Iterator[str]:
     """Ticks in which a limit acted, if any."""
     if any(ticks.values()):
         yield (
-            f"ticks at a limit: force {ticks['force_ticks']}, slew {ticks['slew_ticks']}, robot {ticks['motion_ticks']}"
+            f"ticks at a limit: force {ticks['force_ticks']}, slew {ticks['slew_ticks']}, "
+            f"robot {ticks['motion_ticks']}, contact {ticks['contact_ticks']}"
         )
 
 

@@ -202,6 +202,7 @@ class Side:
         if self.tuning.pending is not None:
             peer_time = self.endpoint.peer_time(deadline)
             self.tuning.advance(index, None if peer_time is None else peer_time / self._tick_period)
+        self._follow_peer_clock(now)
         if self._leads:
             self._sense(now)
             self._engage(now)
@@ -413,7 +414,7 @@ class Side:
         endpoint = self.endpoint
         if not self._leads:
             endpoint.report_encoding(now, is_encoding=self._encodes)
-        endpoint.credit = self.port.account(elapsed, encodes=self._encodes)
+        endpoint.credit = self.port.account(elapsed, self._peer_tick, encodes=self._encodes)
         if not self._encodes:
             for channel in self.outgoing:
                 channel.idle(index)
@@ -426,14 +427,16 @@ class Side:
             if channel.update is not None:
                 endpoint.send_update(now, channel.update, stream=channel.stream)
 
-    def _actuate(self, now: float, elapsed: float) -> None:
-        """Decode every channel for this very moment, without waiting for the network, and act on it."""
-        endpoint = self.endpoint
-        encoder_heard_at = endpoint.liveness.encoder_heard_at
+    def _follow_peer_clock(self, now: float) -> None:
+        """The tick of the peer for which this tick decodes: now, but not long past its encoder's last sign."""
+        encoder_heard_at = self.endpoint.liveness.encoder_heard_at
         if encoder_heard_at > -inf:
-            peer_time = endpoint.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
+            peer_time = self.endpoint.latest_receivable_peer_time(min(now, encoder_heard_at + self._horizon))
             if peer_time is not None:  # a session that is over leaves its last force, which fades
                 self._peer_tick = peer_time / self._tick_period
+
+    def _actuate(self, now: float, elapsed: float) -> None:
+        """Decode every channel for this very moment, without waiting for the network, and act on it."""
         began = self._stopwatch()
         values = []
         for channel in self.incoming:

@@ -35,7 +35,7 @@ FIELDS = (
     Field("at", "<f8", 1, "s", "deadline of the tick, monotonic clock of this host"),
     Field("peer_at", "<f8", 1, "s", "the same moment on the clock of the peer, since its tick 0; NaN while unknown"),
     Field("position", "<f8", 3, "m", "position of the device (master) or commanded position as decoded (slave)"),
-    Field("raw", "<f8", 3, "m | N", "as measured: device position (master), contact force (slave)"),
+    Field("raw", "<f8", 3, "m | N", "to be encoded: command of the control scheme (master), contact force (slave)"),
     Field("decoded", "<f8", 3, "N", "force before the limiter (master), what the peer's decoder should hold (slave)"),
     Field(
         "predicted",
@@ -49,6 +49,7 @@ FIELDS = (
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
     Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
     Field("slew_ticks", "<u8", 1, "", "ticks in which the slew limit held force or torque back, so far (master)"),
+    Field("contact_ticks", "<u8", 1, "", "ticks in which slave.limits.contact_n held the robot back, so far (slave)"),
     Field("datagrams_sent", "<u8", 1, "", "of every kind, so far"),
     Field("datagrams_received", "<u8", 1, "", "accepted, so far"),
     Field("datagrams_lost", "<u8", 1, "", "sent by the peer and never seen, so far"),

@@ -34,7 +34,7 @@ REPORT: Message = {
     },
     "position": {"packets_per_s": 38.5, "reduction": 0.9615, "error_rms": 0.000122, "violation_fraction": None},
     "link": {"rtt_us": {"p50": 320.5, "p99": 690.0}, "lost": 0},
-    "limited": {"force_ticks": 21, "slew_ticks": 7, "motion_ticks": 0},
+    "limited": {"force_ticks": 21, "slew_ticks": 7, "motion_ticks": 0, "contact_ticks": 5},
 }
 
 
@@ -294,6 +294,7 @@ def test_released_button_and_trip_are_shown(page: Browser, server: ScriptedServe
     assert page.text("state-detail") == "hold the button to engage"
     page.wait(lambda: page.text("faults") == "tripped", "the faults")
     assert page.number("slew-limited") == REPORT["limited"]["slew_ticks"]
+    assert page.number("contact-limited") == REPORT["limited"]["contact_ticks"]
     clean(page, server)
 
 

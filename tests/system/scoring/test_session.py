@@ -71,7 +71,7 @@ def test_the_figures_do_not_depend_on_the_pieces() -> None:
     rng = np.random.default_rng(1)
     master, slave = records(3000, phase=0.4e-3), records(3000)
     for side in (master, slave):
-        for name in ("raw", "output", "decoded"):
+        for name in ("position", "raw", "output", "decoded"):
             side[name] = rng.normal(size=(3000, 3))
         side["bound"] = 1.5
     whole, pieces = score(master, slave), score(master, slave, pieces=37)
@@ -160,7 +160,7 @@ def test_generated_energy_is_the_most_that_was_missing() -> None:
     way = np.concatenate(
         [np.linspace(0.0, 0.01, 1001), np.linspace(0.01, 0.0, 1001)[1:], np.linspace(0.0, 0.01, 1001)[1:]]
     )
-    master["raw"][:, 2] = slave["output"][:, 2] = way
+    master["position"][:, 2] = slave["output"][:, 2] = way
     master["output"][:1000, 2], master["output"][1000:2000, 2], master["output"][2000:, 2] = -0.1, -0.3, -0.5
     for pieces in (1, 13):
         energy = score(master, slave, pieces)["energy"]
@@ -174,7 +174,7 @@ def test_a_held_force_generates_energy_on_a_sampled_spring() -> None:
     stiffness, step, count = 500.0, 1e-5, 400
     way = step * np.concatenate([np.arange(count), np.arange(count, -1, -1), [0, 0]])
     master, slave = records(len(way)), records(len(way))
-    master["raw"][:, 2] = slave["output"][:, 2] = way
+    master["position"][:, 2] = slave["output"][:, 2] = way
     master["output"][:, 2] = slave["raw"][:, 2] = -stiffness * way
     energy = score(master, slave)["energy"]
     made = stiffness * step**2 * count
@@ -186,7 +186,7 @@ def test_a_held_force_generates_energy_on_a_sampled_spring() -> None:
 def test_link_energy_counts_only_while_both_sides_are_engaged_and_not_in_a_ramp() -> None:
     """Energy of the port counts always; the newest tick of the slave still waits for a nearer one of the master."""
     master, slave = records(1000), records(1000)
-    master["raw"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
+    master["position"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
     master["output"][:, 2] = 1.0
     master["ramping"][:100] = slave["ramping"][50:300] = 1
     slave["state"][400:600] = State.SILENT.value
@@ -195,9 +195,27 @@ def test_link_energy_counts_only_while_both_sides_are_engaged_and_not_in_a_ramp(
     assert energy["link_generated_j"] == pytest.approx((99 + 398) * 1e-5)
 
 
+def test_work_at_the_hand_is_that_of_the_device_wherever_the_command_is() -> None:
+    master = records(101)
+    master["position"][:, 2] = np.linspace(0.0, 0.01, 101)
+    master["raw"][:, 2] = 7.0
+    master["output"][:, 2] = -0.1
+    assert score(master, records(101))["energy"]["dissipated_j"] == pytest.approx(0.001)
+
+
+def test_ticks_at_a_limit_are_counted_by_limit() -> None:
+    master, slave = records(100), records(100)
+    master["clipped"][:3] = 1
+    master["slew_ticks"][50:] = 4
+    slave["clipped"][:5] = 1
+    slave["contact_ticks"][50:] = 6
+    limited = score(master, slave)["limited"]
+    assert limited == {"force_ticks": 3, "slew_ticks": 4, "motion_ticks": 5, "contact_ticks": 6}
+
+
 def test_missed_ticks_count_and_lost_records_do_not() -> None:
     master, slave = records(1000), records(1000)
-    master["raw"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
+    master["position"][:, 2] = slave["output"][:, 2] = np.arange(1000) * 1e-5
     master["output"][:, 2] = 1.0
     kept = np.delete(master, range(500, 520))
     assert score(kept, slave)["energy"]["generated_j"] == pytest.approx((999 - 21) * 1e-5)

@@ -22,6 +22,7 @@ SIDE = ("session", "side")
 COUNTERS = {
     "ticks_missed": ("ticks_missed", "Deadlines without a tick."),
     "slew_limited_ticks": ("slew_ticks", "Ticks in which the slew limit held force or torque back."),
+    "contact_limited_ticks": ("contact_ticks", "Ticks in which the limit of the contact force held the robot back."),
     "datagrams_sent": ("datagrams_sent", "Datagrams sent, of every kind."),
     "datagrams_received": ("datagrams_received", "Datagrams received and accepted."),
     "datagrams_lost": ("datagrams_lost", "Datagrams that the peer sent and that never arrived."),

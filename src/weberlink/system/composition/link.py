@@ -131,7 +131,10 @@ def build_endpoint(
 
 @located
 def build_control(
-    configuration: Configuration, build: Callable[[str, SchemeParameters], ControlEnd], force_range: float
+    configuration: Configuration,
+    build: Callable[[str, SchemeParameters], ControlEnd],
+    force_range: float,
+    coupling: float,
 ) -> ControlEnd:
     """One end of the control scheme.
 
@@ -139,6 +142,7 @@ def build_control(
         configuration: of both sides.
         build: makes the end of a scheme of this name.
         force_range: largest force that the wire and the robot can represent [N].
+        coupling: stiffness of the robot towards its command [N/m].
 
     Raises:
         ConfigurationError: if the scheme is of another distribution and broken.
@@ -150,6 +154,7 @@ def build_control(
         level=system.control.level_j,
         damping=system.control.damping_n_s_m,
         catch_up_speed=system.slave.limits.approach_speed_m_s,
+        coupling=coupling,
     )
     return cast(ControlEnd, construct("control.scheme", build, system.control.scheme, settings))
 

@@ -7,7 +7,7 @@ from weberlink.codec.quantizer import INT16_MAX
 from weberlink.control.table import build_master_control
 from weberlink.geometry.vector import Vector
 from weberlink.master.devices.contract import Device, GuardedDevice, TorqueDevice
-from weberlink.master.operator_port import Display, OperatorPort
+from weberlink.master.operator_port import Display, HandPosition, OperatorPort
 from weberlink.master.safety import ForceGate, ForceLimiter, SlewLimiter
 from weberlink.protocol import Role
 from weberlink.protocol.events import Address
@@ -16,6 +16,7 @@ from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
+from weberlink.system.composition.coupling import coupling
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -53,7 +54,12 @@ def build_master(
     system, device = configuration.system, build_device(configuration)
     forward, backward = streams(system)
     force_limit = _force_limit(system, device)
-    control = build_control(configuration, build_master_control, force_limit)
+    control = build_control(configuration, build_master_control, force_limit, coupling(configuration))
+    tuning = build_tuning(system, control)
+
+    def force_bound(force: float) -> float:
+        return max(tuning.settings.weber * force, system.codec.force.floor_n)
+
     endpoint = build_endpoint(system, Role.INITIATOR, security, entropy, epoch, forward, backward, peer, identity)
     displays = [Display(ForceLimiter(force_limit), SlewLimiter(_force_slew(system, device)), device.command, control)]
     if system.codec.rotation is not None:
@@ -64,6 +70,7 @@ def build_master(
         displays=displays,
         control=control,
         endpoint=endpoint,
+        hand=HandPosition(control, force_bound),
         gate=ForceGate(ramp=limits.ramp_ms * 1e-3, silence=silence, fade_share=FADE_SHARE),
         button=None if engage is None else engage.button,
     )
@@ -80,7 +87,7 @@ def build_master(
         port=port,
         outgoing=outgoing,
         incoming=incoming,
-        tuning=build_tuning(system, control),
+        tuning=tuning,
         endpoint=endpoint,
         tick_period=system.tick_period,
         horizon=HORIZON_SHARE * silence,

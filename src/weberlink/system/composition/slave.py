@@ -11,11 +11,12 @@ from weberlink.protocol.security import Security
 from weberlink.realtime.stall import Watchdog
 from weberlink.slave.robot_port import RobotPort
 from weberlink.slave.robots.contract import OrientedRobot, Robot
-from weberlink.slave.safety import CommandGuard, Workspace
+from weberlink.slave.safety import CommandGuard, PressLimit, Workspace
 from weberlink.slave.scenes.scene import Scene
 from weberlink.slave.scenes.settings import build
 from weberlink.system.channels import IncomingChannel, OutgoingChannel
 from weberlink.system.composition.channels import streams
+from weberlink.system.composition.coupling import STATED, coupling, press_limit
 from weberlink.system.composition.link import (
     ANONYMOUS,
     Entropy,
@@ -53,7 +54,7 @@ def build_slave(
     forward, backward = streams(system)
     limits = system.slave.limits
     force_encoder = Encoder(backward[0])
-    control = build_control(configuration, build_slave_control, robot.spec.force_n)
+    control = build_control(configuration, build_slave_control, robot.spec.force_n, robot.spec.stiffness_n_m)
     endpoint = build_endpoint(system, Role.RESPONDER, security, entropy, epoch, backward, forward, None, identity)
     orientation = None if system.codec.rotation is None else _tool_orientation(system, robot)
     port = RobotPort(
@@ -69,6 +70,7 @@ def build_slave(
         followers=[] if orientation is None else [orientation],
         control=control,
         endpoint=endpoint,
+        press_limit=PressLimit(press_limit(system, robot), robot.spec.stiffness_n_m),
         trip_force=robot.spec.force_n if limits.trip_n is None else limits.trip_n,
         by_button=system.master.engage is not None,
     )
@@ -114,7 +116,10 @@ def build_robot(configuration: Configuration) -> Robot:
     """
     system, part = configuration.system, configuration.robot
     assert part is not None
-    robot: Robot = construct("slave.robot", part.driver, part.options, _scene(system), system.tick_period)
+    options = part.options
+    if getattr(options, STATED, 0.0) is None:
+        options = options.model_copy(update={STATED: coupling(configuration)})
+    robot: Robot = construct("slave.robot", part.driver, options, _scene(system), system.tick_period)
     check_axes("slave.robot", robot.spec.axes, system)
     force = streams(system)[1][0].value_quantizer.limit
     if robot.spec.force_n > force:

@@ -69,6 +69,17 @@ def load(path: Path, overrides: Iterable[str] = (), sides: Iterable[str] = SIDES
     return Configuration(path, system, device, robot)
 
 
+def load_device(configuration: Configuration) -> Part:
+    """The device of the file, also where only the robot's side was loaded.
+
+    Raises:
+        ConfigurationError: its driver cannot be imported here, or an option is wrong.
+    """
+    if configuration.device is not None:
+        return configuration.device
+    return _part(devices, configuration.system.master.device, ("master", "device"), configuration.path.parent, ())
+
+
 def _check_security(system: System) -> None:
     """Refuse hardware without a key: any user of this host could then join the session.
 

@@ -464,6 +464,8 @@ class SlaveLimits(Settings):
     """What the robot does when the master is not heard: stay, or back off along the contact force."""
     retract_m: float = Field(default=0.01, gt=0)
     """How far it backs off."""
+    contact_n: float | None = Field(default=None, gt=0)
+    """Largest force with which the robot presses; by default the largest that the operator can feel of it."""
     trip_n: float | None = Field(default=None, gt=0)
     """Contact force above which the robot stops following and backs off by retract_m; by default the largest that the
     robot stands or measures."""

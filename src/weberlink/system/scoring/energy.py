@@ -28,10 +28,20 @@ class PortWork:
         held: whether the force is held over the tick; else it changes linearly.
         turns: rotation vectors from each row to the next [rad], for rotation vectors of shape (n, 3); None for a
             session of three degrees of freedom.
+        turning: column of the rotation vectors; that of the position with `rotation_` before it if not given.
     """
 
-    def __init__(self, force: str, position: str, *, held: bool, turns: Callable[[Any], Series] | None = None) -> None:
+    def __init__(
+        self,
+        force: str,
+        position: str,
+        *,
+        held: bool,
+        turns: Callable[[Any], Series] | None = None,
+        turning: str | None = None,
+    ) -> None:
         self._force, self._position, self._held, self._turns = force, position, held, turns
+        self._turning = turning or f"rotation_{position}"
         self._last: Records | None = None
         self.total = 0.0
         """Up to the newest record [J]."""
@@ -47,7 +57,7 @@ class PortWork:
         self._last = records[-1:].copy()
         steps = self._work(joined[self._force], np.diff(joined[self._position], axis=0))
         if self._turns is not None:
-            steps += self._work(joined[f"rotation_{self._force}"], self._turns(joined[f"rotation_{self._position}"]))
+            steps += self._work(joined[f"rotation_{self._force}"], self._turns(joined[self._turning]))
         missed = np.diff(joined["ticks_missed"].astype(np.int64))
         steps[np.diff(joined["tick"].astype(np.int64)) != 1 + missed] = 0.0
         sums: Series = self.total + np.cumsum(np.concatenate([[0.0], steps]) if first else steps)

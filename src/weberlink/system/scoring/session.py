@@ -129,7 +129,7 @@ class SessionScore:
             self._from_slave["torque"] = ChannelScore("rotation_", self._period, torque_bank)
             self._from_master["orientation"] = ChannelScore("rotation_", self._period, error=angles_between)
         self._ports = (
-            PortWork("output", "raw", held=True, turns=turns if rotates else None),
+            PortWork("output", "position", held=True, turns=turns if rotates else None, turning="rotation_raw"),
             PortWork("raw", "output", held=False, turns=turns if rotates else None),
         )
         self._work: list[Series] = [np.empty(0), np.empty(0)]
@@ -185,6 +185,7 @@ class SessionScore:
                 "force_ticks": master.limited,
                 "slew_ticks": master.counter("slew_ticks"),
                 "motion_ticks": slave.limited,
+                "contact_ticks": slave.counter("contact_ticks"),
             },
             "control": {"master": master.control(), "slave": slave.control()},
             "energy": {
