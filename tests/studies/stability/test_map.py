@@ -13,14 +13,16 @@ from rich.console import Console
 from tests.system.systems import steps, system
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.operator import OperatorOptions, motion_of
-from weberlink.studies.stability.cells import DEPTH, Contact, SystemCell
-from weberlink.studies.stability.command import assemble, compute, judge
+from weberlink.studies.stability.cells import CONTACT_LIMIT_N, COUPLING_N_M, DEPTH, Contact, SystemCell
+from weberlink.studies.stability.command import assemble, compute, configuration, judge
 from weberlink.studies.stability.figures import AXES
 from weberlink.studies.stability.measured_wall import plane
 from weberlink.studies.stability.script import HEIGHT, timing
 from weberlink.studies.stability.slices import cells
 from weberlink.studies.stability.verdict import CellVerdict
 from weberlink.studies.stability.wall import Grip, SampledWall, stability_limit
+from weberlink.system.composition.coupling import coupling, press_limit
+from weberlink.system.simulate import build_simulation
 
 UNCODED = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
 
@@ -30,7 +32,8 @@ def test_hold_over_a_long_delay_is_unstable() -> None:
     assert not verdict.bounded
     assert verdict.energy_out_j is not None
     assert verdict.energy_out_j > 1.0
-    assert verdict.peak_force_n == pytest.approx(10.0)
+    assert verdict.peak_force_n is not None
+    assert 9.0 < verdict.peak_force_n <= 10.0  # the robot presses up to its limit, which is that of the operator
     assert verdict.settle_s is None
 
 
@@ -46,7 +49,7 @@ def test_the_default_system_is_calm() -> None:
     assert verdict.force_reduction > 0.9
 
 
-@pytest.mark.parametrize("cell", [UNCODED, replace(UNCODED, rate_hz=100.0)])
+@pytest.mark.parametrize("cell", [replace(UNCODED, damping_n_s_m=2.0), replace(UNCODED, rate_hz=100.0)])
 @pytest.mark.parametrize("share", [0.7, 1.4])
 def test_uncoded_cells_are_bounded_below_the_limit(cell: SystemCell, share: float) -> None:
     limit = cell.limits()["stable_to_n_m"]
@@ -67,10 +70,10 @@ def test_a_cell_out_of_range_is_refused(cell: SystemCell) -> None:
 
 
 def test_a_broken_cell_is_a_failed_verdict() -> None:
-    verdict = judge(SystemCell("a", mass_kg=-1.0))
+    verdict = judge(SystemCell("a", damping_n_s_m=-1.0))
     assert verdict.state == "failed"
     assert verdict.failure is not None
-    assert "mass_kg" in verdict.failure
+    assert "damping_n_s_m" in verdict.failure
 
 
 @pytest.mark.parametrize("contact", ["ball", "box"])
@@ -97,14 +100,18 @@ def test_robots_grips_and_walls_reach_the_system() -> None:
 @pytest.mark.parametrize("grip", ["firm", "pinch", "fingertip"])
 @pytest.mark.parametrize("stiffness", [500.0, 1e7])
 def test_the_ideal_force_is_that_of_a_local_simulation(grip: Grip, stiffness: float) -> None:
-    """The hand of the cell on the wall that the robot displays, at the device and without delay."""
+    """The hand of the cell on the wall that the robot displays, at the device and without delay.
+
+    In steps of 0.2 ms: at 1 kHz the wall of 2500 N/m is unstable with a fingertip.
+    """
+    step = 2e-4
     for cell in (SystemCell("a", grip=grip, stiffness_n_m=stiffness), SystemCell("a", grip=grip, robot="simulated")):
         wall, hand = plane(cell.displayed_n_m), modelled_hand(cell.wall.hand, (0.0, 0.0, HEIGHT))
         force = (0.0, 0.0, 0.0)
-        for _ in range(3000):
-            hand.advance((0.0, 0.0, -DEPTH), force, 1e-3)
-            force = wall.force(hand.position, 1e-3)
-        assert force[2] == pytest.approx(cell.ideal_n, rel=1e-6)
+        for _ in range(10_000):
+            hand.advance((0.0, 0.0, -DEPTH), force, step)
+            force = wall.force(hand.position, step)
+        assert force[2] == pytest.approx(cell.ideal_n, rel=1e-3)
 
 
 def test_the_ideal_force_of_a_rigid_wall() -> None:
@@ -113,6 +120,15 @@ def test_the_ideal_force_of_a_rigid_wall() -> None:
     assert SystemCell("a", stiffness_n_m=1e7, robot="simulated").ideal_n == pytest.approx(4.018, abs=1e-3)
     assert SystemCell("a", robot="simulated").ideal_n == pytest.approx(0.015 / (1 / 300 + 1 / 500 + 1 / 2500))
     assert SystemCell("a", wall_speed_m_s=0.1).ideal_n is None
+
+
+def test_the_limits_of_the_robots_are_those_of_the_systems() -> None:
+    for cell in (SystemCell("a", "mmt"), SystemCell("a", robot="simulated")):
+        composed = configuration(cell, timing(cell))
+        simulation = build_simulation(composed)
+        assert coupling(composed) == COUPLING_N_M
+        assert simulation.slave.robot.spec.stiffness_n_m == COUPLING_N_M
+        assert press_limit(composed.system, simulation.slave.robot) == CONTACT_LIMIT_N
 
 
 def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
@@ -158,7 +174,8 @@ def test_the_table_fits_80_columns(full: bool) -> None:
     wide = CellVerdict(
         "lost", energy_out_j=1.2e-12, felt_share=-0.1, pressed_share=12.0, impulse_ratio=-0.1, saturated=("sensor",)
     )
-    result = assemble([], [(cell, wide) for cell in cells(0, full=full)], full=full, of=1, run_time=1.0)
+    rows = {(cell.slice, cell.scheme, cell.variant): cell for cell in cells(0, full=full)}
+    result = assemble([], [(cell, wide) for cell in rows.values()], full=full, of=1, run_time=1.0)
     console = Console(width=80, record=True, file=StringIO())
     console.print(result.table)
     assert "…" not in console.export_text()
@@ -198,6 +215,7 @@ def pressed(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
             "home_m": [0.0, 0.0, 0.5 * edge],
             "workspace_m": edge,
             "force_n": stiffness * edge,
+            "stiffness_n_m": 1e9,
         },
         "slave.scene": [{"shape": "plane", "stiffness_n_m": stiffness}],
     }

@@ -5,12 +5,17 @@ from math import ceil, sqrt
 from typing import Any, Literal
 
 from weberlink.studies.stability.wall import Grip, SampledWall, bisect, bracket, gain_limit, passivity_limit
+from weberlink.system.composition.coupling import FIT_MARGIN
 
 DEPTH = 0.015
 """Intended depth of the press [m]."""
 
-OPERATOR_LIMIT_N = 10.0
-"""Largest force on the operator [N], `master.limits.force_n` of the shipped file."""
+COUPLING_N_M = 3000.0 / FIT_MARGIN
+"""Stiffness of the robots towards their command [N/m]: their default with the `operator` device of the shipped file."""
+
+CONTACT_LIMIT_N = 10.0
+"""Largest force with which a robot should press [N], what the operator can be shown: the default of
+`slave.limits.contact_n` with the shipped `master.limits.force_n`."""
 
 SENSOR_RANGE_N = 30.0
 """Range of the force sensor of the computed robots [N], their default `force_n`."""
@@ -39,6 +44,7 @@ class SystemCell:
         robot_damping_n_s_m: of `simulated`; None for critical.
         contact: the object; all are touched from above at z = 0.
         friction: coefficient of the object, static and dynamic.
+        free_motion: whether the hand moves in free space before the press; what it then pays fills the tanks.
         wall_speed_m_s: speed at which the object goes up and down; 0 for one at rest.
         rate_hz: of both sides.
         round_trip_s: constant delay, half of it each way.
@@ -65,6 +71,7 @@ class SystemCell:
     robot_damping_n_s_m: float | None = None
     contact: Contact = "plane"
     friction: float = 0.0
+    free_motion: bool = True
     wall_speed_m_s: float = 0.0
     rate_hz: float = 1000.0
     round_trip_s: float = 0.0
@@ -92,7 +99,7 @@ class SystemCell:
     @property
     def displayed_n_m(self) -> float:
         """Stiffness of the wall as the robot displays it [N/m]: no stiffer than its coupling, or in series with it."""
-        wall, robot = self.stiffness_n_m, coupling(self)
+        wall, robot = self.stiffness_n_m, COUPLING_N_M
         return min(wall, robot) if self.robot == "point" else wall * robot / (wall + robot)
 
     @property
@@ -149,19 +156,9 @@ class SystemCell:
         return asdict(self) | {"ideal_n": self.ideal_n, "passive_line_n_m": self.passive_line_n_m}
 
 
-def coupling(cell: SystemCell) -> float:  # noqa: ARG001
-    """Stiffness of the robot towards its command [N/m]: the stiffest wall that the operator's device displays."""
-    return 2500.0
-
-
-def contact_limit(cell: SystemCell) -> float:  # noqa: ARG001
-    """Largest force with which the robot should press [N]: what the operator can be shown."""
-    return OPERATOR_LIMIT_N
-
-
 def lightly_damped(mass_kg: float) -> float:
     """A tenth of the critical damping of a robot of this mass [N s/m]."""
-    return float(f"{0.2 * sqrt(coupling(SystemCell('')) * mass_kg):.2g}")
+    return float(f"{0.2 * sqrt(COUPLING_N_M * mass_kg):.2g}")
 
 
 def weight(mass_kg: float) -> str:

@@ -69,7 +69,10 @@ def assemble(rows: list[WallRow], verdicts: list[Judged], *, full: bool, of: int
         "full": full,
         "partial": bool(problem),
         "walls": [row.as_json() for row in rows],
-        "cells": [cell.as_json() | cell.limits() | verdict.as_json() for cell, verdict in verdicts],
+        "cells": [
+            cell.as_json() | (cell.limits() if cell.scheme == "none" else {}) | verdict.as_json()
+            for cell, verdict in verdicts
+        ],
         "seed": SEED,
         "run_time_s": run_time,
         "environment": facts,

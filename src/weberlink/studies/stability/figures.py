@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from weberlink.studies.stability.cells import SystemCell
+from weberlink.studies.stability.cells import COUPLING_N_M, SystemCell
 from weberlink.studies.stability.survey import WallRow
 from weberlink.studies.stability.verdict import CellVerdict, line_share
 
@@ -227,6 +227,8 @@ def _draw_limit(
     for place, value in enumerate(across):
         cell = next(cell for cell, _ in judged if x_of(cell) == value)
         limit = cell.least_damping() if cell.slice == "masses" else cell.limits()["stable_to_n_m"]
+        if cell.slice != "masses" and limit > COUPLING_N_M:
+            continue  # the robot displays no stiffer wall
         numbers = np.asarray(up, dtype=np.float64)
         rows = np.log([numbers[0] / 10.0, *numbers, numbers[-1] * 10.0])  # one more row at either end
         height = float(np.interp(log(limit), rows, range(-1, len(up) + 1)))

@@ -39,10 +39,9 @@ class CellTiming:
 def timing(cell: SystemCell) -> CellTiming:
     """The script of a cell: wait for the session, press, hold, release, tap, wait for the link.
 
-    With `tdpa` and `auto`, a free motion comes before the press: it shows what the drag takes, and gives `auto` time
-    to choose. Other objects than a plane, and friction, are explored before the press instead of tapped after it.
-    The hold lasts 0.6 s, four round trips and three periods of the hand, so that two windows of it show whether an
-    oscillation dies out.
+    With control, a free motion comes before the press: what its drag takes fills the tanks. Other objects than a plane,
+    and friction, are explored before the press instead of tapped after it. The hold lasts 0.6 s, four round trips and
+    three periods of the hand, so that two windows of it show whether an oscillation dies out.
     """
     trip = cell.round_trip_s + 2.0 * cell.jitter_s
     period = 2.0 * pi * sqrt(cell.mass_kg / cell.hand_stiffness_n_m)
@@ -50,7 +49,7 @@ def timing(cell: SystemCell) -> CellTiming:
     hold = 0.6 + 4.0 * trip + 3.0 * period
     down = 0.4
     before: list[Step] = [{"motion": "rest", "duration_s": lead}]
-    if cell.scheme in ("tdpa", "auto"):
+    if cell.free_motion and cell.scheme != "none":
         before += [_reach(STROKE), _reach(0.0)]
     exploration = _exploration(cell)
     press = {

@@ -196,19 +196,13 @@ def _negative_gains(wall: SampledWall) -> list[float]:
     angles = np.union1d(np.geomspace(lowest, pi, count)[:-1], even)
     imaginary = _loop_gain(wall, angles).imag
     crossings = np.flatnonzero(imaginary[1:] * imaginary[:-1] < 0.0)
-    gains = [_gain_at_crossing(wall, float(angles[place]), float(angles[place + 1])) for place in crossings]
-    gains.append(float(_loop_gain(wall, np.asarray([pi])).real[0]))
-    return [gain for gain in gains if gain < 0.0]
-
-
-def _gain_at_crossing(wall: SampledWall, low: float, high: float) -> float:
-    rising = bool(_loop_gain(wall, np.asarray([high])).imag[0] > 0.0)
-
-    def passed(angle: float) -> bool:
-        return bool(_loop_gain(wall, np.asarray([angle])).imag[0] > 0.0) == rising
-
-    crossing = bisect(passed, low, high, PRECISION)
-    return float(_loop_gain(wall, np.asarray([crossing])).real[0])
+    low, high, rising = angles[crossings], angles[crossings + 1], imaginary[crossings + 1] > 0.0
+    while (high > low * (1.0 + PRECISION)).any():  # all at once: a long delay has thousands
+        middle = np.sqrt(low * high)
+        passed = (_loop_gain(wall, middle).imag > 0.0) == rising
+        low, high = np.where(passed, low, middle), np.where(passed, middle, high)
+    gains = _loop_gain(wall, np.append(low, pi)).real
+    return [float(gain) for gain in gains if gain < 0.0]
 
 
 def _loop_gain(wall: SampledWall, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
