@@ -13,7 +13,15 @@ from rich.console import Console
 from tests.system.systems import steps, system
 from weberlink.master.devices.hand import modelled_hand
 from weberlink.master.devices.operator import OperatorOptions, motion_of
-from weberlink.studies.stability.cells import CONTACT_LIMIT_N, COUPLING_N_M, DEPTH, Contact, SystemCell
+from weberlink.slave.robots.point import PointOptions, PointRobot
+from weberlink.studies.stability.cells import (
+    CONTACT_LIMIT_N,
+    COUPLING_N_M,
+    DEPTH,
+    SENSOR_RANGE_N,
+    Contact,
+    SystemCell,
+)
 from weberlink.studies.stability.command import assemble, compute, configuration, judge
 from weberlink.studies.stability.figures import AXES
 from weberlink.studies.stability.measured_wall import plane
@@ -22,7 +30,6 @@ from weberlink.studies.stability.slices import cells
 from weberlink.studies.stability.verdict import CellVerdict
 from weberlink.studies.stability.wall import Grip, SampledWall, stability_limit
 from weberlink.system.composition.coupling import coupling, press_limit
-from weberlink.system.simulate import build_simulation
 
 UNCODED = SystemCell("a", "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
 
@@ -122,13 +129,12 @@ def test_the_ideal_force_of_a_rigid_wall() -> None:
     assert SystemCell("a", wall_speed_m_s=0.1).ideal_n is None
 
 
-def test_the_limits_of_the_robots_are_those_of_the_systems() -> None:
-    for cell in (SystemCell("a", "mmt"), SystemCell("a", robot="simulated")):
-        composed = configuration(cell, timing(cell))
-        simulation = build_simulation(composed)
-        assert coupling(composed) == COUPLING_N_M
-        assert simulation.slave.robot.spec.stiffness_n_m == COUPLING_N_M
-        assert press_limit(composed.system, simulation.slave.robot) == CONTACT_LIMIT_N
+def test_the_limits_of_the_robot_are_those_of_the_system() -> None:
+    cell = SystemCell("a")
+    composed, robot = configuration(cell, timing(cell)), PointRobot(PointOptions(), None, 1e-3)
+    assert coupling(composed) == COUPLING_N_M
+    assert press_limit(composed.system, robot) == composed.system.master.limits.force_n == CONTACT_LIMIT_N
+    assert robot.spec.force_n == SENSOR_RANGE_N
 
 
 def test_the_map_does_not_depend_on_workers(tmp_path: Path) -> None:
@@ -215,7 +221,7 @@ def pressed(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
             "home_m": [0.0, 0.0, 0.5 * edge],
             "workspace_m": edge,
             "force_n": stiffness * edge,
-            "stiffness_n_m": 1e9,
+            "stiffness_n_m": stiffness,
         },
         "slave.scene": [{"shape": "plane", "stiffness_n_m": stiffness}],
     }

@@ -73,7 +73,7 @@ def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
     for cell, verdict in verdicts:
         panels.setdefault((cell.slice, _title(cell)), []).append((cell, verdict))
     lines = ceil(len(panels) / COLUMNS)
-    figure = Figure(figsize=(4.0 * COLUMNS, 3.0 * lines + 0.8), layout="constrained")
+    figure = Figure(figsize=(4.0 * COLUMNS, 3.0 * lines + 1.2), layout="constrained")
     grid = figure.subplots(lines, COLUMNS, squeeze=False)
     mappable = ScalarMappable(LogNorm(LEAST_J, MOST_J), colormaps["YlOrRd"].with_extremes(under="white"))
     places = list(grid.flat)
@@ -83,7 +83,7 @@ def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
     for axes in places[len(panels) :]:
         axes.set_axis_off()
     bar = figure.colorbar(mappable, ax=places, extend="both", shrink=min(1.0, 2.0 / lines), pad=0.01)
-    bar.set_label("energy that the operator got out since the press [J]")
+    bar.set_label("energy out since the press [J]", fontsize=8)
     _explain(figure)
     figure.supxlabel(caption, fontsize=6.5, color="0.4")
     figure.savefig(path, dpi=130)
