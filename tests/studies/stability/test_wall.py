@@ -21,6 +21,7 @@ from weberlink.studies.stability.measured_wall import (
 )
 from weberlink.studies.stability.survey import survey
 from weberlink.studies.stability.wall import (
+    Grip,
     SampledWall,
     bisect,
     bracket,
@@ -120,6 +121,14 @@ WALLS = [
 
 @pytest.mark.parametrize("wall", WALLS)
 def test_the_measured_limit_matches_the_eigenvalues(wall: SampledWall) -> None:
+    assert measured_limit(wall) == pytest.approx(stability_limit(wall), rel=0.02)
+
+
+@pytest.mark.parametrize(("grip", "limit"), [("firm", 5375.0), ("pinch", 2235.0), ("fingertip", 1118.0)])
+def test_a_light_grasp_lowers_the_limit_of_a_wall_felt_a_tick_late(grip: Grip, limit: float) -> None:
+    wall = SampledWall(0.3, 8.0, 300.0, 1e-3, delay_ticks=1, grip=grip)
+    assert stability_limit(wall) == pytest.approx(limit, rel=0.005)
+    assert gain_limit(wall) == pytest.approx(stability_limit(wall), rel=1e-4)
     assert measured_limit(wall) == pytest.approx(stability_limit(wall), rel=0.02)
 
 
