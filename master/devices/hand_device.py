@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale
 from weberlink.master.devices.contract import DeviceFault, DeviceReading, DeviceSpec, Quaternion
-from weberlink.master.devices.hand import Hand, HandOptions, Tremor, WristOptions
+from weberlink.master.devices.hand import HandOptions, Tremor, WristOptions, modelled_hand
 
 if TYPE_CHECKING:
     from weberlink.master.devices.turning import Turning
@@ -55,7 +55,7 @@ class HandDeviceOptions(BaseModel):
 
 
 class HandDevice:
-    """Moves a `Hand` toward an intention, against the commanded force; with a wrist, turns it too.
+    """Moves a hand toward an intention, against the commanded force; with a wrist, turns it too.
 
     Time is that of the model: it goes on with `now`, in equal steps no longer than a tick, by at most 0.1 s a call.
     The handle stays within the workspace, as on a device with end stops.
@@ -94,16 +94,16 @@ class HandDevice:
         self._tick_period = tick_period
         self._tremor: Tremor | None = None
         if options.tremor_m > 0.0:
-            self._tremor = Tremor(options.tremor_m, options.hand.oscillator, Random(options.seed).random)  # noqa: S311
+            self._tremor = Tremor(options.tremor_m, options.hand, Random(options.seed).random)  # noqa: S311
         self._turning = None if options.wrist is None else _turning(options.wrist, turning, options.seed)
-        self._hand = Hand(options.hand, options.home_m)
+        self._hand = modelled_hand(options.hand, options.home_m)
         self._elapsed = 0.0
         self._felt = ZERO
         self._torque = ZERO
         self._reading: DeviceReading | None = None
 
     def open(self, now: float) -> None:
-        self._hand = Hand(self._options.hand, self._options.home_m)
+        self._hand = modelled_hand(self._options.hand, self._options.home_m)
         self._elapsed = 0.0
         self._felt = self._torque = ZERO
         if self._turning is not None:

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from tests.system.processes import ROOT, until
+from weberlink.studies.parallel import map_until_stopped
 
 ASKS = """
 import sys
@@ -55,3 +56,19 @@ def is_running(pid: int) -> bool:
     except (FileNotFoundError, ProcessLookupError):
         return False
     return status.rpartition(")")[2].split()[0] not in ("Z", "X")
+
+
+def square_until_two(number: int) -> int:
+    if number > 2:
+        raise KeyboardInterrupt
+    return number * number
+
+
+def test_ctrl_c_keeps_what_is_done() -> None:
+    told: list[tuple[int, int]] = []
+    assert map_until_stopped(square_until_two, range(5), 1, progress=lambda *counts: told.append(counts)) == {
+        0: 0,
+        1: 1,
+        2: 4,
+    }
+    assert told == [(1, 5), (2, 5), (3, 5)]

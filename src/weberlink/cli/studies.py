@@ -101,12 +101,17 @@ def stability(
     json_out: Json = None,
     plots: Plots = None,
 ) -> None:
-    """Map stability and energy on stiff and extreme cases."""
+    """Map stability, force and energy on stiff and extreme cases.
+
+    Ctrl-C ends it with the results so far.
+    """
     from weberlink.studies.stability.command import run  # noqa: PLC0415
 
     with errors(), progress_bar() as progress:
         result = run(full=full, plots=plots is not None, workers=workers, progress=progress)
     publish(result, json_out, plots)
+    if result.problem:
+        fail(result.problem, FAILED)
 
 
 def bench(

@@ -2,10 +2,10 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
-from multiprocessing import get_context
+from contextlib import closing, contextmanager, suppress
+from multiprocessing import active_children, get_context
 from typing import TypeVar
 
 from weberlink.realtime.process import die_with_parent
@@ -38,6 +38,25 @@ def parallel_map(
     return in_order(_as_completed(work, tasks, workers, cost), len(tasks), progress)
 
 
+def map_until_stopped(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    workers: int | None,
+    cost: Callable[[Task], float] = lambda _: 1.0,
+    progress: Progress = lambda *_: None,
+) -> dict[int, Result]:
+    """The results by the index of the task: of all, or of those that were done when Ctrl-C ended the work.
+
+    Arguments and errors are those of `parallel_map`.
+    """
+    results: dict[int, Result] = {}
+    with suppress(KeyboardInterrupt), closing(_as_completed(work, tasks, workers, cost)) as pairs:
+        for index, result in pairs:
+            results[index] = result
+            progress(len(results), len(tasks))
+    return results
+
+
 def in_order(pairs: Iterable[tuple[int, Result]], count: int, progress: Progress) -> list[Result]:
     """Collect `count` pairs of index and result, and sort them by index."""
     results: dict[int, Result] = {}
@@ -53,13 +72,14 @@ def longest_first(tasks: Sequence[Task], cost: Callable[[Task], float]) -> list[
 
 def _as_completed(
     work: Callable[[Task], Result], tasks: Sequence[Task], workers: int | None, cost: Callable[[Task], float]
-) -> Iterator[tuple[int, Result]]:
+) -> Generator[tuple[int, Result]]:
     count = min(workers or len(os.sched_getaffinity(0)), len(tasks))
     if count <= 1:
         yield from ((index, work(task)) for index, task in enumerate(tasks))
         return
     # Spawned, because the calling program may have threads. Workers end with their parent: each holds its own end of
     # the pipe open and would otherwise wait for work for ever.
+    others = set(active_children())
     pool = ProcessPoolExecutor(
         count, mp_context=get_context("spawn"), initializer=die_with_parent, initargs=(signal.SIGTERM, os.getpid())
     )
@@ -68,6 +88,10 @@ def _as_completed(
             futures = {pool.submit(work, tasks[index]): index for index in longest_first(tasks, cost)}
         for future in as_completed(futures):
             yield futures[future], future.result()
+    except (KeyboardInterrupt, GeneratorExit):  # what is under way is not wanted any more
+        for worker in set(active_children()) - others:
+            worker.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 

@@ -1,15 +1,25 @@
 """The modelled hand: exact integration, passivity and tremor."""
 
 from random import Random
+from typing import Literal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from tests.examples import examples
 from weberlink.geometry.vector import ZERO, add
-from weberlink.master.devices.hand import Hand, HandOptions, Tremor, transition
+from weberlink.master.devices.hand import (
+    GRASPS,
+    GraspingHand,
+    GraspOptions,
+    HandOptions,
+    Tremor,
+    modelled_hand,
+    transition,
+)
 
 positive = st.floats(0.01, 100.0)
 
@@ -17,7 +27,7 @@ positive = st.floats(0.01, 100.0)
 @examples(30)
 @given(force=st.tuples(*[st.floats(-10.0, 10.0)] * 3), stiffness=st.floats(50.0, 1000.0))
 def test_it_yields_by_force_over_stiffness(force: tuple[float, float, float], stiffness: float) -> None:
-    hand = Hand(HandOptions(stiffness_n_m=stiffness), ZERO)
+    hand = modelled_hand(HandOptions(stiffness_n_m=stiffness), ZERO)
     for _ in range(5000):
         hand.advance((0.01, 0.0, 0.0), force, 0.001)
     expected = (0.01 + force[0] / stiffness, force[1] / stiffness, force[2] / stiffness)
@@ -47,7 +57,7 @@ def test_very_short_step_still_moves(damping: float) -> None:
 @examples(30)
 @given(mass=positive, damping=st.floats(0.0, 200.0), stiffness=st.floats(1.0, 1e4), step=st.floats(1e-4, 100.0))
 def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: float, step: float) -> None:
-    hand = Hand(HandOptions(mass_kg=mass, damping_n_s_m=damping, stiffness_n_m=stiffness), (0.01, 0.0, 0.0))
+    hand = modelled_hand(HandOptions(mass_kg=mass, damping_n_s_m=damping, stiffness_n_m=stiffness), (0.01, 0.0, 0.0))
     energy = 0.5 * stiffness * 0.01**2
     for _ in range(20):
         hand.advance(ZERO, ZERO, step)
@@ -59,7 +69,7 @@ def test_no_step_makes_it_gain_energy(mass: float, damping: float, stiffness: fl
 @pytest.mark.parametrize("damping", [0.0, 2.0, 19.99999, 20.0, 20.00001, 100.0])
 def test_it_is_the_solution_of_the_differential_equation(damping: float) -> None:
     """Against ten thousand steps of a second-order integrator; m = 0.25 and k = 400 are critically damped at 20."""
-    hand = Hand(HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0), (0.02, 0.0, 0.0))
+    hand = modelled_hand(HandOptions(mass_kg=0.25, damping_n_s_m=damping, stiffness_n_m=400.0), (0.02, 0.0, 0.0))
     hand.advance((0.005, 0.0, 0.0), (1.0, 0.0, 0.0), 0.1)
     x, v, step = 0.02, 0.0, 1e-5
     for _ in range(10_000):
@@ -74,7 +84,7 @@ def test_it_is_the_solution_of_the_differential_equation(damping: float) -> None
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_tremor_has_stated_amplitude_and_band(seed: int) -> None:
     options = HandOptions()
-    tremor, hand = Tremor(30e-6, options.oscillator, Random(seed).random), Hand(options, ZERO)
+    tremor, hand = Tremor(30e-6, options.oscillator, Random(seed).random), modelled_hand(options, ZERO)
     positions = []
     for tick in range(22_000):
         hand.advance(add(ZERO, tremor.at(tick * 0.001)), ZERO, 0.001)
@@ -85,3 +95,65 @@ def test_tremor_has_stated_amplitude_and_band(seed: int) -> None:
     frequency = np.fft.rfftfreq(20_000, 0.001)
     band = (frequency > 7.8) & (frequency < 12.2)
     assert spectrum[band].sum() > 0.99 * spectrum[frequency > 0.5].sum()
+
+
+GRASPS_TRIED = st.builds(
+    GraspOptions,
+    stiffness_n_m=st.floats(1.0, 1e4),
+    damping_n_s_m=st.floats(0.0, 50.0),
+    handle_kg=positive,
+    handle_damping_n_s_m=st.floats(0.0, 10.0),
+)
+
+
+@examples(30)
+@given(grasp=GRASPS_TRIED, step=st.floats(1e-4, 1.0), force=st.floats(-10.0, 10.0))
+def test_a_grasping_hand_takes_the_exact_step(grasp: GraspOptions, step: float, force: float) -> None:
+    """Against the matrix exponential of another library."""
+    options = HandOptions(grasp=grasp)
+    hand = GraspingHand(options, grasp, (0.01, 0.0, 0.0))
+    m, b, k = options.oscillator
+    h, d, s = grasp.oscillator
+    rates = [
+        [0.0, 1.0, 0.0, 0.0, 0.0],
+        [-s / h, -(d + grasp.handle_damping_n_s_m) / h, s / h, d / h, force / h],
+        [0.0, 0.0, 0.0, 1.0, 0.0],
+        [s / m, d / m, -(s + k) / m, -(d + b) / m, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0],
+    ]
+    expected = expm(np.asarray(rates) * step) @ [0.01, 0.0, 0.01, 0.0, 1.0]
+    hand.advance(ZERO, (force, 0.0, 0.0), step)
+    found = (hand.position[0], hand.velocity[0], hand.arm[0], hand.arm_velocity[0])
+    assert found == pytest.approx(expected[:4], rel=1e-7, abs=1e-9)
+
+
+@examples(30)
+@given(grasp=GRASPS_TRIED, step=st.floats(1e-4, 1.0))
+def test_no_step_makes_a_grasping_hand_gain_energy(grasp: GraspOptions, step: float) -> None:
+    hand = modelled_hand(HandOptions(grasp=grasp), (0.01, 0.0, 0.0))
+    energy = hand.stored(ZERO)
+    for _ in range(20):
+        hand.advance(ZERO, ZERO, step)
+        assert hand.stored(ZERO) <= energy * (1.0 + 1e-9) + 1e-15
+        energy = hand.stored(ZERO)
+
+
+@pytest.mark.parametrize("grasp", ["pinch", "fingertip"])
+def test_a_grasping_hand_yields_by_its_springs_in_series(grasp: Literal["pinch", "fingertip"]) -> None:
+    options = HandOptions(grasp=grasp)
+    hand = modelled_hand(options, ZERO)
+    for _ in range(3000):
+        hand.advance(ZERO, (2.0, 0.0, 0.0), 0.01)
+    assert hand.position[0] == pytest.approx(2.0 / 300.0 + 2.0 / GRASPS[grasp].stiffness_n_m)
+    assert hand.position[0] == pytest.approx(2.0 / options.static_stiffness)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 8.0, 30.0])
+def test_the_gain_of_a_grasping_hand_is_that_of_its_motion(frequency: float) -> None:
+    options, omega, step = HandOptions(grasp="pinch"), 2.0 * np.pi * frequency, 1e-4
+    hand = modelled_hand(options, ZERO)
+    heights = []
+    for tick in range(30_000):
+        hand.advance((np.sin(omega * tick * step), 0.0, 0.0), ZERO, step)
+        heights.append(hand.position[0])
+    assert max(heights[20_000:]) == pytest.approx(options.gain(omega), rel=0.01)

@@ -12,7 +12,7 @@ from tests.examples import examples
 from weberlink.geometry.rotation import IDENTITY, Quaternion, inverse, product, quaternion, vector
 from weberlink.geometry.vector import ZERO, Vector, distance, dot, norm, scale, unit
 from weberlink.master.devices.contract import TorqueDevice
-from weberlink.master.devices.hand import Hand, HandOptions, Oscillator, WristOptions
+from weberlink.master.devices.hand import HandOptions, Oscillator, WristOptions, modelled_hand
 from weberlink.master.devices.operator import OperatorDevice, OperatorOptions
 from weberlink.master.devices.turning import Wrist
 
@@ -30,7 +30,7 @@ axes = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: norm(v) > 0.1).ma
 def test_wrist_about_one_axis_matches_hand(axis: Vector, step: float, intended: float, torque: float) -> None:
     """Whose equation is solved exactly at any step."""
     like = HandOptions(mass_kg=0.002, damping_n_s_m=0.053, stiffness_n_m=2.0)
-    wrist, hand = Wrist(WristOptions().oscillator), Hand(like, ZERO)
+    wrist, hand = Wrist(WristOptions().oscillator), modelled_hand(like, ZERO)
     for _ in range(20):
         wrist.advance(quaternion(scale(axis, intended)), scale(axis, torque), step)
         hand.advance((intended, 0.0, 0.0), (torque, 0.0, 0.0), step)

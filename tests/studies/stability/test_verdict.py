@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from weberlink.protocol.states import State
-from weberlink.studies.stability.cells import SystemCell, timing
-from weberlink.studies.stability.verdict import CellObserver, CellVerdict
+from weberlink.studies.stability.cells import SystemCell
+from weberlink.studies.stability.script import timing
+from weberlink.studies.stability.verdict import CellObserver, CellVerdict, line_share
 from weberlink.system.scoring.session import Records
 from weberlink.telemetry.fault import Fault
 from weberlink.telemetry.record import DESCRIPTION
 
 CELL = SystemCell("a")
 WHEN = timing(CELL)
-ENERGY: dict[str, float | None] = {"generated_j": 0.5, "link_generated_j": 0.25}
+IDEAL = 0.015 * 300.0 * 500.0 / (300.0 + 500.0)
+"""Force [N] of a hand of 300 N/m that means to be 15 mm deep in a wall of 500 N/m."""
 
 
 def records(force: Callable[[float], float]) -> tuple[Records, Records]:
@@ -23,7 +25,8 @@ def records(force: Callable[[float], float]) -> tuple[Records, Records]:
     count = round(WHEN.end / 1e-3)
     master, slave = np.zeros(count, dtype=DESCRIPTION), np.zeros(count, dtype=DESCRIPTION)
     for side in (master, slave):
-        side["at"] = np.arange(count) * 1e-3
+        side["tick"] = np.arange(count)
+        side["at"] = side["tick"] * 1e-3
         side["state"] = State.ENGAGED.value
     holding = (master["at"] >= WHEN.hold) & (master["at"] < WHEN.release)
     master["output"][holding, 2] = [force(at - WHEN.hold) for at in master["at"][holding]]
@@ -32,20 +35,20 @@ def records(force: Callable[[float], float]) -> tuple[Records, Records]:
     return master, slave
 
 
-def judge(master: Records, slave: Records, failure: str | None = None) -> CellVerdict:
+def judge(master: Records, slave: Records, failure: str | None = None, cell: SystemCell = CELL) -> CellVerdict:
     observer = CellObserver()
     for begin in range(0, len(master), 700):
         observer.add(master[begin : begin + 700], slave[begin : begin + 700])
-    return observer.verdict(CELL, WHEN, ENERGY, failure)
+    return observer.verdict(cell, WHEN, failure)
 
 
 def test_a_steady_force_has_settled() -> None:
     verdict = judge(*records(lambda since: 3.0))
     assert verdict.state == "settled"
     assert verdict.bounded
-    assert verdict.energy_generated_j == 0.5
-    assert verdict.peak_force_n == 3.0
-    assert verdict.felt_share == pytest.approx(1.0)
+    assert verdict.peak_force_n == verdict.peak_contact_n == 3.0
+    assert verdict.felt_share == verdict.least_felt_share == verdict.pressed_share == pytest.approx(3.0 / IDEAL)
+    assert verdict.saturated == ()
     assert verdict.force_reduction == pytest.approx(0.9, abs=0.01)
 
 
@@ -68,6 +71,80 @@ def test_a_limited_force_is_not_decaying() -> None:
     master, slave = records(lambda since: 3.0 + 2.0 * exp(-1.0 * since) * sin(60.0 * since))
     master["clipped"][master["at"] > WHEN.release - 0.1] = 1
     assert judge(master, slave).state == "oscillating"
+
+
+def test_a_hold_that_loses_contact_is_not_settled() -> None:
+    """For 3 ms, in the first half; the second one is steady."""
+    master, slave = records(lambda since: 3.0 if not 0.5 < since < 0.503 else 0.0)
+    assert judge(master, slave).state == "lost"
+    assert not judge(master, slave).bounded
+    faint = SystemCell("a", stiffness_n_m=1.0)
+    assert judge(*records(lambda since: 0.0), cell=faint).state == "settled"
+    assert judge(*records(lambda since: 0.0)).state == "lost"
+
+
+def test_every_limit_that_is_met_is_named() -> None:
+    master, slave = records(lambda since: 3.0)
+    late = master["at"] > WHEN.release - 0.01
+    slave["raw"][late, 2] = 10.0
+    assert judge(master, slave).saturated == ("contact",)
+    slave["raw"][late, 2] = 30.0
+    master["clipped"][late] = 1
+    assert judge(master, slave).saturated == ("operator", "sensor", "contact")
+    slave["raw"][:, 2], slave["raw"][master["at"] < WHEN.hold, 2] = 3.0, 30.0  # before the hold
+    master["clipped"] = 0
+    assert judge(master, slave).saturated == ()
+
+
+def test_energy_counts_from_the_press_on() -> None:
+    """20 mJ paid to drag before it; since then 5 mJ in, 12 mJ out, 3 mJ in: a session-long sum never gets below 0."""
+    master, slave = records(lambda since: 0.0)
+    before = int(WHEN.press / 1e-3)
+    steps = np.zeros(len(master))
+    steps[100:120] = 1e-3
+    steps[before + 10 : before + 40] = 1e-3
+    master["position"][:, 0] = np.cumsum(steps)
+    force = np.zeros(len(master))
+    force[98:120] = -1.0
+    force[before + 9 : before + 14], force[before + 14 : before + 26] = -1.0, 1.0
+    force[before + 26 : before + 29] = -1.0
+    master["output"][:, 0] = force
+    verdict = judge(master, slave)
+    assert verdict.energy_paid_j == pytest.approx(0.020)
+    assert verdict.energy_out_j == pytest.approx(0.007)
+
+
+def test_impulses_and_stiffness_are_compared() -> None:
+    master, slave = records(lambda since: 2.0)
+    verdict = judge(master, slave)
+    assert verdict.impulse_ratio == pytest.approx(2.0 / 3.0)
+    assert verdict.tangential_ratio is None
+    master["output"][:, 1], slave["raw"][:, 1] = 0.5, 0.8
+    assert judge(master, slave, cell=SystemCell("a", friction=0.3)).tangential_ratio == pytest.approx(0.5 / 0.8)
+    # 2 N bend the hand by 2/300 m of its 15 mm.
+    assert verdict.felt_stiffness_n_m == pytest.approx(2.0 / (0.015 - 2.0 / 300.0))
+    assert line_share(CELL, verdict) is None
+    assert line_share(SystemCell("a", round_trip_s=0.1), verdict) == pytest.approx(240.0 / 160.0)
+
+
+def test_a_share_of_the_ticks_has_the_same_scheme() -> None:
+    master, slave = records(lambda since: 3.0)
+    assert judge(master, slave).same_scheme_share is None
+    pressing = np.flatnonzero(master["at"] >= WHEN.press)
+    slave["control"][pressing[: len(pressing) // 4]] = 1
+    verdict = judge(master, slave, cell=SystemCell("a", scheme="auto"))
+    assert verdict.same_scheme_share == pytest.approx(0.75, abs=1e-3)
+
+
+def test_a_moving_wall_is_not_judged_by_its_swing() -> None:
+    verdict = judge(*records(lambda since: 3.0 * sin(60.0 * since)), cell=SystemCell("a", wall_speed_m_s=0.1))
+    assert (verdict.state, verdict.felt_share, verdict.energy_out_j) == ("driven", None, None)
+
+
+def test_what_is_not_finite_fails() -> None:
+    master, slave = records(lambda since: 3.0)
+    slave["output"][-1, 0] = np.nan
+    assert judge(master, slave).failure == "not finite: output"
 
 
 def test_settling_counts_from_the_press() -> None:

@@ -11,17 +11,17 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from weberlink.master.devices.hand import Hand
+from weberlink.master.devices.hand import modelled_hand
 from weberlink.studies.stability.measured_wall import (
     activity,
     generated,
     grows,
-    hand_options,
     measured_limit,
     plane,
 )
 from weberlink.studies.stability.survey import survey
 from weberlink.studies.stability.wall import (
+    Grip,
     SampledWall,
     bisect,
     bracket,
@@ -80,7 +80,7 @@ def test_colgate_bound_of_a_damped_wall() -> None:
 @pytest.mark.parametrize(("delay", "wall_damping"), list(product((0, 1, 3), (0.0, 2.0))))
 def test_the_matrix_moves_as_hand_and_plane(delay: int, wall_damping: float) -> None:
     wall, stiffness, depth = SampledWall(0.3, 8.0, 300.0, 1e-3, delay, wall_damping), 800.0, 1e-3
-    scene, hand = plane(stiffness, wall_damping), Hand(hand_options(wall), (0.0, 0.0, -depth))
+    scene, hand = plane(stiffness, wall_damping), modelled_hand(wall.hand, (0.0, 0.0, -depth))
     scene.force(hand.position, wall.tick_period)
     hand.position = (0.0, 0.0, -1.1 * depth)
     on_the_way = deque([stiffness * depth] * delay)
@@ -124,6 +124,14 @@ def test_the_measured_limit_matches_the_eigenvalues(wall: SampledWall) -> None:
     assert measured_limit(wall) == pytest.approx(stability_limit(wall), rel=0.02)
 
 
+@pytest.mark.parametrize(("grip", "limit"), [("firm", 5375.0), ("pinch", 2235.0), ("fingertip", 1118.0)])
+def test_a_light_grasp_lowers_the_limit_of_a_wall_felt_a_tick_late(grip: Grip, limit: float) -> None:
+    wall = SampledWall(0.3, 8.0, 300.0, 1e-3, delay_ticks=1, grip=grip)
+    assert stability_limit(wall) == pytest.approx(limit, rel=0.005)
+    assert gain_limit(wall) == pytest.approx(stability_limit(wall), rel=1e-4)
+    assert measured_limit(wall) == pytest.approx(stability_limit(wall), rel=0.02)
+
+
 @pytest.mark.parametrize("share", [0.05, 0.5, 0.95, 1.05, 2.0, 50.0])
 def test_a_disturbance_grows_only_above_the_limit(share: float) -> None:
     wall = SampledWall(0.3, 8.0, 300.0, 1e-3, delay_ticks=1)
@@ -159,7 +167,7 @@ def bounce(wall: SampledWall, stiffness: float, speed: float = 0.1) -> float:
     """Energy of a free device after the wall, as a share of its energy before; 0 if it does not leave."""
     scene = plane(stiffness, wall.wall_damping_n_s_m)
     start = 0.3 * speed * wall.tick_period  # the surface lies between two samples
-    hand = Hand(hand_options(wall), (0.0, 0.0, start))
+    hand = modelled_hand(wall.hand, (0.0, 0.0, start))
     hand.velocity = (0.0, 0.0, -speed)
     on_the_way = deque([0.0] * wall.delay_ticks)
     for _ in range(2000):

@@ -1,40 +1,51 @@
-"""Cells of the stability map: the parameters of whole systems, and the motion that all of them perform."""
+"""A cell of the stability map: the parameters of a whole system, its limits, and the ideal force of its wall."""
 
-from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import product
-from math import ceil, pi, sqrt
-from typing import Any
+from math import ceil, sqrt
+from typing import Any, Literal
 
-from weberlink.studies.stability.wall import SampledWall, bisect, bracket, gain_limit, passivity_limit
-
-HEIGHT = 0.01
-"""Start of the hand above the wall [m]."""
-
-LONG_TRIPS = (0.0, 0.02, 0.1, 0.7)
-COARSE_TRIPS = {"none": (0.0, 0.02, 0.1), "mmt": (*LONG_TRIPS, 1.0)}
-"""Round trips [s] of the coarse map, over the range of each scheme."""
-
-STROKE = 0.04
-"""Motion in free space before the press [m]."""
+from weberlink.studies.stability.wall import Grip, SampledWall, bisect, bracket, gain_limit, passivity_limit
+from weberlink.system.composition.coupling import FIT_MARGIN
 
 DEPTH = 0.015
 """Intended depth of the press [m]."""
 
+COUPLING_N_M = 3000.0 / FIT_MARGIN
+"""Stiffness of the robots towards their command [N/m]: their default with the `operator` device of the shipped file."""
+
+CONTACT_LIMIT_N = 10.0
+"""Largest force with which a robot should press [N], what the operator can be shown: the default of
+`slave.limits.contact_n` with the shipped `master.limits.force_n`."""
+
+SENSOR_RANGE_N = 30.0
+"""Range of the force sensor of the computed robots [N], their default `force_n`."""
+
+RobotName = Literal["point", "simulated"]
+Contact = Literal["plane", "ball", "box"]
+
 
 @dataclass(frozen=True)
 class SystemCell:
-    """A whole system: an operator's hand, a link and a plane. The defaults are those of the shipped files.
+    """A whole system: an operator's hand, a link, a robot and what it touches. The defaults are those of the shipped
+    files.
 
     Args:
         slice: part of the map.
         scheme: of control, as in the configuration.
         predictor: of the force channel.
         position_predictor: of the position channel.
-        stiffness_n_m: of the plane.
-        mass_kg: of device and hand, as the next two.
+        stiffness_n_m: of the object.
+        mass_kg: of device and hand, as the next two; of the arm alone with another grip than firm.
         damping_n_s_m: of device and hand.
         hand_stiffness_n_m: of the hand.
+        grip: how the hand holds the device.
+        robot: what touches the object.
+        robot_mass_kg: of `simulated`.
+        robot_damping_n_s_m: of `simulated`; None for critical.
+        contact: the object; all are touched from above at z = 0.
+        friction: coefficient of the object, static and dynamic.
+        free_motion: whether the hand moves in free space before the press; what it then pays fills the tanks.
+        wall_speed_m_s: speed at which the object goes up and down; 0 for one at rest.
         rate_hz: of both sides.
         round_trip_s: constant delay, half of it each way.
         jitter_s: largest additional delay each way, uniform.
@@ -43,6 +54,7 @@ class SystemCell:
         floor_n: absolute threshold of the force.
         bound_m: position error at rest that stays unsent.
         seed: of the link.
+        case: name of an extreme.
     """
 
     slice: str
@@ -53,6 +65,14 @@ class SystemCell:
     mass_kg: float = 0.3
     damping_n_s_m: float = 8.0
     hand_stiffness_n_m: float = 300.0
+    grip: Grip = "firm"
+    robot: RobotName = "point"
+    robot_mass_kg: float = 0.2
+    robot_damping_n_s_m: float | None = None
+    contact: Contact = "plane"
+    friction: float = 0.0
+    free_motion: bool = True
+    wall_speed_m_s: float = 0.0
     rate_hz: float = 1000.0
     round_trip_s: float = 0.0
     jitter_s: float = 0.0
@@ -61,6 +81,7 @@ class SystemCell:
     floor_n: float = 0.02
     bound_m: float = 0.0002
     seed: int = 0
+    case: str = ""
 
     @property
     def wall(self) -> SampledWall:
@@ -72,7 +93,52 @@ class SystemCell:
             self.hand_stiffness_n_m,
             1.0 / self.rate_hz,
             one_way + max(1, one_way),  # a force received within a tick is applied in the next one
+            grip=self.grip,
         )
+
+    @property
+    def displayed_n_m(self) -> float:
+        """Stiffness of the wall as the robot displays it [N/m]: no stiffer than its coupling, or in series with it."""
+        wall, robot = self.stiffness_n_m, COUPLING_N_M
+        return min(wall, robot) if self.robot == "point" else wall * robot / (wall + robot)
+
+    @property
+    def ideal_n(self) -> float | None:
+        """Force of the hold on the ideal local wall of the device [N]; None for a wall that does not rest.
+
+        That is the wall as the robot can display it, rendered at the device without delay: at rest the springs of hand
+        and wall share the intended depth.
+        """
+        if self.wall_speed_m_s:
+            return None
+        return DEPTH / (1.0 / self.wall.hand.static_stiffness + 1.0 / self.displayed_n_m)
+
+    @property
+    def passive_line_n_m(self) -> float | None:
+        """Stiffness [N/m] of a passive line of this delay; None without delay.
+
+        b / (RTT / 2): a lossless line that is matched to the damping b of device and hand delivers, at rest, a force of
+        b / delay per displacement of its end (Niemeyer and Slotine, "Stable adaptive teleoperation", IEEE J. Oceanic
+        Eng. 16(1), 1991). A passive scheme that assumes no model of the wall displays no more.
+        """
+        return self.damping_n_s_m / (0.5 * self.round_trip_s) if self.round_trip_s else None
+
+    @property
+    def variant(self) -> str:
+        """What sets this cell apart in its slice beside scheme, stiffness and round trip, in at most 16 characters."""
+        if self.case:
+            return self.case
+        if self.slice == "walls":
+            name = self.robot if self.robot == "point" else weight(self.robot_mass_kg)
+            light = " light" if self.robot_damping_n_s_m is not None else ""
+            return name + light + (" lossy" if self.loss else "") + (" zoh" if self.predictor == "zoh" else "")
+        if self.slice == "hands":
+            return self.grip
+        if self.slice == "loss":
+            return f"jitter {1e3 * self.jitter_s:g} ms"
+        if self.slice == "far hands":
+            return f"{self.damping_n_s_m:g} Ns/m {self.rate_hz:g} Hz"
+        return "uncoded" if self.position_predictor == "zoh" else ""
 
     def limits(self) -> dict[str, float]:
         """Without coding: stiffness [N/m] up to which the loop is stable with this hand, and passive with any."""
@@ -87,130 +153,13 @@ class SystemCell:
         return bisect(is_stable, *bracket(is_stable, self.damping_n_s_m), 1e-3)
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return asdict(self) | {"ideal_n": self.ideal_n, "passive_line_n_m": self.passive_line_n_m}
 
 
-@dataclass(frozen=True)
-class CellTiming:
-    """Times of the script [s]: the motion is the same for all cells, pauses grow with delay and inertia."""
-
-    press: float
-    """The hand begins to go down."""
-    hold: float
-    """Its intended position is `DEPTH` from here on."""
-    release: float
-    """It begins to come up."""
-    end: float
-    steps: tuple[dict[str, Any], ...]
-    """The motion as a script of the `operator` device."""
+def lightly_damped(mass_kg: float) -> float:
+    """A tenth of the critical damping of a robot of this mass [N s/m]."""
+    return float(f"{0.2 * sqrt(COUPLING_N_M * mass_kg):.2g}")
 
 
-def timing(cell: SystemCell) -> CellTiming:
-    """The script of a cell: wait for the session, move, press, hold, release, tap, wait for the link.
-
-    The hold lasts a second, five round trips and three periods of the hand, so that two windows of it show whether an
-    oscillation dies out.
-    """
-    trip = cell.round_trip_s + 2.0 * cell.jitter_s
-    period = 2.0 * pi * sqrt(cell.mass_kg / cell.hand_stiffness_n_m)
-    lead = 0.3 + 2.5 * trip + (1.5 if cell.loss else 0.0)
-    hold = 1.0 + 5.0 * trip + 3.0 * period
-    down = 0.4
-    steps = (
-        {"motion": "rest", "duration_s": lead},
-        {"motion": "reach", "to_m": [STROKE, 0.0, HEIGHT], "duration_s": 0.6},
-        {"motion": "reach", "to_m": [0.0, 0.0, HEIGHT], "duration_s": 0.6},
-        {
-            "motion": "press", "at_m": [0.0, 0.0, 0.0], "depth_m": DEPTH, "height_m": HEIGHT,
-            "duration_s": down, "hold_s": hold, "approach_s": 0.01,
-        },
-        {
-            "motion": "tap", "at_m": [0.0, 0.0, 0.0], "depth_m": DEPTH, "height_m": HEIGHT,
-            "frequency_hz": 2.0, "count": 1, "approach_s": 0.01,
-        },
-        {"motion": "rest", "duration_s": 0.2 + trip},
-    )  # fmt: skip
-    press = lead + 1.2 + 0.01
-    end = press + down + hold + down + 0.01 + 0.5 + 0.2 + trip
-    return CellTiming(press, press + down, press + down + hold, end, steps)
-
-
-def cells(arrangements: Sequence[tuple[str, str]], seed: int, *, full: bool) -> list[SystemCell]:
-    """All cells of the map.
-
-    Args:
-        arrangements: pairs of a control scheme and a predictor of the force.
-        seed: of every link.
-        full: a fine map instead of a coarse one.
-    """
-    return [replace(cell, seed=seed) for cell in _all(arrangements, full=full)]
-
-
-def _all(arrangements: Sequence[tuple[str, str]], *, full: bool) -> Iterator[SystemCell]:
-    for scheme, predictor in arrangements:
-        yield from _stiffness_and_delay(scheme, predictor, full=full)
-    yield from _hand(full=full)
-    yield from _rate(full=full)
-    for scheme, predictor in arrangements:
-        if scheme != "none" and (full or scheme != "auto"):  # auto is one of the others
-            yield from _bad_link(scheme, predictor, full=full)
-            yield from _other_hands(scheme, predictor, full=full)
-    yield from _weber(*arrangements[-1], full=full)
-
-
-def _stiffness_and_delay(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
-    stiffnesses = _decades(10.0, 1e7, 2) if full else [10.0, 500.0, 1e4, 1e7]
-    trips = (0.0, 0.002, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 0.7, 1.0) if full else COARSE_TRIPS.get(scheme, LONG_TRIPS)
-    for stiffness, trip in product(stiffnesses, trips):
-        yield SystemCell("stiffness x delay", scheme, predictor, stiffness_n_m=stiffness, round_trip_s=trip)
-
-
-def _uncoded(name: str) -> SystemCell:
-    """A cell without coding, where the limits of the sampled wall hold."""
-    return SystemCell(name, "none", "zoh", "zoh", weber=0.0, floor_n=0.0, bound_m=0.0)
-
-
-def _hand(*, full: bool) -> Iterator[SystemCell]:
-    masses = _decades(0.001, 10.0, 2 if full else 1)
-    dampings = _decades(0.05, 50.0, 2 if full else 1)
-    for mass, damping in product(masses, dampings):
-        yield replace(_uncoded("mass x damping"), mass_kg=mass, damping_n_s_m=damping)
-
-
-def _rate(*, full: bool) -> Iterator[SystemCell]:
-    rates = (100.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0) if full else (100.0, 1000.0, 4000.0)
-    for rate, stiffness in product(rates, _decades(100.0, 1e5, 2) if full else (1e3, 1e4, 1e5)):
-        yield replace(_uncoded("rate x stiffness"), rate_hz=rate, stiffness_n_m=stiffness)
-
-
-def _bad_link(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
-    jitters = (0.0, 0.002, 0.01, 0.05) if full else (0.01,)
-    losses = (0.0, 0.02, 0.1, 0.3) if full else (0.1, 0.3)
-    trips = (0.0, 0.02, 0.1, 0.3, 0.7, 1.0) if full else (0.0, 0.1, 0.7)
-    for jitter, trip, loss in product(jitters, trips, losses):
-        yield SystemCell("loss x delay", scheme, predictor, round_trip_s=trip, jitter_s=jitter, loss=loss)
-
-
-def _other_hands(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
-    """Other hands and rates with a delayed, lossy link under control."""
-    hands = tuple(product((0.001, 0.03, 1.0, 10.0), (0.5, 8.0, 50.0))) if full else ((0.01, 20.0), (10.0, 20.0))
-    rates = (100.0, 1000.0, 4000.0) if full else (1000.0,)
-    for (mass, damping), rate, stiffness in product(hands, rates, (500.0, 1e7)):
-        cell = SystemCell("hand, delayed", scheme, predictor, round_trip_s=0.1, jitter_s=0.01, loss=0.1)
-        yield replace(cell, mass_kg=mass, damping_n_s_m=damping, rate_hz=rate, stiffness_n_m=stiffness)
-
-
-def _weber(scheme: str, predictor: str, *, full: bool) -> Iterator[SystemCell]:
-    webers = (0.0, 0.025, 0.05, 0.1, 0.2, 0.3, 0.5) if full else (0.0, 0.1, 0.5)
-    trips = (0.0, 0.02, 0.1, 0.3, 1.0) if full else (0.0, 0.1, 0.7)
-    for weber, trip in product(webers, trips):
-        yield SystemCell("k x delay", scheme, predictor, weber=weber, round_trip_s=trip)
-
-
-def _decades(first: float, last: float, each: int) -> list[float]:
-    """Values from first to last, `each` per decade, rounded to two digits."""
-    values, value = [], first
-    while value < last * 1.001:
-        values.append(float(f"{value:.2g}"))
-        value *= 10.0 ** (1.0 / each)
-    return values
+def weight(mass_kg: float) -> str:
+    return f"{mass_kg:g} kg" if mass_kg >= 1.0 else f"{1e3 * mass_kg:g} g"

@@ -2,40 +2,48 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from statistics import median
 from time import perf_counter
-from typing import Any, get_args
+from typing import Any
 
 from rich.table import Table
 
 from weberlink.protocol.heartbeat import ROUND_TRIP_SHARE
-from weberlink.studies.parallel import Progress, parallel_map
+from weberlink.studies.parallel import Progress, map_until_stopped
 from weberlink.studies.result import StudyResult, plain_table
-from weberlink.studies.stability.cells import HEIGHT, CellTiming, SystemCell, cells, timing
+from weberlink.studies.stability.cells import SystemCell
+from weberlink.studies.stability.script import HEIGHT, CellTiming, scene, timing
+from weberlink.studies.stability.slices import cells
 from weberlink.studies.stability.survey import WallRow, survey, walls
-from weberlink.studies.stability.verdict import CellObserver, CellVerdict
+from weberlink.studies.stability.verdict import CellObserver, CellVerdict, line_share
 from weberlink.studies.stability.wall import SampledWall
-from weberlink.system.composition.channels import channels
-from weberlink.system.configuration import Configuration, load
-from weberlink.system.configuration.model import ControlSettings
+from weberlink.system.configuration import Configuration, ConfigurationError, load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
-from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 
 SEED = 0
 
 Task = SampledWall | SystemCell
 Result = WallRow | CellVerdict
+Judged = tuple[SystemCell, CellVerdict]
 
 
-def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> StudyResult:
-    """Compute the map. It does not depend on the number of workers.
+@dataclass(frozen=True)
+class StabilityMap(StudyResult):
+    """The map, or what there is of it."""
+
+    problem: str
+    """Why it is not complete, in one line; empty if it is."""
+
+
+def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> StabilityMap:
+    """Compute the map, or as much of it as is done when Ctrl-C stops it. It does not depend on the number of workers.
 
     Args:
-        full: a fine map in minutes instead of a coarse one in less than one.
+        full: every slice in fine steps, in an hour or so, instead of the most telling cells in a minute.
         plots: whether figures will be drawn.
         workers: processes; None for one per processor, 1 for this process alone.
         progress: receives the number of finished pieces and of all pieces.
@@ -46,20 +54,25 @@ def run(*, full: bool, plots: bool, workers: int | None, progress: Progress) -> 
     if plots:
         need("matplotlib", "plots", "--plots")
     began = perf_counter()
-    rows, verdicts = compute(walls(full=full), cells(arrangements(), SEED, full=full), workers, progress)
-    return assemble(rows, verdicts, full=full, run_time=perf_counter() - began)
+    surveyed, mapped = walls(full=full), cells(SEED, full=full)
+    computed = compute(surveyed, mapped, workers, progress)
+    return assemble(*computed, full=full, of=len(surveyed) + len(mapped), run_time=perf_counter() - began)
 
 
-def assemble(
-    rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], *, full: bool, run_time: float
-) -> StudyResult:
-    """The map of what was computed, in a run time [s]."""
+def assemble(rows: list[WallRow], verdicts: list[Judged], *, full: bool, of: int, run_time: float) -> StabilityMap:
+    """The map of what was computed, of so many pieces in all, in a run time [s]."""
     facts = environment()
-    caption = footer(facts, SEED)
+    done = len(rows) + len(verdicts)
+    problem = "" if done == of else f"stopped before the end: the results are partial, {done} of {of} pieces"
+    caption = "\n".join(filter(None, (problem, footer(facts, SEED))))
     document = {
         "full": full,
+        "partial": bool(problem),
         "walls": [row.as_json() for row in rows],
-        "cells": [cell.as_json() | cell.limits() | verdict.as_json() for cell, verdict in verdicts],
+        "cells": [
+            cell.as_json() | (cell.limits() if cell.scheme == "none" else {}) | verdict.as_json()
+            for cell, verdict in verdicts
+        ],
         "seed": SEED,
         "run_time_s": run_time,
         "environment": facts,
@@ -68,46 +81,50 @@ def assemble(
     def draw(folder: Path) -> None:
         from weberlink.studies.stability.figures import stability_map, stability_wall  # noqa: PLC0415 - slow import
 
-        stability_wall(rows, folder / "stability_wall.png", caption)
-        stability_map(verdicts, folder / "stability_map.png", caption)
+        if rows:
+            stability_wall(rows, folder / "stability_wall.png", caption)
+        if verdicts:
+            stability_map(verdicts, folder / "stability_map.png", caption)
 
-    return StudyResult(document, _table(rows, verdicts, run_time, caption), draw)
-
-
-def arrangements() -> list[tuple[str, str]]:
-    """Pairs of control scheme and force predictor: every scheme with the default predictor, and plain hold."""
-    schemes = get_args(ControlSettings.model_fields["scheme"].annotation)
-    return [("none", "zoh"), *((scheme, "hybrid") for scheme in schemes)]
+    return StabilityMap(document, _table(rows, verdicts, run_time, caption), draw, problem)
 
 
 def compute(
     surveyed: Sequence[SampledWall], mapped: Sequence[SystemCell], workers: int | None, progress: Progress
-) -> tuple[list[WallRow], list[tuple[SystemCell, CellVerdict]]]:
-    """Compute everything in `workers` processes; results in the given order."""
+) -> tuple[list[WallRow], list[Judged]]:
+    """Compute everything in `workers` processes, or what is done before Ctrl-C; results in the given order."""
     tasks: list[Task] = [*surveyed, *mapped]
-    ordered = parallel_map(_work, tasks, workers, _length, progress)
-    rows = [result for result in ordered if isinstance(result, WallRow)]
-    verdicts = [result for result in ordered if isinstance(result, CellVerdict)]
-    return rows, list(zip(mapped, verdicts, strict=True))
+    results = map_until_stopped(_work, tasks, workers, _length, progress)
+    done = [(task, results[index]) for index, task in enumerate(tasks) if index in results]
+    rows = [result for _, result in done if isinstance(result, WallRow)]
+    judged = [
+        (task, result) for task, result in done if isinstance(task, SystemCell) and isinstance(result, CellVerdict)
+    ]
+    return rows, judged
 
 
 def judge(cell: SystemCell) -> CellVerdict:
-    """Run a cell in virtual time; an error becomes the verdict "failed"."""
+    """Run a cell in virtual time; an error becomes the verdict "failed", and a range that is left "refused"."""
     try:
         return _simulate(cell, timing(cell))
+    except ConfigurationError as error:
+        return CellVerdict("refused", failure=str(error))
     except Exception as error:  # one broken cell must not end the map
         return CellVerdict("failed", failure=f"{type(error).__name__}: {error}")
 
 
 def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
-    """The shipped default with the parameters of the cell and a scene of one plane.
+    """The shipped default with the parameters of the cell and a scene of one object.
 
     Raises:
         ConfigurationError: if there can be no such system.
     """
     one_way_ms = 500.0 * cell.round_trip_s
     home = [0.0, 0.0, HEIGHT]
-    hand = {"mass_kg": cell.mass_kg, "damping_n_s_m": cell.damping_n_s_m, "stiffness_n_m": cell.hand_stiffness_n_m}
+    hand = cell.wall.hand.model_dump(mode="json")
+    robot = {"driver": "point"} if cell.robot == "point" else {
+        "driver": "simulated", "mass_kg": cell.robot_mass_kg, "damping_n_s_m": cell.robot_damping_n_s_m,
+    }  # fmt: skip
     values: dict[str, Any] = {
         "rate_hz": cell.rate_hz,
         "link.emulate": {
@@ -129,8 +146,8 @@ def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
         | {"script": list(when.steps)},
         "master.limits.device_ms": max(20.0, 3e3 / cell.rate_hz),
         "slave.limits.robot_ms": max(20.0, 3e3 / cell.rate_hz),
-        "slave.robot.home_m": home,
-        "slave.scene": [{"shape": "plane", "stiffness_n_m": cell.stiffness_n_m}],
+        "slave.robot": robot | {"home_m": home},
+        "slave.scene": scene(cell),
     }
     overrides = [f"{path}={json.dumps(value)}" for path, value in values.items()]
     return load(Path(str(files("weberlink.configs") / "loopback.yaml")), overrides)
@@ -140,10 +157,9 @@ def _simulate(cell: SystemCell, when: CellTiming) -> CellVerdict:
     composed = configuration(cell, when)
     simulation = build_simulation(composed)
     observer = CellObserver()
-    score = SessionScore(cell.rate_hz, channels(composed.system)[1].bank)
-    simulation.run(when.end + 1.0, [observer, score])
+    simulation.run(when.end + 1.0, [observer])
     failures = [side.failure for side in (simulation.master, simulation.slave) if side.failure is not None]
-    return observer.verdict(cell, when, score.summary()["energy"], "; ".join(failures) or None)
+    return observer.verdict(cell, when, "; ".join(failures) or None)
 
 
 def _work(task: Task) -> Result:
@@ -155,26 +171,72 @@ def _length(task: Task) -> float:
     return timing(task).end * task.rate_hz if isinstance(task, SystemCell) else 5e3
 
 
-def _table(rows: list[WallRow], verdicts: list[tuple[SystemCell, CellVerdict]], run_time: float, caption: str) -> Table:
-    text = f"{_about(rows)}\n{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s\n{caption}"
-    columns = ("slice", "control", "bounded", "most J", "calm J", "peak N", "felt", "fewer")
-    table = plain_table(*columns, left=("control",), caption=text)
-    groups: dict[tuple[str, str], list[CellVerdict]] = {}
+def _table(rows: list[WallRow], verdicts: list[Judged], run_time: float, caption: str) -> Table:
+    text = "\n".join(
+        (
+            "calm: settled, decaying or driven; felt, robot: share of the force on the ideal wall, %",
+            "impulse: felt over pressed; out: J got out since the press",
+            "marks: s force limited at operator, sensor or contact; l contact lost",
+            *filter(None, (_about_auto(verdicts), _about_line(verdicts), _about(rows))),
+            f"{len(verdicts)} systems and {len(rows)} walls in {run_time:.0f} s",
+            caption,
+        )
+    )
+    columns = ("slice", "scheme", "with", "calm", "felt", "robot", "impulse", "out", "marks")
+    table = plain_table(*columns, left=("scheme", "with"), caption=text, padding=(0, 1, 0, 0))
+    groups: dict[tuple[str, str, str], list[CellVerdict]] = {}
     for cell, verdict in verdicts:
-        groups.setdefault((cell.slice, f"{cell.scheme} {cell.predictor}"), []).append(verdict)
-    for (name, control), group in groups.items():
-        calm = [verdict for verdict in group if verdict.bounded]
+        groups.setdefault((cell.slice, cell.scheme, cell.variant), []).append(verdict)
+    for (name, scheme, variant), group in groups.items():
         table.add_row(
             name,
-            control,
-            f"{len(calm)}/{len(group)}",
-            _largest([verdict.energy_generated_j for verdict in group], ".2g"),
-            _largest([verdict.energy_generated_j for verdict in calm], ".2g"),
-            _largest([verdict.peak_force_n for verdict in group], ".1f"),
-            _median([verdict.felt_share for verdict in calm], ".0f"),
-            _median([verdict.force_reduction for verdict in calm], ".1f"),
+            scheme,
+            variant,
+            _calm(group),
+            _range([verdict.felt_share for verdict in group], 100.0, ".0f"),
+            _range([verdict.pressed_share for verdict in group], 100.0, ".0f"),
+            _range([verdict.impulse_ratio for verdict in group], 1.0, ".2f"),
+            _largest([verdict.energy_out_j for verdict in group], ".2g"),
+            _marks(group),
         )
     return table
+
+
+def _calm(group: list[CellVerdict]) -> str:
+    if {verdict.state for verdict in group} == {"refused"}:
+        return "refused"
+    return f"{sum(verdict.bounded for verdict in group)}/{len(group)}"
+
+
+def _marks(group: list[CellVerdict]) -> str:
+    found = {"s": sum(bool(verdict.saturated) for verdict in group), "l": sum(v.state == "lost" for v in group)}
+    return " ".join(f"{count}{mark}" for mark, count in found.items() if count)
+
+
+def _about_auto(verdicts: list[Judged]) -> str:
+    """What `auto` does where it could do without control."""
+    near = [
+        verdict
+        for cell, verdict in verdicts
+        if cell.slice == "walls" and cell.scheme == "auto" and not cell.round_trip_s and not cell.loss
+    ]
+    if not near:
+        return ""
+    return (
+        f"auto at 0 ms: {_largest([verdict.energy_out_j for verdict in near], '.2g')} J out, both in the same scheme in"
+        f" {_range([verdict.same_scheme_share for verdict in near], 100.0, '.1f')} % of ticks,\n"
+        f"  least force felt while holding {_range([verdict.least_felt_share for verdict in near], 100.0, '.0f')} %"
+    )
+
+
+def _about_line(verdicts: list[Judged]) -> str:
+    """How far `tdpa` is from the passive line of its delay."""
+    shares: dict[float, list[float | None]] = {}
+    for cell, verdict in verdicts:
+        if cell.slice == "walls" and cell.scheme == "tdpa":
+            shares.setdefault(cell.round_trip_s, []).append(line_share(cell, verdict))
+    told = [f"{1e3 * trip:g} ms {_range(each, 100.0, '.0f')}" for trip, each in sorted(shares.items()) if trip]
+    return f"tdpa: stiffness felt in % of a passive line's, b/(RTT/2):\n  {'; '.join(told)}" if told else ""
 
 
 def _about(rows: list[WallRow]) -> str:
@@ -196,6 +258,10 @@ def _largest(values: list[float | None], form: str) -> str:
     return f"{max(known):{form}}" if known else "-"
 
 
-def _median(values: list[float | None], form: str) -> str:
-    known = [value for value in values if value is not None]
-    return f"{100 * median(known):{form}} %" if known else "-"
+def _range(values: list[float | None], scale: float, form: str) -> str:
+    """From the least to the largest, or the one that both are."""
+    known = [scale * value for value in values if value is not None]
+    if not known:
+        return "-"
+    low, high = f"{min(known):{form}}", f"{max(known):{form}}"
+    return low if low == high else f"{low}..{high}" if low.startswith("-") else f"{low}-{high}"

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from weberlink.studies.stability.cells import SystemCell
+from weberlink.studies.stability.cells import COUPLING_N_M, SystemCell
 from weberlink.studies.stability.survey import WallRow
-from weberlink.studies.stability.verdict import CellVerdict
+from weberlink.studies.stability.verdict import CellVerdict, line_share
 
 Judged = tuple[SystemCell, CellVerdict]
-Quantity = Callable[[SystemCell], float]
+Quantity = Callable[[SystemCell], float | str]
 
 COLUMNS = 4
 LEAST_J, MOST_J = 1e-4, 10.0
@@ -27,15 +27,20 @@ LEAST_J, MOST_J = 1e-4, 10.0
 TRIP: tuple[str, Quantity] = ("round trip [ms]", lambda cell: 1e3 * cell.round_trip_s)
 MASS: tuple[str, Quantity] = ("mass [kg]", lambda cell: cell.mass_kg)
 STIFFNESS: tuple[str, Quantity] = ("stiffness [N/m]", lambda cell: cell.stiffness_n_m)
+SCHEME: tuple[str, Quantity] = ("scheme", lambda cell: cell.scheme)
+CASE: tuple[str, Quantity] = ("", lambda cell: cell.case)
 AXES: dict[str, tuple[str, Quantity, str, Quantity]] = {
-    "stiffness x delay": (*TRIP, *STIFFNESS),
-    "mass x damping": (*MASS, "damping [N s/m]", lambda cell: cell.damping_n_s_m),
-    "rate x stiffness": ("tick rate [Hz]", lambda cell: cell.rate_hz, *STIFFNESS),
-    "loss x delay": (*TRIP, "loss [%]", lambda cell: 100.0 * cell.loss),
-    "hand, delayed": (*MASS, *STIFFNESS),
-    "k x delay": (*TRIP, "Weber factor k", lambda cell: cell.weber),
+    "walls": (*TRIP, *STIFFNESS),
+    "hands": ("hand", lambda cell: cell.grip, *STIFFNESS),
+    "contacts": (*TRIP, *CASE),
+    "extremes": (*SCHEME, *CASE),
+    "rates": ("tick rate [Hz]", lambda cell: cell.rate_hz, *STIFFNESS),
+    "masses": (*MASS, "damping [N s/m]", lambda cell: cell.damping_n_s_m),
+    "loss": (*TRIP, "loss [%]", lambda cell: 100.0 * cell.loss),
+    "far hands": (*MASS, *STIFFNESS),
+    "weber": (*TRIP, "Weber factor k", lambda cell: cell.weber),
 }
-"""Abscissa and ordinate of each slice."""
+"""Abscissa and ordinate of each slice; words stand in the order in which they come."""
 
 
 def stability_wall(rows: Sequence[WallRow], path: Path, caption: str) -> None:
@@ -55,7 +60,9 @@ def stability_wall(rows: Sequence[WallRow], path: Path, caption: str) -> None:
 
 
 def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
-    """A heat map for each slice and control: energy that the operator got out; unbounded cells are hatched.
+    """A heat map for each slice and control: energy that the operator got out since the press.
+
+    In each cell, the force felt and the force on the robot while holding, in percent of that on the ideal local wall.
 
     Args:
         verdicts: of all cells.
@@ -64,34 +71,35 @@ def stability_map(verdicts: Sequence[Judged], path: Path, caption: str) -> None:
     """
     panels: dict[tuple[str, ...], list[Judged]] = {}
     for cell, verdict in verdicts:
-        coding = "uncoded" if cell.position_predictor == "zoh" else cell.predictor
-        title = ", ".join(filter(None, (f"{cell.scheme} {coding}", _circumstance(cell))))
-        panels.setdefault((cell.slice, title), []).append((cell, verdict))
+        panels.setdefault((cell.slice, _title(cell)), []).append((cell, verdict))
     lines = ceil(len(panels) / COLUMNS)
-    figure = Figure(figsize=(3.4 * COLUMNS, 3.0 * lines + 0.6), layout="constrained")
+    figure = Figure(figsize=(4.0 * COLUMNS, 3.0 * lines + 1.2), layout="constrained")
     grid = figure.subplots(lines, COLUMNS, squeeze=False)
-    norm = LogNorm(LEAST_J, MOST_J)
-    mappable = ScalarMappable(norm, colormaps["YlOrRd"].with_extremes(under="white"))
+    mappable = ScalarMappable(LogNorm(LEAST_J, MOST_J), colormaps["YlOrRd"].with_extremes(under="white"))
     places = list(grid.flat)
     for axes, ((name, title), judged) in zip(places, panels.items(), strict=False):
         _draw_panel(axes, name, judged, mappable)
         axes.set_title(title, fontsize=9)
     for axes in places[len(panels) :]:
         axes.set_axis_off()
-    bar = figure.colorbar(mappable, ax=places, extend="both", shrink=0.8, pad=0.01)
-    bar.set_label("energy that the operator got out [J]")
+    bar = figure.colorbar(mappable, ax=places, extend="both", shrink=min(1.0, 2.0 / lines), pad=0.01)
+    bar.set_label("energy out since the press [J]", fontsize=8)
     _explain(figure)
     figure.supxlabel(caption, fontsize=6.5, color="0.4")
     figure.savefig(path, dpi=130)
 
 
-def _circumstance(cell: SystemCell) -> str:
-    """Parameters that the cells of a panel share, where a slice has more than two."""
-    if cell.slice == "loss x delay":
-        return f"jitter {1e3 * cell.jitter_s:g} ms"
-    if cell.slice == "hand, delayed":
-        return f"{1e3 * cell.round_trip_s:g} ms, {cell.damping_n_s_m:g} N s/m, {cell.rate_hz:g} Hz"
-    return ""
+def _title(cell: SystemCell) -> str:
+    """Scheme, and what the cells of a panel share beside it."""
+    coding = "uncoded" if cell.position_predictor == "zoh" else ""
+    shared = {
+        "walls": cell.variant,
+        "hands": "" if coding else f"{1e3 * cell.round_trip_s:g} ms",
+        "contacts": f"{_number(cell.stiffness_n_m)} N/m",
+        "extremes": "",
+    }
+    words = ("extremes" if cell.slice == "extremes" else cell.scheme, coding, shared.get(cell.slice, cell.variant))
+    return ", ".join(dict.fromkeys(filter(None, words)))
 
 
 def _draw_limits(axes: Axes, rows: Sequence[WallRow]) -> None:
@@ -159,11 +167,11 @@ def _draw_activity(axes: Axes, rows: Sequence[WallRow]) -> None:
 
 def _draw_panel(axes: Axes, name: str, judged: Sequence[Judged], mappable: ScalarMappable) -> None:
     x_label, x_of, y_label, y_of = AXES[name]
-    across = sorted({x_of(cell) for cell, _ in judged})
-    up = sorted({y_of(cell) for cell, _ in judged})
+    across, up = _ordered([x_of(cell) for cell, _ in judged]), _ordered([y_of(cell) for cell, _ in judged])
+    size = 6.5 if len(across) <= 6 else 5.0
     for cell, verdict in judged:
-        _draw_cell(axes, across.index(x_of(cell)), up.index(y_of(cell)), verdict, mappable)
-    if name in ("stiffness x delay", "rate x stiffness", "mass x damping"):
+        _draw_cell(axes, across.index(x_of(cell)), up.index(y_of(cell)), (cell, verdict), mappable, size)
+    if name in ("walls", "hands", "rates", "masses") and judged[0][0].scheme == "none":
         _draw_limit(axes, judged, across, up, x_of)
     axes.set_xlim(-0.5, len(across) - 0.5)
     axes.set_ylim(-0.5, len(up) - 0.5)
@@ -173,27 +181,56 @@ def _draw_panel(axes: Axes, name: str, judged: Sequence[Judged], mappable: Scala
     axes.set_ylabel(y_label, fontsize=8)
 
 
-def _draw_cell(axes: Axes, x: int, y: int, verdict: CellVerdict, mappable: ScalarMappable) -> None:
+def _ordered(values: Sequence[float | str]) -> list[float | str]:
+    """Each once: numbers by size, words from the first at the top."""
+    once = dict.fromkeys(values)
+    return list(once)[::-1] if any(isinstance(value, str) for value in once) else sorted(once)
+
+
+def _draw_cell(axes: Axes, x: int, y: int, judged: Judged, mappable: ScalarMappable, size: float) -> None:
+    cell, verdict = judged
     corner = (x - 0.5, y - 0.5)
-    energy = verdict.energy_generated_j
-    colour = "0.85" if energy is None else mappable.to_rgba(np.asarray(energy or 0.1 * LEAST_J))
+    energy = verdict.energy_out_j
+    colour = "0.9" if energy is None else mappable.to_rgba(np.asarray(energy or 0.1 * LEAST_J))
     axes.add_patch(Rectangle(corner, 1.0, 1.0, facecolor=colour, edgecolor="0.8", linewidth=0.5))
-    if verdict.state == "failed":
-        axes.text(x, y, "x", ha="center", va="center", color="C0")
-    elif not verdict.bounded:
-        axes.add_patch(Rectangle(corner, 1.0, 1.0, fill=False, hatch="////", edgecolor="0.25", linewidth=0.0))
-    elif verdict.felt_share is not None:
-        axes.text(x, y, f"{round(100.0 * verdict.felt_share)}", ha="center", va="center", color="0.2", fontsize=6.5)
+    if verdict.state in ("failed", "refused"):
+        axes.text(x, y, verdict.state, ha="center", va="center", color="C0", fontsize=size)
+        return
+    if verdict.state in ("oscillating", "growing"):
+        axes.add_patch(Rectangle(corner, 1.0, 1.0, fill=False, hatch="////", edgecolor="0.55", linewidth=0.0))
+    background = {"facecolor": "w", "alpha": 0.6, "edgecolor": "none", "pad": 0.6}
+    axes.text(x, y, _figures(cell, verdict), ha="center", va="center", fontsize=size, linespacing=1.1, bbox=background)
+    for met, mark, place in ((bool(verdict.saturated), "^", 0.38), (verdict.state == "lost", "o", -0.38)):
+        if met:
+            axes.plot(x + place, y + 0.36, mark, color="C0", markersize=0.55 * size, fillstyle="none", clip_on=False)
+
+
+def _figures(cell: SystemCell, verdict: CellVerdict) -> str:
+    lines = []
+    if verdict.felt_share is not None and verdict.pressed_share is not None:
+        lines = [_percent(verdict.felt_share), _percent(verdict.pressed_share)]
+    if (line := line_share(cell, verdict)) is not None and cell.scheme == "tdpa":
+        lines.append(f"line {_percent(line)}")
+    if cell.slice == "contacts" and verdict.impulse_ratio is not None:
+        lines.append(f"x {verdict.impulse_ratio:.2f}")
+    return "\n".join(lines)
+
+
+def _percent(share: float) -> str:
+    return f"{round(100.0 * share) + 0}"
 
 
 def _draw_limit(
-    axes: Axes, judged: Sequence[Judged], across: Sequence[float], up: Sequence[float], x_of: Quantity
+    axes: Axes, judged: Sequence[Judged], across: Sequence[float | str], up: Sequence[float | str], x_of: Quantity
 ) -> None:
     """Draw the stability limit without coding."""
     for place, value in enumerate(across):
         cell = next(cell for cell, _ in judged if x_of(cell) == value)
-        limit = cell.least_damping() if cell.slice == "mass x damping" else cell.limits()["stable_to_n_m"]
-        rows = np.log([up[0] / 10.0, *up, up[-1] * 10.0])  # one more row at either end
+        limit = cell.least_damping() if cell.slice == "masses" else cell.limits()["stable_to_n_m"]
+        if cell.slice != "masses" and limit > COUPLING_N_M:
+            continue  # the robot displays no stiffer wall
+        numbers = np.asarray(up, dtype=np.float64)
+        rows = np.log([numbers[0] / 10.0, *numbers, numbers[-1] * 10.0])  # one more row at either end
         height = float(np.interp(log(limit), rows, range(-1, len(up) + 1)))
         if -0.5 <= height <= len(up) - 0.5:
             axes.plot([place - 0.5, place + 0.5], [height, height], color="C0", linewidth=2.0)
@@ -202,16 +239,21 @@ def _draw_limit(
 def _explain(figure: Figure) -> None:
     figure.legend(
         handles=[
-            Patch(facecolor="w", edgecolor="0.25", hatch="////", label="not bounded: oscillating or growing"),
-            Line2D([], [], color="0.2", linestyle="none", marker="$99$", markersize=11, label="% of the force felt"),
+            Patch(facecolor="w", edgecolor="0.55", hatch="////", label="oscillating or growing"),
+            Line2D([], [], color="w", label="numbers: % of the ideal force, felt and on the robot"),
+            Line2D([], [], color="C0", linestyle="none", marker="^", fillstyle="none", label="force limited"),
+            Line2D([], [], color="C0", linestyle="none", marker="o", fillstyle="none", label="contact lost"),
+            Line2D([], [], color="w", label="x: impulse felt over pressed"),
+            Line2D([], [], color="w", label="line: stiffness felt, % of a passive line's"),
             Line2D([], [], color="C0", linewidth=2.0, label="stability limit without coding and control"),
-            Line2D([], [], color="C0", linestyle="none", marker="x", label="failed"),
         ],
         loc="outside upper center",
         ncols=4,
         fontsize=8,
-    )
+    )  # fmt: skip
 
 
-def _number(value: float) -> str:
+def _number(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
     return f"{value:g}" if value < 1e4 else f"{value:.0e}".replace("e+0", "e")

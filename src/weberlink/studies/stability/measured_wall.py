@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.geometry.vector import ZERO
-from weberlink.master.devices.hand import Hand, HandOptions
+from weberlink.master.devices.hand import modelled_hand
 from weberlink.slave.scenes.contact import SceneObject
 from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene
@@ -89,20 +89,19 @@ def disturbance_energy(wall: SampledWall, stiffness: float, ticks: int) -> NDArr
     """
     rest = -DEPTH
     scene = plane(stiffness, wall.wall_damping_n_s_m)
-    hand = Hand(hand_options(wall), (0.0, 0.0, rest))
+    hand = modelled_hand(wall.hand, (0.0, 0.0, rest))
     scene.force(hand.position, wall.tick_period)  # damping starts here, not at the surface
     hand.position = (0.0, 0.0, rest * (1.0 + DISTURBANCE))
     press = stiffness * rest
     on_the_way = deque([-press] * wall.delay_ticks)
     intended = (0.0, 0.0, rest)
-    spring = stiffness + wall.hand_stiffness_n_m
     energies: list[float] = []
     for _ in range(ticks):
         on_the_way.append(scene.force(hand.position, wall.tick_period)[2])
         felt = on_the_way.popleft() + press
         hand.advance(intended, (0.0, 0.0, felt), wall.tick_period)
-        offset, velocity = hand.position[2] - rest, hand.velocity[2]
-        energies.append(0.5 * wall.mass_kg * velocity * velocity + 0.5 * spring * offset * offset)
+        offset = hand.position[2] - rest
+        energies.append(hand.stored(intended) + 0.5 * stiffness * offset * offset)
         if abs(offset) > 0.5 * DEPTH or energies[-1] < GONE * energies[0]:
             break
     return np.asarray(energies)
@@ -114,10 +113,6 @@ def plane(stiffness: float, damping: float = 0.0) -> Scene:
     scene = Scene([thing])
     scene.force((0.0, 0.0, DEPTH), 1.0)  # the proxy starts at the first position, which must be outside
     return scene
-
-
-def hand_options(wall: SampledWall) -> HandOptions:
-    return HandOptions(mass_kg=wall.mass_kg, damping_n_s_m=wall.damping_n_s_m, stiffness_n_m=wall.hand_stiffness_n_m)
 
 
 def activity(wall: SampledWall, stiffness: float) -> float:
@@ -151,7 +146,7 @@ def generated(wall: SampledWall, stiffness: float, motion: Sequence[float]) -> f
             force = on_the_way.popleft()
             if counts:
                 delivered += force * (there - here)
-                taken += wall.damping_n_s_m * (there - here) ** 2 / wall.tick_period
+                taken += wall.device_damping_n_s_m * (there - here) ** 2 / wall.tick_period
     return delivered / taken - 1.0
 
 

@@ -3,16 +3,19 @@
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import product
-from typing import Any
+from typing import Any, get_args
 
 from weberlink.studies.stability.measured_wall import activity, measured_limit
-from weberlink.studies.stability.wall import SampledWall, passivity_limit, stability_limit
+from weberlink.studies.stability.wall import Grip, SampledWall, passivity_limit, stability_limit
 
 FREE_HAND = 0.01
 """Stiffness of a hand that hardly holds the device [N/m], a hard case for Colgate's bound."""
 
 RATIOS = (0.2, 0.5, 0.9, 0.99, 1.01, 2.0)
 """Stiffnesses, in units of the passive limit, at which the activity is measured."""
+
+
+GRIPS: tuple[Grip, ...] = get_args(Grip)
 
 
 @dataclass(frozen=True)
@@ -72,11 +75,10 @@ def walls(*, full: bool) -> list[SampledWall]:
 
 
 def _few() -> Iterator[SampledWall]:
-    dampings, masses = (0.05, 0.5, 5.0, 50.0), (0.001, 0.1, 10.0)
-    for damping, mass, rate in product(dampings, masses, (100.0, 1000.0, 4000.0)):
+    for damping, mass, rate in product((0.05, 5.0), (0.001, 0.1, 10.0), (100.0, 4000.0)):
         yield SampledWall(mass, damping, FREE_HAND, 1.0 / rate)
-    for damping, mass in product(dampings, masses):
-        yield SampledWall(mass, damping, FREE_HAND, 1e-3, delay_ticks=1)
+    for grip in GRIPS:
+        yield SampledWall(0.3, 8.0, 300.0, 1e-3, delay_ticks=1, grip=grip)
 
 
 def _many() -> Iterator[SampledWall]:
@@ -85,4 +87,5 @@ def _many() -> Iterator[SampledWall]:
         for delay in (0, 1, 4):
             yield SampledWall(mass, damping, FREE_HAND, 1.0 / rate, delay)
         yield SampledWall(mass, damping, FREE_HAND, 1.0 / rate, 0, 0.3 * damping)
-        yield SampledWall(mass, damping, 300.0, 1.0 / rate, 1)
+        for grip in GRIPS:
+            yield SampledWall(mass, damping, 300.0, 1.0 / rate, 1, grip=grip)

@@ -1,4 +1,4 @@
-"""Verdict on a cell from the telemetry of both sides: bounded or not, energy, force and settling time."""
+"""Verdict on a cell from the telemetry of both sides: settled or not, force felt and pressed, energy."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -7,18 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.protocol.states import State
-from weberlink.studies.stability.cells import CellTiming, SystemCell
-from weberlink.system.scoring.session import Records
+from weberlink.studies.stability.cells import CONTACT_LIMIT_N, DEPTH, SENSOR_RANGE_N, SystemCell
+from weberlink.studies.stability.script import CellTiming
+from weberlink.system.scoring.channel import in_session
+from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records
 from weberlink.telemetry.fault import Fault
+from weberlink.telemetry.record import FINITE
 
 Floats = NDArray[np.float64]
-Phase = Literal["settled", "decaying", "oscillating", "growing", "failed"]
+Phase = Literal["settled", "decaying", "lost", "oscillating", "growing", "driven", "failed", "refused"]
 
 SHARE = 0.05
 """Swing of a steady force, as a share of it, beside that of the deadband."""
 
 DECAYING, GROWING = 0.9, 1.5
 """Ratios of the later to the earlier variance below which an oscillation decays and above which it grows."""
+
+FAINTEST_N = 0.02
+"""Force below which there is no contact, where the cell has no threshold of its own."""
+
+AT_LIMIT = 0.999
+"""Share of a limit from which on a force counts as limited."""
 
 
 @dataclass(frozen=True)
@@ -30,51 +39,69 @@ class CellVerdict:
 
         settled      the swing is not larger
         decaying     it is larger, but smaller than in the first half, with 10 % less variance and no limited force
+        lost         either of these, but the operator felt nothing for at least one tick of the two halves
         growing      it is larger, and its variance is above 1.5 times that of the first half
         oscillating  none of these: a limit cycle, to which the force limiter turns every growing oscillation
-        failed       a fault, no session during the hold, or the cell could not run
+        driven       the wall moves, so the force cannot be steady
+        failed       a fault, no session during the hold, a value that is not finite, or the cell could not run
+        refused      the configuration is out of range
 
-    A cell is bounded if it is settled or decaying. A cell at its limit may be judged either way. A heavy hand that
-    still bounces off the force limiter in the second half counts as oscillating.
+    A cell is bounded if it is settled, decaying or driven. A cell at its limit may be judged either way. A heavy hand
+    that still bounces off the force limiter in the second half counts as oscillating.
     """
 
     state: Phase
-    energy_generated_j: float | None = None
-    """Largest energy that the operator got out of the port beyond what he put in."""
+    energy_out_j: float | None = None
+    """Largest energy that the operator got out of the port since the press began, beyond what was paid in since."""
+    energy_paid_j: float | None = None
+    """Energy that the operator had paid in when the press began: to drag, for example; negative if it was got out."""
     link_generated_j: float | None = None
-    """The same between the two ports: device, link and control, without the wall."""
+    """Largest energy that came out of the two ports together beyond what went in, while both sides were engaged and
+    neither was in a ramp: of device, link and control, without the wall."""
     peak_force_n: float | None = None
     """Largest force on the operator."""
+    peak_contact_n: float | None = None
+    """Largest force on the robot."""
     swing_n: float | None = None
     """Largest minus smallest force on the operator in the second half of the hold."""
     steady_force_n: float | None = None
-    """Mean force on the operator in the second half of the hold."""
+    """Mean force on the operator in the second half of the hold, along z."""
     wall_force_n: float | None = None
-    """Mean force on the robot in the second half of the hold."""
+    """Mean force on the robot in the second half of the hold, along z."""
+    felt_share: float | None = None
+    """The first of these over the force on the ideal local wall."""
+    least_felt_share: float | None = None
+    """The same of the smallest force on the operator in either half."""
+    pressed_share: float | None = None
+    """Mean force on the robot in the second half of the hold, over that on the ideal local wall."""
+    felt_stiffness_n_m: float | None = None
+    """Stiffness of the wall that would yield the steady force at rest; None if it is more than a rigid wall would."""
+    saturated: tuple[str, ...] = ()
+    """Limits met in either half: "operator", the force limiter; "sensor", its range; "contact", the press limit."""
     settle_s: float | None = None
     """Time from the press until the force stays within a band around its mean in the second half of the hold: the
     larger of the deadband and 5 %. None if it does so for less than the last tenth of the hold."""
+    impulse_ratio: float | None = None
+    """Integral of |force on the operator| over that of |force on the robot|, both from the press to the end of the
+    run. All contacts begin and end within it on both sides, so none is shifted in time, whatever the delay."""
+    tangential_ratio: float | None = None
+    """The same of the horizontal components, for a plane with friction."""
+    same_scheme_share: float | None = None
+    """Share of the ticks from the press on in which both sides use the same scheme; of `auto`."""
     force_reduction: float | None = None
     """Reduction of force updates relative to one per tick."""
     failure: str | None = None
 
     @property
     def bounded(self) -> bool:
-        return self.state in ("settled", "decaying")
-
-    @property
-    def felt_share(self) -> float | None:
-        """Mean force on the operator over that on the robot in the second half of the hold."""
-        if self.steady_force_n is None or not self.wall_force_n:
-            return None
-        return self.steady_force_n / self.wall_force_n
+        return self.state in ("settled", "decaying", "driven")
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self) | {"bounded": self.bounded, "felt_share": self.felt_share}
+        return asdict(self) | {"bounded": self.bounded}
 
 
 class CellObserver:
-    """Collects the records of both sides for a verdict."""
+    """Collects the records of both sides for a verdict. Both sides tick at the same times, as in virtual time."""
 
     def __init__(self) -> None:
         self._masters: list[Records] = []
@@ -85,15 +112,12 @@ class CellObserver:
         self._masters.append(master)
         self._slaves.append(slave)
 
-    def verdict(
-        self, cell: SystemCell, when: CellTiming, energy: dict[str, float | None], failure: str | None
-    ) -> CellVerdict:
+    def verdict(self, cell: SystemCell, when: CellTiming, failure: str | None) -> CellVerdict:
         """Judge a finished run.
 
         Args:
             cell: its parameters.
             when: the times of its script.
-            energy: of the session score.
             failure: reason of an early end.
         """
         master, slave = np.concatenate(self._masters), np.concatenate(self._slaves)
@@ -101,25 +125,41 @@ class CellObserver:
         begin = when.hold + 0.3 + cell.round_trip_s
         middle = 0.5 * (begin + when.release)
         early, late = (at >= begin) & (at < middle), (at >= middle) & (at < when.release)
-        failure = failure or _interruption(master[(at >= when.press) & (at < when.release)])
-        steady = float(felt[late].mean()) if late.any() else 0.0
+        failure = failure or _interruption(master[(at >= when.press) & (at < when.release)]) or _infinite(master, slave)
+        if failure is not None or not (early.any() and late.any()):
+            return CellVerdict("failed", failure=failure or "the hold is shorter than two ticks")
+        holding, pressing = early | late, at >= when.press
+        steady, pressed = float(felt[late].mean()), float(wall[late].mean())
         deadband = max(cell.weber * abs(steady), cell.floor_n)
-        state: Phase = "failed"
-        if failure is None:
-            clipped = bool(master["clipped"][late].any())
-            state = _state(felt[early], felt[late], 2.0 * deadband + SHARE * abs(steady), clipped=clipped)
+        out, paid, made = _energy(master, slave, pressing)
+        ideal = cell.ideal_n
+
+        def share(force: float) -> float | None:
+            return None if ideal is None or ideal < FAINTEST_N else force / ideal
+
         return CellVerdict(
-            state=state,
-            energy_generated_j=energy["generated_j"],
-            link_generated_j=energy["link_generated_j"],
-            peak_force_n=float(np.linalg.norm(master["output"], axis=1).max()),
-            swing_n=float(np.ptp(felt[late])) if late.any() else None,
+            state=_state(cell, felt[early], felt[late], steady, clipped=bool(master["clipped"][late].any())),
+            energy_out_j=None if cell.wall_speed_m_s else out,
+            energy_paid_j=paid,
+            link_generated_j=made,
+            peak_force_n=float(_lengths(master["output"]).max()),
+            peak_contact_n=float(_lengths(slave["raw"]).max()),
+            swing_n=float(np.ptp(felt[late])),
             steady_force_n=steady,
-            wall_force_n=float(wall[late].mean()) if late.any() else None,
-            settle_s=None if failure else settling_time(at, felt, when, steady, max(deadband, SHARE * abs(steady))),
+            wall_force_n=pressed,
+            felt_share=share(steady),
+            least_felt_share=share(float(felt[holding].min())),
+            pressed_share=share(pressed),
+            felt_stiffness_n_m=_stiffness(cell, steady),
+            saturated=_saturated(master[holding], slave[holding]),
+            settle_s=settling_time(at, felt, when, steady, max(deadband, SHARE * abs(steady))),
+            impulse_ratio=_ratio(_lengths(master["output"][pressing]), _lengths(slave["raw"][pressing])),
+            tangential_ratio=_ratio(
+                _lengths(master["output"][pressing, :2]), _lengths(slave["raw"][pressing, :2])
+            ) if cell.friction and cell.contact == "plane" else None,
+            same_scheme_share=_agreement(master[pressing], slave[pressing]) if cell.scheme == "auto" else None,
             force_reduction=_reduction(slave),
-            failure=failure,
-        )
+        )  # fmt: skip
 
 
 def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, band: float) -> float | None:
@@ -131,13 +171,68 @@ def settling_time(at: Floats, force: Floats, when: CellTiming, steady: float, ba
     return last - when.press if last < when.release - 0.1 * (when.release - when.hold) else None
 
 
-def _state(early: Floats, late: Floats, steady_swing: float, *, clipped: bool) -> Phase:
-    if float(np.ptp(late)) <= steady_swing:
-        return "settled"
+def line_share(cell: SystemCell, verdict: CellVerdict) -> float | None:
+    """Stiffness felt over that of the wall displayed or of a passive line of this delay, whichever is less."""
+    line, felt = cell.passive_line_n_m, verdict.felt_stiffness_n_m
+    return None if line is None or felt is None else felt / min(line, cell.displayed_n_m)
+
+
+def _state(cell: SystemCell, early: Floats, late: Floats, steady: float, *, clipped: bool) -> Phase:
+    if cell.wall_speed_m_s:
+        return "driven"
+    lost = min(early.min(), late.min()) < _faintest(cell)
+    if float(np.ptp(late)) <= 2.0 * max(cell.weber * abs(steady), cell.floor_n) + SHARE * abs(steady):
+        return "lost" if lost else "settled"
     before, after = float(early.var()), float(late.var())
     if after < DECAYING * before and np.ptp(late) < np.ptp(early) and not clipped:
-        return "decaying"
+        return "lost" if lost else "decaying"
     return "growing" if after > GROWING * before else "oscillating"
+
+
+def _faintest(cell: SystemCell) -> float:
+    """Force on the operator [N] below which contact is lost; nothing is lost where the ideal wall is fainter."""
+    floor = cell.floor_n or FAINTEST_N
+    return floor if cell.ideal_n is None or cell.ideal_n > floor else -np.inf
+
+
+def _energy(master: Records, slave: Records, pressing: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Energy out since the press, paid before, and generated by the link [J]."""
+    given = PortWork("output", "position", held=True).add(master)
+    taken = PortWork("raw", "output", held=False).add(slave)
+    since = given[pressing]
+    link = LinkEnergy()
+    link.add(given, taken, in_session(master) & in_session(slave))
+    return max(0.0, float(since[0] - since.min())), float(since[0]), max(0.0, -link.least)
+
+
+def _stiffness(cell: SystemCell, steady: float) -> float | None:
+    if cell.ideal_n is None:
+        return None
+    way = DEPTH - steady / cell.wall.hand.static_stiffness
+    return max(0.0, steady) / way if way > 0.0 else None
+
+
+def _saturated(master: Records, slave: Records) -> tuple[str, ...]:
+    largest = float(_lengths(slave["raw"]).max())
+    met = {
+        "operator": bool(master["clipped"].any()),
+        "sensor": largest >= AT_LIMIT * SENSOR_RANGE_N,
+        "contact": largest >= AT_LIMIT * CONTACT_LIMIT_N,
+    }
+    return tuple(name for name, limited in met.items() if limited)
+
+
+def _lengths(vectors: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def _ratio(felt: Floats, pressed: Floats) -> float | None:
+    """Of two integrals over the same ticks; None if the robot touched next to nothing."""
+    return float(felt.sum() / pressed.sum()) if pressed.max() > FAINTEST_N else None
+
+
+def _agreement(master: Records, slave: Records) -> float:
+    return float((master["control"] == slave["control"]).mean())
 
 
 def _interruption(pressing: Records) -> str | None:
@@ -149,6 +244,11 @@ def _interruption(pressing: Records) -> str | None:
         return f"not engaged for {away} ticks of the press"
     faults = sorted({Fault(int(fault)).name.lower() for fault in np.unique(pressing["fault"]) if fault})
     return f"faults during the press: {', '.join(faults)}" if faults else None
+
+
+def _infinite(master: Records, slave: Records) -> str | None:
+    wrong = sorted({name for side in (master, slave) for name in FINITE if not np.isfinite(side[name]).all()})
+    return f"not finite: {', '.join(wrong)}" if wrong else None
 
 
 def _reduction(slave: Records) -> float | None:

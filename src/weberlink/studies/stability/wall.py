@@ -1,20 +1,26 @@
 """The linear model of the sampled virtual wall: when it is stable against a hand, and when it is passive against any.
 
 In tick n the force f_n = -(K x + B (x - x_before) / T) is computed from the sampled position, applied `delay_ticks`
-ticks later, and held for a tick T. Device and hand follow m a = -k x - b v + f, which `Hand` solves exactly. Without
-delay this is the wall of the textbooks. One tick of delay corresponds to both daemons over a link without delay,
-because the force that answers a position is applied one tick later. `measured_wall` measures the same loop.
+ticks later, and held for a tick T. Device and hand follow m a = -k x - b v + f, or are two masses with a grasp between
+them; either is solved exactly, as by the modelled hand. Without delay this is the wall of the textbooks. One tick of
+delay corresponds to both daemons over a link without delay, because the force that answers a position is applied one
+tick later. `measured_wall` measures the same loop.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from math import log, pi, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from weberlink.control import passivity
-from weberlink.master.devices.hand import transition
+from weberlink.master.devices.hand import HandOptions, handle_and_arm, transition
+
+Grip = Literal["firm", "pinch", "fingertip"]
+"""How the hand holds the device: firmly, as one mass with it, or with a grasp between them."""
 
 PRECISION = 1e-9
 """Relative precision of a limit."""
@@ -28,12 +34,13 @@ class SampledWall:
     """The loop without the stiffness of the wall.
 
     Args:
-        mass_kg: m, of device and hand, > 0.
+        mass_kg: m, of device and hand, > 0; of the arm alone with a grasp, as the next two.
         damping_n_s_m: b, of device and hand, > 0.
         hand_stiffness_n_m: k, > 0; small values approach a free device.
         tick_period: T [s].
         delay_ticks: from the sampling of a position to the force that answers it, whole ticks.
         wall_damping_n_s_m: B.
+        grip: the grasp.
     """
 
     mass_kg: float
@@ -42,37 +49,63 @@ class SampledWall:
     tick_period: float
     delay_ticks: int = 0
     wall_damping_n_s_m: float = 0.0
+    grip: Grip = "firm"
 
     @property
-    def step(self) -> tuple[tuple[float, float, float, float], tuple[float, float]]:
-        """One tick of the hand: transition matrix by rows, and response of position and velocity to 1 N held."""
-        a, b, c, d = transition(self.mass_kg, self.damping_n_s_m, self.hand_stiffness_n_m, self.tick_period)
-        return (a, b, c, d), ((1.0 - a) / self.hand_stiffness_n_m, -c / self.hand_stiffness_n_m)
+    def hand(self) -> HandOptions:
+        """Hand and device as the options of the modelled hand."""
+        return HandOptions(
+            mass_kg=self.mass_kg,
+            damping_n_s_m=self.damping_n_s_m,
+            stiffness_n_m=self.hand_stiffness_n_m,
+            grasp=None if self.grip == "firm" else self.grip,
+        )
+
+    @property
+    def device_damping_n_s_m(self) -> float:
+        """The damping that is there whatever the hand does: that of device and hand, of the handle with a grasp."""
+        held = self.hand.held
+        return self.damping_n_s_m if held is None else held.handle_damping_n_s_m
+
+    @cached_property
+    def step(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """One tick without the wall.
+
+        Returns:
+            Transition matrix of position and velocity of the device, with a grasp also of the arm, shape (n, n), and
+            their response to 1 N held, shape (n,).
+        """
+        hand = self.hand
+        if hand.held is not None:
+            steps = np.asarray(handle_and_arm(hand, hand.held, self.tick_period))
+            return steps[:, :4], steps[:, 4]
+        a, b, c, d = transition(*hand.oscillator, self.tick_period)
+        return np.asarray([[a, b], [c, d]]), np.asarray([1.0 - a, -c]) / self.hand_stiffness_n_m
 
 
 def loop_matrix(wall: SampledWall, stiffness: float) -> NDArray[np.float64]:
     """One tick of the closed loop, while the contact lasts.
 
-    The state is position, velocity, previous position, and the delayed forces, newest first.
+    The state is that of the hand, previous position, and the delayed forces, newest first.
     """
-    (a, b, c, d), (to_position, to_velocity) = wall.step
-    size = 3 + wall.delay_ticks
+    transition_matrix, response = wall.step
+    hand = len(response)
+    size = hand + 1 + wall.delay_ticks
     law = np.zeros(size)
     rate = wall.wall_damping_n_s_m / wall.tick_period
-    law[0], law[2] = -(stiffness + rate), rate
+    law[0], law[hand] = -(stiffness + rate), rate
     if wall.delay_ticks == 0:
         applied = law
     else:
         applied = np.zeros(size)
         applied[-1] = 1.0
     loop = np.zeros((size, size))
-    loop[0, :2], loop[1, :2] = (a, b), (c, d)
-    loop[0] += to_position * applied
-    loop[1] += to_velocity * applied
-    loop[2, 0] = 1.0
+    loop[:hand, :hand] = transition_matrix
+    loop[:hand] += np.outer(response, applied)
+    loop[hand, 0] = 1.0
     if wall.delay_ticks:
-        loop[3] = law
-        for place in range(4, size):
+        loop[hand + 1] = law
+        for place in range(hand + 2, size):
             loop[place, place - 1] = 1.0
     return loop
 
@@ -113,9 +146,9 @@ def gain_limit(wall: SampledWall) -> float:
 
 
 def passivity_limit(wall: SampledWall) -> float:
-    """The stiffness [N/m] up to which wall and device together are passive; may be 0."""
+    """The stiffness [N/m] up to which wall and device together are passive against any hand; may be 0."""
     return passivity.passivity_limit(
-        wall.damping_n_s_m,
+        wall.device_damping_n_s_m,
         wall.tick_period,
         delay_ticks=wall.delay_ticks,
         wall_damping=wall.wall_damping_n_s_m,
@@ -158,24 +191,19 @@ def _negative_gains(wall: SampledWall) -> list[float]:
     angles = np.union1d(np.geomspace(lowest, pi, count)[:-1], even)
     imaginary = _loop_gain(wall, angles).imag
     crossings = np.flatnonzero(imaginary[1:] * imaginary[:-1] < 0.0)
-    gains = [_gain_at_crossing(wall, float(angles[place]), float(angles[place + 1])) for place in crossings]
-    gains.append(float(_loop_gain(wall, np.asarray([pi])).real[0]))
-    return [gain for gain in gains if gain < 0.0]
-
-
-def _gain_at_crossing(wall: SampledWall, low: float, high: float) -> float:
-    rising = bool(_loop_gain(wall, np.asarray([high])).imag[0] > 0.0)
-
-    def passed(angle: float) -> bool:
-        return bool(_loop_gain(wall, np.asarray([angle])).imag[0] > 0.0) == rising
-
-    crossing = bisect(passed, low, high, PRECISION)
-    return float(_loop_gain(wall, np.asarray([crossing])).real[0])
+    low, high, rising = angles[crossings], angles[crossings + 1], imaginary[crossings + 1] > 0.0
+    while (high > low * (1.0 + PRECISION)).any():  # all at once: a long delay has thousands
+        middle = np.sqrt(low * high)
+        passed = (_loop_gain(wall, middle).imag > 0.0) == rising
+        low, high = np.where(passed, low, middle), np.where(passed, middle, high)
+    gains = _loop_gain(wall, np.append(low, pi)).real
+    return [float(gain) for gain in gains if gain < 0.0]
 
 
 def _loop_gain(wall: SampledWall, angles: NDArray[np.float64]) -> NDArray[np.complex128]:
     """From a held force to the sampled position, after the delay, at exp(j w)."""
-    (a, b, c, d), (to_position, to_velocity) = wall.step
+    transition_matrix, response = wall.step
     z = np.exp(1j * angles)
-    determinant = (z - a) * (z - d) - b * c
-    return np.asarray(((z - d) * to_position + b * to_velocity) / determinant * z**-wall.delay_ticks)
+    resolvent = z[:, None, None] * np.eye(len(response)) - transition_matrix
+    state = np.linalg.solve(resolvent, np.broadcast_to(response[:, None], (len(z), len(response), 1)))
+    return np.asarray(state[:, 0, 0] * z**-wall.delay_ticks)

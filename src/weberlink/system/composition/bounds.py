@@ -111,7 +111,7 @@ def _passive_stiffness(configuration: Configuration, damping: float, stiffness: 
 def _device_damping(configuration: Configuration) -> float | None:
     """Of device and hand, in the robot's frame [N s/m]; None where it is not known."""
     part, mapping = configuration.device, configuration.system.master.mapping
-    damping = getattr(getattr(part.options, "hand", None), "damping_n_s_m", None) if part is not None else None
+    damping = getattr(getattr(part.options, "hand", None), "damping_at_handle", None) if part is not None else None
     scale = 1.0 if mapping is None else mapping.scale * mapping.force_scale
     return None if damping is None else damping / scale
 

@@ -72,10 +72,11 @@ class PortWork:
 
 
 class LinkEnergy:
-    """Energy that went in at the port of the operator and did not come out at the robot, while both sides were engaged.
+    """Energy that went in at the port of the operator and did not come out at the robot, while both sides lead.
 
-    Ramps count; a step counts if both sides are engaged at both of its ends. A negative sum is energy that the link
-    generated, which includes the effect of holding the force over a tick.
+    That is while both are engaged and neither is in a ramp: before, the robot approaches on its own. A step counts if
+    that holds at both of its ends. A negative sum is energy that the link generated, which includes the effect of
+    holding the force over a tick.
     """
 
     def __init__(self) -> None:
@@ -84,22 +85,22 @@ class LinkEnergy:
         self.least = 0.0
         """The lowest value of the sum so far, at most 0 [J]."""
 
-    def add(self, given: Series, taken: Series, engaged: NDArray[np.bool_]) -> None:
+    def add(self, given: Series, taken: Series, counts: NDArray[np.bool_]) -> None:
         """Take the next pairs, in order of time, without gaps.
 
         Args:
             given: work of the operator up to each [J], shape (n,).
             taken: work that came out at the robot's port [J], shape (n,).
-            engaged: whether both sides were, shape (n,).
+            counts: whether both sides lead, shape (n,).
         """
         if not len(given):
             return
         held = given - taken
         if self._last is not None:
             held = np.concatenate([[self._last[0]], held])
-            engaged = np.concatenate([[self._last[1]], engaged])
-        self._last = (float(held[-1]), bool(engaged[-1]))
-        sums = self._total + np.cumsum(np.diff(held) * (engaged[1:] & engaged[:-1]))
+            counts = np.concatenate([[self._last[1]], counts])
+        self._last = (float(held[-1]), bool(counts[-1]))
+        sums = self._total + np.cumsum(np.diff(held) * (counts[1:] & counts[:-1]))
         if len(sums):
             self._total = float(sums[-1])
             self.least = min(self.least, float(sums.min()))

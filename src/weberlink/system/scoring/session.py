@@ -101,7 +101,7 @@ class SessionScore:
     Energy counts in all ticks. `energy.generated_j` is the largest energy that the operator had taken from the device
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
     gone in and not come out at the end. Both are of the port of the operator. `energy.link_generated_j` is the same for
-    the link between the ports, while both sides are engaged (`weberlink.system.scoring.energy`).
+    the link between the ports, while errors count too (`weberlink.system.scoring.energy`).
 
     Args:
         rate_hz: tick rate of both sides [Hz].
@@ -219,7 +219,7 @@ class SessionScore:
         passed = max(0, int(nearest[-1]) - 1) if ready else 0
         self._waiting = [master[passed:], slave[ready:]]
         self._work = [self._work[0][passed:], self._work[1][ready:]]
-        self._link_energy.add(given, taken, engaged(matched) & engaged(now))
+        self._link_energy.add(given, taken, in_session(matched) & in_session(now))
         counts = close & in_session(matched) & in_session(now)
         matched, now = matched[counts], now[counts]
         for channel in self._from_slave.values():
