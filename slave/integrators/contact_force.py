@@ -34,6 +34,26 @@ def contact_force(touches: Sequence[Touch], velocity: Vector) -> Vector:
     return (x, y, z)
 
 
+def stored_energy(touches: Sequence[Touch]) -> float:
+    """Energy in the springs of contact [J]: along the normals, and of sticking friction along the surface.
+
+    Along the normals it is k |p|^2 / 2 for the push p = sum depth_i n_i. Where stiffnesses differ, k is their mean with
+    the weights depth_i^2; at right angles that is the sum of k_i depth_i^2 / 2. At other angles the force of different
+    stiffnesses has no potential, and this is what stands for it.
+    """
+    if not touches:
+        return 0.0
+    if len(touches) == 1:
+        _, depth, _, stiffness, _, drag, _ = touches[0]
+        return 0.5 * (stiffness * depth * depth + dot(drag, drag) / stiffness)
+    x = y = z = weights = weighed = dragged = 0.0
+    for _, depth, n, stiffness, _, drag, _ in touches:
+        x, y, z = x + depth * n[0], y + depth * n[1], z + depth * n[2]
+        weights, weighed = weights + depth * depth, weighed + stiffness * depth * depth
+        dragged += dot(drag, drag) / stiffness
+    return 0.5 * ((x * x + y * y + z * z) * (weighed / weights if weights > 0.0 else 0.0) + dragged)
+
+
 def pressing(touches: Sequence[Touch], velocity: Vector) -> frozenset[int]:
     """The objects whose contact force is more than 0."""
     if not touches:

@@ -1,10 +1,12 @@
 """One integration step of a mass under position control in contact with a scene: m a = k (goal - x) - c v + f(x, v)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import NamedTuple, Protocol, cast
 
 from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene
 
 
@@ -22,6 +24,14 @@ class ControlledMass(NamedTuple):
     mass: float
     stiffness: float
     damping: float
+
+
+class Stage(NamedTuple):
+    """A state, the contacts that gave its force, and whether it solves the equation that it was computed from."""
+
+    motion: MassState
+    touches: Sequence[Touch]
+    solved: bool = True
 
 
 class Integrator(Protocol):
