@@ -27,10 +27,11 @@ class ControlledMass(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """A state, the contacts that gave its force, and whether it solves the equation that it was computed from."""
+    """A state, its contacts, how far they push [m], and whether it solves the equation that it was computed from."""
 
     motion: MassState
     touches: Sequence[Touch]
+    push: float
     solved: bool = True
 
 

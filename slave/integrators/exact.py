@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from weberlink.geometry.vector import ZERO, Vector, add
-from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.integrators.contact_force import staged
 from weberlink.slave.integrators.contract import ControlledMass, MassState, Stage
 from weberlink.slave.integrators.guard import EnergyGuard
 from weberlink.slave.integrators.implicit import Implicit
@@ -54,10 +54,10 @@ class Exact:
         if self._linear is not None:  # nothing to guard: it is the solution
             moved = self._linear.flow(motion.position, motion.velocity, goal, step)
             if moved is not None:
-                return self._at(moved).motion
+                return staged(self._scene, *moved).motion
         scene, start = self._scene, self._end
         if start is None or start.motion != motion:
-            start = Stage(motion, scene.touch(motion.position))
+            start = staged(scene, motion.position, motion.velocity)
         state, end = scene.state, None
         if self._linear is None:
             end = self._midpoint(start, goal, step) if self._rough is None else self._rubbed(start, goal, step)
@@ -67,12 +67,6 @@ class Exact:
             kept = self._implicit.stepped(start, goal, step)
         self._end = kept
         return kept.motion
-
-    def _at(self, moved: tuple[Vector, Vector]) -> Stage:
-        """What the scene has at the end of a motion."""
-        position, velocity = moved
-        touches = self._scene.touch(position)
-        return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches)
 
     def _rubbed(self, start: Stage, goal: Vector, step: float) -> Stage | None:
         """The step in closed form on the rough plane, whose anchor the scene remembers."""
@@ -88,7 +82,7 @@ class Exact:
         anchored = (0.0, None, False) if hold is None else (0.0, hold.anchor, hold.sliding)
         touched = NOTHING if hold is None else frozenset({0})
         scene.restore(state._replace(contacts=(anchored,), touched=touched))
-        return self._at((position, velocity))
+        return staged(scene, position, velocity)
 
     def _midpoint(self, start: Stage, goal: Vector, step: float) -> Stage | None:
         """The step with the tangent planes of its middle."""
@@ -103,7 +97,7 @@ class Exact:
         tangents = self._tangents(middle)
         scene.restore(state)
         end = tangents.flow(position, velocity, goal, step, drag_of(there, middle))
-        return None if end is None else self._at(end)
+        return None if end is None else staged(scene, *end)
 
     def _tangents(self, position: Vector) -> LinearContact:
         """The tangent planes of the scene at the proxy."""

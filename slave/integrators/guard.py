@@ -33,7 +33,7 @@ class EnergyGuard:
         mass, stiffness, _ = self._body
         away = subtract(position, goal)
         spring = stiffness * dot(away, away) if stiffness > 0.0 else 0.0
-        return 0.5 * (mass * dot(velocity, velocity) + spring) + stored_energy(stage.touches)
+        return 0.5 * (mass * dot(velocity, velocity) + spring) + stored_energy(stage.touches, stage.push)
 
     def kept(self, start: Stage, end: Stage, goal: Vector, most: float = RESOLVED) -> Stage | None:
         """`end` if it has no more energy than `start`, else with the velocity that the energy allows.
@@ -49,10 +49,9 @@ class EnergyGuard:
         if excess > most * before or excess > moving:
             return None
         velocity = scale(velocity, sqrt(1.0 - excess / moving))
-        return Stage(MassState(position, velocity, contact_force(end.touches, velocity)), end.touches)
+        return end._replace(motion=MassState(position, velocity, contact_force(end.touches, velocity)))
 
     def stopped(self, start: Stage, state: SceneState) -> Stage:
         """At rest where the step began, which is always possible: the energy of motion is lost."""
         self._scene.restore(state)
-        touches = self._scene.touch(start.motion.position)
-        return Stage(MassState(start.motion.position, ZERO, contact_force(touches, ZERO)), touches)
+        return start._replace(motion=MassState(start.motion.position, ZERO, contact_force(start.touches, ZERO)))

@@ -3,7 +3,7 @@
 from math import inf, sqrt
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
-from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, pressing
+from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, pressing, staged
 from weberlink.slave.integrators.contract import ControlledMass, MassState, Stage
 from weberlink.slave.integrators.guard import EnergyGuard
 from weberlink.slave.scenes.contact import Touch
@@ -78,10 +78,11 @@ class Equation:
         """The scene evaluated at the position that `velocity` leads to."""
         position = add(self._origin, scale(velocity, self._step))
         self._scene.restore(self._state)
-        touches = self._scene.touch(position)
-        if not self._rubs:
-            touches = tuple([touch._replace(drag=ZERO, grip=0.0) for touch in touches])
-        return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches)
+        stage = staged(self._scene, position, velocity)
+        if self._rubs:
+            return stage
+        touches = tuple([touch._replace(drag=ZERO, grip=0.0) for touch in stage.touches])
+        return stage._replace(motion=MassState(position, velocity, contact_force(touches, velocity)), touches=touches)
 
     def _residual(self, velocity: Vector, force: Vector) -> Vector:
         """Residual of the equation [N s]."""
@@ -129,7 +130,7 @@ class Implicit:
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         start = self._end
         if start is None or start.motion != motion:
-            start = Stage(motion, self._scene.touch(motion.position))
+            start = staged(self._scene, motion.position, motion.velocity)
         self._end = self.stepped(start, goal, step)
         return self._end.motion
 
@@ -170,8 +171,7 @@ class Implicit:
         if power < 0.0:
             velocity = add(velocity, scale(drag, min(step / self._body.mass, -power / pull)))
         scene.forget_friction()
-        touches = scene.touch(position)
-        return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches)
+        return staged(scene, position, velocity)
 
     def _sdirk(self, start: Stage, state: SceneState, goal: Vector, step: float) -> tuple[Stage, Stage]:
         position, velocity, _ = start.motion

@@ -17,7 +17,7 @@ from weberlink.slave.scenes.active_set import PARALLEL, SOLVERS, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-EVENTS_MOST = 256  # in one step, about 3 ms of computing
+EVENTS_MOST = 128  # in one step, about 2 ms of computing
 WEIGHTLESS = 1e-9  # share of m / h^2: a negligible spring to carry a drag where the control has none
 
 

@@ -217,7 +217,7 @@ class StickSlip:
     def _slide(self, now: Motion, hold: Hold, goal: Vector, toward: Vector, shortest: float) -> tuple[Motion, Vector]:
         """The next motion, and the direction in which the anchor slides on; zero if it stops."""
         x, v, _, left = now
-        cone = self._cone.dynamic * self._depth(x)
+        cone = self._cone.dynamic * max(0.0, self._depth(x))
         across = norm(self._along(subtract(v, scale(toward, dot(v, toward)))))
         if across * left <= STRAIGHT * cone:
             piece = self._dragged(x, v, goal, toward, left, stops=True)
@@ -232,7 +232,7 @@ class StickSlip:
         left = left - time if out or stop or time < left else 0.0
         if out:
             return Motion(x, v, None, left), ZERO
-        spring, cone = self._along(subtract(hold.anchor, x)), self._cone.dynamic * self._depth(x)
+        spring, cone = self._along(subtract(hold.anchor, x)), self._cone.dynamic * max(0.0, self._depth(x))
         if norm(spring) > cone:
             toward = unit(spring)
         elif across * time > STRAIGHT * cone:  # the anchor need not have been dragged at all
