@@ -4,14 +4,17 @@ from collections.abc import Sequence
 from functools import cached_property
 
 from weberlink.geometry.vector import ZERO, Vector, add
-from weberlink.slave.integrators.contact_force import staged
+from weberlink.slave.integrators.contact_force import contact_force, staged
 from weberlink.slave.integrators.contract import ControlledMass, MassState, Stage
 from weberlink.slave.integrators.guard import EnergyGuard
 from weberlink.slave.integrators.implicit import Implicit
 from weberlink.slave.integrators.linear_contact import Drag, LinearContact, Oscillators
 from weberlink.slave.integrators.stick_slip import Hold, StickSlip
 from weberlink.slave.scenes.contact import Touch
-from weberlink.slave.scenes.scene import NOTHING, Scene
+from weberlink.slave.scenes.scene import NOTHING, Scene, SceneState
+
+HELD = frozenset({0})
+RELEASED = ((0.0, None, False),)
 
 
 class Exact:
@@ -51,43 +54,47 @@ class Exact:
         return Implicit(self._body, self._scene)
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
-        if self._linear is not None:  # nothing to guard: it is the solution
-            moved = self._linear.flow(motion.position, motion.velocity, goal, step)
+        scene, linear, start = self._scene, self._linear, self._end
+        if linear is not None:  # nothing to guard: it is the solution
+            moved = linear.flow(motion.position, motion.velocity, goal, step)
             if moved is not None:
-                return staged(self._scene, *moved).motion
-        scene, start = self._scene, self._end
+                return staged(scene, *moved).motion
         if start is None or start.motion != motion:
             start = staged(scene, motion.position, motion.velocity)
-        state, end = scene.state, None
-        if self._linear is None:
-            end = self._midpoint(start, goal, step) if self._rough is None else self._rubbed(start, goal, step)
-        kept = None if end is None else self._guard.kept(start, end, goal)
+        state, kept = scene.state, None
+        if self._rough is not None:
+            kept = self._rubbed(self._rough, start, state, goal, step)
+        elif linear is None:
+            kept = self._midpoint(start, state, goal, step)
         if kept is None:
             scene.restore(state)
             kept = self._implicit.stepped(start, goal, step)
         self._end = kept
         return kept.motion
 
-    def _rubbed(self, start: Stage, goal: Vector, step: float) -> Stage | None:
-        """The step in closed form on the rough plane, whose anchor the scene remembers."""
-        scene, rough = self._scene, self._rough
-        assert rough is not None
-        state = scene.state
+    def _rubbed(self, rough: StickSlip, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage | None:
+        """The step in closed form on the rough plane, whose anchor the scene remembers; None if it cannot be taken.
+
+        The scene gets the state that a touch would give it.
+        """
         _, anchor, sliding = state.contacts[0]
         hold = None if anchor is None else Hold(anchor, sliding)
         after = rough.flow(start.motion.position, start.motion.velocity, goal, step, hold)
         if after is None:
             return None
-        position, velocity, hold = after
-        anchored = (0.0, None, False) if hold is None else (0.0, hold.anchor, hold.sliding)
-        touched = NOTHING if hold is None else frozenset({0})
-        scene.restore(state._replace(contacts=(anchored,), touched=touched))
-        return staged(scene, position, velocity)
+        position, velocity, depth, hold, slides, straight = after
+        if hold is None:
+            self._scene.restore(SceneState(position, NOTHING, RELEASED, 0.0))
+            end = Stage(MassState(position, velocity, ZERO), (), 0.0)
+        else:
+            proxy, touch = rough.touch(position, depth, hold, slides)
+            self._scene.restore(SceneState(proxy, HELD, ((0.0, hold.anchor, hold.sliding),), depth))
+            end = Stage(MassState(position, velocity, contact_force((touch,), velocity)), (touch,), depth)
+        return end if straight else self._guard.kept(start, end, goal)
 
-    def _midpoint(self, start: Stage, goal: Vector, step: float) -> Stage | None:
+    def _midpoint(self, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage | None:
         """The step with the tangent planes of its middle."""
         scene, (position, velocity, _) = self._scene, start.motion
-        state = scene.state
         tangents = self._tangents(position)
         half = tangents.flow(position, velocity, goal, 0.5 * step, drag_of(start.touches, position))
         if half is None:
@@ -97,7 +104,7 @@ class Exact:
         tangents = self._tangents(middle)
         scene.restore(state)
         end = tangents.flow(position, velocity, goal, step, drag_of(there, middle))
-        return None if end is None else staged(scene, *end)
+        return None if end is None else self._guard.kept(start, staged(scene, *end), goal)
 
     def _tangents(self, position: Vector) -> LinearContact:
         """The tangent planes of the scene at the proxy."""

@@ -5,166 +5,203 @@ three linear motions:
 
     free     the oscillation of the control alone
     stuck    one isotropic oscillation, of control and surface together, about a point between goal and anchor
-    sliding  the anchor is x + depth n + mu depth e, in the direction e from the body; the depth oscillates as when
-             stuck, and the anchor, on which no force acts, follows the free oscillation
+    sliding  the anchor is at x + mu depth e along the surface, in the direction e; the depth oscillates as when stuck,
+             and the anchor, on which no force acts along the surface, follows the free oscillation
 
-Events are touch, release, slip (the static cone, or the dynamic one while the anchor has not come closer since it last
-slid) and stop (the anchor turns back). All but the slip are zeros of one oscillating coordinate. The slip is one too in
-each fixed direction; the direction is that of the tangential spring, found by iteration.
+Events are touch, release, slip (the anchor reaches the static cone, or the dynamic one while it has not come closer
+since it last slid) and stop (a sliding anchor turns back). All but the slip are zeros of one oscillating coordinate.
+The slip is one too in each fixed direction; the direction is that of the tangential spring, found by iteration.
+
+Vectors here are (depth, p, q), with p and q along the surface.
 """
 
+from math import sqrt
 from typing import NamedTuple
 
-from weberlink.geometry.vector import ZERO, Vector, add, dot, norm, scale, subtract, unit
+from weberlink.geometry.vector import Vector, add, dot, scale, subtract, unit
 from weberlink.slave.integrators.linear_contact import EVENTS_MOST, Oscillators
 from weberlink.slave.integrators.oscillation import Oscillation
-from weberlink.slave.scenes.contact import RESTICK, FrictionCone
+from weberlink.slave.scenes.contact import RESTICK, FrictionCone, Touch
 from weberlink.slave.scenes.scene import FARTHEST, Facing
+
+Flat = tuple[float, float]
+"""Along the surface."""
 
 LOOKS = 8  # at the direction of a slip; each squares its error
 STRAIGHT = 1e-9  # sine of the largest angle between directions that count as one
 TURN = 0.1  # [rad] of the direction of sliding in one piece of motion
+PIECES = 8  # of one step, at most, into which it is divided for that
 LEAST = 5e-324
-PIECES_LEAST = 1.0 / 8.0  # shortest such piece, as a share of the step
 
 
 class Hold(NamedTuple):
-    """Where the surface holds the body, and whether the anchor has been dragged and not come closer since."""
+    """Where the surface holds the body [m], and whether that anchor has slid and not come closer since."""
 
     anchor: Vector
     sliding: bool
 
 
-class Motion(NamedTuple):
-    """Position [m], velocity [m/s], the hold of the surface, and the time that is left of the step [s]."""
+class Arrival(NamedTuple):
+    """The end of a step: position, velocity, depth [m], hold, whether the anchor slides, and only along lines."""
 
     position: Vector
     velocity: Vector
+    depth: float
     hold: Hold | None
-    left: float
+    slides: bool
+    straight: bool
+
+
+class Phase(NamedTuple):
+    """The motion from here: free without an anchor, sliding with a direction to the anchor, else stuck.
+
+    `loose` is `Hold.sliding`; `stopped` tells that the anchor has turned back at this very moment.
+    """
+
+    anchor: Flat | None = None
+    toward: Flat | None = None
+    loose: bool = False
+    stopped: bool = False
+
+
+FREE = Phase()
 
 
 class Piece(NamedTuple):
-    """Sliding for `time` [s]: where it leads, and whether contact ends there, or the anchor stops."""
+    """Where a motion leads in `time` [s], and the phase that follows; None at the end of the step."""
 
     position: Vector
     velocity: Vector
     time: float
-    out: bool
-    stop: bool
+    phase: Phase | None
 
 
 class StickSlip:
     """Motion of a mass against a plane with friction and without damping.
 
-    Exact but for rounding where it slides along straight lines. Where the path along the surface is curved the
-    direction of friction turns with it, in pieces of 0.1 rad with the midpoint rule, an eighth of the step or longer.
+    Exact but for rounding where it slides along straight lines. Where the path along the surface is curved, the
+    direction of friction turns in pieces of 0.1 rad, or an eighth of the step, by the midpoint rule.
     """
 
-    __slots__ = ("_body", "_cone", "_free", "_gap", "_held", "_normal", "_share", "_stiffness")
+    __slots__ = ("_aside", "_body", "_cone", "_free", "_gap", "_held", "_normal", "_share", "_side", "_stiffness")
 
     def __init__(self, oscillators: Oscillators, plane: Facing, seen_from: Vector, cone: FrictionCone) -> None:
         self._body = oscillators.body
         self._cone = cone
-        self._normal, self._stiffness = plane.normal, plane.stiffness
+        x, y, z = self._normal = plane.normal
+        self._side = unit((0.0, -z, y) if abs(x) < 0.5 else (z, 0.0, -x))
+        u, v, w = self._side
+        self._aside = (y * w - z * v, z * u - x * w, x * v - y * u)
+        self._stiffness = plane.stiffness
         self._gap = plane.gap - dot(plane.normal, seen_from)
         self._free = oscillators.held(0.0, 0.0)
         self._held = oscillators.held(plane.stiffness, 0.0)
         self._share = plane.stiffness / (self._body.stiffness + plane.stiffness)
 
-    def flow(
-        self, position: Vector, velocity: Vector, goal: Vector, step: float, hold: Hold | None
-    ) -> tuple[Vector, Vector, Hold | None] | None:
-        """Position, velocity and hold `step` [s] later; None after too many events. Beyond 1e12 is no contact."""
+    def flow(self, position: Vector, velocity: Vector, goal: Vector, step: float, hold: Hold | None) -> Arrival | None:
+        """The motion over `step` [s]; None after too many events, and beyond 1e12."""
         if self._body.stiffness == 0.0:
             goal = position  # without stiffness the goal has no effect, but its digits would cancel
-        if not all(abs(number) < FARTHEST for vector in (position, velocity, goal) for number in vector):
-            return *flown(self._free, position, velocity, goal, step), None
-        if hold is None and self._depth(position) > 0.0:
-            hold = Hold(self._on_surface(position), False)
-        now, dragged, stopped = Motion(position, velocity, hold, step), ZERO, False
-        shortest = PIECES_LEAST * step
+        if not max(map(abs, (*position, *velocity, *goal))) < FARTHEST:
+            return None
+        gap, straight = self._gap, True
+        x, v, goal = self._local(position, gap), self._local(velocity, 0.0), self._local(goal, gap)
+        phase, left = FREE, step
+        if hold is not None:
+            _, p, q = self._local(hold.anchor, gap)
+            phase = Phase((p, q), None, hold.sliding)
+        elif x[0] > 0.0:
+            phase = Phase((x[1], x[2]))
         for _ in range(EVENTS_MOST):
-            if now.hold is None:
-                now = self._flight(now, goal)
-            elif dragged is ZERO:
-                now, dragged = self._stuck(now, now.hold, goal, stopped)
-                stopped = False
+            anchor, toward, _, _ = phase
+            if anchor is None:
+                x, v, time, following = self._flight(x, v, goal, left)
+            elif toward is None:
+                x, v, time, following = self._stuck(x, v, goal, left, anchor, phase)
             else:
-                now, dragged = self._slide(now, now.hold, goal, dragged, shortest)
-                stopped = dragged is ZERO
-            if now.left <= 0.0:
-                return now.position, now.velocity, now.hold
+                across = abs(toward[0] * v[2] - toward[1] * v[1])
+                if across * left <= STRAIGHT * self._cone.dynamic * x[0]:
+                    x, v, time, following = self._dragged(x, v, goal, left, toward, stops=True)
+                else:
+                    straight = False
+                    x, v, time, following = self._turning(x, v, goal, left, step / PIECES, anchor, toward)
+            left -= time
+            phase = phase if following is None else following
+            if following is None or left <= 0.0:
+                anchor, held = phase.anchor, None
+                if anchor is not None:
+                    held = Hold(self._global((0.0, *anchor), gap), phase.loose)
+                position, velocity = self._global(x, gap), self._global(v, 0.0)
+                return Arrival(position, velocity, x[0], held, phase.toward is not None, straight)
         return None
 
-    def _depth(self, x: Vector) -> float:
-        n = self._normal
-        return -(n[0] * x[0] + n[1] * x[1] + n[2] * x[2] + self._gap)
+    def touch(self, position: Vector, depth: float, hold: Hold, slides: bool) -> tuple[Vector, Touch]:
+        """The proxy and the contact of a body that is held."""
+        n, k = self._normal, self._stiffness
+        proxy = (position[0] + depth * n[0], position[1] + depth * n[1], position[2] + depth * n[2])
+        drag = scale(subtract(hold.anchor, proxy), k)
+        return proxy, Touch(0, depth, n, k, 0.0, drag, 0.0 if slides else k)
 
-    def _on_surface(self, x: Vector) -> Vector:
-        return add(x, scale(self._normal, self._depth(x)))
+    def _local(self, vector: Vector, gap: float) -> Vector:
+        (x, y, z), n, u, w = vector, self._normal, self._side, self._aside
+        return (
+            -(n[0] * x + n[1] * y + n[2] * z + gap),
+            u[0] * x + u[1] * y + u[2] * z,
+            w[0] * x + w[1] * y + w[2] * z,
+        )
 
-    def _along(self, x: Vector) -> Vector:
-        """The part of `x` along the surface."""
-        n = self._normal
-        across = n[0] * x[0] + n[1] * x[1] + n[2] * x[2]
-        return (x[0] - across * n[0], x[1] - across * n[1], x[2] - across * n[2])
+    def _global(self, x: Vector, gap: float) -> Vector:
+        (d, p, q), n, u, w = x, self._normal, self._side, self._aside
+        d += gap
+        return (
+            p * u[0] + q * w[0] - d * n[0],
+            p * u[1] + q * w[1] - d * n[1],
+            p * u[2] + q * w[2] - d * n[2],
+        )
 
-    def _flight(self, now: Motion, goal: Vector) -> Motion:
-        x, v, _, left = now
-        touched = self._free.first_fall(-self._depth(x), dot(self._normal, v), -self._depth(goal), left)
+    def _flight(self, x: Vector, v: Vector, goal: Vector, left: float) -> Piece:
+        touched = self._free.first_fall(-x[0], -v[0], -goal[0], left)
         x, v = flown(self._free, x, v, goal, left if touched is None else touched)
-        if touched is None:
-            return Motion(x, v, None, 0.0)
-        return Motion(x, v, Hold(self._on_surface(x), False), left - touched)
+        return Piece(x, v, left, None) if touched is None else Piece(x, v, touched, Phase((x[1], x[2])))
 
-    def _stuck(self, now: Motion, hold: Hold, goal: Vector, stopped: bool) -> tuple[Motion, Vector]:
-        """The next motion, and the direction in which the anchor then slides; zero if it does not."""
-        x, v, _, time = now
-        held, (anchor, loose) = self._held, hold
-        rest = add(goal, scale(subtract(anchor, goal), self._share))
-        depth, sinking, deepest = self._depth(x), -dot(self._normal, v), self._depth(rest)
-        spring, centre = self._along(subtract(anchor, x)), self._along(subtract(anchor, rest))
-        change = self._along(scale(v, -1.0))
-        spared = RESTICK * self._cone.dynamic
-        length = norm(spring)
+    def _stuck(self, x: Vector, v: Vector, goal: Vector, left: float, anchor: Flat, phase: Phase) -> Piece:
+        held, loose, cone = self._held, phase.loose, self._cone
+        centre = add(goal, scale(subtract((0.0, *anchor), goal), self._share))
+        (depth, p, q), (sinking, u, w), (deepest, centre_p, centre_q) = x, v, centre
+        spring = Spring((anchor[0] - p, anchor[1] - q), (-u, -w), (anchor[0] - centre_p, anchor[1] - centre_q))
+        spared, length = RESTICK * cone.dynamic, spring.length
         if loose and length < spared * depth:
             loose = False
-        out = held.first_fall(depth, sinking, deepest, time)
-        event = time if out is None else out
+        limit = cone.dynamic if loose else cone.static
+        # No swing is larger than the energy of the oscillation allows: in calm contact nothing happens.
+        squared = held.squared
+        swing = sqrt((depth - deepest) ** 2 + sinking * sinking / squared)
+        offset, sway = spring.bounds(squared)
+        if offset + sway < limit * (deepest - swing) and (not loose or offset - sway > spared * (deepest + swing)):
+            x, v = flown(held, x, v, centre, left)
+            return Piece(x, v, left, Phase(anchor, None, loose))
+        out = held.first_fall(depth, sinking, deepest, left)
+        time = left if out is None else out
         closer = None
         if loose and length > 0.0:
-            e = scale(spring, 1.0 / length)
-            closer = held.first_fall(
-                length - spared * depth, dot(e, change) - spared * sinking, dot(e, centre) - spared * deepest, event
-            )
-            event = event if closer is None else closer
-        slip = self._slip(
-            (depth, sinking, deepest), (spring, change, centre), event, self._cone.dynamic if loose else None, stopped
-        )
+            value, rate, rest = spring.along(spring.value[0] / length, spring.value[1] / length)
+            closer = held.first_fall(value - spared * depth, rate - spared * sinking, rest - spared * deepest, time)
+            time = time if closer is None else closer
+        slip = self._slip(limit, (depth, sinking, deepest), spring, time, phase.stopped)
+        time = time if slip is None else slip
+        x, v = flown(held, x, v, centre, time)
         if slip is not None:
-            event = slip
-        x, v = flown(held, x, v, rest, event)
-        if slip is not None:
-            spring = self._along(subtract(anchor, x))
-            if spring == ZERO:
-                spring = self._along(scale(v, -1.0))
-            return Motion(x, v, Hold(anchor, True), time - event), ZERO if spring == ZERO else unit(spring)
-        if closer is not None:  # in another direction by then it is not close enough yet: the next piece finds out
-            still = norm(self._along(subtract(anchor, x))) > spared * self._depth(x) * (1.0 + STRAIGHT)
-            return Motion(x, v, Hold(anchor, still), time - event), ZERO
-        if out is not None:
-            return Motion(x, v, None, time - event), ZERO
-        return Motion(x, v, Hold(anchor, loose), 0.0), ZERO
+            p, q = anchor[0] - x[1], anchor[1] - x[2]
+            if p == 0.0 == q:
+                p, q = -v[1], -v[2]
+            length = sqrt(p * p + q * q) or 1.0
+            return Piece(x, v, time, Phase(anchor, (p / length, q / length), True))
+        if closer is not None:  # in another direction by then, it is not close enough: the next piece finds out
+            far = sqrt((anchor[0] - x[1]) ** 2 + (anchor[1] - x[2]) ** 2)
+            return Piece(x, v, time, Phase(anchor, None, far > spared * x[0] * (1.0 + STRAIGHT)))
+        return Piece(x, v, time, Phase(anchor, None, loose) if out is None else FREE)
 
-    def _slip(
-        self,
-        depth: tuple[float, float, float],
-        spring: tuple[Vector, Vector, Vector],
-        horizon: float,
-        dynamic: float | None,
-        stopped: bool,
-    ) -> float | None:
+    def _slip(self, limit: float, depth: Vector, spring: "Spring", horizon: float, stopped: bool) -> float | None:
         """When the tangential spring leaves the cone [s], searched up to `horizon`.
 
         limit depth - e . spring is no less than limit depth - |spring|, and equal where e is the direction of the
@@ -172,97 +209,128 @@ class StickSlip:
         such zeros falls to the slip.
 
         Args:
+            limit: Slope of the cone.
             depth, spring: Value, rate and resting point of either.
-            dynamic: The limit of a loose anchor; None for the static one.
-            stopped: Whether the anchor has just turned: it is on the cone, and comes closer from here.
+            horizon: [s]
+            stopped: Whether the anchor is on the cone and comes closer from here.
         """
-        limit = self._cone.static if dynamic is None else dynamic
-        held, (value, rate, rest) = self._held, spring
-        first: float | None = None
-        e = self._direction(spring, horizon)
+        held = self._held
+        a, b, _, _ = held.transition(horizon)
+        e = spring.direction(a, b)
         if e is None:
             return None
-        directions = [e, scale(e, -1.0)]
-        tilt = max(norm(subtract(part, scale(e, dot(e, part)))) - STRAIGHT * norm(part) for part in spring)
-        if tilt > 0.0:
-            n = self._normal
-            aside = (n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0])
-            directions += [aside, scale(aside, -1.0)]
-        for direction in directions:
+        curved = spring.leaves(e)
+        directions: list[Flat] = [e, (-e[0], -e[1])]
+        if curved:
+            directions += [(-e[1], e[0]), (e[1], -e[0])]
+        first: float | None = None
+        for p, q in directions:
             for _ in range(LOOKS):
-                inside = limit * depth[0] - dot(direction, value)
-                closing = limit * depth[1] - dot(direction, rate)
-                if stopped and tilt <= 0.0 and dot(direction, value) > 0.0:
+                value, rate, rest = spring.along(p, q)
+                inside, closing = limit * depth[0] - value, limit * depth[1] - rate
+                if stopped and not curved and value > 0.0:
                     inside, closing = 0.0, abs(closing) or LEAST
-                fall = held.first_fall(
-                    inside, closing, limit * depth[2] - dot(direction, rest), horizon if first is None else first
-                )
+                fall = held.first_fall(inside, closing, limit * depth[2] - rest, horizon)
                 if fall is None:
                     break
-                first = fall
-                turned = self._direction(spring, fall) if tilt > 0.0 else None
-                if turned is None or norm(subtract(turned, direction)) < STRAIGHT:
+                first = horizon = fall
+                a, b, _, _ = held.transition(fall)
+                e = spring.direction(a, b) if curved else None
+                if e is None or abs(e[0] - p) + abs(e[1] - q) < STRAIGHT:
                     break
-                direction = turned  # noqa: PLW2901 - refined
+                p, q = e  # noqa: PLW2901 - refined
         return first
 
-    def _direction(self, spring: tuple[Vector, Vector, Vector], time: float) -> Vector | None:
-        """Of the tangential spring after `time` [s]; None without any length."""
-        value, rate, rest = spring
-        a, b, _, _ = self._held.transition(time)
-        there = add(rest, add(scale(subtract(value, rest), a), scale(rate, b)))
-        length = norm(there)
-        return None if length == 0.0 else scale(there, 1.0 / length)
+    def _turning(
+        self, x: Vector, v: Vector, goal: Vector, left: float, shortest: float, anchor: Flat, toward: Flat
+    ) -> Piece:
+        """Sliding on while the direction to the anchor turns."""
+        mu = self._cone.dynamic
+        cone, across = mu * max(0.0, x[0]), abs(toward[0] * v[2] - toward[1] * v[1])
+        time = left if across * left <= TURN * cone else min(left, max(shortest, TURN * cone / across))
+        piece = self._dragged(x, v, goal, time, toward, stops=False)
+        p, q = anchor[0] - piece.position[1], anchor[1] - piece.position[2]
+        length = sqrt(p * p + q * q) or 1.0
+        p, q = toward[0] + p / length, toward[1] + q / length
+        length = sqrt(p * p + q * q)
+        if length > STRAIGHT:
+            piece = self._dragged(x, v, goal, time, (p / length, q / length), stops=False)
+        x, v, time, phase = piece
+        if phase is None or phase.anchor is None:
+            return piece
+        cone, p, q = mu * max(0.0, x[0]), anchor[0] - x[1], anchor[1] - x[2]
+        length = sqrt(p * p + q * q)
+        if length <= cone:  # it need not have been dragged at all
+            return Piece(x, v, time, Phase(anchor, None, True))
+        p, q = p / length, q / length
+        return Piece(x, v, time, Phase((x[1] + cone * p, x[2] + cone * q), (p, q), True))
 
-    def _slide(self, now: Motion, hold: Hold, goal: Vector, toward: Vector, shortest: float) -> tuple[Motion, Vector]:
-        """The next motion, and the direction in which the anchor slides on; zero if it stops."""
-        x, v, _, left = now
-        cone = self._cone.dynamic * max(0.0, self._depth(x))
-        across = norm(self._along(subtract(v, scale(toward, dot(v, toward)))))
-        if across * left <= STRAIGHT * cone:
-            piece = self._dragged(x, v, goal, toward, left, stops=True)
-        else:
-            time = left if across * left <= TURN * cone else min(left, max(shortest, TURN * cone / across))
-            piece = self._dragged(x, v, goal, toward, time, stops=False)
-            spring = self._along(subtract(hold.anchor, piece.position))
-            middle = add(toward, scale(spring, 1.0 / (norm(spring) or 1.0)))
-            if norm(middle) > STRAIGHT:
-                piece = self._dragged(x, v, goal, unit(middle), time, stops=False)
-        x, v, time, out, stop = piece
-        left = left - time if out or stop or time < left else 0.0
-        if out:
-            return Motion(x, v, None, left), ZERO
-        spring, cone = self._along(subtract(hold.anchor, x)), self._cone.dynamic * max(0.0, self._depth(x))
-        if norm(spring) > cone:
-            toward = unit(spring)
-        elif across * time > STRAIGHT * cone:  # the anchor need not have been dragged at all
-            return Motion(x, v, Hold(hold.anchor, True), left), ZERO
-        anchor = add(self._on_surface(x), scale(toward, cone))
-        return Motion(x, v, Hold(anchor, True), left), ZERO if stop else toward
-
-    def _dragged(self, x: Vector, v: Vector, goal: Vector, e: Vector, time: float, *, stops: bool) -> Piece:
-        """Sliding with the anchor in the direction `e`; `stops` to end it where the anchor turns back."""
-        n, mu, free, held = self._normal, self._cone.dynamic, self._free, self._held
-        depth, sinking, aim = self._depth(x), -dot(n, v), self._depth(goal)
+    def _dragged(self, x: Vector, v: Vector, goal: Vector, left: float, toward: Flat, *, stops: bool) -> Piece:
+        """Sliding with the anchor in one direction; `stops` to end it where the anchor turns back."""
+        mu, free, held, (e, f) = self._cone.dynamic, self._free, self._held, toward
+        (depth, p, q), (sinking, u, w), (aim, goal_p, goal_q) = x, v, goal
         rest = aim * (1.0 - self._share)
-        out = held.first_fall(depth, sinking, rest, time)
-        end, stop = time if out is None else out, False
+        out = held.first_fall(depth, sinking, rest, left)
+        time, stop = left if out is None else out, False
         if stops:
-            rate = dot(e, v) + mu * sinking
-            turn = free.turn(dot(e, x) + mu * depth - dot(e, goal) - mu * aim, rate) if rate < 0.0 else 0.0
-            stop, end = turn < end, min(end, turn)
-        a, b, c, d = held.transition(end)
-        deep, sank = rest + a * (depth - rest) + b * sinking, c * (depth - rest) + d * sinking
-        to_anchor = add(n, scale(e, mu))
-        anchor, speed = flown(
-            free,
-            add(x, scale(to_anchor, depth)),
-            add(v, scale(to_anchor, sinking)),
-            add(goal, scale(to_anchor, aim)),
-            end,
+            rate = e * u + f * w + mu * sinking
+            turn = free.turn(e * (p - goal_p) + f * (q - goal_q) + mu * (depth - aim), rate) if rate < 0.0 else 0.0
+            stop, time = turn < time, min(time, turn)
+        a, b, c, d = held.transition(time)
+        depth, sinking, deep, speed = (
+            rest + a * (depth - rest) + b * sinking,
+            c * (depth - rest) + d * sinking,
+            depth,
+            sinking,
         )
-        x, v = subtract(anchor, scale(to_anchor, deep)), subtract(speed, scale(to_anchor, sank))
-        return Piece(x, v, end, out is not None and not stop, stop)
+        a, b, c, d = free.transition(time)
+        # The anchor's motion, and from there back to the body by the new depth.
+        away_p, away_q = p + mu * deep * e - goal_p - mu * aim * e, q + mu * deep * f - goal_q - mu * aim * f
+        rate_p, rate_q = u + mu * speed * e, w + mu * speed * f
+        at = goal_p + mu * aim * e + a * away_p + b * rate_p, goal_q + mu * aim * f + a * away_q + b * rate_q
+        x = (depth, at[0] - mu * depth * e, at[1] - mu * depth * f)
+        v = (sinking, c * away_p + d * rate_p - mu * sinking * e, c * away_q + d * rate_q - mu * sinking * f)
+        if out is not None and not stop:
+            return Piece(x, v, time, FREE)
+        return Piece(x, v, time, Phase(at, None if stop else toward, True, stop))
+
+
+class Spring(NamedTuple):
+    """The tangential spring from the body to its anchor: value [m], rate [m/s] and resting point [m]."""
+
+    value: Flat
+    rate: Flat
+    rest: Flat
+
+    @property
+    def length(self) -> float:
+        return sqrt(self.value[0] * self.value[0] + self.value[1] * self.value[1])
+
+    def bounds(self, squared: float) -> Flat:
+        """Length of the resting point, and how far an oscillation of this k/m can take the spring from it."""
+        (x, y), (u, v), (p, q) = self
+        return sqrt(p * p + q * q), sqrt((x - p) ** 2 + (y - q) ** 2 + (u * u + v * v) / squared)
+
+    def along(self, p: float, q: float) -> Vector:
+        """The three along one direction."""
+        value, rate, rest = self
+        return p * value[0] + q * value[1], p * rate[0] + q * rate[1], p * rest[0] + q * rest[1]
+
+    def direction(self, a: float, b: float) -> Flat | None:
+        """The direction after the transition with `a` and `b`; None without any length."""
+        value, rate, rest = self
+        p = rest[0] + a * (value[0] - rest[0]) + b * rate[0]
+        q = rest[1] + a * (value[1] - rest[1]) + b * rate[1]
+        length = sqrt(p * p + q * q)
+        return (p / length, q / length) if length > 0.0 else None
+
+    def leaves(self, direction: Flat) -> bool:
+        """Whether it moves out of the line along `direction`."""
+        p, q = direction
+        for x, y in self:
+            if abs(p * y - q * x) > STRAIGHT * (abs(x) + abs(y)):
+                return True
+        return False
 
 
 def flown(
