@@ -15,7 +15,7 @@ The slip is one too in each fixed direction; the direction is that of the tangen
 Vectors here are (depth, p, q), with p and q along the surface.
 """
 
-from math import sqrt
+from math import atan, atan2, cos, exp, sin, sqrt, tan
 from typing import NamedTuple
 
 from weberlink.geometry.vector import Vector, add, dot, scale, subtract, unit
@@ -80,7 +80,7 @@ class StickSlip:
     """Motion of a mass against a plane with friction and without damping.
 
     Exact but for rounding where it slides along straight lines. Where the path along the surface is curved, the
-    direction of friction turns in pieces of 0.1 rad, or an eighth of the step, by the midpoint rule.
+    direction of friction turns in pieces of 0.1 rad, or an eighth of the step, by the midpoint rule: order 2.
     """
 
     __slots__ = ("_aside", "_body", "_cone", "_free", "_gap", "_held", "_normal", "_share", "_side", "_stiffness")
@@ -124,7 +124,7 @@ class StickSlip:
                     x, v, time, following = self._dragged(x, v, goal, left, toward, stops=True)
                 else:
                     straight = False
-                    x, v, time, following = self._turning(x, v, goal, left, step / PIECES, anchor, toward)
+                    x, v, time, following = self._turning(x, v, goal, left, step / PIECES, toward)
             left -= time
             phase = phase if following is None else following
             if following is None or left <= 0.0:
@@ -241,29 +241,24 @@ class StickSlip:
                 p, q = e  # noqa: PLW2901 - refined
         return first
 
-    def _turning(
-        self, x: Vector, v: Vector, goal: Vector, left: float, shortest: float, anchor: Flat, toward: Flat
-    ) -> Piece:
+    def _turning(self, x: Vector, v: Vector, goal: Vector, left: float, shortest: float, toward: Flat) -> Piece:
         """Sliding on while the direction to the anchor turns."""
         mu = self._cone.dynamic
         cone, across = mu * max(0.0, x[0]), abs(toward[0] * v[2] - toward[1] * v[1])
         time = left if across * left <= TURN * cone else min(left, max(shortest, TURN * cone / across))
         piece = self._dragged(x, v, goal, time, toward, stops=False)
-        p, q = anchor[0] - piece.position[1], anchor[1] - piece.position[2]
-        length = sqrt(p * p + q * q) or 1.0
-        p, q = toward[0] + p / length, toward[1] + q / length
+        turned = trailing(toward, x, piece.position, mu)
+        p, q = toward[0] + turned[0], toward[1] + turned[1]
         length = sqrt(p * p + q * q)
         if length > STRAIGHT:
             piece = self._dragged(x, v, goal, time, (p / length, q / length), stops=False)
-        x, v, time, phase = piece
-        if phase is None or phase.anchor is None:
+            turned = trailing(toward, x, piece.position, mu)
+        if piece.phase is None or piece.phase.anchor is None:
             return piece
-        cone, p, q = mu * max(0.0, x[0]), anchor[0] - x[1], anchor[1] - x[2]
-        length = sqrt(p * p + q * q)
-        if length <= cone:  # it need not have been dragged at all
-            return Piece(x, v, time, Phase(anchor, None, True))
-        p, q = p / length, q / length
-        return Piece(x, v, time, Phase((x[1] + cone * p, x[2] + cone * q), (p, q), True))
+        x, v, time, _ = piece
+        cone, (p, q) = mu * max(0.0, x[0]), turned
+        closer = p * v[1] + q * v[2] + mu * v[0] >= 0.0
+        return Piece(x, v, time, Phase((x[1] + cone * p, x[2] + cone * q), None if closer else turned, True))
 
     def _dragged(self, x: Vector, v: Vector, goal: Vector, left: float, toward: Flat, *, stops: bool) -> Piece:
         """Sliding with the anchor in one direction; `stops` to end it where the anchor turns back."""
@@ -331,6 +326,23 @@ class Spring(NamedTuple):
             if abs(p * y - q * x) > STRAIGHT * (abs(x) + abs(y)):
                 return True
         return False
+
+
+def trailing(toward: Flat, start: Vector, end: Vector, mu: float) -> Flat:
+    """The direction from a body to the anchor that it has dragged along a straight way, at first in `toward`.
+
+    The anchor follows a tractrix: the angle between that direction and the way back falls as tan(angle / 2) ~ exp(-way
+    / distance).
+    """
+    p, q, far = start[1] - end[1], start[2] - end[2], 0.5 * mu * (start[0] + end[0])
+    way = sqrt(p * p + q * q)
+    if way == 0.0:
+        return toward
+    p, q = p / way, q / way
+    angle = atan2(toward[0] * q - toward[1] * p, toward[0] * p + toward[1] * q)
+    angle = 2.0 * atan(tan(0.5 * angle) * exp(-way / far)) if far > 0.0 else 0.0
+    c, s = cos(angle), sin(angle)
+    return p * c + q * s, q * c - p * s
 
 
 def flown(
