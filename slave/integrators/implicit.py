@@ -139,15 +139,16 @@ class Implicit:
         state, keep = self._scene.state, self._guard.kept
         held = pressing(start.touches, start.motion.velocity)
         first, end = self._sdirk(start, state, goal, step)
-        if first.solved and end.solved and (
-            held == pressing(first.touches, first.motion.velocity) == pressing(end.touches, end.motion.velocity)
-        ):
-            kept = keep(start, end, goal)
-            if kept is not None:
-                return kept
-        end = self._equation(state, start.motion.position, start.motion.velocity, goal, step).solved(start)
+        if first.solved:
+            if end.solved and (
+                held == pressing(first.touches, first.motion.velocity) == pressing(end.touches, end.motion.velocity)
+            ):
+                kept = keep(start, end, goal)
+                if kept is not None:
+                    return kept
+            end = self._equation(state, start.motion.position, start.motion.velocity, goal, step).solved(start)
         kept = keep(start, end, goal, inf) if end.solved else None
-        if kept is None:
+        if kept is None and self._scene.rubs:
             kept = keep(start, self._braked(start, state, goal, step), goal, inf)
         return self._guard.stopped(start, state) if kept is None else kept
 
