@@ -22,10 +22,9 @@ class Equation:
 
     Args:
         state: Of the scene before each evaluation; it is left at the last one.
-        rubs: Whether friction counts.
     """
 
-    __slots__ = ("_drive", "_inertia", "_origin", "_rubs", "_scene", "_state", "_step")
+    __slots__ = ("_drive", "_inertia", "_origin", "_scene", "_state", "_step")
 
     def __init__(
         self,
@@ -36,10 +35,8 @@ class Equation:
         driven: Vector,
         goal: Vector,
         step: float,
-        *,
-        rubs: bool = True,
     ) -> None:
-        self._scene, self._state, self._rubs = scene, state, rubs
+        self._scene, self._state = scene, state
         self._origin, self._step = origin, step
         pull = step * body.stiffness
         self._drive = add(scale(driven, body.mass), scale(subtract(goal, origin), pull))
@@ -53,7 +50,7 @@ class Equation:
         """
         position, velocity, force = near.motion
         step = self._step
-        resistance = ContactResistance(near.touches, velocity, self._inertia, step, trial=self._rubs)
+        resistance = ContactResistance(near.touches, velocity, self._inertia, step, trial=True)
         moved = subtract(add(self._origin, scale(velocity, step)), position)
         change = resistance.solved(self._residual(velocity, resistance.force(moved, force)))
         stage = self._at(add(velocity, change))
@@ -78,11 +75,7 @@ class Equation:
         """The scene evaluated at the position that `velocity` leads to."""
         position = add(self._origin, scale(velocity, self._step))
         self._scene.restore(self._state)
-        stage = staged(self._scene, position, velocity)
-        if self._rubs:
-            return stage
-        touches = tuple([touch._replace(drag=ZERO, grip=0.0) for touch in stage.touches])
-        return stage._replace(motion=MassState(position, velocity, contact_force(touches, velocity)), touches=touches)
+        return staged(self._scene, position, velocity)
 
     def _residual(self, velocity: Vector, force: Vector) -> Vector:
         """Residual of the equation [N s]."""
@@ -114,9 +107,8 @@ class Implicit:
 
     Its local error h^2 is what the kink of the force costs any scheme that does not locate it, so the order stays 2.
 
-    Where a step is far too long for friction on a curved surface (millimetres of sliding on a stiff one) its equation
-    may defeat Newton's method; that step is solved without friction, which then brakes what is left of the velocity.
-    Should that fail too (an impact that leads a centimetre past a curved surface), the body stops where it was.
+    Where a step is far too long (centimetres into a stiff curved surface, millimetres of sliding on it) its equation may
+    defeat Newton's method. The body then loses its velocity and creeps toward its rest.
     """
 
     __slots__ = ("_body", "_end", "_guard", "_scene")
@@ -148,31 +140,22 @@ class Implicit:
                     return kept
             end = self._equation(state, start.motion.position, start.motion.velocity, goal, step).solved(start)
         kept = keep(start, end, goal, inf) if end.solved else None
-        if kept is None and self._scene.rubs:
-            kept = keep(start, self._braked(start, state, goal, step), goal, inf)
+        if kept is None:
+            kept = keep(start, self._crept(start, state, goal, step), goal, inf)
         return self._guard.stopped(start, state) if kept is None else kept
 
-    def _braked(self, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage:
-        """Backward Euler without friction; then friction reduces the velocity, at most to zero.
+    def _crept(self, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage:
+        """A step of backward Euler from rest, with the stiffness of control and contact in every direction.
 
-        The anchor of friction is dropped: it did not hold, and its spring must not return energy that it never stored.
+        That is no less than the true one, so the step leads downhill in energy and no further than to the rest of it.
         """
-        scene = self._scene
-        position, velocity, _ = start.motion
-        smooth = self._equation(state, position, velocity, goal, step, rubs=False).solved(start)
-        if smooth.solved:
-            position, velocity, _ = smooth.motion
-        else:
-            velocity = ZERO
-        scene.restore(state)
-        drag = ZERO
-        for touch in scene.touch(position):
-            drag = add(drag, touch.drag)
-        power, pull = dot(drag, velocity), dot(drag, drag)
-        if power < 0.0:
-            velocity = add(velocity, scale(drag, min(step / self._body.mass, -power / pull)))
-        scene.forget_friction()
-        return staged(scene, position, velocity)
+        mass, control, damping = self._body
+        position, force = start.motion.position, contact_force(start.touches, ZERO)
+        stiffness = control + max(self._scene.stiffness_n_m, sum([touch.stiffness for touch in start.touches]))
+        pull = add(force, scale(subtract(goal, position), control))
+        velocity = scale(pull, step / (mass + step * (damping + step * stiffness)))
+        self._scene.restore(state)
+        return staged(self._scene, add(position, scale(velocity, step)), velocity)
 
     def _sdirk(self, start: Stage, state: SceneState, goal: Vector, step: float) -> tuple[Stage, Stage]:
         position, velocity, _ = start.motion
@@ -185,6 +168,6 @@ class Implicit:
         return first, self._equation(state, moved, driven, goal, inner).solved(first)
 
     def _equation(
-        self, state: SceneState, origin: Vector, driven: Vector, goal: Vector, step: float, *, rubs: bool = True
+        self, state: SceneState, origin: Vector, driven: Vector, goal: Vector, step: float
     ) -> Equation:
-        return Equation(self._body, self._scene, state, origin, driven, goal, step, rubs=rubs)
+        return Equation(self._body, self._scene, state, origin, driven, goal, step)
