@@ -148,13 +148,16 @@ class Implicit:
         """A step of backward Euler from rest, with the stiffness of control and contact in every direction.
 
         That is no less than the true one, so the step leads downhill in energy and no further than to the rest of it.
+        Friction starts anew: on a curved surface its spring is no gradient of an energy.
         """
         mass, control, damping = self._body
-        position, force = start.motion.position, contact_force(start.touches, ZERO)
+        position = start.motion.position
+        force = contact_force([touch._replace(drag=ZERO) for touch in start.touches], ZERO)
         stiffness = control + max(self._scene.stiffness_n_m, sum([touch.stiffness for touch in start.touches]))
         pull = add(force, scale(subtract(goal, position), control))
         velocity = scale(pull, step / (mass + step * (damping + step * stiffness)))
         self._scene.restore(state)
+        self._scene.forget_friction()
         return staged(self._scene, add(position, scale(velocity, step)), velocity)
 
     def _sdirk(self, start: Stage, state: SceneState, goal: Vector, step: float) -> tuple[Stage, Stage]:
