@@ -6,7 +6,6 @@ from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
 from weberlink.slave.integrators.contact_force import ContactResistance, contact_force, pressing, staged
 from weberlink.slave.integrators.contract import ControlledMass, MassState, Stage
 from weberlink.slave.integrators.guard import EnergyGuard
-from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene, SceneState
 
 GAMMA = 1.0 - 1.0 / sqrt(2.0)
@@ -170,7 +169,5 @@ class Implicit:
         driven = add(velocity, scale(subtract(first.motion.velocity, velocity), share))  # g h a_1 is v_1 - v
         return first, self._equation(state, moved, driven, goal, inner).solved(first)
 
-    def _equation(
-        self, state: SceneState, origin: Vector, driven: Vector, goal: Vector, step: float
-    ) -> Equation:
+    def _equation(self, state: SceneState, origin: Vector, driven: Vector, goal: Vector, step: float) -> Equation:
         return Equation(self._body, self._scene, state, origin, driven, goal, step)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, distance, is_finite
-from weberlink.slave.scenes.contact import ContactState, FrictionCone, ObjectContact, SceneObject, Touch
+from weberlink.slave.scenes.contact import ContactState, ObjectContact, SceneObject, Touch
 from weberlink.slave.scenes.proxy import Proxy, ShapePress
 
 NOTHING: frozenset[int] = frozenset()
