@@ -60,12 +60,14 @@ class IntegrationScheme:
         order: Global order where the motion is smooth.
         l_stable: Whether a linear contact stiffer than the step resolves is damped out at once: stable at any step.
         exact_if_linear: Whether flat contact without friction has no error but rounding, at any step.
+        gains_nothing: Whether no step with its goal held gains energy, in any scene of one stiffness.
     """
 
     where: str
     order: int
     l_stable: bool
     exact_if_linear: bool = False
+    gains_nothing: bool = False
 
     def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
         """The integrator for `body`; without a scene it moves freely."""

@@ -106,8 +106,8 @@ class Implicit:
 
     Its local error h^2 is what the kink of the force costs any scheme that does not locate it, so the order stays 2.
 
-    Where a step is far too long (centimetres into a stiff curved surface, millimetres of sliding on it) its equation may
-    defeat Newton's method. The body then loses its velocity and creeps toward its rest.
+    Where a step is far too long (centimetres into a stiff curved surface, or millimetres of sliding on it) its equation
+    may defeat Newton's method. The body then loses its velocity and creeps toward its rest.
     """
 
     __slots__ = ("_body", "_end", "_guard", "_scene")

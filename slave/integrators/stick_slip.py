@@ -113,27 +113,30 @@ class StickSlip:
         elif x[0] > 0.0:
             phase = Phase((x[1], x[2]))
         for _ in range(EVENTS_MOST):
-            anchor, toward, _, _ = phase
-            if anchor is None:
-                x, v, time, following = self._flight(x, v, goal, left)
-            elif toward is None:
-                x, v, time, following = self._stuck(x, v, goal, left, anchor, phase)
-            else:
-                across = abs(toward[0] * v[2] - toward[1] * v[1])
-                if across * left <= STRAIGHT * self._cone.dynamic * x[0]:
-                    x, v, time, following = self._dragged(x, v, goal, left, toward, stops=True)
-                else:
-                    straight = False
-                    x, v, time, following = self._turning(x, v, goal, left, step / PIECES, toward)
-            left -= time
+            (x, v, time, following), turning = self._next(x, v, goal, left, step / PIECES, phase)
+            straight, left = straight and not turning, left - time
             phase = phase if following is None else following
             if following is None or left <= 0.0:
-                anchor, held = phase.anchor, None
-                if anchor is not None:
-                    held = Hold(self._global((0.0, *anchor), gap), phase.loose)
+                held = None
+                if phase.anchor is not None:
+                    held = Hold(self._global((0.0, *phase.anchor), gap), phase.loose)
                 position, velocity = self._global(x, gap), self._global(v, 0.0)
                 return Arrival(position, velocity, x[0], held, phase.toward is not None, straight)
         return None
+
+    def _next(
+        self, x: Vector, v: Vector, goal: Vector, left: float, shortest: float, phase: Phase
+    ) -> tuple[Piece, bool]:
+        """The next piece of the motion, and whether friction turns in it."""
+        anchor, toward, _, _ = phase
+        if anchor is None:
+            return self._flight(x, v, goal, left), False
+        if toward is None:
+            return self._stuck(x, v, goal, left, anchor, phase), False
+        across = abs(toward[0] * v[2] - toward[1] * v[1])
+        if across * left <= STRAIGHT * self._cone.dynamic * x[0]:
+            return self._dragged(x, v, goal, left, toward, stops=True), False
+        return self._turning(x, v, goal, left, shortest, toward), True
 
     def touch(self, position: Vector, depth: float, hold: Hold, slides: bool) -> tuple[Vector, Touch]:
         """The proxy and the contact of a body that is held."""
@@ -322,10 +325,7 @@ class Spring(NamedTuple):
     def leaves(self, direction: Flat) -> bool:
         """Whether it moves out of the line along `direction`."""
         p, q = direction
-        for x, y in self:
-            if abs(p * y - q * x) > STRAIGHT * (abs(x) + abs(y)):
-                return True
-        return False
+        return any(abs(p * y - q * x) > STRAIGHT * (abs(x) + abs(y)) for x, y in self)
 
 
 def trailing(toward: Flat, start: Vector, end: Vector, mu: float) -> Flat:

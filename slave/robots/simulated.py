@@ -25,11 +25,13 @@ IntegratorName = Annotated[
 class SimulatedOptions(VirtualOptions):
     """Options of `simulated`: by default a light, stiff robot that lags by 4 ms."""
 
-    mass_kg: float = Field(default=0.2, gt=0.0, le=1000.0)
+    mass_kg: float = Field(default=0.2, ge=1e-6, le=1e3)
     stiffness_n_m: float = Field(
-        default=50_000.0, gt=0.0, le=1e7, description="proportional gain of its position control"
+        default=50_000.0, ge=1e-3, le=1e9, description="proportional gain of its position control"
     )
-    damping_n_s_m: float | None = Field(default=None, gt=0.0, description="derivative gain; critical if not given")
+    damping_n_s_m: float | None = Field(
+        default=None, gt=0.0, le=1e6, description="derivative gain; critical if not given"
+    )
     integrator: IntegratorName = Field(
         default="auto", description="scheme of integration; auto chooses by stiffness, mass, damping and scene"
     )

@@ -90,9 +90,9 @@ else:
 class ObjectSettings(SceneShapeSettings):
     """The properties of an object's surface. What is not given is not computed."""
 
-    stiffness_n_m: float = Field(gt=0.0, le=1e7)
+    stiffness_n_m: float = Field(ge=1e-3, le=1e9)
     friction: FrictionSettings | None = None
-    damping_n_s_m: float | None = Field(default=None, ge=0.0, description="along the normal; never pulls")
+    damping_n_s_m: float | None = Field(default=None, ge=0.0, le=1e6, description="along the normal; never pulls")
     motion: MotionSettings | None = None
     carve: tuple[Cavity, ...] = Field(default=(), description="shapes cut out of this one")
 

@@ -174,10 +174,12 @@ def energy_gained(problem: Problem, motions: Sequence[MassState], start_force: V
             n = touches[0].normal
             along = subtract(motion.force, scale(n, dot(n, motion.force)))
             contact += 0.5 * dot(along, along) / touches[0].stiffness
-        energies = [
-            0.5 * (mass * dot(state.velocity, state.velocity) + control * distance(state.position, goal) ** 2) + stored
-            for state, stored in ((before, held), (motion, contact))
-        ]
+        energies = []
+        for (position, velocity, _), stored in ((before, held), (motion, contact)):
+            away = subtract(position, goal)
+            energies.append(0.5 * (mass * dot(velocity, velocity) + control * dot(away, away)) + stored)
+        if not isfinite(max(energies)):
+            return inf
         gained, largest = gained + max(0.0, energies[1] - energies[0]), max(largest, *energies)
         before = motion
     return gained / largest if largest > 0.0 else 0.0
