@@ -44,10 +44,11 @@ class Exact:
         self._rough: StickSlip | None = None
         if scene.closed_form:
             planes = scene.facing(ZERO)
-            if scene.rubs:
-                self._rough = StickSlip(self._oscillators, planes[0], ZERO, scene.cones[0])
-            else:
+            cone = scene.cones[0] if scene.rubs else None
+            if cone is None:
                 self._linear = LinearContact(self._oscillators, planes, ZERO)
+            else:
+                self._rough = StickSlip(self._oscillators, planes[0], ZERO, cone)
 
     @cached_property
     def _implicit(self) -> Implicit:

@@ -28,7 +28,8 @@ Flat = tuple[float, float]
 """Along the surface."""
 
 LOOKS = 8  # at the direction of a slip; each squares its error
-STRAIGHT = 1e-9  # sine of the largest angle between directions that count as one
+STRAIGHT = 1e-7  # sine of the largest angle between directions that count as one
+ROUNDING = 1e-9  # share of a position [m/m]: a direction over this length has seven digits
 TURN = 0.1  # [rad] of the direction of sliding in one piece of motion
 PIECES = 8  # of one step, at most, into which it is divided for that
 LEAST = 5e-324
@@ -134,7 +135,7 @@ class StickSlip:
         if toward is None:
             return self._stuck(x, v, goal, left, anchor, phase), False
         across = abs(toward[0] * v[2] - toward[1] * v[1])
-        if across * left <= STRAIGHT * self._cone.dynamic * x[0]:
+        if across <= STRAIGHT * (abs(v[1]) + abs(v[2])) or across * left <= STRAIGHT * self._cone.dynamic * x[0]:
             return self._dragged(x, v, goal, left, toward, stops=True), False
         return self._turning(x, v, goal, left, shortest, toward), True
 
@@ -195,7 +196,7 @@ class StickSlip:
         x, v = flown(held, x, v, centre, time)
         if slip is not None:
             p, q = anchor[0] - x[1], anchor[1] - x[2]
-            if p == 0.0 == q:
+            if abs(p) + abs(q) <= ROUNDING * (abs(x[1]) + abs(x[2])):  # it slips at the touch, and follows the body
                 p, q = -v[1], -v[2]
             length = sqrt(p * p + q * q) or 1.0
             return Piece(x, v, time, Phase(anchor, (p / length, q / length), True))
