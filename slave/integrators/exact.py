@@ -1,7 +1,6 @@
 """The exact solution of linear contact, from event to event; elsewhere that of the tangent planes."""
 
 from collections.abc import Sequence
-from functools import cached_property
 
 from weberlink.geometry.vector import ZERO, Vector, add
 from weberlink.slave.integrators.contact_force import contact_force, staged
@@ -32,13 +31,13 @@ class Exact:
     taken by the implicit scheme if it is not: no step gains energy.
     """
 
-    __slots__ = ("__dict__", "_body", "_end", "_guard", "_linear", "_oscillators", "_rough", "_scene")
+    __slots__ = ("_end", "_guard", "_implicit", "_linear", "_oscillators", "_rough", "_scene")
 
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
-        self._body = body
         self._oscillators = Oscillators(body)
         self._scene = scene
         self._guard = EnergyGuard(body, scene)
+        self._implicit = Implicit(body, scene)
         self._end: Stage | None = None
         self._linear: LinearContact | None = None
         self._rough: StickSlip | None = None
@@ -49,10 +48,6 @@ class Exact:
                 self._linear = LinearContact(self._oscillators, planes, ZERO)
             else:
                 self._rough = StickSlip(self._oscillators, planes[0], ZERO, cone)
-
-    @cached_property
-    def _implicit(self) -> Implicit:
-        return Implicit(self._body, self._scene)
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         scene, linear, start = self._scene, self._linear, self._end

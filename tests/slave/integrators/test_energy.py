@@ -11,6 +11,7 @@ from weberlink.geometry.vector import Vector, dot, is_finite, norm, subtract
 from weberlink.slave.integrators import INTEGRATORS, ControlledMass, MassState
 from weberlink.slave.integrators.choice import chosen
 from weberlink.slave.integrators.contact_force import contact_force
+from weberlink.slave.robots.simulated import SimulatedOptions
 from weberlink.slave.scenes.contact import FrictionCone, SceneObject, Touch
 from weberlink.slave.scenes.plane import PlaneShape
 from weberlink.slave.scenes.scene import Scene, SceneState
@@ -122,6 +123,21 @@ def test_the_account_sees_a_gain() -> None:
         except (ValueError, AssertionError):  # refused as unstable, or not finite
             continue
     assert counted > 100
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("mass_kg", 0.9e-6),
+        ("mass_kg", 1.1e3),
+        ("stiffness_n_m", 1.1e9),
+        ("stiffness_n_m", 0.9e-3),
+        ("damping_n_s_m", 2e6),
+    ],
+)
+def test_what_was_not_tried_is_refused(option: str, value: float) -> None:
+    with pytest.raises(ValueError, match=option):
+        SimulatedOptions.model_validate({option: value})
 
 
 @pytest.mark.hunt
