@@ -8,8 +8,12 @@ from weberlink.slave.integrators.contract import ControlledMass, IntegrationSche
 
 BUILT_IN: dict[str, IntegrationScheme | str] = {
     "semi_implicit": IntegrationScheme("weberlink.slave.integrators.semi_implicit:SemiImplicit", 1, l_stable=False),
-    "implicit": IntegrationScheme("weberlink.slave.integrators.implicit:Implicit", 2, l_stable=True),
-    "exact": IntegrationScheme("weberlink.slave.integrators.exact:Exact", 2, l_stable=True, exact_if_linear=True),
+    "implicit": IntegrationScheme(
+        "weberlink.slave.integrators.implicit:Implicit", 2, l_stable=True, gains_nothing=True
+    ),
+    "exact": IntegrationScheme(
+        "weberlink.slave.integrators.exact:Exact", 2, l_stable=True, exact_if_linear=True, gains_nothing=True
+    ),
 }
 """The cheapest step first."""
 

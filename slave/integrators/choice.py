@@ -8,8 +8,13 @@ from weberlink.slave.scenes.scene import Scene
 
 AUTO = "auto"
 STEP_ANGLE = 0.2  # largest omega h and largest c h / m of a semi-implicit substep, for accuracy
-FEW = 12  # substeps that cost no more than one implicit step, with a smaller error (`weberlink precision`)
 SUBSTEPS_MOST = 64
+BUDGET = 0.15
+"""Share of a tick that integration may take: the slave needs the rest for its network, codec and control, and for the
+jitter of its host."""
+SPLITTING_S = 100e-6
+"""CPU time of a step of the exact scheme on tangent planes (2-core VM, Python 3.11): 8 to 15 semi-implicit ones on the
+same scene. Implicit steps take about twice as long, with an error 30 to 100 times as large (`weberlink precision`)."""
 
 
 class IntegratorChoice(NamedTuple):
@@ -23,15 +28,14 @@ class IntegratorChoice(NamedTuple):
 def chosen(
     body: ControlledMass, scene: Scene | None, period: float, integrator: str = AUTO, substeps: int | None = None
 ) -> IntegratorChoice:
-    """The integrator of this name; for `auto` one that is stable for all constants.
+    """The integrator of this name; for `auto` the one with the best error within the budget that gains no energy.
 
-        exact          flat contact without friction, or none: no error, at the cost of four semi-implicit substeps
-        semi_implicit  where at most twelve substeps resolve the stiffest contact and the strongest damper
-        implicit       else, one step: it resolves less, and is always stable
+    That is `exact`. Where contact has a closed form one step is the solution. Elsewhere its error falls as the square
+    of the step, so the budget, a share of the tick, is filled with substeps, at most as many as semi-implicit ones
+    would resolve the motion. The implicit scheme costs more and resolves less, and the semi-implicit one, though
+    cheaper, gains energy within each swing: they are for comparison, and the implicit one for the steps that `exact`
+    cannot take.
 
-    Measured on a scene with friction (2-core VM, Python 3.11): a semi-implicit substep costs 5 to 10 us, an implicit
-    step 50 to 90 us. On flat contact an exact step costs 15 us, a semi-implicit one 4 us. On a curved surface the exact
-    scheme follows tangents, and in a few percent of extreme random trials it gained energy, so it is not chosen there.
     A semi-implicit substep resolves omega h <= 0.2 and c h / m <= 0.2, hence
 
         substeps = ceil(T max(sqrt((k + k_scene) / m), (c + c_scene) / m) / 0.2)
@@ -57,12 +61,15 @@ def chosen(
     if integrator == AUTO:
         if scene is None:
             return IntegratorChoice("exact", substeps or 1, "no contact")
-        if scene.flat and not scene.rubs:
-            return IntegratorChoice("exact", substeps or 1, f"flat contact, {told}")
-        if resolving <= (substeps or FEW):
-            return IntegratorChoice("semi_implicit", substeps or resolving, told)
-        what = "friction" if scene.rubs else "curved contact"
-        return IntegratorChoice("implicit", substeps or 1, f"{what}, {told}")
+        if scene.closed_form:
+            what = "friction on a flat face" if scene.rubs else "flat contact"
+            return IntegratorChoice("exact", substeps or 1, f"{what}, {told}")
+        fitting = int(BUDGET * period / SPLITTING_S)
+        what = "curved contact" if not scene.flat else "friction with damping or on several faces"
+        over = "" if fitting else f", {1e6 * SPLITTING_S:.0f} us a step is over the budget"
+        return IntegratorChoice(
+            "exact", substeps or max(1, min(resolving, fitting, SUBSTEPS_MOST)), f"{what}, {told}{over}"
+        )
     if integrator != "semi_implicit":
         return IntegratorChoice(integrator, substeps or 1, f"as named, {told}")
     count = substeps or min(resolving, SUBSTEPS_MOST)

@@ -10,8 +10,10 @@ the Gram matrix G of the normals (see `weberlink.slave.scenes.active_set`).
 from collections.abc import Sequence
 
 from weberlink.geometry.vector import ZERO, Vector, dot
+from weberlink.slave.integrators.contract import MassState, Stage
 from weberlink.slave.scenes.active_set import SOLVERS
 from weberlink.slave.scenes.contact import Touch
+from weberlink.slave.scenes.scene import Scene
 
 NONE: frozenset[int] = frozenset()
 
@@ -34,6 +36,26 @@ def contact_force(touches: Sequence[Touch], velocity: Vector) -> Vector:
     return (x, y, z)
 
 
+def stored_energy(touches: Sequence[Touch], push: float) -> float:
+    """Energy in the springs of contact [J]: k push^2 / 2, and that of sticking friction along the surface.
+
+    Where stiffnesses differ, k is their mean with the weights depth_i^2: for contacts at right angles that is the sum
+    of k_i depth_i^2 / 2. At other angles different stiffnesses have no potential, and this is what stands for it.
+
+    Args:
+        touches: The contacts.
+        push: Distance between body and proxy [m].
+    """
+    if not touches:
+        return 0.0
+    weights = weighed = dragged = 0.0
+    for _, depth, _, stiffness, _, drag, _ in touches:
+        weights, weighed = weights + depth * depth, weighed + stiffness * depth * depth
+        if drag is not ZERO:
+            dragged += dot(drag, drag) / stiffness
+    return 0.5 * ((push * push * weighed / weights if weights > 0.0 else 0.0) + dragged)
+
+
 def pressing(touches: Sequence[Touch], velocity: Vector) -> frozenset[int]:
     """The objects whose contact force is more than 0."""
     if not touches:
@@ -42,6 +64,12 @@ def pressing(touches: Sequence[Touch], velocity: Vector) -> frozenset[int]:
     return frozenset(
         [t.owner for t, rate in zip(touches, rates, strict=True) if t.stiffness * t.depth + t.damping * rate > 0.0]
     )
+
+
+def staged(scene: Scene, position: Vector, velocity: Vector) -> Stage:
+    """The stage at this position [m] and velocity [m/s], to which the scene moves on."""
+    touches = scene.touch(position)
+    return Stage(MassState(position, velocity, contact_force(touches, velocity)), touches, scene.penetration_depth)
 
 
 def depth_rates(touches: Sequence[Touch], velocity: Vector) -> Sequence[float]:

@@ -1,10 +1,12 @@
 """One integration step of a mass under position control in contact with a scene: m a = k (goal - x) - c v + f(x, v)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import NamedTuple, Protocol, cast
 
 from weberlink.geometry.vector import Vector
+from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import Scene
 
 
@@ -22,6 +24,15 @@ class ControlledMass(NamedTuple):
     mass: float
     stiffness: float
     damping: float
+
+
+class Stage(NamedTuple):
+    """A state, its contacts, how far they push [m], and whether it solves the equation that it was computed from."""
+
+    motion: MassState
+    touches: Sequence[Touch]
+    push: float
+    solved: bool = True
 
 
 class Integrator(Protocol):
@@ -49,12 +60,14 @@ class IntegrationScheme:
         order: Global order where the motion is smooth.
         l_stable: Whether a linear contact stiffer than the step resolves is damped out at once: stable at any step.
         exact_if_linear: Whether flat contact without friction has no error but rounding, at any step.
+        gains_nothing: Whether no step with its goal held gains energy, in any scene of one stiffness.
     """
 
     where: str
     order: int
     l_stable: bool
     exact_if_linear: bool = False
+    gains_nothing: bool = False
 
     def build(self, body: ControlledMass, scene: Scene | None) -> Integrator:
         """The integrator for `body`; without a scene it moves freely."""

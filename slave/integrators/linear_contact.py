@@ -8,7 +8,6 @@ if there were no contact.
 """
 
 from collections.abc import Sequence
-from math import pi, sqrt
 from typing import NamedTuple
 
 from weberlink.geometry.vector import ZERO, Vector, add, dot, scale, subtract
@@ -18,10 +17,8 @@ from weberlink.slave.scenes.active_set import PARALLEL, SOLVERS, smallest_push
 from weberlink.slave.scenes.scene import FARTHEST, Facing
 
 UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-EVENTS_SPARE = 32
-EVENTS_PER_SWING = 8
+EVENTS_MOST = 128  # in one step, about 2 ms of computing
 WEIGHTLESS = 1e-9  # share of m / h^2: a negligible spring to carry a drag where the control has none
-FREE: frozenset[int] = frozenset()
 
 
 class Coordinate(NamedTuple):
@@ -161,11 +158,10 @@ class LinearContact:
 
     Events are: the proxy reaches a plane, a plane is left (its depth falls to 0), and the force of a damped contact
     falls to 0 before that (it must not pull) or rises again. Each is located to rounding. The time between events is
-    about half a period of the stiffest contact. Should rounding cause many more events, the rest of the step keeps the
-    last contacts; such a linear motion stays bounded.
+    about half a period of the stiffest contact.
     """
 
-    __slots__ = ("_body", "_events_per_s", "_faces", "_free", "_oscillators", "_planes")
+    __slots__ = ("_body", "_faces", "_free", "_oscillators", "_planes")
 
     def __init__(self, oscillators: Oscillators, planes: Sequence[Facing], seen_from: Vector) -> None:
         self._oscillators = oscillators
@@ -174,24 +170,21 @@ class LinearContact:
         offsets = [plane.gap - dot(plane.normal, seen_from) for plane in planes]
         self._faces = Faces([plane.normal for plane in planes], offsets)
         self._body = oscillators.body
-        stiffest = max((plane.stiffness for plane in planes), default=0.0)
-        swings_per_s = sqrt((self._body.stiffness + stiffest) / self._body.mass) / pi
-        self._events_per_s = EVENTS_PER_SWING * len(planes) * swings_per_s
 
     def flow(
         self, position: Vector, velocity: Vector, goal: Vector, step: float, drag: Drag | None = None
-    ) -> tuple[Vector, Vector]:
-        """Position and velocity `step` [s] later. Beyond 1e12 there is no contact."""
+    ) -> tuple[Vector, Vector] | None:
+        """Position and velocity `step` [s] later; None after too many events. Beyond 1e12 there is no contact."""
         if self._body.stiffness == 0.0:
             goal = position  # without stiffness the goal has no effect, but its digits would cancel
         if not all(abs(number) < FARTHEST for vector in (position, velocity, goal) for number in vector):
             return moved(self._free, position, velocity, goal, (), step)
         active = self._faces.active(position)
         switched: frozenset[int] | None = None
-        for _ in range(EVENTS_SPARE + int(self._events_per_s * step)):
+        for _ in range(EVENTS_MOST):
             face = self._faces.face(active)
             if face is None:  # rounding led to a corner of dependent normals
-                break
+                return None
             base, pulled = self._base(face, goal, step, drag)
             presses = [self._press(depth, position, velocity, goal, drag, switched) for depth in face.depths]
             time, plane, switches = first_event(face, presses, base, position, velocity, pulled, step)
@@ -203,11 +196,7 @@ class LinearContact:
                 switched = frozenset([p.coordinate.plane for p in presses if p.slack]) ^ {plane}
             else:
                 active, switched = active ^ {plane}, None
-        face = self._faces.face(self._faces.active(position))
-        assert face is not None  # the smallest push uses independent normals only
-        base, pulled = self._base(face, goal, step, drag)
-        presses = [self._press(depth, position, velocity, goal, drag, FREE) for depth in face.depths]
-        return moved(base, position, velocity, pulled, presses, step)
+        return None
 
     def _base(self, face: Face, goal: Vector, step: float, drag: Drag | None) -> tuple[Oscillation, Vector]:
         """The oscillation of the proxy and its centre: the control, and friction where there is contact."""

@@ -67,7 +67,10 @@ class Oscillation:
             Time to rounding, 0 <= t <= horizon; None if it does not happen. A coordinate that starts below zero and
             rises is left alone until it falls again.
         """
-        start, end = 0.0, self._turn(value - rest, rate)
+        offset = value - rest
+        if rest > 0.0 and self.squared * (rest * rest - offset * offset) > rate * rate:
+            return None  # its energy does not reach so far
+        start, end = 0.0, self.turn(offset, rate)
         if rate > 0.0 or (rate == 0.0 and self.squared * (rest - value) >= 0.0):
             start, end = end, end + self._half_period
             if start >= horizon or (rate == 0.0 and value == rest):
@@ -80,7 +83,7 @@ class Oscillation:
             return None
         return min(end, self._zero(value - rest, rate, rest, start, end))  # which may pass it by a rounding
 
-    def _turn(self, offset: float, rate: float) -> float:
+    def turn(self, offset: float, rate: float) -> float:
         """Time to the next change of sign of the rate [s]; infinite if never."""
         if self._frequency > 0.0:
             angle = atan2(self._frequency * rate, self.squared * offset + self.decay * rate)

@@ -44,6 +44,8 @@ class Scene:
         "_proxy",
         "_remembering",
         "_touched",
+        "closed_form",
+        "cones",
         "damping_n_s_m",
         "flat",
         "penetration_depth",
@@ -70,8 +72,15 @@ class Scene:
         self._objects = tuple(objects)
         self.flat = all(thing.shape.flat for thing in objects)
         """Whether every object is a half-space, so that `facing` is the same from anywhere."""
-        self.rubs = any(thing.friction is not None for thing in objects)
+        self.rubs = any(thing.friction is not None and thing.friction.static > 0.0 for thing in objects)
         """Whether any object has friction."""
+        self.cones = tuple([thing.friction for thing in objects])
+        """Friction of each object."""
+        self.closed_form = self.flat and (
+            not self.rubs or (len(self._objects) == 1 and not self._objects[0].damping_n_s_m)
+        )
+        """Whether a mass in contact moves in closed form between events: flat, with friction on one undamped object
+        at most. A damper along the normal alone makes the spring of friction oscillate unlike the depth."""
         self.stiffness_n_m = max((thing.stiffness_n_m for thing in objects), default=0.0)
         """Of the stiffest object, which limits the step of an integrator."""
         self.damping_n_s_m = max((thing.damping_n_s_m or 0.0 for thing in objects), default=0.0)

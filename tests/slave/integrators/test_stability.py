@@ -38,17 +38,19 @@ def test_thrown_at_a_wall_it_never_gains_energy(name: str) -> None:
                     before = now
 
 
+@pytest.mark.parametrize("name", L_STABLE)
 @examples(40)
 @given(
     shape=st.sampled_from(sorted(SHAPES)),
     stiffness=st.floats(1.0, 7.0).map(lambda exponent: 10.0**exponent),
     mass=st.floats(-3.0, 1.0).map(lambda exponent: 10.0**exponent),
-    tick=st.floats(-4.0, -2.7).map(lambda exponent: 10.0**exponent),
+    tick=st.floats(-4.0, -1.0).map(lambda exponent: 10.0**exponent),
     damping=st.one_of(st.none(), st.floats(0.1, 100.0)),
     velocity=st.tuples(*[st.floats(-0.5, 0.5)] * 3),
     goal=st.tuples(*[st.floats(-0.02, 0.02)] * 3),
 )
-def test_implicit_scheme_gains_no_energy_on_any_shape(
+def test_no_l_stable_scheme_gains_energy_on_any_shape(
+    name: str,
     shape: str,
     stiffness: float,
     mass: float,
@@ -58,14 +60,14 @@ def test_implicit_scheme_gains_no_energy_on_any_shape(
     goal: Vector,
 ) -> None:
     body, scene = ControlledMass(mass, 300.0, 0.0), Scene([SceneObject(SHAPES[shape], stiffness, None, damping)])
-    integrator = INTEGRATORS["implicit"].build(body, scene)
+    integrator = INTEGRATORS[name].build(body, scene)
     motion = moving(scene, (0.0, 0.0, 0.045), velocity)
-    first = energy(body, motion, goal, scene, stiffness)
+    before = energy(body, motion, goal, scene, stiffness)
     for _ in range(60):
         motion = integrator.advance(motion, goal, tick)
-        # A proof covers flat shapes. On the others, 8149 random trials at up to 2 ms gained 0.12 % at the very most; at
-        # 10 ms, with a kilogram on 1e5 N/m in a pocket, one in six thousand gained a quarter.
-        assert energy(body, motion, goal, scene, stiffness) <= first * 1.005
+        now = energy(body, motion, goal, scene, stiffness)
+        assert now <= before * (1.0 + 1e-9)
+        before = now
 
 
 @examples(40)

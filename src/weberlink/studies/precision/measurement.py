@@ -8,7 +8,8 @@ from statistics import median_low
 from time import process_time
 from typing import Any
 
-from weberlink.geometry.vector import Vector, distance, is_finite
+from weberlink.geometry.vector import ZERO, Vector, distance, dot, is_finite, scale, subtract
+from weberlink.slave.integrators.contact_force import stored_energy
 from weberlink.slave.integrators.contract import IntegrationScheme, MassState
 from weberlink.studies.precision.problems import TICK, Problem
 from weberlink.studies.precision.reference import ReferenceSolution
@@ -56,6 +57,9 @@ class IntegratorRow:
     """Relative to the largest contact force."""
     position_error_m: float
     force_error_n: float
+    energy_gained: float
+    """Sum of what the energy of motion, control and contact rises by in single ticks, each with its goal held, relative
+    to the largest energy; infinite if not finite."""
     run_time: float
     """CPU time per simulated second [s], median of the repeats (the lower one of two)."""
     run_time_spread: float
@@ -76,6 +80,7 @@ class IntegratorRow:
             "force_error": finite_or_none(self.force_error),
             "position_error_m": finite_or_none(self.position_error_m),
             "force_error_n": finite_or_none(self.force_error_n),
+            "energy_gained": finite_or_none(self.energy_gained),
             "run_time_ms_per_s": 1e3 * self.run_time,
             "run_time_spread": self.run_time_spread,
             "repeats": self.repeats,
@@ -110,6 +115,7 @@ def measured(
         force_error=force_error_n / known.force_scale,
         position_error_m=position_error_m,
         force_error_n=force_error_n,
+        energy_gained=energy_gained(problem, motions, known.start_force, stride),
         run_time=middle,
         run_time_spread=(max(times) - min(times)) / middle if middle > 0.0 else 0.0,
         repeats=len(times),
@@ -150,6 +156,35 @@ def largest_error(values: list[Vector], expected: list[Vector]) -> float:
     return worst
 
 
+def energy_gained(problem: Problem, motions: Sequence[MassState], start_force: Vector, ticks: int) -> float:
+    """The sum of the rises of energy over each of `motions`, which are `ticks` apart, relative to the largest energy.
+
+    What the springs of contact hold follows from the positions, and that of friction from the force along the surface.
+    """
+    scene, mass, control = problem.scene(), problem.body.mass, problem.body.stiffness
+    gained = largest = 0.0
+    before, contact = MassState(problem.position, problem.velocity, start_force), 0.0
+    for index, motion in enumerate(motions):
+        if not (is_finite(motion.position) and is_finite(motion.velocity) and is_finite(motion.force)):
+            return inf
+        goal, held = problem.goal(index * ticks * TICK), contact
+        touches = [touch._replace(drag=ZERO) for touch in scene.touch(motion.position)]
+        contact = stored_energy(touches, scene.penetration_depth)
+        if scene.rubs and touches:
+            n = touches[0].normal
+            along = subtract(motion.force, scale(n, dot(n, motion.force)))
+            contact += 0.5 * dot(along, along) / touches[0].stiffness
+        energies = []
+        for (position, velocity, _), stored in ((before, held), (motion, contact)):
+            away = subtract(position, goal)
+            energies.append(0.5 * (mass * dot(velocity, velocity) + control * dot(away, away)) + stored)
+        if not isfinite(max(energies)):
+            return inf
+        gained, largest = gained + max(0.0, energies[1] - energies[0]), max(largest, *energies)
+        before = motion
+    return gained / largest if largest > 0.0 else 0.0
+
+
 def fitted_order(steps: Sequence[float], errors: Sequence[float | None], floor: float) -> float | None:
     """Least squares over the finest four of the steps whose errors are asymptotic.
 
@@ -184,7 +219,7 @@ def front(points: Sequence[Point]) -> list[bool]:
     return [isfinite(point[1]) and not any(dominates(other, point) for other in points) for point in points]
 
 
-def cheapest_as_good(points: Sequence[Point], error: float) -> int | None:
-    """The index of the point with the smallest first figure whose error is at most `error`."""
-    good = [index for index, point in enumerate(points) if point[1] <= error]
-    return min(good, key=lambda index: points[index][0], default=None)
+def best_in_time(points: Sequence[Point], time: float) -> int | None:
+    """The index of the point with the smallest second figure whose first one is at most `time`."""
+    quick = [index for index, point in enumerate(points) if point[0] <= time]
+    return min(quick, key=lambda index: points[index][1], default=None)

@@ -12,7 +12,8 @@ from weberlink.studies.precision.measurement import (
     IntegratorRow,
     Point,
     StepSize,
-    cheapest_as_good,
+    best_in_time,
+    finite_or_none,
     fitted_order,
     front,
     measured,
@@ -33,6 +34,10 @@ EXACT = 1e-9
 NOISE_LEAST = 0.05
 """Run times that differ by less than this share count as equal."""
 ORDER_TOLERANCE = 0.2
+NEAR_FRONT = 1.5
+"""Largest error of the recommended integrator, over the smallest error in the same time."""
+GAINED = 1e-9
+"""Share of the energy up to which a gain is rounding."""
 
 
 @dataclass(frozen=True)
@@ -103,32 +108,36 @@ class ConvergenceOrder:
 
 @dataclass(frozen=True)
 class Recommendation:
-    """The recommended integrator at the tick rate, against all others whose step fits a tick."""
+    """The recommended integrator at the tick rate, against every integrator and step that fits a tick."""
 
     row: IntegratorRow
     rival: IntegratorRow
-    """The cheapest row with the same or a smaller error; the recommended row itself if none is cheaper."""
+    """The row with the smallest error that takes no more time; the recommended row itself if none has a smaller one."""
+    thriftiest: IntegratorRow
+    """The row that gains the least energy and takes no more time; the recommended row itself if none gains less."""
+    floor: float = RESOLVED
+    """Relative errors below it count as equal."""
 
     @property
     def excess(self) -> float:
-        """Run time over that of the rival; 1 on the Pareto front."""
-        return self.row.run_time / self.rival.run_time
+        """Error over that of the rival; 1 on the Pareto front."""
+        return point(self.row, self.floor)[1] / point(self.rival, self.floor)[1]
 
     @property
-    def noise(self) -> float:
-        """Uncertainty of the run time as a share of it, from the spread of the repeats."""
-        return max(NOISE_LEAST, 0.5 * (self.row.run_time_spread + self.rival.run_time_spread))
+    def gain_excess(self) -> float:
+        """Energy gained beyond that of the thriftiest row, relative to the largest energy."""
+        return self.row.energy_gained - self.thriftiest.energy_gained
 
     @property
     def on_front(self) -> bool:
-        return not self.row.diverged and self.excess <= 1.0 + self.noise
+        return not self.row.diverged and self.excess <= NEAR_FRONT and not self.gain_excess > GAINED
 
     def as_json(self) -> dict[str, Any]:
         return {
             **self.row.as_json(),
             "rival": {"integrator": self.rival.integrator, "step_us": 1e6 * self.rival.step.length},
-            "run_time_excess": self.excess,
-            "noise": self.noise,
+            "error_excess": finite_or_none(self.excess),
+            "energy_gained_in_excess": finite_or_none(self.gain_excess),
             "on_front": self.on_front,
         }
 
@@ -244,9 +253,17 @@ def point(row: IntegratorRow, floor: float) -> Point:
 
 def recommendation(chosen: IntegratorRow, rows: Sequence[IntegratorRow], floor: float) -> Recommendation:
     candidates = [row for row in rows if row.step.fits_tick]
-    points = [point(row, floor) for row in candidates]
-    rival = cheapest_as_good(points, point(chosen, floor)[1])
-    return Recommendation(chosen, candidates[rival] if rival is not None else chosen)
+    time = chosen.run_time * (1.0 + max(NOISE_LEAST, 0.5 * chosen.run_time_spread))
+    rival = best_in_time([point(row, floor) for row in candidates], time)
+    thriftiest = best_in_time([(row.run_time, row.energy_gained) for row in candidates], time)
+    assert rival is not None and thriftiest is not None
+    best, least = candidates[rival], candidates[thriftiest]
+    return Recommendation(
+        chosen,
+        best if point(best, floor)[1] < point(chosen, floor)[1] else chosen,
+        least if least.energy_gained < chosen.energy_gained else chosen,
+        floor,
+    )
 
 
 def automatic(problem: Problem) -> tuple[str, int]:
