@@ -119,6 +119,11 @@ def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
     Raises:
         ConfigurationError: if there can be no such system.
     """
+    return load(Path(str(files("weberlink.configs") / "loopback.yaml")), overrides(cell, when))
+
+
+def overrides(cell: SystemCell, when: CellTiming) -> list[str]:
+    """What differs from the shipped default, as the command line takes it: "path.to.key=value" each."""
     one_way_ms = 500.0 * cell.round_trip_s
     home = [0.0, 0.0, HEIGHT]
     hand = cell.wall.hand.model_dump(mode="json")
@@ -149,8 +154,7 @@ def configuration(cell: SystemCell, when: CellTiming) -> Configuration:
         "slave.robot": robot | {"home_m": home},
         "slave.scene": scene(cell),
     }
-    overrides = [f"{path}={json.dumps(value)}" for path, value in values.items()]
-    return load(Path(str(files("weberlink.configs") / "loopback.yaml")), overrides)
+    return [f"{path}={json.dumps(value)}" for path, value in values.items()]
 
 
 def _simulate(cell: SystemCell, when: CellTiming) -> CellVerdict:

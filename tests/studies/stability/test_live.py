@@ -1,0 +1,40 @@
+"""A rigid wall behind a delay, felt through two real processes, against the same system in virtual time."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.system.processes import PATIENT, ROOT, Program
+from weberlink.studies.stability.cells import SystemCell
+from weberlink.studies.stability.command import judge, overrides
+from weberlink.studies.stability.script import timing
+from weberlink.studies.stability.verdict import CellObserver
+from weberlink.telemetry.recording.reader import read_recording
+
+
+@pytest.mark.realtime(alone=True)
+@pytest.mark.parametrize("scheme", ["mmt", "tdpa"])
+def test_a_rigid_wall_is_felt_as_in_virtual_time(scheme: str, tmp_path: Path) -> None:
+    """1e5 N/m, 50 ms each way."""
+    cell = SystemCell("live", scheme, stiffness_n_m=1e5, round_trip_s=0.1)
+    when, path = timing(cell), tmp_path / "live.mcap"
+    sets = [text for override in overrides(cell, when) for text in ("--set", override)]
+    with Program("loopback", ROOT / "configs/loopback.yaml", *sets, *PATIENT, "--record", path) as program:
+        code, _, errors = program.finish()
+    assert code == 0, errors
+    recording = read_recording(path)
+    master, slave = (recording.records[side].copy() for side in ("master", "slave"))
+    start = master["at"][0]
+    slave = slave[np.searchsorted(slave["at"], master["at"]).clip(0, len(slave) - 1)]
+    master["at"] -= start
+    slave["at"] -= start
+    observer = CellObserver()
+    observer.add(master, slave)
+    live, virtual = observer.verdict(cell, when, None), judge(cell)
+    assert live.state == virtual.state == "settled"
+    for name in ("felt_share", "pressed_share"):
+        ours, theirs = getattr(live, name), getattr(virtual, name)
+        assert ours == pytest.approx(theirs, abs=0.1)
+    assert live.felt_share > 0.85
+    assert live.energy_out_j <= live.energy_paid_j
