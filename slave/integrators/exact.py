@@ -1,16 +1,19 @@
 """The exact solution of linear contact, from event to event; elsewhere that of the tangent planes."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from weberlink.geometry.vector import ZERO, Vector, add
 from weberlink.slave.integrators.contact_force import contact_force, staged
 from weberlink.slave.integrators.contract import ControlledMass, MassState, Stage
 from weberlink.slave.integrators.guard import EnergyGuard
-from weberlink.slave.integrators.implicit import Implicit
 from weberlink.slave.integrators.linear_contact import Drag, LinearContact, Oscillators
 from weberlink.slave.integrators.stick_slip import Hold, StickSlip
 from weberlink.slave.scenes.contact import Touch
 from weberlink.slave.scenes.scene import NOTHING, Scene, SceneState
+
+if TYPE_CHECKING:  # what a flat scene without friction does not import
+    from weberlink.slave.integrators.implicit import Implicit
 
 HELD = frozenset({0})
 RELEASED = ((0.0, None, False),)
@@ -31,13 +34,14 @@ class Exact:
     taken by the implicit scheme if it is not: no step gains energy.
     """
 
-    __slots__ = ("_end", "_guard", "_implicit", "_linear", "_oscillators", "_rough", "_scene")
+    __slots__ = ("_body", "_end", "_guard", "_implicit", "_linear", "_oscillators", "_rough", "_scene")
 
     def __init__(self, body: ControlledMass, scene: Scene) -> None:
         self._oscillators = Oscillators(body)
         self._scene = scene
         self._guard = EnergyGuard(body, scene)
-        self._implicit = Implicit(body, scene)
+        self._body = body
+        self._implicit: Implicit | None = None
         self._end: Stage | None = None
         self._linear: LinearContact | None = None
         self._rough: StickSlip | None = None
@@ -48,6 +52,8 @@ class Exact:
                 self._linear = LinearContact(self._oscillators, planes, ZERO)
             else:
                 self._rough = StickSlip(self._oscillators, planes[0], ZERO, cone)
+        if self._linear is None:
+            self._last_resort()
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         scene, linear, start = self._scene, self._linear, self._end
@@ -64,9 +70,17 @@ class Exact:
             kept = self._midpoint(start, state, goal, step)
         if kept is None:
             scene.restore(state)
-            kept = self._implicit.stepped(start, goal, step)
+            kept = self._last_resort().stepped(start, goal, step)
         self._end = kept
         return kept.motion
+
+    def _last_resort(self) -> "Implicit":
+        """The implicit scheme; in flat contact without friction, only a step of very many events needs it."""
+        if self._implicit is None:
+            from weberlink.slave.integrators.implicit import Implicit  # noqa: PLC0415
+
+            self._implicit = Implicit(self._body, self._scene)
+        return self._implicit
 
     def _rubbed(self, rough: StickSlip, start: Stage, state: SceneState, goal: Vector, step: float) -> Stage | None:
         """The step in closed form on the rough plane, whose anchor the scene remembers; None if it cannot be taken.

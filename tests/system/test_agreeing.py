@@ -19,8 +19,9 @@ from weberlink.control.tuning import LEAD_TICKS, lead
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.negotiation import PACE, PACE_SHARE
 from weberlink.protocol.wire import Kind, kind_of
-from weberlink.studies.stability.cells import SystemCell, timing
+from weberlink.studies.stability.cells import SystemCell
 from weberlink.studies.stability.command import configuration
+from weberlink.studies.stability.script import timing
 from weberlink.system.side import Side
 from weberlink.system.simulate import build_simulation
 from weberlink.system.simulation import Simulation

@@ -240,7 +240,7 @@ def test_ends_that_control_otherwise_name_both_values(overrides: tuple[str, str]
     assert simulation.master.failure == f"refused: {complaint}"
 
 
-@pytest.mark.parametrize(("round_trip", "scheme"), [(0.001, NONE), (0.1, TDPA), (0.7, MMT)])
+@pytest.mark.parametrize(("round_trip", "scheme"), [(0.001, NONE), (0.03, TDPA), (0.7, MMT)])
 def test_auto_ends_up_in_the_scheme_that_the_delay_asks_for(round_trip: float, scheme: int) -> None:
     course = course_of("auto", 500.0, round_trip, *(BAD_LINK if scheme != NONE else ()))
     for records in (course.master, course.slave):
