@@ -120,7 +120,7 @@ def test_two_at_once_each_write_json_and_nothing_else(tmp_path: Path) -> None:
     with Program("keygen", key) as program:
         assert program.finish()[0] == 0
     secured = (f"link.key_file={key}", "link.security=psk")
-    bad = ("link.emulate.delay_ms=5", "link.emulate.loss=0.2")
+    bad = ("link.emulate.delay_ms=5", "link.emulate.loss=0.2", "control.scheme=tdpa")
     overrides = [argument for text in (*secured, *bad) for argument in ("--set", text)]
     with (
         Program("loopback", "--duration", 1, "--json", "-") as plain,
