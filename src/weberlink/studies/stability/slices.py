@@ -113,7 +113,9 @@ def _contacts(
     schemes: tuple[str, ...], stiffnesses: tuple[float, ...], trips: tuple[float, ...]
 ) -> Iterator[SystemCell]:
     for scheme, stiffness, (case, contact), trip in product(schemes, stiffnesses, CONTACTS, trips):
-        yield SystemCell("contacts", scheme, stiffness_n_m=stiffness, round_trip_s=trip, case=case, **contact)
+        # Friction and motion of an object are in the models of this predictor alone.
+        cell = SystemCell("contacts", scheme, "surface", case=case, **contact)
+        yield replace(cell, stiffness_n_m=stiffness, round_trip_s=trip)
 
 
 def _extremes(schemes: tuple[str, ...]) -> Iterator[SystemCell]:
