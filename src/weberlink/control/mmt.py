@@ -20,6 +20,7 @@ from math import dist, hypot, inf
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
+from weberlink.control.extent import KnownSurface
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import matched
 from weberlink.control.model import SpringWall, SurfaceMixture
@@ -43,6 +44,7 @@ class MmtMaster:
         "_displayed",
         "_drag",
         "_elapsed",
+        "_known",
         "_lead",
         "_level",
         "_mixture",
@@ -88,20 +90,46 @@ class MmtMaster:
     def _forget(self) -> None:
         self._port.reset()
         self._mixture.reset()
+        self._known: KnownSurface | None = None
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        mixture = self._mixture
-        if surface is not None:
-            mixture.want(surface)
-            return
-        newest = mixture.newest
-        if newest is not None and agree(newest.surface.at(self._tick, position), force):
-            return  # the sample agrees with the model: free space in front of the wall, or a point on it
+        known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
-        mixture.want(SpringWall(position, force, self._coupling) if touches else None)
+        if surface is None:
+            if known is None:
+                stated = ZERO
+            else:
+                stated = known.surface.at(self._tick, position)
+                within = known.has(position)
+                if agree(stated if within else ZERO, force):
+                    return  # free space in front of the wall or beyond an edge, or a point on the wall
+                if touches and agree(stated, force):
+                    known.reach(position)
+                    return
+                if not touches and known.end(position, stated):
+                    return
+            if not touches:
+                self._known = None
+                mixture.want(None)
+                return
+            surface, known = SpringWall(position, force, self._coupling), None
+        if known is None:
+            known = self._known = KnownSurface(surface, position)
+        else:
+            known.renew(surface, position)
+        mixture.want(surface if known.covers else None)
+
+    def _keep_within(self, position: Vector) -> None:
+        """Display the known surface while the hand [m] is within its edges."""
+        known = self._known
+        if known is not None:
+            before = known.covers
+            known.follow(position)
+            if known.covers != before:
+                self._mixture.want(known.surface if known.covers else None)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         tank, mixture = self._tank, self._mixture
@@ -111,6 +139,7 @@ class MmtMaster:
         tank.level += self._port.move(position)
         self._supplied = self._displayed_share() * mixture.follow(self._present, position)
         tank.level += self._supplied
+        self._keep_within(position)
         mixture.turn(elapsed, tank.level - mixture.stored)
         tank.spill(mixture.stored + CAP * self._level)
 

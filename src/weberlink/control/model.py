@@ -230,8 +230,9 @@ class SurfaceMixture:
         self._let_in()
         wanted = self._wanted
         if wanted is None:
-            length = hypot(*self.force)
-            self._fade(self._parts, 1.0 - (min(share, most / length) if length > 0.0 else share))
+            length, weight = hypot(*self.force), sum(part.weight for part in self._parts)
+            lost = min(1.0, share / weight) if weight > 0.0 else 1.0
+            self._fade(self._parts, 1.0 - (min(lost, most / length) if length > 0.0 else lost))
             return
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:
