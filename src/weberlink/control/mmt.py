@@ -32,6 +32,10 @@ MISFIT = 0.2
 """Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
 """Difference that is always accepted [N]."""
+GHOST_TIME = 0.05
+"""Time beyond the round trip after which a surface that is displayed, and that the robot does not touch, is gone [s]."""
+GHOST_DEPTH = 5e-4
+"""Depth of the displayed force in the surface from which the robot must touch it too [m]."""
 CAP = 3.0
 """Largest energy of the tank in addition to the energy stored in the model, as a multiple of the level."""
 
@@ -44,6 +48,7 @@ class MmtMaster:
         "_displayed",
         "_drag",
         "_elapsed",
+        "_free",
         "_known",
         "_lead",
         "_level",
@@ -53,6 +58,7 @@ class MmtMaster:
         "_tank",
         "_tick",
         "_tick_period",
+        "_untouched",
         "_wanted",
     )
 
@@ -91,6 +97,8 @@ class MmtMaster:
         self._port.reset()
         self._mixture.reset()
         self._known: KnownSurface | None = None
+        self._free = True
+        self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
@@ -98,6 +106,7 @@ class MmtMaster:
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
         known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
+        self._free = surface is None and not touches
         if surface is None:
             if known is None:
                 stated = ZERO
@@ -112,8 +121,7 @@ class MmtMaster:
                 if not touches and known.end(position, stated):
                     return
             if not touches:
-                self._known = None
-                mixture.want(None)
+                self._lose()
                 return
             surface, known = SpringWall(position, force, self._coupling), None
         if known is None:
@@ -140,8 +148,26 @@ class MmtMaster:
         self._supplied = self._displayed_share() * mixture.follow(self._present, position)
         tank.level += self._supplied
         self._keep_within(position)
+        self._doubt()
         mixture.turn(elapsed, tank.level - mixture.stored)
         tank.spill(mixture.stored + CAP * self._level)
+
+    def _doubt(self) -> None:
+        """Lose a surface that is displayed for longer than a round trip while the other side expects no force.
+
+        After a sample without force the sender is silent until something touches the robot.
+        """
+        newest = self._mixture.newest
+        if newest is None or not self._free or hypot(*self._displayed) < GHOST_DEPTH * newest.surface.stiffness:
+            self._untouched = 0.0
+            return
+        self._untouched += self._elapsed
+        if self._untouched > 2.0 * self._lead + GHOST_TIME:
+            self._lose()
+
+    def _lose(self) -> None:
+        self._known = None
+        self._mixture.want(None)
 
     @property
     def _present(self) -> float:
