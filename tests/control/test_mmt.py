@@ -9,9 +9,10 @@ from tests.control.walls import Wall
 from weberlink.control.contract import LinkQuality, SchemeParameters
 from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
 from weberlink.control.mmt import MmtMaster
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, distance
 
 TICK = 1e-3
+CATCH_UP = 0.25
 WALL = Wall(500.0)
 DEPTH = 0.005
 INSIDE = (0.0, 0.0, -DEPTH)
@@ -23,7 +24,7 @@ class Operator:
     """A hand on a prescribed path, and the forces that it felt."""
 
     def __init__(self) -> None:
-        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25, 2500.0))
+        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, CATCH_UP, 2500.0))
         self.at = 0.002
         self.aside = 0.0
         self.forces: list[Vector] = []
@@ -112,10 +113,15 @@ def test_the_command_lies_where_the_model_states_the_displayed_force() -> None:
     operator = Operator()
     operator.go(-DEPTH, 300)
     operator.control.learn(WALL, PRESSED, INSIDE)
-    for _ in range(400):
+    before = operator.control.command(INSIDE)
+    for tick in range(400):
         shown = operator.go(-DEPTH, 1)
-        operator.control.observe((0.0, 0.0, -DEPTH), TICK, 0.0, 0, QUALITY)
-        assert WALL.at(0.0, operator.control.command((0.0, 0.0, -DEPTH))) == pytest.approx(shown, abs=1e-9)
+        operator.control.observe(INSIDE, TICK, 0.0, 0, QUALITY)
+        command = operator.control.command(INSIDE)
+        assert distance(command, before) <= CATCH_UP * TICK * (1.0 + 1e-9)
+        if tick > DEPTH / (CATCH_UP * TICK):
+            assert WALL.at(0.0, command) == pytest.approx(shown, abs=1e-9)
+        before = command
     assert 0.2 * PRESSED[2] < shown[2] < PRESSED[2]  # as far as the drag on the way has paid for it
 
 
@@ -176,6 +182,30 @@ def test_no_more_edges_than_allowed_and_the_newest_stay() -> None:
     assert known.has((0.009 * cos(angle), 0.009 * sin(angle), 0.0))
     known = KnownSurface(WALL, ZERO)
     assert not known.end((0.5 * LEAST_EXTENT, 0.0, -DEPTH), normal)  # it is gone
+
+
+@pytest.mark.parametrize("sample", [ZERO, None], ids=["free before", "in contact"])
+def test_a_wall_that_the_robot_does_not_find_is_lost_after_a_round_trip(sample: Vector | None) -> None:
+    """After a sample without force the sender is silent until it finds the wall; after a model, while it is right."""
+    operator = Operator.pressing()
+    operator.go(0.002, 100)
+    if sample is not None:
+        operator.control.learn(None, sample, (0.0, 0.0, 0.002))
+    operator.go(0.002, 5000)  # the measured delay has settled
+    operator.go(-DEPTH, 10)
+    felt = operator.go(-DEPTH, 600)
+    assert felt == pytest.approx(PRESSED, abs=1e-6)
+    assert operator.go(-DEPTH, 400) == pytest.approx(PRESSED if sample is None else ZERO, abs=1e-6)
+
+
+def test_an_update_in_the_middle_of_a_change_does_not_begin_it_anew() -> None:
+    operator = Operator()
+    operator.control.learn(WALL, PRESSED, INSIDE)
+    for number in range(10):
+        operator.go(0.002, 10)
+        operator.control.learn(Wall(500.0, 1e-5 * number), PRESSED, INSIDE)
+    operator.go(-DEPTH, 50)
+    assert operator.go(-DEPTH, 2)[2] == pytest.approx(PRESSED[2], rel=0.1)
 
 
 def test_reset_forgets_the_model() -> None:

@@ -24,7 +24,7 @@ from weberlink.control.extent import KnownSurface
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import matched
 from weberlink.control.model import SpringWall, SurfaceMixture
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, interpolate, norm, subtract
 
 LEAD_TIME = 1.0
 """Time constant with which the trip to the other side follows the measured round trip [s]."""
@@ -44,6 +44,7 @@ class MmtMaster:
     """Renders the model. The tank holds the energy stored in the model and the energy for changes of the model."""
 
     __slots__ = (
+        "_catch_up",
         "_coupling",
         "_displayed",
         "_drag",
@@ -53,6 +54,7 @@ class MmtMaster:
         "_lead",
         "_level",
         "_mixture",
+        "_offset",
         "_port",
         "_supplied",
         "_tank",
@@ -68,6 +70,7 @@ class MmtMaster:
     def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._coupling = settings.coupling
+        self._catch_up = settings.catch_up_speed
         self._tick_period = settings.tick_period
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level, inf)
@@ -100,6 +103,7 @@ class MmtMaster:
         self._free = True
         self._untouched = 0.0
         self._wanted: Vector = ZERO
+        self._offset: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
 
@@ -184,11 +188,20 @@ class MmtMaster:
         return min(1.0, max(0.0, along / squared))
 
     def command(self, position: Vector) -> Vector:
+        # A wrong model could send the robot far away at once; the samples on the way correct it.
+        wanted, before = self._offset_wanted(position), self._offset
+        way = subtract(wanted, before)
+        length, most = norm(way), self._catch_up * self._elapsed
+        self._offset = wanted if length <= most else interpolate(before, wanted, most / length)
+        return add(position, self._offset)
+
+    def _offset_wanted(self, position: Vector) -> Vector:
+        """From the device to where the robot should be: the model states the displayed force there, a trip later."""
         newest = self._mixture.newest
         if newest is None:
-            return position
+            return ZERO
         surface, present = newest.surface, self._present
-        x, y, z = matched(position, newest.force, surface.stiffness, self._displayed, newest.force)
+        x, y, z = subtract(matched(position, newest.force, surface.stiffness, self._displayed, newest.force), position)
         # The command arrives a trip later. By then a surface that moves has carried the contact along.
         a, b, c = surface.displacement(present)
         u, v, w = surface.displacement(present + self._lead / self._tick_period)
