@@ -8,11 +8,10 @@ from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.control.contract import LinkQuality, SchemeParameters
 from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
-from weberlink.control.mmt import MmtMaster
+from weberlink.control.mmt import FARTHEST, MmtMaster
 from weberlink.geometry.vector import ZERO, Vector, distance
 
 TICK = 1e-3
-CATCH_UP = 0.25
 WALL = Wall(500.0)
 DEPTH = 0.005
 INSIDE = (0.0, 0.0, -DEPTH)
@@ -24,7 +23,7 @@ class Operator:
     """A hand on a prescribed path, and the forces that it felt."""
 
     def __init__(self) -> None:
-        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, CATCH_UP, 2500.0))
+        self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25, 2500.0))
         self.at = 0.002
         self.aside = 0.0
         self.forces: list[Vector] = []
@@ -113,16 +112,19 @@ def test_the_command_lies_where_the_model_states_the_displayed_force() -> None:
     operator = Operator()
     operator.go(-DEPTH, 300)
     operator.control.learn(WALL, PRESSED, INSIDE)
-    before = operator.control.command(INSIDE)
-    for tick in range(400):
+    for _ in range(400):
         shown = operator.go(-DEPTH, 1)
-        operator.control.observe(INSIDE, TICK, 0.0, 0, QUALITY)
-        command = operator.control.command(INSIDE)
-        assert distance(command, before) <= CATCH_UP * TICK * (1.0 + 1e-9)
-        if tick > DEPTH / (CATCH_UP * TICK):
-            assert WALL.at(0.0, command) == pytest.approx(shown, abs=1e-9)
-        before = command
+        operator.control.observe((0.0, 0.0, -DEPTH), TICK, 0.0, 0, QUALITY)
+        assert WALL.at(0.0, operator.control.command((0.0, 0.0, -DEPTH))) == pytest.approx(shown, abs=1e-9)
     assert 0.2 * PRESSED[2] < shown[2] < PRESSED[2]  # as far as the drag on the way has paid for it
+
+
+def test_a_fit_that_is_much_too_soft_does_not_send_the_robot_away() -> None:
+    operator = Operator()
+    operator.go(-DEPTH, 300)
+    operator.control.learn(Wall(20.0, 0.2), (0.0, 0.0, 4.0), INSIDE)
+    operator.go(-DEPTH, 1)
+    assert distance(operator.control.command(INSIDE), INSIDE) == pytest.approx(FARTHEST)
 
 
 def test_no_change_of_the_model_jumps() -> None:

@@ -24,7 +24,7 @@ from weberlink.control.extent import KnownSurface
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import matched
 from weberlink.control.model import SpringWall, SurfaceMixture
-from weberlink.geometry.vector import ZERO, Vector, add, interpolate, norm, subtract
+from weberlink.geometry.vector import ZERO, Vector, add, norm, scale, subtract
 
 LEAD_TIME = 1.0
 """Time constant with which the trip to the other side follows the measured round trip [s]."""
@@ -33,9 +33,12 @@ MISFIT = 0.2
 MISFIT_FLOOR = 0.05
 """Difference that is always accepted [N]."""
 GHOST_TIME = 0.05
-"""Time beyond the round trip after which a surface that is displayed, and that the robot does not touch, is gone [s]."""
+"""Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]."""
 GHOST_DEPTH = 5e-4
 """Depth of the displayed force in the surface from which the robot must touch it too [m]."""
+FARTHEST = 0.02
+"""Largest distance of the command from the device [m]: a fit that is much too soft would send the robot farther away
+than any contact is deep, and the samples from there would not correct it."""
 CAP = 3.0
 """Largest energy of the tank in addition to the energy stored in the model, as a multiple of the level."""
 
@@ -44,7 +47,6 @@ class MmtMaster:
     """Renders the model. The tank holds the energy stored in the model and the energy for changes of the model."""
 
     __slots__ = (
-        "_catch_up",
         "_coupling",
         "_displayed",
         "_drag",
@@ -54,7 +56,6 @@ class MmtMaster:
         "_lead",
         "_level",
         "_mixture",
-        "_offset",
         "_port",
         "_supplied",
         "_tank",
@@ -70,7 +71,6 @@ class MmtMaster:
     def __init__(self, settings: SchemeParameters) -> None:
         self._level = settings.level
         self._coupling = settings.coupling
-        self._catch_up = settings.catch_up_speed
         self._tick_period = settings.tick_period
         self._drag = LevelDrag(settings.damping, self._level)
         self._port = ForcePort(settings.tick_period, self._level, inf)
@@ -103,7 +103,6 @@ class MmtMaster:
         self._free = True
         self._untouched = 0.0
         self._wanted: Vector = ZERO
-        self._offset: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
 
@@ -188,14 +187,11 @@ class MmtMaster:
         return min(1.0, max(0.0, along / squared))
 
     def command(self, position: Vector) -> Vector:
-        # A wrong model could send the robot far away at once; the samples on the way correct it.
-        wanted, before = self._offset_wanted(position), self._offset
-        way = subtract(wanted, before)
-        length, most = norm(way), self._catch_up * self._elapsed
-        self._offset = wanted if length <= most else interpolate(before, wanted, most / length)
-        return add(position, self._offset)
+        offset = self._offset(position)
+        length = norm(offset)
+        return add(position, offset if length <= FARTHEST else scale(offset, FARTHEST / length))
 
-    def _offset_wanted(self, position: Vector) -> Vector:
+    def _offset(self, position: Vector) -> Vector:
         """From the device to where the robot should be: the model states the displayed force there, a trip later."""
         newest = self._mixture.newest
         if newest is None:
