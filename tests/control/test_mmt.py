@@ -1,12 +1,15 @@
 """The model that the operator feels: kept if a sample agrees with it, dropped if a sample contradicts it."""
 
+from math import cos, sin
+
 import pytest
 
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
 from weberlink.control.contract import LinkQuality, SchemeParameters
-from weberlink.control.mmt import MmtMaster
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
+from weberlink.control.mmt import FARTHEST, MmtMaster
+from weberlink.geometry.vector import ZERO, Vector, distance
 
 TICK = 1e-3
 WALL = Wall(500.0)
@@ -22,14 +25,17 @@ class Operator:
     def __init__(self) -> None:
         self.control = MmtMaster(SchemeParameters(TICK, 30.0, 0.05, 5.0, 0.25, 2500.0))
         self.at = 0.002
+        self.aside = 0.0
         self.forces: list[Vector] = []
 
-    def go(self, height: float, ticks: int) -> Vector:
-        """Move to a height [m] at constant speed; returns the last force."""
-        start = self.at
+    def go(self, height: float, ticks: int, aside: float | None = None) -> Vector:
+        """Move to a height and along x [m] at constant speed; returns the last force."""
+        start, left = self.at, self.aside
+        right = left if aside is None else aside
         for tick in range(1, ticks + 1):
             self.at = start + (height - start) * tick / ticks
-            self.control.observe((0.0, 0.0, self.at), TICK, 0.0, 0, QUALITY)
+            self.aside = left + (right - left) * tick / ticks
+            self.control.observe((self.aside, 0.0, self.at), TICK, 0.0, 0, QUALITY)
             force = self.control.render((9.0, 9.0, 9.0))
             self.control.displayed(force)
             self.forces.append(force)
@@ -113,6 +119,14 @@ def test_the_command_lies_where_the_model_states_the_displayed_force() -> None:
     assert 0.2 * PRESSED[2] < shown[2] < PRESSED[2]  # as far as the drag on the way has paid for it
 
 
+def test_a_fit_that_is_much_too_soft_does_not_send_the_robot_away() -> None:
+    operator = Operator()
+    operator.go(-DEPTH, 300)
+    operator.control.learn(Wall(20.0, 0.2), (0.0, 0.0, 4.0), INSIDE)
+    operator.go(-DEPTH, 1)
+    assert distance(operator.control.command(INSIDE), INSIDE) == pytest.approx(FARTHEST)
+
+
 def test_no_change_of_the_model_jumps() -> None:
     """A step is at most that of one tick of the change."""
     operator = Operator.pressing()
@@ -121,6 +135,79 @@ def test_no_change_of_the_model_jumps() -> None:
         operator.control.learn(WALL if force is PRESSED else None, force, INSIDE)
         operator.go(-DEPTH, 1000)
         assert largest_step(operator.forces[before:]) <= 10.0 * TICK / 0.05
+
+
+EDGE = 0.02
+
+
+def beyond_the_edge() -> Operator:
+    """An operator who slid off a wall that ends at `EDGE`, and learned it there."""
+    operator = Operator.pressing()
+    assert operator.go(-DEPTH, 500, aside=EDGE + 0.01)[2] == pytest.approx(PRESSED[2], abs=0.05)
+    operator.control.learn(None, ZERO, (EDGE, 0.0, -DEPTH))
+    assert operator.go(-DEPTH, 200) == pytest.approx(ZERO, abs=1e-6)
+    return operator
+
+
+def test_a_wall_that_ended_is_felt_at_once_where_it_is() -> None:
+    operator = beyond_the_edge()
+    operator.go(0.002, 200)
+    operator.go(0.002, 200, aside=EDGE - 0.003)
+    for depth in (0.001, DEPTH):
+        operator.go(-depth, 50)
+        assert operator.go(-depth, 2)[2] == pytest.approx(500.0 * depth, rel=0.1)
+
+
+def test_a_hand_that_comes_back_below_a_wall_that_ended_is_pushed_as_far_as_it_has_paid() -> None:
+    operator = beyond_the_edge()
+    before = len(operator.forces)
+    tank = operator.control.tank
+    operator.go(-DEPTH, 1, aside=EDGE - 0.001)
+    operator.go(-DEPTH, 3000)
+    assert largest_step(operator.forces[before + 2 :]) <= 10.0 * TICK / 0.05
+    assert operator.control.tank == pytest.approx(tank, abs=1e-3)  # nobody moved, so nothing was paid out
+
+
+def test_a_sample_beyond_an_edge_that_agrees_with_the_wall_moves_the_edge() -> None:
+    operator = beyond_the_edge()
+    operator.control.learn(None, PRESSED, (EDGE + 0.02, 0.0, -DEPTH))
+    assert operator.go(-DEPTH, 3000) == pytest.approx(PRESSED, abs=1e-6)
+
+
+def test_no_more_edges_than_allowed_and_the_newest_stay() -> None:
+    known = KnownSurface(WALL, ZERO)
+    normal = (0.0, 0.0, 1.0)
+    for number in range(MOST_EDGES + 3):
+        angle = 0.4 * number
+        assert known.end((0.01 * cos(angle), 0.01 * sin(angle), -DEPTH), normal)
+    assert not known.has((0.011 * cos(angle), 0.011 * sin(angle), 0.0))
+    assert known.has((0.009 * cos(angle), 0.009 * sin(angle), 0.0))
+    known = KnownSurface(WALL, ZERO)
+    assert not known.end((0.5 * LEAST_EXTENT, 0.0, -DEPTH), normal)  # it is gone
+
+
+@pytest.mark.parametrize("sample", [ZERO, None], ids=["free before", "in contact"])
+def test_a_wall_that_the_robot_does_not_find_is_lost_after_a_round_trip(sample: Vector | None) -> None:
+    """After a sample without force the sender is silent until it finds the wall; after a model, while it is right."""
+    operator = Operator.pressing()
+    operator.go(0.002, 100)
+    if sample is not None:
+        operator.control.learn(None, sample, (0.0, 0.0, 0.002))
+    operator.go(0.002, 5000)  # the measured delay has settled
+    operator.go(-DEPTH, 10)
+    felt = operator.go(-DEPTH, 600)
+    assert felt == pytest.approx(PRESSED, abs=1e-6)
+    assert operator.go(-DEPTH, 400) == pytest.approx(PRESSED if sample is None else ZERO, abs=1e-6)
+
+
+def test_an_update_in_the_middle_of_a_change_does_not_begin_it_anew() -> None:
+    operator = Operator()
+    operator.control.learn(WALL, PRESSED, INSIDE)
+    for number in range(10):
+        operator.go(0.002, 10)
+        operator.control.learn(Wall(500.0, 1e-5 * number), PRESSED, INSIDE)
+    operator.go(-DEPTH, 50)
+    assert operator.go(-DEPTH, 2)[2] == pytest.approx(PRESSED[2], rel=0.1)
 
 
 def test_reset_forgets_the_model() -> None:

@@ -16,7 +16,7 @@ PARAMETERS = SchemeParameters(
     tick_period=1e-3, force_range=30.0, level=0.05, damping=5.0, catch_up_speed=0.25, coupling=2500.0
 )
 TDPA = {"energy", "force_port", "motion_port", "tdpa"}
-MMT = {"energy", "force_port", "mmt", "model"}
+MMT = {"energy", "extent", "force_port", "mmt", "model"}
 PARTS = {
     "none": {"master": {"direct"}, "slave": {"direct"}},
     "tdpa": {"master": TDPA, "slave": TDPA},

@@ -20,10 +20,11 @@ from math import dist, hypot, inf
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, SchemeParameters, WallModel
 from weberlink.control.energy import EnergyTank, LevelDrag
+from weberlink.control.extent import KnownSurface
 from weberlink.control.force_port import ForcePort
 from weberlink.control.matching import matched
 from weberlink.control.model import SpringWall, SurfaceMixture
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, norm, scale, subtract
 
 LEAD_TIME = 1.0
 """Time constant with which the trip to the other side follows the measured round trip [s]."""
@@ -31,6 +32,13 @@ MISFIT = 0.2
 """Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
 """Difference that is always accepted [N]."""
+GHOST_TIME = 0.05
+"""Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]."""
+GHOST_DEPTH = 5e-4
+"""Depth of the displayed force in the surface from which the robot must touch it too [m]."""
+FARTHEST = 0.02
+"""Largest distance of the command from the device [m]: a fit that is much too soft would send the robot farther away
+than any contact is deep, and the samples from there would not correct it."""
 CAP = 3.0
 """Largest energy of the tank in addition to the energy stored in the model, as a multiple of the level."""
 
@@ -43,6 +51,8 @@ class MmtMaster:
         "_displayed",
         "_drag",
         "_elapsed",
+        "_free",
+        "_known",
         "_lead",
         "_level",
         "_mixture",
@@ -51,6 +61,7 @@ class MmtMaster:
         "_tank",
         "_tick",
         "_tick_period",
+        "_untouched",
         "_wanted",
     )
 
@@ -88,20 +99,48 @@ class MmtMaster:
     def _forget(self) -> None:
         self._port.reset()
         self._mixture.reset()
+        self._known: KnownSurface | None = None
+        self._free = True
+        self._untouched = 0.0
         self._wanted: Vector = ZERO
         self._displayed: Vector = ZERO
         self._supplied = 0.0
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:
-        mixture = self._mixture
-        if surface is not None:
-            mixture.want(surface)
-            return
-        newest = mixture.newest
-        if newest is not None and agree(newest.surface.at(self._tick, position), force):
-            return  # the sample agrees with the model: free space in front of the wall, or a point on it
+        known, mixture = self._known, self._mixture
         touches = hypot(force[0], force[1], force[2]) > LEAST_CONTACT
-        mixture.want(SpringWall(position, force, self._coupling) if touches else None)
+        self._free = surface is None and not touches
+        if surface is None:
+            if known is None:
+                stated = ZERO
+            else:
+                stated = known.surface.at(self._tick, position)
+                within = known.has(position)
+                if agree(stated if within else ZERO, force):
+                    return  # free space in front of the wall or beyond an edge, or a point on the wall
+                if touches and agree(stated, force):
+                    known.reach(position)
+                    return
+                if not touches and known.end(position, stated):
+                    return
+            if not touches:
+                self._lose()
+                return
+            surface, known = SpringWall(position, force, self._coupling), None
+        if known is None:
+            known = self._known = KnownSurface(surface, position)
+        else:
+            known.renew(surface, position)
+        mixture.want(surface if known.covers else None)
+
+    def _keep_within(self, position: Vector) -> None:
+        """Display the known surface while the hand [m] is within its edges."""
+        known = self._known
+        if known is not None:
+            before = known.covers
+            known.follow(position)
+            if known.covers != before:
+                self._mixture.want(known.surface if known.covers else None)
 
     def observe(self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality) -> None:  # noqa: ARG002
         tank, mixture = self._tank, self._mixture
@@ -111,8 +150,27 @@ class MmtMaster:
         tank.level += self._port.move(position)
         self._supplied = self._displayed_share() * mixture.follow(self._present, position)
         tank.level += self._supplied
+        self._keep_within(position)
+        self._doubt()
         mixture.turn(elapsed, tank.level - mixture.stored)
         tank.spill(mixture.stored + CAP * self._level)
+
+    def _doubt(self) -> None:
+        """Lose a surface that is displayed for longer than a round trip while the other side expects no force.
+
+        After a sample without force the sender is silent until something touches the robot.
+        """
+        newest = self._mixture.newest
+        if newest is None or not self._free or hypot(*self._displayed) < GHOST_DEPTH * newest.surface.stiffness:
+            self._untouched = 0.0
+            return
+        self._untouched += self._elapsed
+        if self._untouched > 2.0 * self._lead + GHOST_TIME:
+            self._lose()
+
+    def _lose(self) -> None:
+        self._known = None
+        self._mixture.want(None)
 
     @property
     def _present(self) -> float:
@@ -129,11 +187,17 @@ class MmtMaster:
         return min(1.0, max(0.0, along / squared))
 
     def command(self, position: Vector) -> Vector:
+        offset = self._offset(position)
+        length = norm(offset)
+        return add(position, offset if length <= FARTHEST else scale(offset, FARTHEST / length))
+
+    def _offset(self, position: Vector) -> Vector:
+        """From the device to where the robot should be: the model states the displayed force there, a trip later."""
         newest = self._mixture.newest
         if newest is None:
-            return position
+            return ZERO
         surface, present = newest.surface, self._present
-        x, y, z = matched(position, newest.force, surface.stiffness, self._displayed, newest.force)
+        x, y, z = subtract(matched(position, newest.force, surface.stiffness, self._displayed, newest.force), position)
         # The command arrives a trip later. By then a surface that moves has carried the contact along.
         a, b, c = surface.displacement(present)
         u, v, w = surface.displacement(present + self._lead / self._tick_period)

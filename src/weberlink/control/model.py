@@ -202,13 +202,27 @@ class SurfaceMixture:
             memory = newest.memory
         self._waiting = RecessedSurface(surface, memory, self._tick)
         self._waiting.follow(self._tick, self._position)
-        self._let_in()
 
-    def _let_in(self) -> None:
-        """Begin to change to the surface that waits, if there is room for it."""
-        waiting = self._waiting
+    def _let_in(self, most: float) -> None:
+        """Begin to change to the surface that waits.
+
+        It takes the place of the wanted surface, with its weight and its force, if that changes the force on the hand
+        by no more than `most` [N]: so updates of the same surface do not begin the change anew. Otherwise it fades in
+        as soon as there is room for it.
+        """
+        waiting, wanted = self._waiting, self._wanted
         if waiting is None:
             return
+        if wanted is not None:
+            stiffer = waiting.surface.stiffness / wanted.surface.stiffness
+            waiting.press_no_harder_than(wanted.pressed * min(1.0, sqrt(stiffer)))
+            a, b, c = wanted.weighted(wanted.weight)
+            x, y, z = waiting.weighted(wanted.weight)
+            if hypot(x - a, y - b, z - c) <= most:
+                waiting.weight = wanted.weight
+                self._parts[self._parts.index(wanted)] = self._wanted = waiting
+                self._waiting = None
+                return
         if len(self._parts) >= MOST_SURFACES:
             self._parts = [part for part in self._parts if part.pressed > 0.0]
         if len(self._parts) < MOST_SURFACES:
@@ -227,11 +241,12 @@ class SurfaceMixture:
             spare: energy that the change may put into the model [J].
         """
         share, most = min(1.0, elapsed / TURN), STEEPEST * elapsed
-        self._let_in()
+        self._let_in(most)
         wanted = self._wanted
         if wanted is None:
-            length = hypot(*self.force)
-            self._fade(self._parts, 1.0 - (min(share, most / length) if length > 0.0 else share))
+            length, weight = hypot(*self.force), sum(part.weight for part in self._parts)
+            lost = min(1.0, share / weight) if weight > 0.0 else 1.0
+            self._fade(self._parts, 1.0 - (min(lost, most / length) if length > 0.0 else lost))
             return
         moved = min(share, 1.0 - wanted.weight)
         if moved > 0.0:
