@@ -43,7 +43,7 @@ BUILT_IN = {
         "weberlink.control.mmt:MmtMaster",
         "weberlink.control.direct:DirectSlave",
         carries_credit=False,
-        does="the operator feels the fitted plane or sphere at once",
+        does="the operator feels the fitted surface at once",
     ),
     "auto": Scheme(
         "weberlink.control.auto:AutoMaster",
