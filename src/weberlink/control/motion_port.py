@@ -143,7 +143,7 @@ class MotionPort:
         jump = max(0.0, 0.5 * (self._force_range * squared**0.5 - against))  # by the mean of this force and the range
         share = affordable_share(against, 0.5 * CAUTION * self._stiffness * squared, jump, tank)
         if against < 0.0:  # the step leads out of the wall
-            share = max(share, min(1.0, LONGEST_RETREAT / squared**0.5))
+            share = max(share, min(1.0, LONGEST_RETREAT / hypot(x, y, z)))
         if share == 1.0:
             return target
         if against < 0.0:
