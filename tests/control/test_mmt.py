@@ -6,9 +6,10 @@ import pytest
 
 from tests.control.vectors import largest_step
 from tests.control.walls import Wall
+from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.control.contract import LinkQuality, SchemeParameters
 from weberlink.control.extent import LEAST_EXTENT, MOST_EDGES, KnownSurface
-from weberlink.control.mmt import FARTHEST, MmtMaster
+from weberlink.control.mmt import FARTHEST, LONGEST_DRIFT, MmtMaster
 from weberlink.geometry.vector import ZERO, Vector, distance
 
 TICK = 1e-3
@@ -208,6 +209,16 @@ def test_an_update_in_the_middle_of_a_change_does_not_begin_it_anew() -> None:
         operator.control.learn(Wall(500.0, 1e-5 * number), PRESSED, INSIDE)
     operator.go(-DEPTH, 50)
     assert operator.go(-DEPTH, 2)[2] == pytest.approx(PRESSED[2], rel=0.1)
+
+
+def test_a_surface_is_not_extrapolated_without_bound() -> None:
+    """A motion that is fitted wrongly would carry it out of the workspace."""
+    speed, control = 1e-4, Operator().control
+    control.observe(INSIDE, TICK, 0.0, 0, LinkQuality(0.0, 0.0))
+    control.learn(SurfacePatch((0.0, 0.0, 1.0), ZERO, 0, 500.0, velocity=-speed), ZERO, ZERO)
+    for tick in range(1, 1200):
+        control.observe(INSIDE, TICK, tick, 0, LinkQuality(0.0, 0.0))
+        assert control.stiffness == (500.0 if tick * speed <= LONGEST_DRIFT else 2500.0)
 
 
 def test_reset_forgets_the_model() -> None:

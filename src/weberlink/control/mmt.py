@@ -39,6 +39,9 @@ GHOST_DEPTH = 5e-4
 FARTHEST = 0.02
 """Largest distance of the command from the device [m]: a fit that is much too soft would send the robot farther away
 than any contact is deep, and the samples from there would not correct it."""
+LONGEST_DRIFT = 0.1
+"""Longest way for which a surface may be extrapolated from its newest sample [m]. A wrong motion would carry it on
+without bound, and with it the work that a motor of the scene is assumed to do."""
 CAP = 3.0
 """Largest energy of the tank in addition to the energy stored in the model, as a multiple of the level."""
 
@@ -156,11 +159,14 @@ class MmtMaster:
         tank.spill(mixture.stored + CAP * self._level)
 
     def _doubt(self) -> None:
-        """Lose a surface that is displayed for longer than a round trip while the other side expects no force.
+        """Lose a surface that is extrapolated too far, or displayed while the other side expects no force.
 
         After a sample without force the sender is silent until something touches the robot.
         """
         newest = self._mixture.newest
+        if newest is not None and norm(newest.surface.displacement(self._present)) > LONGEST_DRIFT:
+            self._lose()
+            return
         if newest is None or not self._free or hypot(*self._displayed) < GHOST_DEPTH * newest.surface.stiffness:
             self._untouched = 0.0
             return
