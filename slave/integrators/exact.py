@@ -53,7 +53,7 @@ class Exact:
             else:
                 self._rough = StickSlip(self._oscillators, planes[0], ZERO, cone)
         if self._linear is None:
-            self._last_resort()
+            self._implicit_scheme()
 
     def advance(self, motion: MassState, goal: Vector, step: float) -> MassState:
         scene, linear, start = self._scene, self._linear, self._end
@@ -70,11 +70,11 @@ class Exact:
             kept = self._midpoint(start, state, goal, step)
         if kept is None:
             scene.restore(state)
-            kept = self._last_resort().stepped(start, goal, step)
+            kept = self._implicit_scheme().stepped(start, goal, step)
         self._end = kept
         return kept.motion
 
-    def _last_resort(self) -> "Implicit":
+    def _implicit_scheme(self) -> "Implicit":
         """The implicit scheme; in flat contact without friction, only a step of very many events needs it."""
         if self._implicit is None:
             from weberlink.slave.integrators.implicit import Implicit  # noqa: PLC0415

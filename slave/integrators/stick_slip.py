@@ -27,7 +27,7 @@ from weberlink.slave.scenes.scene import FARTHEST, Facing
 Flat = tuple[float, float]
 """Along the surface."""
 
-LOOKS = 8  # at the direction of a slip; each squares its error
+ITERATIONS = 8  # for the direction of a slip; each squares its error
 STRAIGHT = 1e-7  # sine of the largest angle between directions that count as one
 ROUNDING = 1e-9  # share of a position [m/m]: a direction over this length has seven digits
 TURN = 0.1  # [rad] of the direction of sliding in one piece of motion
@@ -229,7 +229,7 @@ class StickSlip:
             directions += [(-e[1], e[0]), (e[1], -e[0])]
         first: float | None = None
         for p, q in directions:
-            for _ in range(LOOKS):
+            for _ in range(ITERATIONS):
                 value, rate, rest = spring.along(p, q)
                 inside, closing = limit * depth[0] - value, limit * depth[1] - rate
                 if stopped and not curved and value > 0.0:

@@ -18,7 +18,6 @@ from weberlink.control.auto import (
     AutoMaster,
     AutoSlave,
     ContactBalance,
-    yielding_share,
 )
 from weberlink.control.contract import LinkQuality, SchemeParameters
 from weberlink.control.force_port import STEEPEST
@@ -215,21 +214,6 @@ def test_and_no_further_than_its_tank_reaches_where_it_is() -> None:
         here = slave.follow((0.0, 0.0, -1e-5 * tick), here, TICK, 10, LinkQuality(DELAY[TDPA], 0.0))
         slave.observe(here, (0.0, 0.0, 500.0 * -here[2]))
     assert 0.5 * 500.0 * here[2] ** 2 == pytest.approx(10e-4, rel=0.3)
-
-
-small = st.floats(-1e-2, 1e-2)
-
-
-@given(small, st.floats(0.0, 1e-2), small, st.floats(0.0, 1e-2))
-def test_the_yielding_share_is_the_largest_within(along: float, rise: float, before: float, most: float) -> None:
-    def leaves(share: float) -> float:
-        return share * along + share * max(0.0, share * rise - before)
-
-    share = yielding_share(along, rise, before, most)
-    assert 0.0 <= share <= 1.0
-    assert leaves(share) <= most + 1e-12
-    if share < 1.0:
-        assert leaves(min(1.0, share * (1.0 + 1e-6) + 1e-9)) >= most - 1e-12
 
 
 def test_a_balance_begins_with_each_contact_and_is_bounded_by_what_a_contact_stores() -> None:

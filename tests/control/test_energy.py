@@ -2,7 +2,6 @@
 
 from math import isfinite
 
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from pytest import approx
@@ -10,7 +9,7 @@ from pytest import approx
 from tests.control.vectors import forces, steps, vectors
 from tests.examples import examples
 from weberlink.control.contract import CREDIT_STEP
-from weberlink.control.energy import FORGIVENESS, LONGEST, STRONGEST, CreditPrediction, EnergyTank, LevelDrag
+from weberlink.control.energy import LONGEST, STRONGEST, CreditPrediction, EnergyTank, LevelDrag, yielding_share
 from weberlink.control.force_port import LEAST_STEP, ForcePort
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, subtract
 
@@ -28,7 +27,7 @@ operations = st.one_of(
     st.tuples(st.just("hand over"), sides, joules),
     st.tuples(st.just("tell"), sides, st.integers(0, 50)),
     st.tuples(st.just("spill"), sides, st.floats(0.0, LARGEST)),
-    st.tuples(st.just("forgive"), sides, st.floats(0.0, 2.0 * FORGIVENESS)),
+    st.tuples(st.just("forgive"), sides, st.just(0.0)),
 )
 
 
@@ -58,7 +57,7 @@ class TwoTanks:
             tank.spill(amount)
             self.given_up += before - tank.level
         else:
-            tank.forgive(amount)
+            tank.forgive()
             self.given_up += before - tank.level
         self.told[side].append(tank.credit)
 
@@ -82,16 +81,29 @@ def test_no_loss_order_or_repetition_makes_energy_and_rounding_holds_back_less_t
         assert -1e-9 <= both.lacking <= 2.0 * CREDIT_STEP + 1e-9
 
 
-@given(joules, st.floats(0.0, LARGEST), st.floats(0.0, 2.0))
-def test_only_what_is_above_the_cap_is_spilled_and_only_a_debt_is_forgiven(
-    level: float, cap: float, share: float
-) -> None:
+@given(joules, st.floats(0.0, LARGEST))
+def test_only_what_is_above_the_cap_is_spilled_and_only_a_debt_is_forgiven(level: float, cap: float) -> None:
     tank = EnergyTank()
     tank.level = level
     tank.spill(cap)
     assert tank.level == min(level, cap)
-    tank.forgive(share * FORGIVENESS)
-    assert tank.level == (min(level, cap) if level >= 0.0 else pytest.approx(level * (1.0 - min(1.0, share))))
+    tank.forgive()
+    assert tank.level == max(0.0, min(level, cap))
+
+
+small = st.floats(-1e-2, 1e-2)
+
+
+@given(small, st.floats(0.0, 1e-2), small, st.floats(0.0, 1e-2))
+def test_the_yielding_share_is_the_largest_within(along: float, rise: float, before: float, most: float) -> None:
+    def leaves(share: float) -> float:
+        return share * along + share * max(0.0, share * rise - before)
+
+    share = yielding_share(along, rise, before, most)
+    assert 0.0 <= share <= 1.0
+    assert leaves(share) <= most + 1e-12
+    if share < 1.0:
+        assert leaves(min(1.0, share * (1.0 + 1e-6) + 1e-9)) >= most - 1e-12
 
 
 @example([(1, 5e-324), (0, 0.0)])

@@ -15,10 +15,11 @@ each scheme of the operator's end bounds the energy that leaves its port whateve
 their tanks, `none` by the guard of `ContactBalance`.
 """
 
-from math import hypot, inf, sqrt
+from math import hypot
 
 from weberlink.control.contract import LEAST_CONTACT, LinkQuality, MasterControl, SchemeParameters, WallModel
 from weberlink.control.direct import DirectMaster
+from weberlink.control.energy import yielding_share
 from weberlink.control.force_port import ForcePort
 from weberlink.control.mmt import MmtMaster
 from weberlink.control.tdpa import TdpaMaster, TdpaSlave
@@ -184,25 +185,6 @@ class ContactBalance:
         self._port.hold(force)
 
 
-def yielding_share(along: float, rise: float, before: float, most: float) -> float:
-    """The largest share s of a force, 0 to 1, with  s along + s max(0, s rise - before) <= most.
-
-    Args:
-        along: work of the whole force if the device repeats its last displacement [J].
-        rise: work of the whole force on the displacement that it causes by itself [J], >= 0.
-        before: the same on the displacement that the present force causes [J].
-        most: energy that may leave in the tick [J], >= 0.
-    """
-    if along + max(0.0, rise - before) <= most:
-        return 1.0
-    slope = along - before
-    root = sqrt(slope * slope + 4.0 * rise * most)
-    share = 2.0 * most / (slope + root) if slope > 0.0 else 0.5 * (root - slope) / rise
-    if share * rise >= before:
-        return share
-    return most / along  # less than the present force, so `along` is positive
-
-
 class AutoMaster:
     """The operator's end of all schemes, of which one is displayed, or several while one fades into another."""
 
@@ -274,7 +256,7 @@ class AutoMaster:
             self._tdpa.stand_by(position, elapsed, tick, peer_credit)
         self._mmt.observe(position, elapsed, tick, peer_credit, quality)
         if shares[MMT] == 0.0:
-            self._mmt.forgive(inf)
+            self._mmt.forgive()
         if shares[NONE] == 0.0:
             balance.forgive()
         self._fade(elapsed)

@@ -4,7 +4,6 @@ For links with a delay that is not felt. `weberlink stability` measures at which
 """
 
 from weberlink.control.contract import LinkQuality, SchemeParameters, WallModel
-from weberlink.control.matching import ForceMatching
 from weberlink.geometry.vector import Vector
 
 
@@ -25,24 +24,20 @@ class _Uncontrolled:
 class DirectMaster(_Uncontrolled):
     """Displays the decoded force."""
 
-    __slots__ = ("_matching",)
+    __slots__ = ("_coupling", "stiffness")
 
     def __init__(self, settings: SchemeParameters) -> None:
         super().__init__(settings)
-        self._matching = ForceMatching(settings.coupling)
-
-    @property
-    def stiffness(self) -> float:
-        return self._matching.stiffness
+        self.stiffness = self._coupling = settings.coupling
 
     def reset(self) -> None:
-        self._matching.reset()
+        self.stiffness = self._coupling
 
     def resume(self, peer_credit: int) -> None:  # noqa: ARG002
-        self._matching.reset()
+        self.reset()
 
     def learn(self, surface: WallModel | None, force: Vector, position: Vector) -> None:  # noqa: ARG002
-        self._matching.learn(surface)
+        self.stiffness = self._coupling if surface is None else surface.stiffness
 
     def observe(
         self, position: Vector, elapsed: float, tick: float, peer_credit: int, quality: LinkQuality

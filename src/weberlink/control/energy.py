@@ -18,8 +18,6 @@ from math import inf, sqrt
 from weberlink.control.contract import CREDIT_STEP
 from weberlink.geometry.vector import Vector
 
-FORGIVENESS = 10.0
-"""Time constant with which a debt that was made without passivity control is forgotten [s]."""
 LONGEST = 0.05
 """No energy is predicted later than this after the last increase of the credit [s]: a heartbeat is due by then."""
 STRONGEST = 1.0
@@ -71,10 +69,9 @@ class EnergyTank:
         """Give up the energy above the cap [J]: an unbounded store would hide an active loop until it is empty."""
         self.level = min(self.level, cap)
 
-    def forgive(self, elapsed: float) -> None:
-        """Forget a debt with the time constant `FORGIVENESS`; `elapsed` since the last call [s]."""
-        if self.level < 0.0:
-            self.level -= self.level * min(1.0, elapsed / FORGIVENESS)
+    def forgive(self) -> None:
+        """Forget a debt."""
+        self.level = max(0.0, self.level)
 
 
 class CreditPrediction:
@@ -159,3 +156,16 @@ def root_share(linear: float, square: float, energy: float) -> float:
         return energy / linear if linear > 0.0 else inf
     root = sqrt(linear * linear + 4.0 * square * energy)
     return 2.0 * energy / (linear + root) if linear > 0.0 else 0.5 * (root - linear) / square
+
+
+def yielding_share(along: float, rise: float, before: float, most: float) -> float:
+    """The largest share s of a force, 0 to 1, with  s along + s max(0, s rise - before) <= most.
+
+    Args:
+        along: work of the whole force if the device repeats its last displacement [J].
+        rise: work of the whole force on the displacement that it causes by itself [J], >= 0.
+        before: the same on the displacement that the present force causes [J].
+        most: energy that may leave in the tick [J], >= 0.
+    """
+    share = min(1.0, root_share(along - before, rise, most))
+    return share if share * along <= most else most / along

@@ -6,7 +6,7 @@ is exact: the held force times the displacement.
 
 from math import hypot
 
-from weberlink.control.energy import root_share
+from weberlink.control.energy import yielding_share
 from weberlink.geometry.vector import ZERO, Vector
 
 SHARE_OF_TANK = 0.1
@@ -27,7 +27,7 @@ DEBT = 5e-4
 STAKE = 0.5
 """Largest loss in one tick if the hand turns against the force, as a share of the energy above the floor."""
 LEAST_STAKE = 1e-12
-"""What is left of `DEBT` at least [J]: from here an honest motion doubles it in a few ticks."""
+"""What is left of `DEBT` at least [J]: from here a motion against the force doubles it in a few ticks."""
 MEMORY = 1.0
 """Time constant with which the longest displacement in a tick is forgotten [s]."""
 FASTEST = 1.0
@@ -163,9 +163,7 @@ class ForcePort:
         along = force[0] * way[0] + force[1] * way[1] + force[2] * way[2]
         square = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
         now = force[0] * held[0] + force[1] * held[1] + force[2] * held[2]
-        budget = max(0.0, energy)
-        share = min(1.0, root_share(along - self._lately * now, self._lately * square, budget))
-        return share if share * along <= budget else budget / along
+        return yielding_share(along, self._lately * square, self._lately * now, max(0.0, energy))
 
     def secured(self, force: Vector, tank: float) -> Vector:
         """The part of a force [N] that leaves energy above the floor whichever way the hand goes.

@@ -32,9 +32,9 @@ MISFIT = 0.2
 """Largest difference of two forces of the same model, as a share of the larger one."""
 MISFIT_FLOOR = 0.05
 """Difference that is always accepted [N]."""
-GHOST_TIME = 0.05
+UNTOUCHED_TIME = 0.05
 """Time beyond the round trip after which a displayed surface that the robot does not touch is gone [s]."""
-GHOST_DEPTH = 5e-4
+UNTOUCHED_DEPTH = 5e-4
 """Depth of the displayed force in the surface from which the robot must touch it too [m]."""
 FARTHEST = 0.02
 """Largest distance of the command from the device [m]: a fit that is much too soft would send the robot farther away
@@ -154,11 +154,11 @@ class MmtMaster:
         self._supplied = self._displayed_share() * mixture.follow(self._present, position)
         tank.level += self._supplied
         self._keep_within(position)
-        self._doubt()
+        self._drop_unconfirmed()
         mixture.turn(elapsed, tank.level - mixture.stored)
         tank.spill(mixture.stored + CAP * self._level)
 
-    def _doubt(self) -> None:
+    def _drop_unconfirmed(self) -> None:
         """Lose a surface that is extrapolated too far, or displayed while the other side expects no force.
 
         After a sample without force the sender is silent until something touches the robot.
@@ -167,11 +167,11 @@ class MmtMaster:
         if newest is not None and norm(newest.surface.displacement(self._present)) > LONGEST_DRIFT:
             self._lose()
             return
-        if newest is None or not self._free or hypot(*self._displayed) < GHOST_DEPTH * newest.surface.stiffness:
+        if newest is None or not self._free or hypot(*self._displayed) < UNTOUCHED_DEPTH * newest.surface.stiffness:
             self._untouched = 0.0
             return
         self._untouched += self._elapsed
-        if self._untouched > 2.0 * self._lead + GHOST_TIME:
+        if self._untouched > 2.0 * self._lead + UNTOUCHED_TIME:
             self._lose()
 
     def _lose(self) -> None:
@@ -220,9 +220,9 @@ class MmtMaster:
         self._port.hold(force)
         self._displayed = force
 
-    def forgive(self, elapsed: float) -> None:
-        """Forget a debt with the time constant `FORGIVENESS`; `elapsed` since the last call [s]."""
-        self._tank.forgive(elapsed)
+    def forgive(self) -> None:
+        """Forget a debt: another scheme keeps its own account."""
+        self._tank.forgive()
 
 
 def agree(a: Vector, b: Vector) -> bool:

@@ -36,7 +36,8 @@ class MotionPort:
 
     On a surface with friction, only the part normal to the surface is shortened: the robot follows along the surface,
     and lifts by as much as pays for that. This is always possible if the friction coefficient is below 1. The normal is
-    told from the direction of sliding. A robot in debt that has lifted off stays outside the surface until it is even.
+    told from the direction of sliding. A robot in debt that has lifted off stays outside the surface until the debt is
+    paid.
 
     Args:
         force_range: largest force that the robot reports [N].

@@ -182,8 +182,8 @@ class TdpaSlave(_TankedPort):
         ahead = self._prediction.ahead(peer_credit, elapsed)
         energy = self._tank.level + ahead
         # To catch up is to press, which costs; without energy the robot would be stuck by what it cannot pay.
-        broke = energy <= 0.0 and self._port.touches
-        goal = self._caught_up(target, here, elapsed, 0.0 if broke else self._catch_up_speed)
+        is_empty = energy <= 0.0 and self._port.touches
+        goal = self._caught_up(target, here, elapsed, 0.0 if is_empty else self._catch_up_speed)
         return self._port.affordable(goal, here, energy)
 
     def follow_freely(self, target: Vector, here: Vector, elapsed: float, peer_credit: int) -> Vector:
