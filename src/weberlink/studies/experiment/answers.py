@@ -71,6 +71,11 @@ class StudyRatings:
         ]
 
     @property
+    def scale(self) -> dict[int, str]:
+        """Words that the subjects read for each level, the best first."""
+        return {level: self.plan.wording[str(level)] for level in sorted(map(int, self.plan.wording), reverse=True)}
+
+    @property
     def predictors(self) -> list[str]:
         """In the order of the paper."""
         names = {condition.predictor for condition in self.plan.trials}

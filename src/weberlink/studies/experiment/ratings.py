@@ -62,7 +62,7 @@ def run(folder: Path, *, level: float, only: str | None, plots: bool) -> Ratings
 
         CurveFigures(
             analysis.curves,
-            quality=QualityAxis(label="rating", better="higher", limits=(LOWEST, HIGHEST), column="rating"),
+            quality=QualityAxis("rating", "higher", limits=(LOWEST, HIGHEST), column="rating", words=answers.scale),
             caption=caption,
             title=analysis.who,
             mark=analysis.mark,
@@ -85,9 +85,10 @@ def table_of(analysis: Analysis, caption: str) -> Table:
     if analysis.mark is not None:
         whole.add_row(Text(f"{MARK}: {EXPLANATION}", style="bold red"))
     whole.add_row(_subjects(analysis))
+    whole.add_row(Text("scale: " + ", ".join(f"{level} {words}" for level, words in analysis.answers.scale.items())))
     sure = ", with its 95 % confidence interval" if len(analysis.answers.subjects) > 1 else ""
     for title, table in (
-        (f"mean rating, {LOWEST} to {HIGHEST}{sure}", _ratings(analysis)),
+        (f"mean rating{sure}", _ratings(analysis)),
         ("packets per second", _rates(analysis)),
     ):
         whole.add_row(Text(f"\n{title}", style="bold"))
