@@ -17,7 +17,10 @@ from weberlink.studies.paper.claims import PREDICTORS
 
 Whose = Literal["people", "simulated"]
 COLUMNS = ("subject", "simulated", "trial", "attempt", "predictor", "weber", "rating")
-FIGURES = ("packets_per_s", "reduction", "error_rms", "violation_fraction")
+FIGURES = (
+    "packets_per_s", "reduction", "error_rms", "violation_fraction",
+    "error_rms_jnd", "log_error_rms_jnd", "jump_median_jnd", "jump_p99_jnd", "jump_max_jnd",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,11 @@ from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
-from weberlink.system.scoring.perception import FeltError, Threshold
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 
-JND, FLOOR_N = 0.10, 0.02
+FLOOR_N = 0.02
 DURATION_S = 10.0
 """Of a trial of the paper, and of a simulated run."""
 SEED = 1
@@ -56,7 +55,7 @@ SCENES = (
 )
 
 
-STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N, jnd=JND)
+STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N)
 SCENE_STUDY = replace(STUDY, position_step=2e-6)
 """With the position step of the scene configurations."""
 
@@ -185,11 +184,11 @@ def _feel(session: SimulatedSession) -> Observation:
     """Packets and felt error of a coded session."""
     configuration = _configuration(session.scene, session.predictor, session.weber, FLOOR_N)
     score = SessionScore(configuration.system.rate_hz, channels(configuration.system)[1].bank)
-    felt = FeltError(Threshold(JND, FLOOR_N))
-    build_simulation(configuration).run(session.duration_s, [score, felt])
-    rate, error = score.summary()["force"]["packets_per_s"], felt.rms_jnd
-    assert error is not None  # the sides of a simulation meet in its first ticks
-    return Observation(session.scene.name, session.predictor, session.weber, rate, error)
+    build_simulation(configuration).run(session.duration_s, [score])
+    force = score.summary()["force"]
+    return Observation(
+        session.scene.name, session.predictor, session.weber, force["packets_per_s"], force["error_rms_jnd"]
+    )
 
 
 def _configuration(scene: PaperScene, predictor: str, weber: float, floor: float) -> Configuration:

@@ -38,7 +38,7 @@ What X. Xu, J. Kammerl, R. Chaudhari and E. Steinbach report in "Hybrid signal-b
 haptic data reduction" (HAVE 2011), beside what is measured with this code. Made by `make figures`, not edited by hand.
 
 The paper's numbers are of a simulated scene that people touched with a real device, and its quality is their rating.
-Here nobody was asked: the quality is the RMS error of the force in JNDs, one JND being 10 % of the force or 0.02 N,
+Here nobody was asked: the quality is the RMS error of the force in JNDs, one JND being 10 % of the force or 0.04 N,
 and "equal quality" means the error that the reference of the claim has at k = 0.10. Ratings of people come from
 `weberlink experiment` alone. The floor of the deadband is 0.02 N throughout.
 
