@@ -16,7 +16,7 @@ from math import sqrt
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import Candidates, EncodeContext, History, Predictor
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, History, Predictor, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.sine import cosine, sine
@@ -214,7 +214,7 @@ _LAYOUTS = {
     2: _layout(Uniform(-1.0, 2.0**-7, 8), Uniform(0.0, 2.0**-11, 7), curved=True),
     3: _layout(Uniform(-1.0, 2.0**-9, 10), Uniform(0.0, 2.0**-16, 12), curved=True),
 }
-"""By the number of axes that are sent; 47, 79 and 111 bits are available for 1, 2 and 3 axes."""
+"""By the number of axes that are sent."""
 
 
 class SurfacePredictor(Predictor):
@@ -222,10 +222,10 @@ class SurfacePredictor(Predictor):
     geometric = describes_contact = True
     estimated = True
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:
-        contact = ContactEstimator(least_force)
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        contact = signal.estimator(ContactEstimator)
         hypotheses = (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)
-        return Candidates([hypothesis(contact, limits) for hypothesis in hypotheses], contact.follow)
+        return [hypothesis(contact, signal.limits) for hypothesis in hypotheses]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         normal, others = _LAYOUTS[grid.value.size]

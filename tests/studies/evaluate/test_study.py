@@ -47,7 +47,7 @@ def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int], list[bool]]:
     """Decoded forces, bounds, the size of the datagram of every update, and whether a tick had one."""
-    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.grid.size)
+    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.forms)
     decoded, bounds, datagrams, sends = [], [], [], []
     for tick, (force, position) in enumerate(zip(signal.force_n.tolist(), signal.position_m.tolist(), strict=True)):
         update = encoder.encode(tick, tuple(force), tuple(position))

@@ -66,7 +66,6 @@ class ReplayResult:
         before_n: magnitude of the decoded force before each jump, in the same shape [N].
         updates: those sent.
         selected: index in the bank of the predictor of each update, shape (packets,).
-        paired: number of updates with a payload beside the newest sample.
         tick_us: median run time of encode plus decode.
     """
 
@@ -78,17 +77,12 @@ class ReplayResult:
     before_n: Array
     updates: Sequence[Update]
     selected: Integers
-    paired: int
     tick_us: float
 
     def payload_bytes(self, channel: Channel) -> int:
         """UDP payload of all updates on a secured link without delay control."""
-        layout, packets = UpdateLayout(channel.grid.size), len(self.updates)
-        return (
-            self.paired * layout.size(with_previous=True)
-            + (packets - self.paired) * layout.size(with_previous=False)
-            + packets * PresharedKey.tag_size
-        )
+        layout = UpdateLayout(channel.forms)
+        return sum(layout.length(update) + PresharedKey.tag_size for update in self.updates)
 
 
 def signal_of(trace: Trace) -> Signal:
@@ -130,7 +124,6 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         np.array(before),
         updates,
         np.array([update.selector for update in updates], np.int64),
-        sum(update.payload is not None for update in updates),
         1e6 * float(np.median(times)),
     )
 
