@@ -15,7 +15,7 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Array, Signal, replay, signal_of
-from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.evaluate.traces import FILES, NamedTrace
 from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.scoring.perception import Threshold, in_units, longest_run, noticed, rms
 
@@ -30,6 +30,7 @@ class EvaluationRow:
     predictor: str
     weber: float
     samples: int
+    duration_s: float
     packets: int
     packets_per_s: float
     reduction: float
@@ -53,6 +54,8 @@ class EvaluationRow:
     selected: dict[str, int] | None = None
     """Sends per predictor; hybrid only."""
     deadband: str = ISOTROPIC
+    source: str = FILES
+    """Of the trace: a source of shipped recordings, or `FILES`."""
     clairvoyant_packets: int | None = None
     """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
 
@@ -150,7 +153,7 @@ EvaluationTask = tuple[NamedTrace, StudyPoint]
 
 def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
     """The rows of one task, one for each predictor."""
-    (name, trace), (study, weber, deadband) = task
+    (name, trace, source), (study, weber, deadband) = task
     signal = signal_of(trace)
     threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
     hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
@@ -158,7 +161,8 @@ def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
     return [
         evaluate(
             name, signal, study.channel(predictor, weber, deadband, signal.period_s), threshold_n,
-            predictor=predictor, weber=weber, deadband=deadband, clairvoyant_packets=fewest.get(predictor),
+            predictor=predictor, weber=weber, deadband=deadband, source=source,
+            clairvoyant_packets=fewest.get(predictor),
         )
         for predictor in study.predictors
     ]  # fmt: skip
@@ -166,7 +170,7 @@ def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
 
 def coded_samples(task: EvaluationTask) -> float:
     """The number of coded samples of a task, as a measure of its run time."""
-    (_, trace), (study, *_) = task
+    (_, trace, _), (study, *_) = task
     return float(len(trace.time_s) * len(study.predictors))
 
 
@@ -179,6 +183,7 @@ def evaluate(
     predictor: str,
     weber: float,
     deadband: str = ISOTROPIC,
+    source: str = FILES,
     clairvoyant_packets: int | None = None,
 ) -> EvaluationRow:
     """Code a signal with a fresh encoder and decoder.
@@ -198,6 +203,7 @@ def evaluate(
         predictor=predictor,
         weber=weber,
         samples=samples,
+        duration_s=duration,
         packets=packets,
         packets_per_s=packets / duration,
         reduction=1.0 - packets / samples,
@@ -211,5 +217,6 @@ def evaluate(
         tick_us=run.tick_us,
         selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         deadband=deadband,
+        source=source,
         clairvoyant_packets=clairvoyant_packets,
     )
