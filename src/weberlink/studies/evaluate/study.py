@@ -15,7 +15,7 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.replay import Signal, replay, signal_of
-from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.evaluate.traces import FILES, NamedTrace
 from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
@@ -30,6 +30,7 @@ class EvaluationRow:
     predictor: str
     weber: float
     samples: int
+    duration_s: float
     packets: int
     packets_per_s: float
     reduction: float
@@ -59,6 +60,8 @@ class EvaluationRow:
     selected: dict[str, int] | None = None
     """Sends per predictor; hybrid only."""
     deadband: str = ISOTROPIC
+    source: str = FILES
+    """Of the trace: a source of shipped recordings, or `FILES`."""
     clairvoyant_packets: int | None = None
     """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
 
@@ -156,14 +159,15 @@ EvaluationTask = tuple[NamedTrace, StudyPoint]
 
 def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
     """The rows of one task, one for each predictor."""
-    (name, trace), (study, weber, deadband) = task
+    (name, trace, source), (study, weber, deadband) = task
     signal = signal_of(trace)
     hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
     fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
     return [
         evaluate(
             name, signal, study.channel(predictor, weber, deadband, signal.period_s), Threshold(study.jnd),
-            predictor=predictor, weber=weber, deadband=deadband, clairvoyant_packets=fewest.get(predictor),
+            predictor=predictor, weber=weber, deadband=deadband, source=source,
+            clairvoyant_packets=fewest.get(predictor),
         )
         for predictor in study.predictors
     ]  # fmt: skip
@@ -171,7 +175,7 @@ def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
 
 def coded_samples(task: EvaluationTask) -> float:
     """The number of coded samples of a task, as a measure of its run time."""
-    (_, trace), (study, *_) = task
+    (_, trace, _), (study, *_) = task
     return float(len(trace.time_s) * len(study.predictors))
 
 
@@ -184,6 +188,7 @@ def evaluate(
     predictor: str,
     weber: float,
     deadband: str = ISOTROPIC,
+    source: str = FILES,
     clairvoyant_packets: int | None = None,
 ) -> EvaluationRow:
     """Code a signal with a fresh encoder and decoder.
@@ -206,6 +211,7 @@ def evaluate(
         predictor=predictor,
         weber=weber,
         samples=samples,
+        duration_s=duration,
         packets=packets,
         packets_per_s=packets / duration,
         reduction=1.0 - packets / samples,
@@ -219,5 +225,6 @@ def evaluate(
         tick_us=run.tick_us,
         selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         deadband=deadband,
+        source=source,
         clairvoyant_packets=clairvoyant_packets,
     )
