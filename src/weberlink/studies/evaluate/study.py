@@ -110,6 +110,7 @@ class EvaluationStudy:
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,
+            tick_period=period_s,
         )
 
     def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
