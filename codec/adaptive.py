@@ -112,7 +112,7 @@ class AdaptiveChoice:
         channel = self._channel
         at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
         least_force = max(2.0 * at_rest, LEAST_FORCE_STEPS * channel.value_quantizer.step)
-        self._history = History()
+        self._history = History(channel.tick_period)
         self._signal = Signal(self._grid, channel.fit_limits, least_force)
         self._shadows = [
             Shadow(selector, candidate, channel.rest, predictor.doubt, channel.tick_period)
@@ -128,9 +128,10 @@ class AdaptiveChoice:
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
-        history.add(tick, actual, place, bound)
-        for estimator in self._estimators:
-            estimator.follow(history)
+        for each in (*history.missing(tick, actual, place), (tick, actual, place)):
+            history.add(*each, bound)
+            for estimator in self._estimators:
+                estimator.follow(history)
         sample: Sample | None = None
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, measure):

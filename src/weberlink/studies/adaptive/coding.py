@@ -29,7 +29,7 @@ class RateRow:
     bytes: int
     """UDP payload."""
     error_rms_jnd: float
-    """In units of the perception threshold."""
+    """In JND."""
     outside: int
     """Ticks outside their deadband; must be 0."""
     tick_us: float
@@ -40,7 +40,7 @@ def rows_of(task: SignalTask) -> list[RateRow]:
     """A row for each of `COMPARED`."""
     one = task.signal
     signal = one.at(task.rate_hz, task.longest_s)
-    threshold = Threshold(WEBER, FLOOR_N).of(signal.force_n)
+    threshold = Threshold().of(signal.force_n)
     rows = []
     for predictor in COMPARED:
         channel = STUDY.channel(predictor, WEBER, period_s=signal.period_s)

@@ -70,7 +70,7 @@ def run(
         predictors: names, separated by commas.
         webers: Weber factors, separated by commas, or "paper" for those of the paper.
         floor: absolute threshold [N].
-        jnd: just noticeable difference of a person, as a share of the force.
+        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
         deadbands: names of shapes, separated by commas.

@@ -11,15 +11,15 @@ from weberlink.studies.result import plain_table
 
 FEW = 40
 """Up to this number, every row is printed."""
-NAME_WIDTH = 16
+NAME_WIDTH = 15
 """Of a longer trace name the end is shown, where names differ."""
 LIMIT = "limit"
 
 _FIGURES: dict[str, tuple[Callable[[EvaluationRow], float], str]] = {
     "packets/s": (lambda row: row.packets_per_s, "{:.1f}"),
     LIMIT: (lambda row: row.clairvoyant_packets_per_s or 0.0, "{:.1f}"),
-    "fewer": (lambda row: 100.0 * row.reduction, "{:.1f} %"),
     "RMS JND": (lambda row: row.error_rms_jnd, "{:.3f}"),
+    "jump JND": (lambda row: row.jump_p99_jnd or 0.0, "{:.1f}"),
     "noticed": (lambda row: 100.0 * row.noticeable_fraction, "{:.1f} %"),
     "us/tick": (lambda row: row.tick_us, "{:.1f}"),
 }
