@@ -13,7 +13,7 @@ from weberlink.codec.channel import Channel
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP
 
 MEMORY_S = 3.0
@@ -142,12 +142,20 @@ class AdaptiveChoice:
     def choose(
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
     ) -> tuple[int, Model | None]:
-        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample."""
-        best = min(
-            (shadow for shadow in self._shadows if shadow.selector in selectors),
-            key=lambda shadow: self._cost(shadow, newest.tick, bound),
-        )
-        return best.selector, best.candidate.model(EncodeContext(newest, earlier, bound, self._history))
+        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
+
+        Where the control scheme renders the contact, the best that describes a surface is taken while there is a force.
+        """
+        context = EncodeContext(newest, earlier, bound, self._history)
+        allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
+        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
+        if self._channel.every_position and norm(newest.value) > self._signal.least_contact:
+            for shadow in allowed:
+                model = shadow.candidate.model(context)
+                if model is not None and model.surface() is not None:
+                    return shadow.selector, model
+        best = allowed[0]
+        return best.selector, best.candidate.model(context)
 
     @staticmethod
     def _cost(shadow: Shadow, tick: int, bound: float) -> float:
