@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from math import exp
 
 from weberlink.codec.channel import Channel
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, History
+from weberlink.codec.predictors.contract import Ahead, Candidate, EncodeContext, History
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector
@@ -66,13 +66,13 @@ class Shadow:
         self.error = error = measure(predicted, actual)
         return not error <= bound
 
-    def send(self, sample: Sample, bound: float, history: History) -> None:
+    def send(self, sample: Sample, bound: float, history: History, ahead: Ahead) -> None:
         """Make a new model, as a sender with this candidate alone would do now."""
         earlier = self._newest
         tick = sample.tick
         lasted = tick - earlier.tick if earlier is not None else MAX_GAP + 1
         usable = earlier if 0 < lasted <= MAX_GAP else None
-        self._model = self.candidate.model(EncodeContext(sample, usable, bound, history)) or Hold(sample.value)
+        self._model = self.candidate.model(EncodeContext(sample, usable, bound, history, ahead)) or Hold(sample.value)
         self._remembered = self._model.memory
         self._newest = sample
         sends = 1.0
@@ -120,7 +120,7 @@ class AdaptiveChoice:
         """Measure errors with this function of a deadband from now on."""
         self._measure = measure
 
-    def follow(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
+    def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
         follows = history.add(tick, actual, place)
@@ -131,17 +131,28 @@ class AdaptiveChoice:
             if shadow.follow(tick, actual, place, bound, measure):
                 if sample is None:
                     sample = grid.sample(tick, grid.levels(actual, place))
-                shadow.send(sample, bound, history)
+                shadow.send(sample, bound, history, ahead)
 
     def choose(
-        self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
+        self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float, ahead: Ahead
     ) -> tuple[int, Model | None]:
-        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample."""
-        best = min(
-            (shadow for shadow in self._shadows if shadow.selector in selectors),
-            key=lambda shadow: self._cost(shadow, newest.tick, bound),
-        )
-        return best.selector, best.candidate.model(EncodeContext(newest, earlier, bound, self._history))
+        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
+
+        A model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest.
+        """
+        context = EncodeContext(newest, earlier, bound, self._history, ahead)
+        allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
+        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
+        longest = -1
+        best: tuple[int, Model | None] = (allowed[0].selector, None)
+        for shadow in allowed:
+            model = shadow.candidate.model(context)
+            lasts = ahead.lasts(model or Hold(newest.value), newest.tick, self._measure)
+            if lasts > longest:
+                longest, best = lasts, (shadow.selector, model)
+            if lasts == len(ahead.values):
+                break
+        return best
 
     @staticmethod
     def _cost(shadow: Shadow, tick: int, bound: float) -> float:

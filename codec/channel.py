@@ -37,9 +37,10 @@ class Channel:
         adaptive: True if the sender chooses as in `weberlink.codec.adaptive`, False for the paper's choice. The
             receiver does not need it.
         smoothing: the ramp over which an update changes the value; None for a step.
+        lookahead: number of ticks by which the encoder looks ahead and the decoder displays late, >= 0.
 
     Raises:
-        ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
+        ValueError: for a negative look-ahead, for an unknown, repeated or missing predictor, or one that does not suit the channel.
     """
 
     bank: tuple[str, ...]
@@ -50,8 +51,11 @@ class Channel:
     fit_limits: FitLimits = field(default_factory=FitLimits)
     adaptive: bool = False
     smoothing: Smoothing | None = None
+    lookahead: int = 0
 
     def __post_init__(self) -> None:
+        if self.lookahead < 0:
+            raise ValueError(f"lookahead must be >= 0 ticks, not {self.lookahead!r}")
         if len(self.bank) > MAX_SELECTOR + 1:
             raise ValueError(f"bank must name at most {MAX_SELECTOR + 1} predictors, not {len(self.bank)}")
         unknown = [name for name in self.bank if name not in PREDICTORS]
@@ -109,6 +113,7 @@ def force_channel(
     saturates: bool = True,
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the backward channel: forces [N], each with the commanded position [m] at which it was measured.
 
@@ -125,6 +130,7 @@ def force_channel(
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         smoothing: the ramp over which an update changes the force; None for a step.
+        lookahead: number of ticks that the encoder looks ahead.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -140,6 +146,7 @@ def force_channel(
         fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
+        lookahead=lookahead,
     )
 
 
@@ -152,6 +159,7 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -163,6 +171,7 @@ def position_channel(
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
+        lookahead=lookahead,
     )
 
 

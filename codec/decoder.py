@@ -15,6 +15,7 @@ class Decoder:
 
     Its state depends only on the newest update that arrived and on the positions since. So after a loss, a reordering
     or a late start it agrees with the encoder from the next update on (with smoothing, from the end of the ramp on).
+    With look-ahead a model is played as many ticks late as the encoder looks ahead.
 
     Attributes:
         newest: the newest sample received; None before the first.
@@ -26,6 +27,7 @@ class Decoder:
         self._channel = channel
         self._grid = channel.grid
         self._predictors = channel.predictors
+        self._late = channel.lookahead
         self.reset()
 
     def reset(self) -> None:
@@ -73,7 +75,7 @@ class Decoder:
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
-        """The predicted value, finite and within the range of the wire.
+        """The value to display, finite and within the range of the wire.
 
         Args:
             tick: the present time on the sender's tick clock; fractional between its ticks.
@@ -83,6 +85,10 @@ class Decoder:
         Returns:
             Force [N] or position [m]; the channel's `rest` before the first update.
         """
+        return self._value(tick - self._late, position)
+
+    def _value(self, tick: float, position: Vector) -> Vector | None:
+        """The prediction for a tick of the signal."""
         newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
             return channel.rest
@@ -108,7 +114,7 @@ class Decoder:
         """The value before an update. A mirror was asked in this tick already; that change of memory is undone."""
         if self._noted is not None and self._noted[0] == tick:
             self._memory = self._noted[1]
-        return self.value(tick, position)
+        return self._value(tick, position)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""

@@ -38,6 +38,38 @@ class History:
         return follows
 
 
+class Ahead(NamedTuple):
+    """The samples that follow the one to code, tick by tick, up to the first gap; empty without look-ahead.
+
+    Args:
+        values: within the range of the wire.
+        places: where models are evaluated [m].
+        bounds: the deadband of each, where its Weber factor refers to the measured value; otherwise near it.
+    """
+
+    values: tuple[Vector, ...] = ()
+    places: tuple[Vector, ...] = ()
+    bounds: tuple[float, ...] = ()
+
+    def lasts(self, model: Model, tick: int, measure: Callable[[Vector, Vector], float]) -> int:
+        """For how many of these ticks a new model of the sample of a tick stays within the deadband.
+
+        Args:
+            model: as it is sent.
+            tick: of the sample to code.
+            measure: the error of a displayed value, as a deadband measures it.
+        """
+        memory = model.memory
+        for index, (value, place, bound) in enumerate(zip(*self, strict=True)):
+            predicted, memory = model.advance(tick + 1 + index, place, memory)
+            if not measure(predicted, value) <= bound:
+                return index
+        return len(self.values)
+
+
+NOTHING = Ahead()
+
+
 class EncodeContext(NamedTuple):
     """What the sender knows when it makes a model to send.
 
@@ -45,13 +77,15 @@ class EncodeContext(NamedTuple):
         newest: the sample to send, quantized.
         earlier: the sample sent before; None if there is none, or if it is too old.
         bound: the deadband at the newest sample, in the unit of the values.
-        history: the measured samples, the newest included.
+        history: the measured samples, the newest included and last.
+        ahead: the samples that follow it, as far as they are known; none without look-ahead.
     """
 
     newest: Sample
     earlier: Sample | None
     bound: float
     history: History
+    ahead: Ahead = NOTHING
 
 
 class Candidate(Protocol):
