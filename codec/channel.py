@@ -19,7 +19,7 @@ from weberlink.codec.quantizer import Quantizer
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.update import MAX_SELECTOR
+from weberlink.update import MAX_SELECTOR, UpdateForm
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,12 @@ class Channel:
         adaptive: True if the sender chooses as in `weberlink.codec.adaptive`, False for the paper's choice. The
             receiver does not need it.
         smoothing: the ramp over which an update changes the value; None for a step.
+        every_position: whether every update carries the position, because somebody beside the predictors reads it.
         lookahead: number of ticks by which the encoder looks ahead and the decoder displays late, >= 0.
 
     Raises:
-        ValueError: for a negative look-ahead, for an unknown, repeated or missing predictor, or one that does not suit the channel.
+        ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
+            the channel.
     """
 
     bank: tuple[str, ...]
@@ -51,6 +53,7 @@ class Channel:
     fit_limits: FitLimits = field(default_factory=FitLimits)
     adaptive: bool = False
     smoothing: Smoothing | None = None
+    every_position: bool = False
     lookahead: int = 0
 
     def __post_init__(self) -> None:
@@ -79,9 +82,21 @@ class Channel:
         return self.adaptive or self.predictors[0].estimated
 
     @property
-    def parametric(self) -> tuple[int, ...]:
-        """Selectors whose updates carry model parameters."""
-        return tuple(selector for selector, predictor in enumerate(self.predictors) if predictor.estimated)
+    def forms(self) -> tuple[UpdateForm, ...]:
+        """What updates carry, by selector.
+
+        The position goes with a predictor that reads it. With smoothing it goes with all, if any predictor reads it:
+        the ramp begins at the value of the model before, whichever that is.
+        """
+        predictors, grid = self.predictors, self.grid
+        everywhere = self.every_position or (self.smoothing is not None and any(each.geometric for each in predictors))
+        return tuple(
+            UpdateForm(
+                grid.groups if everywhere else each.groups(grid),
+                None if each.estimated else each.groups(grid),
+            )
+            for each in predictors
+        )
 
     @property  # not a cached_property: its entry in __dict__ would slow down the reading of every other attribute
     def grid(self) -> SampleGrid:
@@ -113,9 +128,10 @@ def force_channel(
     saturates: bool = True,
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
+    every_position: bool = False,
     lookahead: int = 0,
 ) -> Channel:
-    """Make the backward channel: forces [N], each with the commanded position [m] at which it was measured.
+    """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
     Args:
         predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for a choice among `bank`.
@@ -130,6 +146,7 @@ def force_channel(
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         smoothing: the ramp over which an update changes the force; None for a step.
+        every_position: whether every update carries the position, whatever its predictor reads.
         lookahead: number of ticks that the encoder looks ahead.
 
     Raises:
@@ -146,6 +163,7 @@ def force_channel(
         fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
+        every_position=every_position,
         lookahead=lookahead,
     )
 

@@ -111,12 +111,14 @@ class Predictor(ABC):
     """A predictor. There are two kinds.
 
     Fitted predictors override `fit` and `needs_previous`: both ends fit the same model to the samples that were sent.
-    Estimated predictors set `estimated` and override `candidates`, `widths`, `levels` and `build`: the sender estimates
-    the model from all of its samples and sends the parameters.
+    Estimated predictors set `estimated` and override `candidates`: the sender estimates the model from all of its
+    samples and sends the parameters. Those with the same fields in every model override `widths`, `levels` and `build`;
+    others override `packed` and `unpacked`.
 
     Attributes:
         name: its name in configuration files, reports and telemetry.
-        geometric: whether its model reads the position; then it is not for a position channel.
+        geometric: whether its model reads the position, so that its updates must carry it; then it is not for a
+            position channel.
         describes_contact: whether its model is a contact surface; then it is for forces only.
         estimated: whether its parameters are sent.
         doubt: factor >= 1 on its number of sends when `adaptive` compares predictors, so that a model that may fit
@@ -144,7 +146,7 @@ class Predictor(ABC):
         return Candidates([FittedCandidate(self, limits)])
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
-        """Bits of each parameter field; the sum is at most `parameter_bits(grid.size)`."""
+        """Bits of each parameter field; together at most `MOST_PARAMETER_BYTES`."""
         raise NotImplementedError
 
     def levels(self, model: Any, newest: Sample, grid: SampleGrid) -> list[int]:
@@ -154,6 +156,10 @@ class Predictor(ABC):
     def build(self, fields: Sequence[int], newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model | None:
         """The model of field values, which may be any bits; None if it cannot be trusted."""
         raise NotImplementedError
+
+    def groups(self, grid: SampleGrid) -> tuple[int, ...]:
+        """Numbers of levels of what the predictor reads of a sample: the value, then (if `geometric`) the position."""
+        return grid.groups if self.geometric else grid.groups[:1]
 
     def model(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model:
         """The fitted model; if there is none, the newest sample is held."""
@@ -173,13 +179,13 @@ class Predictor(ABC):
             model: the model of an estimated predictor; None to hold the sample. Not read if the predictor is fitted.
             newest: the sample to send.
             earlier: the sample sent before; None if it may not be used.
-            earlier_levels: wire levels of that sample.
+            earlier_levels: wire levels of that sample, with its position.
             grid: the grid of the channel.
         """
         if self.estimated:
             return None if model is None else self.packed(model, newest, grid)
         if earlier is not None and self.needs_previous(newest, earlier):
-            return PreviousSample(newest.tick - earlier.tick, earlier_levels)
+            return PreviousSample(newest.tick - earlier.tick, earlier_levels[: sum(self.groups(grid))])
         return None
 
     def decode(self, payload: Payload, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model:
@@ -191,21 +197,27 @@ class Predictor(ABC):
         if isinstance(payload, ModelParameters):
             if not self.estimated:
                 raise ValueError(f"update of {self.name} carries model parameters, expected a previous sample")
-            fields = unpack(payload.bits, self.widths(grid))
-            return self.build(fields, newest, grid, limits) or Hold(newest.value)
+            return self.unpacked(payload.data, newest, grid, limits) or Hold(newest.value)
         if payload is None:
             return self.model(newest, None, limits)
         if self.estimated:
             raise ValueError(f"update of {self.name} carries a previous sample, expected model parameters")
-        if len(payload.levels) != grid.size:
-            raise ValueError(
-                f"update carries {len(payload.levels)} levels of the previous sample, expected {grid.size}"
-            )
+        size = sum(self.groups(grid))
+        if len(payload.levels) != size:
+            raise ValueError(f"update carries {len(payload.levels)} levels of the previous sample, expected {size}")
         return self.model(newest, grid.sample(newest.tick - payload.gap, payload.levels), limits)
 
     def packed(self, model: Model, newest: Sample, grid: SampleGrid) -> ModelParameters:
-        """The parameters of an estimated model as bits."""
+        """The parameters of an estimated model, by default its fields; at most `MOST_PARAMETER_BYTES`."""
         return ModelParameters(pack(self.levels(model, newest, grid), self.widths(grid)))
+
+    def unpacked(self, data: bytes, newest: Sample, grid: SampleGrid, limits: FitLimits) -> Model | None:
+        """The model of such parameters, which may be any bytes; None if it cannot be trusted.
+
+        Raises:
+            ValueError: if the predictor sends no parameters of this length.
+        """
+        return self.build(unpack(data, self.widths(grid)), newest, grid, limits)
 
 
 class FittedCandidate:

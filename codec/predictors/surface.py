@@ -214,7 +214,7 @@ _LAYOUTS = {
     2: _layout(Uniform(-1.0, 2.0**-7, 8), Uniform(0.0, 2.0**-11, 7), curved=True),
     3: _layout(Uniform(-1.0, 2.0**-9, 10), Uniform(0.0, 2.0**-16, 12), curved=True),
 }
-"""By the number of axes that are sent; 47, 79 and 111 bits are available for 1, 2 and 3 axes."""
+"""By the number of axes that are sent."""
 
 
 class SurfacePredictor(Predictor):

@@ -9,19 +9,18 @@ docs/adaptive/ names the recordings and the module that repeats the regression.
 
 from collections.abc import Sequence
 
-from weberlink.codec.parameters import EXPONENT_BITS, Block
+from weberlink.codec.parameters import Block
 from weberlink.codec.predictors.contract import Candidates, EncodeContext, History, Predictor
 from weberlink.codec.predictors.model import FitLimits, Line
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import Vector, add, distance, norm, scale, subtract
-from weberlink.update import parameter_bits
 
 FINEST = 2.0**-4
 """Value of the last bit of an offset, in wire steps."""
 SLOWEST = 2.0**-12
 """Value of the last bit of a slope, in wire steps per tick."""
-WIDEST = 12
-"""Largest number of bits of a component."""
+WIDTH = 9
+"""Bits of a component: 8 bytes in all for three axes."""
 LAGS = (1, 2, 4, 8, 16, 32)
 """The filters read the differences of the newest sample and those that many ticks earlier."""
 NEAREST = 0.8
@@ -115,5 +114,4 @@ def _filtered(weights: Filter, differences: list[Vector]) -> Vector:
 
 def _blocks(grid: SampleGrid) -> tuple[Block, Block]:
     value = grid.value
-    width = min(WIDEST, (parameter_bits(grid.size) // 2 - EXPONENT_BITS) // value.size)
-    return Block(FINEST * value.step, width, value.size), Block(SLOWEST * value.step, width, value.size)
+    return Block(FINEST * value.step, WIDTH, value.size), Block(SLOWEST * value.step, WIDTH, value.size)

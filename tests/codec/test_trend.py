@@ -28,7 +28,7 @@ def test_a_line_survives_the_wire_towards_the_sample(axes: str, offset: Vector, 
     for channel in (force_channel(predictor="trend", axes=axes), position_channel(predictor="trend", axes=axes)):
         grid, quantizer, decoder = channel.grid, channel.value_quantizer, Decoder(channel)
         used, step = (lambda v, q=quantizer: q.vector(q.components(v))), quantizer.step
-        levels = tuple(range(7, 7 + grid.size))
+        levels = tuple(range(7, 7 + len(axes)))
         newest = grid.sample(40, levels)
         line = Line(add(newest.value, scale(used(offset), step)), scale(used(slope), step), 40)
         decoder.apply(Update(40, 0, levels, TREND.packed(line, newest, grid)))
@@ -45,9 +45,9 @@ def test_a_line_survives_the_wire_towards_the_sample(axes: str, offset: Vector, 
 
 def test_at_the_tick_of_the_sample_the_line_begins_beside_it() -> None:
     channel = force_channel(predictor="trend", axes="z")
-    decoder, newest = Decoder(channel), channel.grid.sample(3, (1000, 0))
+    decoder, newest = Decoder(channel), channel.grid.sample(3, (1000,))
     line = Line((0.0, 0.0, 1.0625), (0.0, 0.0, -(2.0**-8)), 3)
-    decoder.apply(Update(3, 0, (1000, 0), TREND.packed(line, newest, channel.grid)))
+    decoder.apply(Update(3, 0, (1000,), TREND.packed(line, newest, channel.grid)))
     assert decoder.value(3) == pytest.approx((0.0, 0.0, 1.0625), abs=1e-3)
     assert decoder.value(19) == pytest.approx((0.0, 0.0, 1.0), abs=1e-3)
 

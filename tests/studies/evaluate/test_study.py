@@ -48,7 +48,7 @@ def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
 
 def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int]]:
     """Decoded forces, bounds, and the size of the datagram of every update."""
-    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.grid.size)
+    encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.forms)
     decoded, bounds, datagrams = [], [], []
     for tick, (force, position) in enumerate(zip(signal.force_n.tolist(), signal.position_m.tolist(), strict=True)):
         update = encoder.encode(tick, tuple(force), tuple(position))

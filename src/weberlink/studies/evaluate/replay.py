@@ -63,7 +63,6 @@ class ReplayResult:
         deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
         updates: those sent.
         selected: index in the bank of the predictor of each update, shape (packets,).
-        paired: number of updates with a payload beside the newest sample.
         tick_us: median run time of encode plus decode.
     """
 
@@ -72,17 +71,12 @@ class ReplayResult:
     deviation_n: Array
     updates: Sequence[Update]
     selected: Integers
-    paired: int
     tick_us: float
 
     def payload_bytes(self, channel: Channel) -> int:
         """UDP payload of all updates on a secured link without delay control."""
-        layout, packets = UpdateLayout(channel.grid.size), len(self.updates)
-        return (
-            self.paired * layout.size(with_previous=True)
-            + (packets - self.paired) * layout.size(with_previous=False)
-            + packets * PresharedKey.tag_size
-        )
+        layout = UpdateLayout(channel.forms)
+        return sum(layout.length(update) + PresharedKey.tag_size for update in self.updates)
 
 
 def signal_of(trace: Trace) -> Signal:
@@ -112,7 +106,6 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         np.array(deviations),
         updates,
         np.array([update.selector for update in updates], np.int64),
-        sum(update.payload is not None for update in updates),
         1e6 * float(np.median(times)),
     )
 

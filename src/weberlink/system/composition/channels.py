@@ -6,6 +6,7 @@ from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.smoothing import Smoothing
+from weberlink.control.table import SCHEMES
 from weberlink.geometry.vector import Vector
 from weberlink.system.configuration import System
 
@@ -45,6 +46,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
+        every_position=SCHEMES[system.control.scheme].reads_position,
     )
     return forward, backward
 
