@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from math import exp
 
 from weberlink.codec.channel import Channel
-from weberlink.codec.predictors.contract import Ahead, Candidate, EncodeContext, History
+from weberlink.codec.predictors.contract import NOTHING, Ahead, Candidate, EncodeContext, History
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
 from weberlink.geometry.vector import ZERO, Vector
@@ -66,7 +66,7 @@ class Shadow:
         self.error = error = measure(predicted, actual)
         return not error <= bound
 
-    def send(self, sample: Sample, bound: float, history: History, ahead: Ahead) -> None:
+    def send(self, sample: Sample, bound: float, history: History, ahead: Ahead = NOTHING) -> None:
         """Make a new model, as a sender with this candidate alone would do now."""
         earlier = self._newest
         tick = sample.tick
@@ -120,7 +120,7 @@ class AdaptiveChoice:
         """Measure errors with this function of a deadband from now on."""
         self._measure = measure
 
-    def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead) -> None:
+    def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead = NOTHING) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
         follows = history.add(tick, actual, place)
@@ -134,7 +134,7 @@ class AdaptiveChoice:
                 shadow.send(sample, bound, history, ahead)
 
     def choose(
-        self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float, ahead: Ahead
+        self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float, ahead: Ahead = NOTHING
     ) -> tuple[int, Model | None]:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
 
@@ -154,7 +154,6 @@ class AdaptiveChoice:
                 break
         return best
 
-    @staticmethod
-    def _cost(shadow: Shadow, tick: int, bound: float) -> float:
+    def _cost(self, shadow: Shadow, tick: int, bound: float) -> float:
         wrong = min(1.0, shadow.error / bound) if bound > 0.0 else 1.0
         return shadow.doubt * shadow.record(tick) + PRESENT * wrong

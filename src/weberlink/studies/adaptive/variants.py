@@ -123,20 +123,10 @@ class AlteredChoice(AdaptiveChoice):
             if type(shadow.candidate) not in part.without
         ]
 
-    def choose(
-        self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
-    ) -> tuple[int, Model | None]:
-        present = self._alteration.present
-
-        def cost(shadow: Shadow) -> float:
-            whole = self._cost(shadow, newest.tick, bound)
-            if present == PRESENT:
-                return whole
-            record = shadow.doubt * shadow.record(newest.tick)
-            return record + (whole - record) * present / PRESENT
-
-        best = min((shadow for shadow in self._shadows if shadow.selector in selectors), key=cost)
-        return best.selector, best.candidate.model(EncodeContext(newest, earlier, bound, self._history))
+    def _cost(self, shadow: Shadow, tick: int, bound: float) -> float:
+        whole, present = super()._cost(shadow, tick, bound), self._alteration.present
+        record = shadow.doubt * shadow.record(tick)
+        return whole if present == PRESENT else record + (whole - record) * present / PRESENT
 
 
 class Flat:

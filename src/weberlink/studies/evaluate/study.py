@@ -85,6 +85,7 @@ class EvaluationStudy:
         saturates: whether the int16 range applies.
         jnd: just noticeable difference of a person, as a share of the force.
         deadbands: names of shapes, each once; their other parameters have the default values.
+        lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
     """
 
     predictors: Sequence[str] = PREDICTORS
@@ -95,6 +96,7 @@ class EvaluationStudy:
     saturates: bool = True
     jnd: float = 0.10
     deadbands: Sequence[str] = (ISOTROPIC,)
+    lookahead_ms: float = 0.0
 
     def channel(
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
@@ -107,6 +109,7 @@ class EvaluationStudy:
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
     def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
