@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from weberlink.codec.parameters import Block
-from weberlink.codec.predictors.contract import Candidates, EncodeContext, Predictor
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
@@ -102,8 +102,8 @@ class AffinePredictor(Predictor):
     estimated = True
     doubt = 1.1
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
-        return Candidates([LocalAffine()])
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:  # noqa: ARG002
+        return [LocalAffine()]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         stiffness, slope = _blocks(grid)

@@ -17,7 +17,7 @@ of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from
 
 from math import asin, exp, sqrt
 
-from weberlink.codec.predictors.contract import History
+from weberlink.codec.predictors.contract import History, Signal
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
 STEP = 10
@@ -128,8 +128,8 @@ class ContactEstimator:
         threshold: a larger force counts as contact [N].
     """
 
-    def __init__(self, threshold: float) -> None:
-        self.threshold = threshold
+    def __init__(self, signal: Signal) -> None:
+        self.threshold = signal.least_contact
         self.age = 0
         self.normal = ZERO
         self.friction = 0.0
@@ -142,15 +142,15 @@ class ContactEstimator:
         self._directions: list[Vector] = []
         self._normals: list[Vector] = []
 
-    def follow(self, history: History, follows: bool) -> None:
-        """Take in the newest sample; `follows`: whether it comes one tick after the previous one."""
+    def follow(self, history: History) -> None:
+        """Take in the newest sample."""
         value = history.values[-1]
         size = norm(value)
         if not size > self.threshold:
             self.age = 0
             return
         direction = (value[0] / size, value[1] / size, value[2] / size)
-        if self.age == 0 or not follows:
+        if self.age == 0 or not history.follows:
             self.age = 0
             if dot(direction, self.normal) < SAME_SURFACE:
                 self.normal = direction

@@ -2,7 +2,7 @@
 
 from abc import ABC
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 from weberlink.codec.parameters import pack, unpack
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
@@ -15,27 +15,74 @@ KEPT = 128
 
 
 class History:
-    """The latest samples of a signal at the sender's full rate, the newest last: `values`, and `places` [m]."""
+    """The latest samples of a signal at the sender's full rate, the newest last.
+
+    Attributes:
+        values: of the samples.
+        places: their positions [m].
+        bound: deadband of the newest one.
+        follows: whether the newest one came one tick after the one before.
+    """
 
     def __init__(self) -> None:
         self.values: list[Vector] = []
         self.places: list[Vector] = []
+        self.bound = 0.0
+        self.follows = False
         self._tick = 0
 
     def __len__(self) -> int:
         return len(self.values)
 
-    def add(self, tick: int, value: Vector, place: Vector) -> bool:
-        """Append a sample; returns whether its tick follows the last one. A gap in the ticks clears the history."""
-        follows = tick == self._tick + 1 and bool(self.values)
-        if not follows:
+    def add(self, tick: int, value: Vector, place: Vector, bound: float) -> None:
+        """Append a sample. A gap in the ticks clears the history."""
+        self.follows = tick == self._tick + 1 and bool(self.values)
+        if not self.follows:
             self.values, self.places = [], []
         elif len(self.values) >= 2 * KEPT:
             del self.values[:KEPT], self.places[:KEPT]
-        self._tick = tick
+        self._tick, self.bound = tick, bound
         self.values.append(value)
         self.places.append(place)
-        return follows
+
+
+class Estimator(Protocol):
+    """Learns from every sample of one signal. Several candidates may read it."""
+
+    def follow(self, history: History) -> None:
+        """Take in the newest sample."""
+
+
+Kind = TypeVar("Kind", bound=Estimator)
+
+
+class Signal:
+    """What a predictor may know of a signal before it begins.
+
+    Attributes:
+        grid: the grid of the channel.
+        limits: the range in which a fitted contact is accepted.
+        least_contact: smallest force that counts as contact [N].
+        estimators: those that `estimator` has made.
+    """
+
+    def __init__(self, grid: SampleGrid, limits: FitLimits, least_contact: float) -> None:
+        self.grid = grid
+        self.limits = limits
+        self.least_contact = least_contact
+        self.estimators: dict[Callable[[Signal], Any], Any] = {}
+
+    @property
+    def has_positions(self) -> bool:
+        """Whether each value has a position that the receiver knows too."""
+        return self.grid.position is not None
+
+    def estimator(self, kind: Callable[["Signal"], Kind]) -> Kind:
+        """The estimator of a kind for this signal, the same for all who ask."""
+        if kind not in self.estimators:
+            self.estimators[kind] = kind(self)
+        found: Kind = self.estimators[kind]
+        return found
 
 
 class Ahead(NamedTuple):
@@ -95,18 +142,6 @@ class Candidate(Protocol):
         """Make the model to send, with finite parameters; None to hold the sample."""
 
 
-class Candidates(NamedTuple):
-    """The candidates of one predictor for one signal, the simplest first.
-
-    Args:
-        each: the candidates.
-        follow: called after every sample with the history and the result of `History.add`; None if not needed.
-    """
-
-    each: Sequence[Candidate]
-    follow: Callable[[History, bool], None] | None = None
-
-
 class Predictor(ABC):
     """A predictor. There are two kinds.
 
@@ -141,9 +176,9 @@ class Predictor(ABC):
         """Whether the fit reads the previous sample, so that an update must carry it."""
         return False
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
-        """The candidates for one signal; `least_force` is the smallest force that counts as contact [N]."""
-        return Candidates([FittedCandidate(self, limits)])
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        """The candidates for one signal, the simplest first."""
+        return [FittedCandidate(self, signal.limits)]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         """Bits of each parameter field; together at most `MOST_PARAMETER_BYTES`."""

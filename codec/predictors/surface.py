@@ -16,7 +16,7 @@ from math import sqrt
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import Candidates, EncodeContext, History, Predictor
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, History, Predictor, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.sine import cosine, sine
@@ -222,10 +222,10 @@ class SurfacePredictor(Predictor):
     geometric = describes_contact = True
     estimated = True
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:
-        contact = ContactEstimator(least_force)
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        contact = signal.estimator(ContactEstimator)
         hypotheses = (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)
-        return Candidates([hypothesis(contact, limits) for hypothesis in hypotheses], contact.follow)
+        return [hypothesis(contact, signal.limits) for hypothesis in hypotheses]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         normal, others = _LAYOUTS[grid.value.size]
