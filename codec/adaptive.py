@@ -112,7 +112,7 @@ class AdaptiveChoice:
         channel = self._channel
         at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
         least_force = max(2.0 * at_rest, LEAST_FORCE_STEPS * channel.value_quantizer.step)
-        self._history = History()
+        self._history, self._known = History(), History()
         self._signal = Signal(self._grid, channel.fit_limits, least_force)
         self._shadows = [
             Shadow(selector, candidate, channel.rest, predictor.doubt, channel.tick_period)
@@ -125,12 +125,21 @@ class AdaptiveChoice:
         """Measure errors with this function of a deadband from now on."""
         self._measure = measure
 
+    def learn(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
+        """Let the estimators take in a sample that is not coded yet."""
+        self._known.add(tick, actual, place, bound)
+        self._tell(self._known)
+
+    def _tell(self, history: History) -> None:
+        for estimator in self._estimators:
+            estimator.follow(history)
+
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead = NOTHING) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
         history.add(tick, actual, place, bound)
-        for estimator in self._estimators:
-            estimator.follow(history)
+        if not self._channel.lookahead:
+            self._tell(history)
         sample: Sample | None = None
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, measure):

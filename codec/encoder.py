@@ -65,6 +65,7 @@ class Encoder:
         self._previous: Sample | None = None
         self._levels: tuple[int, ...] = ()
         self._last: Vector | None = None
+        self._arrived: Vector | None = None
         self.bound = 0.0
         self.coded: Vector = self._channel.rest or ZERO
         self.predicted: Vector | None = self._channel.rest
@@ -95,7 +96,7 @@ class Encoder:
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         self._measure_with(deadband)
         if not deadband.reads_motion:
-            self._last = None
+            self._last = self._arrived = None
         self._selectors = tuple(sorted(set(selectors)))
         self._forced = self._newest is not None and self.mirror.selected not in self._selectors
 
@@ -113,10 +114,23 @@ class Encoder:
             was not finite (counted in `rejected`).
         """
         if is_finite(value) and is_finite(position):
-            self._window.take(Taken(tick, value, self._confine(value), position, most))
+            self._window.take(self._taken(Taken(tick, value, self._confine(value), position, most)))
         else:
             self.rejected += 1
         return self.decide(tick)
+
+    def _taken(self, sample: Taken) -> Taken:
+        """A sample with its deadband if the encoder looks ahead; what learns from all samples learns from it."""
+        if not self._window.length:
+            return sample
+        actual, moved = sample.actual, 0.0
+        if self._reads_motion:
+            place = self._moving(sample)
+            moved, self._arrived = distance(place, self._arrived if self._arrived is not None else place), place
+        sample = sample._replace(bound=min(self._allowed(actual, actual, actual, moved), sample.most))
+        if self._choice is not None:
+            self._choice.learn(sample.tick, actual, self._channel.place(sample.position), sample.bound)
+        return sample
 
     def decide(self, tick: int) -> Update | None:
         """Code the sample of L ticks ago in a tick that has none itself, as `encode` does."""
@@ -124,7 +138,7 @@ class Encoder:
         return None if sample is None else self._code(tick, sample)
 
     def _code(self, now: int, coming: Taken) -> Update | None:
-        tick, self.coded, actual, position, most = coming
+        tick, self.coded, actual, position, most, _ = coming
         moved = 0.0
         if self._reads_motion:
             place = self._moving(coming)
@@ -160,18 +174,12 @@ class Encoder:
         return sample.position if self._channel.position_quantizer is not None else sample.actual
 
     def _ahead(self, coming: Taken) -> Ahead:
-        """The samples that follow without a gap, and their bounds as if they were displayed and sent as measured."""
-        following = self._window.following(coming.tick)
-        bounds, before = [], coming
-        for sample in following:
-            moved = distance(self._moving(sample), self._moving(before)) if self._reads_motion else 0.0
-            bounds.append(min(self._allowed(sample.actual, sample.actual, sample.actual, moved), sample.most))
-            before = sample
-        place = self._channel.place
+        """The samples that follow without a gap."""
+        following, place = self._window.following(coming.tick), self._channel.place
         return Ahead(
             tuple(sample.actual for sample in following),
             tuple(place(sample.position) for sample in following),
-            tuple(bounds),
+            tuple(sample.bound for sample in following),
         )
 
     def _update(self, sample: Sample, levels: tuple[int, ...], coming: Taken, ahead: Ahead) -> Update:

@@ -19,6 +19,8 @@ class Taken(NamedTuple):
         actual: the same within the range of the wire.
         position: commanded position at which a force was measured [m].
         most: largest error that may stay unsent.
+        bound: the deadband if the sample were displayed and sent as measured; 0 without look-ahead, where nobody reads
+            it.
     """
 
     tick: int
@@ -26,6 +28,7 @@ class Taken(NamedTuple):
     actual: Vector
     position: Vector
     most: float
+    bound: float = 0.0
 
 
 class Window:

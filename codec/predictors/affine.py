@@ -77,14 +77,16 @@ def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
 
 
 class LocalAffine:
-    """Ridge least squares over the latest samples, each axis separately: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1)."""
+    """Ridge least squares over the latest samples known, each axis separately: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1)."""
 
     def model(self, context: EncodeContext) -> Affine | None:
-        history, newest = context.history, context.newest
-        count = min(WINDOW, len(history) - 1)
+        history, newest, ahead = context.history, context.newest, context.ahead
+        values = [*history.values[-WINDOW - 1 :], *ahead.values][-WINDOW - 1 :]
+        places = [*history.places[-WINDOW - 1 :], *ahead.places][-WINDOW - 1 :]
+        count = len(values) - 1
         if count < 2:
             return None
-        solution = _solve(*_system(history.values[-count - 1 :], history.places[-count - 1 :]))
+        solution = _solve(*_system(values, places))
         if solution is None:
             return None
         *by_place, (a, b, c) = solution

@@ -108,7 +108,10 @@ class Ahead(NamedTuple):
         """
         memory = model.memory
         for index, (value, place, bound) in enumerate(zip(*self, strict=True)):
-            predicted, memory = model.advance(tick + 1 + index, place, memory)
+            if memory is None:
+                predicted = model.at(tick + 1 + index, place)
+            else:
+                predicted, memory = model.advance(tick + 1 + index, place, memory)
             if not measure(predicted, value) <= bound:
                 return index
         return len(self.values)
@@ -125,7 +128,8 @@ class EncodeContext(NamedTuple):
         earlier: the sample sent before; None if there is none, or if it is too old.
         bound: the deadband at the newest sample, in the unit of the values.
         history: the measured samples, the newest included and last.
-        ahead: the samples that follow it, as far as they are known; none without look-ahead.
+        ahead: the samples that follow it, as far as they are known; none without look-ahead. Estimators have taken
+            them in.
     """
 
     newest: Sample

@@ -188,7 +188,7 @@ class MovingHypothesis(SurfaceHypothesis):
         if contact.age == 0 or compliance == 0.0 or norm(newest.value) == 0.0:
             return None
         normal, motion = unit(newest.value), {}
-        window = min(MOTION_WINDOW, contact.age - 1, len(context.history) - 1)
+        window = min(MOTION_WINDOW, contact.age - 1 - len(context.ahead.values), len(context.history) - 1)
         if window > LEAST_WINDOW:
             motion = _motion(context.history, normal, compliance, frequency, window) | {"frequency": frequency}
         return patch(newest, normal, compliance, 0.0, self._limits, **motion)
