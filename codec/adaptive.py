@@ -153,6 +153,7 @@ class AdaptiveChoice:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
 
         A model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest.
+        The sample is held instead of a model that does not begin within the deadband.
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
@@ -161,6 +162,8 @@ class AdaptiveChoice:
         best: tuple[int, Model | None] = (allowed[0].selector, None)
         for shadow in allowed:
             model = shadow.candidate.model(context)
+            if model is not None and not self._measure(model.first(newest), self._history.values[-1]) <= bound:
+                model = None
             lasts = ahead.lasts(model or Hold(newest.value), newest.tick, self._measure)
             if lasts > longest:
                 longest, best = lasts, (shadow.selector, model)

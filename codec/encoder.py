@@ -209,9 +209,7 @@ class Encoder:
         if ahead.values:
             new = [predictors[selector].model(sample, earlier, limits) for selector in selectors]
             lasts = [ahead.lasts(model, sample.tick, self._measure) for model in new]
-            selectors = tuple(
-                selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts)
-            )
+            selectors = tuple(selector for selector, ticks in zip(selectors, lasts, strict=True) if ticks == max(lasts))
         models = [predictors[selector].model(newest, previous, limits) for selector in selectors]
         errors = [
             distance(channel.displayable(model.at(coming.tick, place), newest), coming.actual) for model in models

@@ -77,7 +77,10 @@ def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
 
 
 class LocalAffine:
-    """Ridge least squares over the latest samples known, each axis separately: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1)."""
+    """Ridge least squares over the latest samples that are known, each axis separately.
+
+    f_i - f_1 = K (p_i - p_1) + g (t_i - t_1).
+    """
 
     def model(self, context: EncodeContext) -> Affine | None:
         history, newest, ahead = context.history, context.newest, context.ahead
@@ -101,7 +104,7 @@ class LocalAffine:
 class AffinePredictor(Predictor):
     name = "affine"
     geometric = True
-    estimated = True
+    estimated = looks_ahead = True
     doubt = 1.1
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:  # noqa: ARG002

@@ -160,6 +160,7 @@ class Predictor(ABC):
             position channel.
         describes_contact: whether its model is a contact surface; then it is for forces only.
         estimated: whether its parameters are sent.
+        looks_ahead: whether its candidates read the samples that are known ahead.
         doubt: factor >= 1 on its number of sends when `adaptive` compares predictors, so that a model that may fit
             noise must be clearly better than a simpler one.
     """
@@ -170,6 +171,7 @@ class Predictor(ABC):
     geometric: ClassVar[bool] = False
     describes_contact: ClassVar[bool] = False
     estimated: ClassVar[bool] = False
+    looks_ahead: ClassVar[bool] = False
     doubt: ClassVar[float] = 1.0
 
     def fit(self, newest: Sample, previous: Sample | None, limits: FitLimits) -> Model | None:  # noqa: ARG002

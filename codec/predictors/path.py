@@ -18,7 +18,7 @@ from typing import Any
 from weberlink.codec.parameters import Float, pack, unpack
 from weberlink.codec.predictors.chords import Chords
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
-from weberlink.codec.predictors.learning import HORIZONS, PathLearner, horizons_of
+from weberlink.codec.predictors.learning import PathLearner, horizons_of
 from weberlink.codec.predictors.model import EXTRAPOLATION, FitLimits, Model, ModelRecord
 from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.codec.sample import Sample, SampleGrid
@@ -29,6 +29,8 @@ FINENESS = 8.0
 """A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband."""
 LEAST_CHANGE = 0.25
 """The path ends before a last part that changes it by less [deadbands]."""
+SOON = 2
+"""Number of horizons of the second candidate of `path`, which holds what it reaches then."""
 _HEAD = (3, 4, 6)
 """Bits of the number of knots, of the width of a component and of the exponent of its step."""
 _HEAD_BYTES = 2
@@ -104,12 +106,12 @@ class Path(Model):
 class LearnedCandidate:
     """Makes the path that is expected, rounded as it travels."""
 
-    def __init__(self, signal: Signal, *, elastic: bool) -> None:
+    def __init__(self, signal: Signal, *, elastic: bool, reach: int = len(HORIZONS)) -> None:
         self._learner = signal.estimator(PathLearner)
         self._elastic = elastic
         self._limits = signal.limits
         self._grid = signal.grid
-        self._horizons = horizons_of(signal.grid.period)
+        self._horizons = horizons_of(signal.grid.period)[:reach]
 
     def model(self, context: EncodeContext) -> Path | None:
         newest, bound, grid = context.newest, context.bound, self._grid
@@ -121,7 +123,7 @@ class LearnedCandidate:
                 return None
         exponent = _exponent(bound / (FINENESS * grid.value.step))
         digit = ldexp(grid.value.step, exponent)
-        tail = [_rounded(each, digit) for each in learned.displacements]
+        tail = [_rounded(each, digit) for each in learned.displacements[: len(self._horizons)]]
         while tail and distance(tail[-1], tail[-2] if len(tail) > 1 else ZERO) <= LEAST_CHANGE * bound:
             del tail[-1]
         if context.ahead.values:
@@ -143,17 +145,19 @@ class LearnedCandidate:
         digit = ldexp(self._grid.value.step, exponent)
         rounded = tuple(_rounded(each, digit) for each in vertices)
         path = Path(newest, tuple(knots), rounded, exponent, stiffness, len(ahead.values))
-        while sum(_layout(path, self._grid)[1]) + 2 * _STIFFNESS.width > 8 * MOST_PARAMETER_BYTES:  # an end that does not fit is held
+        while (
+            sum(_layout(path, self._grid)[1]) + 2 * _STIFFNESS.width > 8 * MOST_PARAMETER_BYTES
+        ):  # an end that does not fit is held
             path = replace(path, knots=path.knots[:-1], displacements=path.displacements[:-1])
         return path
 
 
 class PathPredictor(Predictor):
     name = "path"
-    estimated = True
+    estimated = looks_ahead = True
 
     def candidates(self, signal: Signal) -> Sequence[Candidate]:
-        return [LearnedCandidate(signal, elastic=self.geometric)]
+        return [LearnedCandidate(signal, elastic=False), LearnedCandidate(signal, elastic=False, reach=SOON)]
 
     def packed(self, model: Any, newest: Sample, grid: SampleGrid) -> ModelParameters:  # noqa: ARG002
         fields, widths = _layout(model, grid)
@@ -196,6 +200,9 @@ class PathPredictor(Predictor):
 class ElasticPredictor(PathPredictor):
     name = "elastic"
     geometric = True
+
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [LearnedCandidate(signal, elastic=True)]
 
 
 PATH = PathPredictor()

@@ -3,7 +3,6 @@
 An ablation changes the live encoder from outside, because the codec has no switches for its parts.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import exp
 
@@ -17,7 +16,6 @@ from weberlink.codec.predictors.surface import (
     MovingHypothesis,
     SurfacePatch,
 )
-from weberlink.codec.sample import Sample
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import Vector
 
