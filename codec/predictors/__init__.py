@@ -42,7 +42,7 @@ BANKS = (HYBRID, ADAPTIVE)
 """Names that stand for a choice among several predictors."""
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
-ADAPTIVE_BANK = ("plane", "surface", "affine", "elastic", "path", "zoh")
+ADAPTIVE_BANK = ("zoh", "linear", "plane", "sphere", "surface", "affine", "path", "elastic")
 """The default banks. Of equally good predictors, the first in the bank is chosen."""
 
 __all__ = [
