@@ -18,7 +18,7 @@ from typing import Any
 from weberlink.codec.parameters import Float, pack, unpack
 from weberlink.codec.predictors.chords import Chords
 from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
-from weberlink.codec.predictors.learning import PathLearner, horizons_of
+from weberlink.codec.predictors.learning import HORIZONS, PathLearner, horizons_of
 from weberlink.codec.predictors.model import EXTRAPOLATION, FitLimits, Model, ModelRecord
 from weberlink.codec.predictors.surface import SurfacePatch
 from weberlink.codec.sample import Sample, SampleGrid
