@@ -13,7 +13,7 @@ from weberlink.codec.channel import Channel
 from weberlink.codec.predictors.contract import NOTHING, Ahead, Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP
 
 MEMORY_S = 3.0
@@ -112,7 +112,7 @@ class AdaptiveChoice:
         channel = self._channel
         at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
         least_force = max(2.0 * at_rest, LEAST_FORCE_STEPS * channel.value_quantizer.step)
-        self._history, self._known = History(), History()
+        self._history, self._known = History(channel.tick_period), History(channel.tick_period)
         self._signal = Signal(self._grid, channel.fit_limits, least_force)
         self._shadows = [
             Shadow(selector, candidate, channel.rest, predictor.doubt, channel.tick_period)
@@ -127,19 +127,21 @@ class AdaptiveChoice:
 
     def learn(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
         """Let the estimators take in a sample that is not coded yet."""
-        self._known.add(tick, actual, place, bound)
-        self._tell(self._known)
+        self._add(self._known, tick, actual, place, bound, learns=True)
 
-    def _tell(self, history: History) -> None:
-        for estimator in self._estimators:
-            estimator.follow(history)
+    def _add(
+        self, history: History, tick: int, actual: Vector, place: Vector, bound: float, *, learns: bool
+    ) -> None:
+        for each in (*history.missing(tick, actual, place), (tick, actual, place)):
+            history.add(*each, bound)
+            if learns:
+                for estimator in self._estimators:
+                    estimator.follow(history)
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, ahead: Ahead = NOTHING) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
-        history.add(tick, actual, place, bound)
-        if not self._channel.lookahead:
-            self._tell(history)
+        self._add(history, tick, actual, place, bound, learns=not self._channel.lookahead)
         sample: Sample | None = None
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, measure):
@@ -151,23 +153,42 @@ class AdaptiveChoice:
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float, ahead: Ahead = NOTHING
     ) -> tuple[int, Model | None]:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
+<<<<<<< HEAD
+=======
 
-        A model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest.
-        The sample is held instead of a model that does not begin within the deadband.
+        Where the control scheme renders the contact, the best that describes a surface is taken while there is a force.
+        """
+        context = EncodeContext(newest, earlier, bound, self._history)
+        allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
+        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
+        if self._channel.every_position and norm(newest.value) > self._signal.least_contact:
+            for shadow in allowed:
+                model = shadow.candidate.model(context)
+                if model is not None and model.surface() is not None:
+                    return shadow.selector, model
+        best = allowed[0]
+        return best.selector, best.candidate.model(context)
+>>>>>>> main
+
+        Where the control scheme renders the contact, those that describe a surface come first while there is a force. A
+        model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest. The
+        sample is held instead of a model that does not begin within the deadband.
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
         allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
-        longest = -1
+        renders = self._channel.every_position and norm(newest.value) > self._signal.least_contact
         best: tuple[int, Model | None] = (allowed[0].selector, None)
+        highest = (False, -1)
         for shadow in allowed:
             model = shadow.candidate.model(context)
             if model is not None and not self._measure(model.first(newest), self._history.values[-1]) <= bound:
                 model = None
-            lasts = ahead.lasts(model or Hold(newest.value), newest.tick, self._measure)
-            if lasts > longest:
-                longest, best = lasts, (shadow.selector, model)
-            if lasts == len(ahead.values):
+            suits = not renders or (model is not None and model.surface() is not None)
+            rank = (suits, ahead.lasts(model or Hold(newest.value), newest.tick, self._measure))
+            if rank > highest:
+                highest, best = rank, (shadow.selector, model)
+            if rank == (True, len(ahead.values)):
                 break
         return best
 

@@ -15,8 +15,12 @@ from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 
-WINDOW = 14
-"""Length of the regression window [ticks]."""
+WINDOW_S = 0.014
+"""Length of the regression window [s]."""
+STEP_S = 0.001
+"""Time from one sample of the window to the next, where the ticks allow [s]."""
+LEAST_STEPS = 4
+"""Smallest length of the window, in samples."""
 RIDGE_PLACE = 1e-5
 """Ridge on K [m]: it halves the estimate if the motion in the window is this large (rms)."""
 RIDGE_TIME = 0.2
@@ -82,18 +86,25 @@ class LocalAffine:
     f_i - f_1 = K (p_i - p_1) + g (t_i - t_1).
     """
 
+    def __init__(self, signal: Signal) -> None:
+        self._step = max(1, round(STEP_S / signal.grid.period))
+        self._steps = max(LEAST_STEPS, round(WINDOW_S / (self._step * signal.grid.period)))
+
     def model(self, context: EncodeContext) -> Affine | None:
-        history, newest, ahead = context.history, context.newest, context.ahead
-        values = [*history.values[-WINDOW - 1 :], *ahead.values][-WINDOW - 1 :]
-        places = [*history.places[-WINDOW - 1 :], *ahead.places][-WINDOW - 1 :]
-        count = len(values) - 1
+        history, newest, ahead, step = context.history, context.newest, context.ahead, self._step
+        longest = self._steps * step + 1
+        values = [*history.values[-longest:], *ahead.values]
+        places = [*history.places[-longest:], *ahead.places]
+        count = min(self._steps, (len(values) - 1) // step)
         if count < 2:
             return None
-        solution = _solve(*_system(values, places))
+        window = slice(-count * step - 1, None, step)
+        solution = _solve(*_system(values[window], places[window]))
         if solution is None:
             return None
         *by_place, (a, b, c) = solution
-        slope = (a / count, b / count, c / count)
+        length = count * step
+        slope = (a / length, b / length, c / length)
         x, y, z = zip(*by_place, strict=True)
         rows = (x, y, z)
         if not (all(map(is_finite, rows)) and is_finite(slope)):
@@ -107,8 +118,8 @@ class AffinePredictor(Predictor):
     estimated = looks_ahead = True
     doubt = 1.1
 
-    def candidates(self, signal: Signal) -> Sequence[Candidate]:  # noqa: ARG002
-        return [LocalAffine()]
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [LocalAffine(signal)]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         stiffness, slope = _blocks(grid)

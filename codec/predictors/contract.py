@@ -7,15 +7,20 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 from weberlink.codec.parameters import pack, unpack
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
-KEPT = 128
-"""Number of samples that a full history holds at least."""
+KEPT_S = 0.128
+"""Time that a full history covers at least [s]."""
+LONGEST_GAP_S = 0.016
+"""Longest gap in the samples that is filled, by straight lines [s]; a longer one ends the history."""
 
 
 class History:
     """The latest samples of a signal at the sender's full rate, the newest last.
+
+    Args:
+        period: time between ticks [s].
 
     Attributes:
         values: of the samples.
@@ -24,23 +29,35 @@ class History:
         follows: whether the newest one came one tick after the one before.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, period: float) -> None:
         self.values: list[Vector] = []
         self.places: list[Vector] = []
         self.bound = 0.0
         self.follows = False
         self._tick = 0
+        self._kept = max(2, round(KEPT_S / period))
+        self._longest_gap = round(LONGEST_GAP_S / period)
 
     def __len__(self) -> int:
         return len(self.values)
+
+    def missing(self, tick: int, value: Vector, place: Vector) -> list[tuple[int, Vector, Vector]]:
+        """What to add before a sample, to fill a short gap in the ticks: tick, value and position of each sample."""
+        gap = tick - self._tick
+        if not (self.values and 1 < gap <= self._longest_gap):
+            return []
+        values, places = self.values[-1], self.places[-1]
+        shares = [step / gap for step in range(1, gap)]
+        filled = [(_between(values, value, share), _between(places, place, share)) for share in shares]
+        return [(self._tick + step, *each) for step, each in enumerate(filled, 1)]
 
     def add(self, tick: int, value: Vector, place: Vector, bound: float) -> None:
         """Append a sample. A gap in the ticks clears the history."""
         self.follows = tick == self._tick + 1 and bool(self.values)
         if not self.follows:
             self.values, self.places = [], []
-        elif len(self.values) >= 2 * KEPT:
-            del self.values[:KEPT], self.places[:KEPT]
+        elif len(self.values) >= 2 * self._kept:
+            del self.values[: self._kept], self.places[: self._kept]
         self._tick, self.bound = tick, bound
         self.values.append(value)
         self.places.append(place)
@@ -270,6 +287,10 @@ class FittedCandidate:
 
     def model(self, context: EncodeContext) -> Model | None:
         return self._predictor.fit(context.newest, context.earlier, self._limits)
+
+
+def _between(start: Vector, end: Vector, share: float) -> Vector:
+    return add(start, scale(subtract(end, start), share))
 
 
 def same_contact(newest: Sample, previous: Sample) -> bool:

@@ -36,6 +36,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
+        tick_period=system.tick_period,
         lookahead=_ticks(position.lookahead_ms, system),
     )
     backward = force_channel(
@@ -47,6 +48,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
+        tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
         lookahead=_ticks(force.lookahead_ms, system),
     )
@@ -79,6 +81,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
+        tick_period=system.tick_period,
     )
     twisting = force_channel(
         predictor=torque.predictor,
@@ -88,6 +91,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
+        tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)
 
