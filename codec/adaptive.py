@@ -129,9 +129,7 @@ class AdaptiveChoice:
         """Let the estimators take in a sample that is not coded yet."""
         self._add(self._known, tick, actual, place, bound, learns=True)
 
-    def _add(
-        self, history: History, tick: int, actual: Vector, place: Vector, bound: float, *, learns: bool
-    ) -> None:
+    def _add(self, history: History, tick: int, actual: Vector, place: Vector, bound: float, *, learns: bool) -> None:
         for each in (*history.missing(tick, actual, place), (tick, actual, place)):
             history.add(*each, bound)
             if learns:
@@ -153,22 +151,6 @@ class AdaptiveChoice:
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float, ahead: Ahead = NOTHING
     ) -> tuple[int, Model | None]:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
-<<<<<<< HEAD
-=======
-
-        Where the control scheme renders the contact, the best that describes a surface is taken while there is a force.
-        """
-        context = EncodeContext(newest, earlier, bound, self._history)
-        allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
-        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
-        if self._channel.every_position and norm(newest.value) > self._signal.least_contact:
-            for shadow in allowed:
-                model = shadow.candidate.model(context)
-                if model is not None and model.surface() is not None:
-                    return shadow.selector, model
-        best = allowed[0]
-        return best.selector, best.candidate.model(context)
->>>>>>> main
 
         Where the control scheme renders the contact, those that describe a surface come first while there is a force. A
         model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest. The

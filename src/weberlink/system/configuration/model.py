@@ -291,7 +291,7 @@ class PositionCodecSettings(MotionCodecSettings):
     bound_m: float = Field(default=0.0002, ge=0, le=0.1)
     """Position error at rest that stays unsent [m]."""
     lookahead_ms: LookaheadMs = 0.0
-    """How long the encoder waits before it decides on a sample: fewer updates, and the robot follows that much later."""
+    """How long the encoder waits before it decides on a sample. Fewer updates; the robot follows that much later."""
     step_m: float = Field(default=0.00001, gt=0, le=0.01)
     """Wire step [m], of both channels; 16 bits span +-32767 steps."""
 
