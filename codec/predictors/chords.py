@@ -20,7 +20,7 @@ ROUNDS = 5
 MOST_INNER = 6
 """Largest number of knots that are added."""
 PLACES = 16
-"""Largest number of places that are tried for a knot."""
+"""Number of places that are tried for a knot, the nearest ones to the largest error."""
 EXPECTED = 4.0
 """Weight of an expected value beside that of a known one."""
 END = 2.0
@@ -55,25 +55,27 @@ class Chords:
         outer = [[0, *self._tail], [0, self._end, *self._tail]]
         best, knots, vertices = np.inf, outer[0], self._expected
         for each in outer:
-            worst, solution = self._fit([each])
+            worst, solution, far = self._fit([each])
             if worst[0] < best:
                 best, knots, vertices = worst[0], each, solution[0]
             if best <= MARGIN:
                 break
         inner: list[int] = []
+        where = int(far[0])
         while best > MARGIN and len(inner) < min(MOST_INNER, self._end - 1):
             free = [tick for tick in range(1, self._end) if tick not in inner]
-            places = free[:: -(-len(free) // PLACES)]
+            places = sorted(free, key=lambda tick: abs(tick - where))[:PLACES]
             tried = [[0, *sorted([*inner, place]), self._end, *self._tail] for place in places]
-            worst, solution = self._fit(tried)
+            worst, solution, far = self._fit(tried)
             index = int(worst.argmin())
+            where = int(far[index])
             inner.append(places[index])
             if worst[index] < best:
                 best, knots, vertices = worst[index], tried[index], solution[index]
         return knots, [(x, y, z) for x, y, z in vertices.tolist()]
 
-    def _fit(self, tried: Sequence[Sequence[int]]) -> tuple[Array, Array]:
-        """The largest error [deadbands] and the vertices for each of several lists of knots, all of one length."""
+    def _fit(self, tried: Sequence[Sequence[int]]) -> tuple[Array, Array, NDArray[np.intp]]:
+        """For several lists of knots, all of one length: the largest error [deadbands], the vertices, and its tick."""
         knots = np.array(tried)
         count, size = knots.shape
         if size == 1:
@@ -91,15 +93,15 @@ class Chords:
             prior[size - ends :], expected[size - ends :] = self._weights[-ends:], self._expected[-ends:]
         left, right = np.diag(prior + 1e-12 * self._weights[0]), prior[:, None] * expected
         weights = np.repeat(self._limits[None] ** -2, count, axis=0)
-        best, vertices = np.full(count, np.inf), np.zeros((count, size, 3))
+        best, vertices, far = np.full(count, np.inf), np.zeros((count, size, 3)), np.zeros(count, np.intp)
         for _ in range(ROUNDS):
             weighted = (hats * weights[:, :, None]).transpose(0, 2, 1)
             solution = np.linalg.solve(weighted @ hats + left, weighted @ self._known + right)
             errors = np.sqrt(((hats @ solution - self._known) ** 2).sum(axis=2)) / self._limits
             worst = errors.max(axis=1)
             better = worst < best
-            best[better], vertices[better] = worst[better], solution[better]
+            best[better], vertices[better], far[better] = worst[better], solution[better], errors.argmax(axis=1)[better]
             if best.min() <= MARGIN:
                 break
             weights *= np.where(errors > 0.7 * MARGIN, (0.3 + errors / MARGIN) ** 2, 1.0)
-        return best, vertices
+        return best, vertices, far

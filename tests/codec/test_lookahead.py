@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.codec.law import FORCE_PREDICTORS, POSITION_PREDICTORS, coded, make_channel, sends
+from tests.codec.law import FITTED, FORCE_PREDICTORS, POSITION_PREDICTORS, coded, make_channel, sends
 from tests.codec.signals import contact_stream
 from tests.examples import examples
 from weberlink.codec import Decoder, Encoder, Update, force_channel
@@ -20,7 +20,8 @@ from weberlink.geometry.vector import ZERO, Vector, distance
 
 seeds = st.integers(0, 2**32 - 1)
 lengths = st.sampled_from([1, 2, 5, 10, 20, 37, 100])
-FUTURES = ("hybrid", "affine", "path", "elastic", "adaptive")
+CAUSAL = (*FITTED, "hybrid", "affine")
+"""Predictors that learn nothing beyond the history of the sample."""
 
 
 def up(force: float) -> Vector:
@@ -54,7 +55,7 @@ def test_law_holds_for_every_deadband(shape: str, seed: int, lookahead: int) -> 
         pass
 
 
-@pytest.mark.parametrize("predictor", FUTURES)
+@pytest.mark.parametrize("predictor", CAUSAL)
 def test_without_a_known_future_the_decisions_are_those_of_the_causal_encoder(predictor: str) -> None:
     """Every second tick is missing, so that no sample has a known successor: only the delay is left."""
     stream = contact_stream(11, ticks=1000)
@@ -84,15 +85,15 @@ def test_more_future_needs_fewer_updates(predictor: str, axes: str) -> None:
 
 
 def test_an_update_in_the_known_signal_is_the_exception() -> None:
-    """A ramp, a step and a stop: three parts of a path, known in advance."""
+    """A ramp, a step and a stop: parts of one path, known in advance."""
     ticks = [min(1.0, 0.02 * max(0, tick - 100)) + (2.0 if tick >= 130 else 0.0) for tick in range(400)]
     updates = [
         coded.update.tick
         for coded in code(force_channel(predictor="path", lookahead=20), [(up(force), ZERO) for force in ticks])
         if coded.update is not None
     ]
-    assert len(updates) < 12
-    assert all(late - early > 20 for early, late in pairwise(updates) if late < 130)
+    assert 1 < len(updates) < 12
+    assert all(late - early > 20 for early, late in pairwise(updates))
 
 
 def test_the_mirror_agrees_after_loss_from_the_next_update_on() -> None:
@@ -108,8 +109,8 @@ def test_the_mirror_agrees_after_loss_from_the_next_update_on() -> None:
         decoder.apply(update)
         assert decoder.state == encoder.mirror.state
         agreed += 1
-    assert agreed > 20
-    assert lost > 5
+    assert agreed > 10
+    assert lost > 3
 
 
 @given(missed=st.sets(st.integers(0, 299), max_size=60), spoilt=st.sets(st.integers(0, 299), max_size=20), seed=seeds)
