@@ -21,6 +21,7 @@ class Decoder:
         newest: the newest sample received; None before the first.
         model: the model of that sample; None before the first.
         selected: index in the bank of the predictor in use.
+        first: the value with which that model begins.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -34,7 +35,7 @@ class Decoder:
     def reset(self) -> None:
         """Forget the signal: `value` returns the channel's `rest` until the first update."""
         self.model: Model | None = None
-        self._first: Vector = ZERO
+        self.first: Vector = ZERO
         self._memory: Any = None
         self._noted: tuple[float, Any] | None = None
         self._ramp: Vector | None = None
@@ -71,7 +72,7 @@ class Decoder:
         model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
         self.model, self.newest, self.selected = model, newest, update.selector
-        self._first = channel.displayable(model.first(newest), newest)
+        self.first = channel.displayable(model.first(newest), newest)
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
@@ -94,7 +95,7 @@ class Decoder:
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:
-            value = self._first
+            value = self.first
         elif self._memory is None:
             value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
@@ -119,7 +120,7 @@ class Decoder:
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
-        channel, first, newest = self._channel, self._first, self.newest
+        channel, first, newest = self._channel, self.first, self.newest
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value

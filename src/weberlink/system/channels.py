@@ -46,8 +46,7 @@ class OutgoingChannel:
             self.held = encoder.predicted
             return
         mirror = encoder.mirror
-        assert mirror.newest is not None
-        self.held = mirror.newest.value
+        self.held = mirror.first
         self.model = mirror.record
 
     def idle(self, tick: int) -> None:
