@@ -23,7 +23,8 @@ HOPELESS_S = 0.003
 REST_S = 0.016
 """Length of a suspension [s]; meanwhile one send per `HOPELESS_S` is added to the record."""
 PRESENT = 12.0
-"""Weight of the present error in the choice: an error of one deadband or more counts as this many sends."""
+"""Weight of the present error in the choice: an error of one deadband or more counts as this many sends. With look-ahead
+the known signal says more."""
 LEAST_FORCE_STEPS = 10.0
 """Smallest force that counts as contact, in wire steps; twice the deadband at rest if that is more."""
 
@@ -175,5 +176,7 @@ class AdaptiveChoice:
         return best
 
     def _cost(self, shadow: Shadow, tick: int, bound: float) -> float:
-        wrong = min(1.0, shadow.error / bound) if bound > 0.0 else 1.0
-        return shadow.doubt * shadow.record(tick) + PRESENT * wrong
+        record = shadow.doubt * shadow.record(tick)
+        if self._channel.lookahead:
+            return record
+        return record + PRESENT * (min(1.0, shadow.error / bound) if bound > 0.0 else 1.0)
