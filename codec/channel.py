@@ -39,9 +39,11 @@ class Channel:
         smoothing: the ramp over which an update changes the value; None for a step.
         every_position: whether every update carries the position, because somebody beside the predictors reads it.
         tick_period: time between ticks [s], > 0.
+        lookahead: number of ticks by which the encoder looks ahead and the decoder displays late, >= 0.
 
     Raises:
-        ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
+        ValueError: for a negative look-ahead; for an unknown, repeated or missing predictor, or one that does not suit
+            the channel.
     """
 
     bank: tuple[str, ...]
@@ -54,8 +56,11 @@ class Channel:
     smoothing: Smoothing | None = None
     every_position: bool = False
     tick_period: float = 1e-3
+    lookahead: int = 0
 
     def __post_init__(self) -> None:
+        if self.lookahead < 0:
+            raise ValueError(f"lookahead must be >= 0 ticks, not {self.lookahead!r}")
         if len(self.bank) > MAX_SELECTOR + 1:
             raise ValueError(f"bank must name at most {MAX_SELECTOR + 1} predictors, not {len(self.bank)}")
         unknown = [name for name in self.bank if name not in PREDICTORS]
@@ -129,6 +134,7 @@ def force_channel(
     smoothing: Smoothing | None = None,
     every_position: bool = False,
     tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
@@ -147,6 +153,7 @@ def force_channel(
         smoothing: the ramp over which an update changes the force; None for a step.
         every_position: whether every update carries the position, whatever its predictor reads.
         tick_period: time between ticks [s], > 0.
+        lookahead: number of ticks that the encoder looks ahead.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -164,6 +171,7 @@ def force_channel(
         smoothing=smoothing,
         every_position=every_position,
         tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 
@@ -177,6 +185,7 @@ def position_channel(
     position_step: float = 1e-5,
     saturates: bool = True,
     tick_period: float = 1e-3,
+    lookahead: int = 0,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -189,6 +198,7 @@ def position_channel(
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
         tick_period=tick_period,
+        lookahead=lookahead,
     )
 
 

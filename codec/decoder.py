@@ -15,11 +15,13 @@ class Decoder:
 
     Its state depends only on the newest update that arrived and on the positions since. So after a loss, a reordering
     or a late start it agrees with the encoder from the next update on (with smoothing, from the end of the ramp on).
+    With look-ahead a model is played as many ticks late as the encoder looks ahead.
 
     Attributes:
         newest: the newest sample received; None before the first.
         model: the model of that sample; None before the first.
         selected: index in the bank of the predictor in use.
+        first: the value with which that model begins.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -27,12 +29,13 @@ class Decoder:
         self._grid = channel.grid
         self._predictors = channel.predictors
         self._sizes = [sum(form.newest) for form in channel.forms]
+        self._late = channel.lookahead
         self.reset()
 
     def reset(self) -> None:
         """Forget the signal: `value` returns the channel's `rest` until the first update."""
         self.model: Model | None = None
-        self._first: Vector = ZERO
+        self.first: Vector = ZERO
         self._memory: Any = None
         self._noted: tuple[float, Any] | None = None
         self._ramp: Vector | None = None
@@ -69,12 +72,12 @@ class Decoder:
         model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
         self.model, self.newest, self.selected = model, newest, update.selector
-        self._first = channel.displayable(model.first(newest), newest)
+        self.first = channel.displayable(model.first(newest), newest)
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
     def value(self, tick: float, position: Vector = ZERO) -> Vector | None:
-        """The predicted value, finite and within the range of the wire.
+        """The value to display, finite and within the range of the wire.
 
         Args:
             tick: the present time on the sender's tick clock; fractional between its ticks.
@@ -84,11 +87,15 @@ class Decoder:
         Returns:
             Force [N] or position [m]; the channel's `rest` before the first update.
         """
+        return self._value(tick - self._late, position)
+
+    def _value(self, tick: float, position: Vector) -> Vector | None:
+        """The prediction for a tick of the signal."""
         newest, model, channel = self.newest, self.model, self._channel
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:
-            value = self._first
+            value = self.first
         elif self._memory is None:
             value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
@@ -109,11 +116,11 @@ class Decoder:
         """The value before an update. A mirror was asked in this tick already; that change of memory is undone."""
         if self._noted is not None and self._noted[0] == tick:
             self._memory = self._noted[1]
-        return self.value(tick, position)
+        return self._value(tick, position)
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
-        channel, first, newest = self._channel, self._first, self.newest
+        channel, first, newest = self._channel, self.first, self.newest
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value

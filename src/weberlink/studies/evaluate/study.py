@@ -94,6 +94,7 @@ class EvaluationStudy:
         saturates: whether the int16 range applies.
         jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         deadbands: names of shapes, each once; their other parameters have the default values.
+        lookahead_ms: how far the encoder looks ahead [ms], in whole samples; errors are those of the delayed signal.
     """
 
     predictors: Sequence[str] = PREDICTORS
@@ -104,6 +105,7 @@ class EvaluationStudy:
     saturates: bool = True
     jnd: float = WEBER_FRACTION
     deadbands: Sequence[str] = (ISOTROPIC,)
+    lookahead_ms: float = 0.0
 
     def channel(
         self, predictor: str, weber: float, deadband: str | None = None, period_s: float = DEFAULT_PERIOD_S
@@ -117,6 +119,7 @@ class EvaluationStudy:
             position_step=self.position_step,
             saturates=self.saturates,
             tick_period=period_s,
+            lookahead=round(1e-3 * self.lookahead_ms / period_s),
         )
 
     def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:

@@ -37,6 +37,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         axes=system.axes,
         position_step=position.step_m,
         tick_period=system.tick_period,
+        lookahead=_ticks(position.lookahead_ms, system),
     )
     backward = force_channel(
         predictor=force.predictor,
@@ -49,14 +50,20 @@ def channels(system: System) -> tuple[Channel, Channel]:
         smoothing=_smoothing(system),
         tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
+        lookahead=_ticks(force.lookahead_ms, system),
     )
     return forward, backward
 
 
 def _smoothing(system: System) -> Smoothing | None:
     """Of the force, in ticks."""
-    length = system.codec.force.smooth_ms
-    return Smoothing(max(1, round(length * 1e-3 * system.rate_hz))) if length > 0.0 else None
+    ticks = _ticks(system.codec.force.smooth_ms, system)
+    return Smoothing(ticks) if ticks else None
+
+
+def _ticks(length_ms: float, system: System) -> int:
+    """A time in whole ticks; at least one if it is not 0."""
+    return max(1, round(length_ms * 1e-3 * system.rate_hz)) if length_ms > 0.0 else 0
 
 
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
