@@ -51,8 +51,8 @@ def evaluate(
         list[Path],
         typer.Argument(
             metavar="TRACE...",
-            help="Recorded signals: files (CSV or MCAP), or shipped ones: a recording such as tue_rigid_1, a source "
-            "such as tue, or recordings for all of them.",
+            help="Recorded signals: files (CSV or MCAP); or shipped ones: tue_rigid_1, tue for all that begin so, "
+            "recordings for all.",
         ),
     ],
     predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
@@ -250,7 +250,10 @@ def paper(
 
 def adaptive(
     traces: Annotated[
-        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; default: the shipped one.")
+        list[Path] | None,
+        typer.Argument(
+            metavar="[TRACE...]", help="Recordings: files, or shipped ones by name; default: all shipped ones."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
     workers: Workers = None,

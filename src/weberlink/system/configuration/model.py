@@ -237,8 +237,8 @@ class ForceCodecSettings(PredictedSettings):
     predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
     bank: ForceBank = HYBRID_BANK
-    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. All
-    that it can choose among by default."""
+    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first.
+    All that it can choose among by default."""
     weber: float = Field(default=0.10, ge=0, lt=1)
     """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
     floor_n: float = Field(default=0.02, ge=0, le=10)
