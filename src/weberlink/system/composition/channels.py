@@ -66,6 +66,14 @@ def _ticks(length_ms: float, system: System) -> int:
     return max(1, round(length_ms * 1e-3 * system.rate_hz)) if length_ms > 0.0 else 0
 
 
+def lookahead_ms(system: System) -> dict[str, float]:
+    """How much later than without look-ahead the signals are displayed, by channel, in whole ticks."""
+    return {
+        name: 1e3 * channel.lookahead * system.tick_period
+        for name, channel in zip(("position", "force"), channels(system), strict=True)
+    }
+
+
 def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
     """All forward and all backward channels by stream: the translation and, where the file asks for it, the rotation.
 
