@@ -31,6 +31,7 @@ class Decoder:
     def reset(self) -> None:
         """Forget the signal: `value` returns the channel's `rest` until the first update."""
         self.model: Model | None = None
+        self._applied: Update | None = None
         self._first: Vector = ZERO
         self._memory: Any = None
         self._noted: tuple[float, Any] | None = None
@@ -54,11 +55,13 @@ class Decoder:
         return UNFITTED if self.model is None else self.model.record()
 
     def apply(self, update: Update) -> None:
-        """Replace the state by that of an update.
+        """Replace the state by that of an update; one that was applied already, and is repeated, changes nothing.
 
         Raises:
             ValueError: if selector, number of levels or payload do not fit the channel; the state is unchanged then.
         """
+        if update == self._applied:  # its model has a memory of the positions since
+            return
         channel, grid = self._channel, self._grid
         if len(update.newest) != grid.size:
             raise ValueError(f"update has {len(update.newest)} levels, expected {grid.size}")
@@ -67,7 +70,7 @@ class Decoder:
         newest = grid.sample(update.tick, update.newest)
         model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
-        self.model, self.newest, self.selected = model, newest, update.selector
+        self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
         self._first = channel.displayable(model.first(newest), newest)
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
