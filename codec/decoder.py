@@ -1,8 +1,10 @@
 """The receiving end: it evaluates the model of the newest update at any tick and position."""
 
+from math import inf
 from typing import Any
 
 from weberlink.codec.channel import Channel
+from weberlink.codec.deadband import Deadband
 from weberlink.codec.predictors import ContactSurface, Model
 from weberlink.codec.predictors.model import UNFITTED, ModelRecord
 from weberlink.codec.sample import Sample
@@ -26,10 +28,12 @@ class Decoder:
         self._channel = channel
         self._grid = channel.grid
         self._predictors = channel.predictors
+        self._deadband = channel.deadband
         self.reset()
 
     def reset(self) -> None:
-        """Forget the signal: `value` returns the channel's `rest` until the first update."""
+        """Forget the signal: `value` returns the channel's `rest` until the first update. The deadband stays."""
+        self._former, self._since = self._deadband, -inf
         self.model: Model | None = None
         self._applied: Update | None = None
         self._first: Vector = ZERO
@@ -53,6 +57,15 @@ class Decoder:
     def record(self) -> ModelRecord:
         """The model in use, as telemetry records it."""
         return UNFITTED if self.model is None else self.model.record()
+
+    def retune(self, deadband: Deadband, since: float = -inf) -> None:
+        """Size ramps by another deadband, because the encoder was retuned; without smoothing this changes nothing.
+
+        Args:
+            deadband: of the encoder.
+            since: tick of the sender at which its encoder changed; updates made before may arrive later.
+        """
+        self._former, self._deadband, self._since = self._deadband, deadband, since
 
     def apply(self, update: Update) -> None:
         """Replace the state by that of an update; one that was applied already, and is repeated, changes nothing.
@@ -119,7 +132,8 @@ class Decoder:
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value
-        kept = channel.smoothing.kept(subtract(before, sample), channel.deadband.bound(sample, sample, sample, 0.0))
+        deadband = self._deadband if newest.tick >= self._since else self._former
+        kept = channel.smoothing.kept(subtract(before, sample), deadband.bound(sample, sample, sample, 0.0))
         ramp = subtract(add(sample, kept), first)
         return ramp if ramp != ZERO else None
 

@@ -62,7 +62,7 @@ class Encoder:
         self._forced = True
 
     def retune(self, deadband: Deadband, selectors: Sequence[int]) -> None:
-        """Change deadband and predictors from the next sample on; the other end does not need to know.
+        """Change deadband and predictors from the next sample on; the other end needs to know of it for smoothing only.
 
         If the predictor in use is no longer selected, the next sample is sent unconditionally.
 
@@ -77,6 +77,7 @@ class Encoder:
         if not selectors or not all(0 <= selector < count for selector in selectors):
             raise ValueError(f"selectors must name some of a bank of {count} predictors, not {list(selectors)!r}")
         self._measure_with(deadband)
+        self.mirror.retune(deadband)
         if not deadband.reads_motion:
             self._last = None
         self._selectors = tuple(sorted(set(selectors)))
