@@ -22,6 +22,7 @@ class Decoder:
         newest: the newest sample received; None before the first.
         model: the model of that sample; None before the first.
         selected: index in the bank of the predictor in use.
+        first: value of that model at the tick of that sample, without a ramp.
     """
 
     def __init__(self, channel: Channel) -> None:
@@ -36,7 +37,7 @@ class Decoder:
         self._former, self._since = self._deadband, -inf
         self.model: Model | None = None
         self._applied: Update | None = None
-        self._first: Vector = ZERO
+        self.first: Vector = ZERO
         self._memory: Any = None
         self._noted: tuple[float, Any] | None = None
         self._ramp: Vector | None = None
@@ -84,7 +85,8 @@ class Decoder:
         model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None
         self.model, self.newest, self.selected, self._applied = model, newest, update.selector, update
-        self._first = channel.displayable(model.first(newest), newest)
+        estimated = self._predictors[update.selector].estimated
+        self.first = channel.displayable(model.first(newest), newest) if estimated else newest.value
         self._memory, self._noted = model.memory, None
         self._ramp = self._ramp_from(before) if before is not None else None
 
@@ -103,7 +105,7 @@ class Decoder:
         if newest is None or model is None:
             return channel.rest
         if tick == newest.tick:
-            value = self._first
+            value = self.first
         elif self._memory is None:
             value = channel.displayable(model.at(tick, channel.place(position)), newest)
         else:
@@ -128,7 +130,7 @@ class Decoder:
 
     def _ramp_from(self, before: Vector) -> Vector | None:
         """The ramp starts within a share of the deadband around the sample, even if the model starts elsewhere."""
-        channel, first, newest = self._channel, self._first, self.newest
+        channel, first, newest = self._channel, self.first, self.newest
         assert channel.smoothing is not None
         assert newest is not None
         sample = newest.value

@@ -122,6 +122,9 @@ class Encoder:
         self._levels, self._forced = levels, False
         self._newest, self._previous = sample, self._usable(tick)
         self.mirror.apply(update)
+        if self._measure(self.mirror.first, actual) > max(self.bound, self._measure(sample.value, actual)):
+            update = update._replace(payload=None)  # a model that begins outside the deadband: the sample is held
+            self.mirror.apply(update)
         return update
 
     def _measure_with(self, deadband: Deadband) -> None:
