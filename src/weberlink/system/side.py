@@ -38,6 +38,7 @@ COLUMNS = {
     "raw": "outgoing[0].sensor.value",
     "predicted": "outgoing[0].encoder.predicted or UNKNOWN",
     "bound": "outgoing[0].encoder.bound",
+    "weber": "tuning.settings.weber",
     "tick": "side.index",
     "ticks_missed": "missed",
     "datagrams_sent": "statistics.sent",

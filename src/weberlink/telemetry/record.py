@@ -46,6 +46,7 @@ FIELDS = (
     ),
     Field("output", "<f8", 3, "N | m", "commanded to the device: force (master), to the robot: position (slave)"),
     Field("bound", "<f8", 1, "m | N", "deadband of this tick, in the unit of what this side encodes"),
+    Field("weber", "<f8", 1, "", "Weber factor of the force channel, as a live change may have left it"),
     Field("tick", "<u8", 1, "", "number of the tick on this side"),
     Field("ticks_missed", "<u8", 1, "", "deadlines without a tick, so far"),
     Field("slew_ticks", "<u8", 1, "", "ticks in which the slew limit held force or torque back, so far (master)"),

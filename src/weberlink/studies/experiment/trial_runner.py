@@ -11,7 +11,7 @@ from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
 from weberlink.studies.experiment.subjects import FELT, THRESHOLD
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.system.composition.channels import channels
+from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session
@@ -130,7 +130,8 @@ class VirtualRunner:
         configuration = load(self.signals.file, overrides)
         system = configuration.system
         simulation = build_simulation(configuration)
-        score, felt = SessionScore(system.rate_hz, channels(system)[1].bank), FeltError(THRESHOLD)
+        score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
+        felt = FeltError(THRESHOLD)
         simulation.run(self.plan.duration_s, [score, felt])
         master, slave = simulation.master, simulation.slave
         failures = [side.failure for side in (master, slave) if side.failure is not None]

@@ -18,7 +18,7 @@ from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
-from weberlink.system.composition.channels import channels
+from weberlink.system.composition.channels import banks, measures_of
 from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer
@@ -184,7 +184,8 @@ def _explore(exploration: tuple[PaperScene, float]) -> Trace:
 def _feel(session: SimulatedSession) -> Observation:
     """Packets and felt error of a coded session."""
     configuration = _configuration(session.scene, session.predictor, session.weber, FLOOR_N)
-    score = SessionScore(configuration.system.rate_hz, channels(configuration.system)[1].bank)
+    system = configuration.system
+    score = SessionScore(system.rate_hz, *banks(system), measures_of(system))
     felt = FeltError(Threshold(JND, FLOOR_N))
     build_simulation(configuration).run(session.duration_s, [score, felt])
     rate, error = score.summary()["force"]["packets_per_s"], felt.rms_jnd

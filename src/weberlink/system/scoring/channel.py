@@ -15,6 +15,8 @@ from weberlink.system.scoring.energy import Records, Series
 
 Measure = Callable[[Vector, Vector], float]
 """How a deadband measures the error of the displayed value against the actual one."""
+Measures = Callable[[float], Measure]
+"""The measure at a Weber factor, which may change in a session."""
 
 
 @dataclass
@@ -71,7 +73,7 @@ class ChannelScore:
         period: of a tick [s].
         bank: names of the predictors in the order of selectors, for a channel whose coding error is reported.
         error: of displayed and actual values row by row, shape (n, 3) each.
-        measure: of the deadband; None if it measures `error`.
+        measures: of the deadband; None if it measures `error`.
     """
 
     def __init__(
@@ -80,11 +82,11 @@ class ChannelScore:
         period: float,
         bank: Sequence[str] | None = None,
         error: Callable[[Series, Series], Series] | None = None,
-        measure: Measure | None = None,
+        measures: Measures | None = None,
     ) -> None:
         self._prefix, self._period, self._bank = prefix, period, bank
         self._error = error or _distances
-        self._measure = measure
+        self._measures = measures
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
         self._selected: dict[int, int] = {}
 
@@ -109,9 +111,8 @@ class ChannelScore:
     def _add(self, statistics: ErrorStatistics, displayed: Series, sender: Records) -> None:
         actual = sender[f"{self._prefix}raw"]
         errors = deviations = self._error(displayed, actual)
-        if self._measure is not None:
-            pairs = zip(displayed.tolist(), actual.tolist(), strict=True)
-            deviations = np.array([self._measure(tuple(one), tuple(other)) for one, other in pairs], dtype=np.float64)
+        if self._measures is not None:
+            deviations = deviations_of(displayed, sender, self._measures)
         statistics.add(errors, np.asarray(sender[f"{self._prefix}bound"], dtype=np.float64), deviations)
 
 
@@ -142,6 +143,21 @@ def _quaternions(rotations: Series) -> tuple[Series, Series]:
     """Scalar and vector parts."""
     half = 0.5 * np.linalg.norm(rotations, axis=1)
     return np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * rotations
+
+
+def deviations_of(displayed: Series, sender: Records, measures: Measures) -> Series:
+    """Errors of displayed forces against those measured, shape (n,), in the measure of the deadband of each record.
+
+    The distance where the Weber factor of a record is none.
+    """
+    webers = sender["weber"]
+    deviations = _distances(displayed, sender["raw"])
+    for weber in np.unique(webers[(webers >= 0.0) & (webers <= 1.0)]).tolist():
+        chosen = np.flatnonzero(webers == weber)
+        measure, actual = measures(weber), sender["raw"][chosen].tolist()
+        pairs = zip(displayed[chosen].tolist(), actual, strict=True)
+        deviations[chosen] = [measure((a, b, c), (x, y, z)) for (a, b, c), (x, y, z) in pairs]
+    return deviations
 
 
 def _distances(a: Series, b: Series) -> Series:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from weberlink.control.table import SCHEMES
 from weberlink.system.scoring.channel import (
     ChannelScore,
-    Measure,
+    Measures,
     angles_between,
     engaged,
     in_session,
@@ -107,7 +107,7 @@ class SessionScore:
         rate_hz: tick rate of both sides [Hz].
         bank: names of the predictors of the force channel, in the order of selectors.
         torque_bank: the same of the torque channel; None for a session of three degrees of freedom.
-        measure: how the deadband of the force measures an error; None for the distance.
+        measures: how the deadband of the force measures an error; None for the distance.
     """
 
     def __init__(
@@ -115,13 +115,13 @@ class SessionScore:
         rate_hz: float,
         bank: tuple[str, ...],
         torque_bank: tuple[str, ...] | None = None,
-        measure: Measure | None = None,
+        measures: Measures | None = None,
     ) -> None:
         self._period = 1.0 / rate_hz
         self._longest_wait = max(1, int(LONGEST_WAIT_S * rate_hz))
         self._sides = (_SideScore(), _SideScore())
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
-        self._force = ChannelScore("", self._period, bank, measure=measure)
+        self._force = ChannelScore("", self._period, bank, measures=measures)
         self._from_slave = {"force": self._force}
         self._from_master = {"position": ChannelScore("", self._period)}
         rotates = torque_bank is not None
