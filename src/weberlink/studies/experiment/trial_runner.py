@@ -29,6 +29,21 @@ WHERE = ("listen", "slave", "key_file")
 """Keys of the link that do not change the felt signal."""
 PER_TRIAL = ("predictor", "weber")
 """Keys of `codec.force` that each trial sets."""
+UNDISTURBED = (
+    "codec.force.floor_n=0",
+    "codec.force.deadband={shape: isotropic}",
+    "codec.force.smooth_ms=0",
+    "codec.position.weber=0",
+    "codec.position.bound_m=0",
+)
+"""Overrides with which every sample of force and position is sent, beside a Weber factor of 0."""
+UNDISTURBED_ROTATION = (
+    "codec.rotation.torque.weber=0",
+    "codec.rotation.torque.floor_nm=0",
+    "codec.rotation.orientation.weber=0",
+    "codec.rotation.orientation.bound_rad=0",
+)
+"""The same of a file with six degrees of freedom."""
 
 Ports = Callable[[], Sequence[str]]
 """Returns overrides with a free port, if the file leaves it open."""
@@ -69,7 +84,8 @@ class TrialSignals:
         """Overrides for a condition."""
         coding = [f"codec.force.predictor={condition.predictor}", f"codec.force.weber={condition.weber:g}"]
         if condition.weber == 0.0:
-            coding.append("codec.force.floor_n=0")  # every sample is sent
+            rotates = load(self.file, self.overrides).system.codec.rotation is not None
+            coding += UNDISTURBED + (UNDISTURBED_ROTATION if rotates else ())
         return [*self.overrides, *coding, *further]
 
     def check(self, plan: TrialPlan) -> None:
