@@ -257,7 +257,7 @@ def test_evaluate_gives_the_documented_figures() -> None:
         "reduction": float,
         "error_rms_n": float,
         "error_max_n": float,
-        "jnd_max": float,
+        "error_max_deadbands": float,
         "tick_us": float,
         "bytes_per_s": float,
         "violation_fraction": float,

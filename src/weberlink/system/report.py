@@ -156,7 +156,7 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
         )
         yield (
             f"outside: {force['violation_s']:.2f} s in total, longest {force['violation_longest_s'] * 1e3:.0f} ms; "
-            f"{_jnd(force['violation_p99_jnd'])} JND p99, {_jnd(force['violation_max_jnd'])} max"
+            f"error in deadbands {_ratio(force['error_p99_deadbands'])} p99, {_ratio(force['error_max_deadbands'])} max"
         )
     else:
         yield "felt error: unknown; needs both sides (loopback, simulate, or info on two recordings)"
@@ -213,7 +213,7 @@ def _number(value: float | None, factor: float, unit: str, digits: int = 3) -> s
     return "-" if value is None else f"{value * factor:.{digits}f} {unit}"
 
 
-def _jnd(value: float | None) -> str:
+def _ratio(value: float | None) -> str:
     return "-" if value is None else f"{value:.2f}"
 
 

@@ -80,12 +80,12 @@ def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None
     assert found.reduction == pytest.approx(1.0 - found.packets / len(errors))
     assert found.error_rms_n == pytest.approx(sqrt(sum(e * e for e in errors) / len(errors)))
     assert found.error_max_n == pytest.approx(max(errors))
-    assert found.jnd_max == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
+    assert found.error_max_deadbands == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
     assert found.error_rms_jnd == pytest.approx(sqrt(sum(x * x for x in in_jnd) / len(in_jnd)))
     assert found.error_max_jnd == pytest.approx(max(in_jnd))
     assert found.noticeable_fraction == pytest.approx(sum(x > 1.0 for x in in_jnd) / len(in_jnd))
     assert (found.violation_fraction, found.violation_longest_s) == (0.0, 0.0)
-    assert found.jnd_max <= 1.0
+    assert found.error_max_deadbands <= 1.0
     assert found.tick_us > 0.0
     if predictor == "hybrid":
         assert found.selected is not None
@@ -203,6 +203,6 @@ def test_shipped_trace_stays_within_the_deadband() -> None:
     for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
         assert 0 < coarse.packets < fine.packets
         assert fine.samples == len(own.time_s)
-        assert max(fine.jnd_max, coarse.jnd_max) <= 1.0
+        assert max(fine.error_max_deadbands, coarse.error_max_deadbands) <= 1.0
         assert fine.clairvoyant_packets is not None
         assert fine.clairvoyant_packets <= fine.packets

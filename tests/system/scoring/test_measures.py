@@ -89,7 +89,7 @@ def test_the_monitor_has_the_figures_of_the_session(scored) -> None:
         assert (found[name], found["coding"][name]) == (figures[name], figures["coding"][name])
     matched, now = FeltErrorPairs(1000.0).add(master, Thinning(1000.0).choose(slave))
     expected = [error(loaded, one, other["output"]) / one["bound"] for one, other in zip(now, matched, strict=True)]
-    assert told["jnd"] == pytest.approx(expected, abs=1e-4)
+    assert told["deadbands"] == pytest.approx(expected, abs=1e-4)
 
 
 def test_a_recording_of_an_unknown_deadband_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -38,7 +38,7 @@ class EvaluationRow:
     """UDP payload of the updates, as on a link secured by a pre-shared key."""
     error_rms_n: float
     error_max_n: float
-    jnd_max: float
+    error_max_deadbands: float
     """Largest error in units of its bound, in the deadband's own measure."""
     violation_fraction: float
     """Share of ticks outside the deadband of this row; 0 if the codec works."""
@@ -204,7 +204,7 @@ def evaluate(
         bytes_per_s=run.payload_bytes(channel) / duration,
         error_rms_n=rms(run.error_n),
         error_max_n=float(run.error_n.max()),
-        jnd_max=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        error_max_deadbands=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
         violation_fraction=float(outside.mean()),
         violation_longest_s=longest_run(outside) * signal.period_s,
         **noticed(run.error_n, threshold_n, signal.period_s)._asdict(),

@@ -28,7 +28,7 @@ class ErrorStatistics:
     square_sum: float = 0.0
     largest: float = 0.0
     longest_run: int = 0
-    jnd: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
+    deadbands: Distribution = field(default_factory=Distribution)  # in millionths, because its first bin ends at 1
     _run: int = 0
 
     def add(self, errors: Series, bounds: Series, deviations: Series) -> None:
@@ -46,13 +46,13 @@ class ErrorStatistics:
         if len(errors):
             self.largest = max(self.largest, float(errors.max()))
         bounded = bounds > 0.0
-        self.jnd.add(deviations[bounded] / bounds[bounded] * 1e6)
+        self.deadbands.add(deviations[bounded] / bounds[bounded] * 1e6)
         for value in outside.tolist():
             self._run = self._run + 1 if value else 0
             self.longest_run = max(self.longest_run, self._run)
 
     def summary(self, period: float) -> dict[str, float | None]:
-        jnd = none_for_nan({"max": self.jnd.max * 1e-6, "p99": self.jnd.percentile(99.0) * 1e-6})
+        in_deadbands = none_for_nan({"max": self.deadbands.max * 1e-6, "p99": self.deadbands.percentile(99.0) * 1e-6})
         return {
             "error_rms": (self.square_sum / self.count) ** 0.5 if self.count else None,
             "error_max": self.largest if self.count else None,
@@ -60,8 +60,8 @@ class ErrorStatistics:
             "violation_longest_ticks": self.longest_run,
             "violation_longest_s": self.longest_run * period if self.count else None,
             "violation_s": self.violations * period if self.count else None,
-            "violation_max_jnd": jnd["max"],
-            "violation_p99_jnd": jnd["p99"],
+            "error_max_deadbands": in_deadbands["max"],
+            "error_p99_deadbands": in_deadbands["p99"],
         }
 
 

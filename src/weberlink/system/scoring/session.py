@@ -95,8 +95,8 @@ class SessionScore:
 
     The felt error of a slave tick is the force commanded to the device of the operator at the master tick nearest in
     time, against the force that the robot measured. Ticks count while both sides are engaged, except for the ramps at
-    the beginning and the end of a session; a force that fades because the link is silent counts. `violation_max_jnd`
-    and `violation_p99_jnd` are that error in units of its bound: the largest, and the 99th percentile.
+    the beginning and the end of a session; a force that fades because the link is silent counts. `error_max_deadbands`
+    and `error_p99_deadbands` are that error in units of its bound: the largest, and the 99th percentile.
 
     Energy counts in all ticks. `energy.generated_j` is the largest energy that the operator had taken from the device
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
