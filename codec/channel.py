@@ -16,6 +16,7 @@ from weberlink.codec.predictors import (
     Predictor,
 )
 from weberlink.codec.quantizer import Quantizer
+from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, is_finite
@@ -37,6 +38,7 @@ class Channel:
         adaptive: True if the sender chooses as in `weberlink.codec.adaptive`, False for the paper's choice. The
             receiver does not need it.
         smoothing: the ramp over which an update changes the value; None for a step.
+        rate: largest rate of updates; None for no limit. The receiver does not need it.
 
     Raises:
         ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
@@ -50,6 +52,7 @@ class Channel:
     fit_limits: FitLimits = field(default_factory=FitLimits)
     adaptive: bool = False
     smoothing: Smoothing | None = None
+    rate: UpdateRate | None = None
 
     def __post_init__(self) -> None:
         if len(self.bank) > MAX_SELECTOR + 1:
@@ -109,6 +112,7 @@ def force_channel(
     saturates: bool = True,
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
+    rate: UpdateRate | None = None,
 ) -> Channel:
     """Make the backward channel: forces [N], each with the commanded position [m] at which it was measured.
 
@@ -125,6 +129,7 @@ def force_channel(
         saturates: False lifts the int16 range, for studies without a wire.
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         smoothing: the ramp over which an update changes the force; None for a step.
+        rate: largest rate of updates; None for no limit.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -140,6 +145,7 @@ def force_channel(
         fit_limits=fit_limits if fit_limits is not None else FitLimits(),
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
+        rate=rate,
     )
 
 
@@ -152,6 +158,7 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
+    rate: UpdateRate | None = None,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -163,6 +170,7 @@ def position_channel(
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
+        rate=rate,
     )
 
 

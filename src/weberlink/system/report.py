@@ -115,6 +115,7 @@ def _lines(summary: dict[str, Any]) -> Iterator[str]:
         )
     if len(force["selected"]) > 1:
         yield "sends by predictor: " + ", ".join(f"{name} {count}" for name, count in force["selected"].items())
+    yield from _widened(summary)
     if link["rtt_us"]["p50"] is not None:
         yield (
             f"round trip {link['rtt_us']['p50'] / 1e3:.2f} ms (p99 {link['rtt_us']['p99'] / 1e3:.2f}), "
@@ -160,6 +161,14 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
         )
     else:
         yield "felt error: unknown; needs both sides (loopback, simulate, or info on two recordings)"
+
+
+def _widened(summary: dict[str, Any]) -> Iterator[str]:
+    """Channels whose rate of updates reached its bound, if any."""
+    for name, unit, factor, digits in CHANNELS:
+        if name in summary and summary[name]["widened_fraction"]:
+            share, most = summary[name]["widened_fraction"], _number(summary[name]["widened_max"], factor, unit, digits)
+            yield f"{name}: deadband widened in {_percent(share)} of ticks, to at most {most}"
 
 
 def _recording(facts: dict[str, Any]) -> str:

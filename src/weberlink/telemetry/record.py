@@ -112,6 +112,8 @@ FIELDS = (
     Field("rotation_bound", "<f4", 1, "rad | N m", "deadband of this tick, of the rotation that this side encodes"),
     Field("rotation_selected", "u1", 1, "", "predictor in use on the torque channel, as its index in the bank"),
     Field("rotation_sent", "u1", 1, "", "1 if an update of the rotation was sent in this tick"),
+    Field("widened", "u1", 1, "", "1 if the bounded rate of updates widened the deadband in this tick"),
+    Field("rotation_widened", "u1", 1, "", "1 if the bounded rate of updates widened its deadband in this tick"),
 )
 
 COUNTERS = tuple(field.name for field in FIELDS if field.kind == "<u8" and field.name != "tick")

@@ -17,6 +17,7 @@ from weberlink.protocol.wire import UpdateLayout
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,7 @@ class ReplayResult:
         error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
         bound_n: the deadband at each tick, shape (n,) [N].
         deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
+        widened: whether the bounded rate of updates widened the deadband at each tick, shape (n,).
         updates: those sent.
         selected: index in the bank of the predictor of each update, shape (packets,).
         paired: number of updates with a payload beside the newest sample.
@@ -70,6 +72,7 @@ class ReplayResult:
     error_n: Array
     bound_n: Array
     deviation_n: Array
+    widened: Flags
     updates: Sequence[Update]
     selected: Integers
     paired: int
@@ -94,6 +97,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
     measure = channel.deadband.error
     errors: list[float] = []
     bounds: list[float] = []
+    widened: list[bool] = []
     deviations: list[float] = errors if measure is distance else []
     updates: list[Update] = []
     times: list[float] = []
@@ -102,6 +106,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         times.append(tick.seconds)
         errors.append(tick.error)
         bounds.append(tick.bound)
+        widened.append(tick.widened)
         if deviations is not errors:
             deviations.append(measure(tick.displayed, force))
         if tick.update is not None:
@@ -110,6 +115,7 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
         np.array(errors),
         np.array(bounds),
         np.array(deviations),
+        np.array(widened),
         updates,
         np.array([update.selector for update in updates], np.int64),
         sum(update.payload is not None for update in updates),

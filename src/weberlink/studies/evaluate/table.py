@@ -38,6 +38,9 @@ def table_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer:
     limited = all(row.clairvoyant_packets is not None for row in rows)
     notes = [f"means over {traces} traces; all rows: --json OUT, --plots DIR"] if averaged else []
     notes.append(f"noticed: ticks with an error above a JND of {100 * jnd:g} %")
+    if widened := max((row.widened_fraction or 0.0 for row in rows), default=0.0):
+        most = max(row.widened_max_n or 0.0 for row in rows)
+        notes.append(f"deadband widened in up to {100 * widened:.1f} % of ticks, to at most {most:.3f} N")
     if limited:
         notes.append("limit: no encoder can send fewer, even knowing the future")
     notes.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} in {run_time:.1f} s; {_violations(rows)}")

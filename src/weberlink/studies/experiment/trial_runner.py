@@ -33,15 +33,19 @@ UNDISTURBED = (
     "codec.force.floor_n=0",
     "codec.force.deadband={shape: isotropic}",
     "codec.force.smooth_ms=0",
+    "codec.force.max_updates_per_s=null",
     "codec.position.weber=0",
     "codec.position.bound_m=0",
+    "codec.position.max_updates_per_s=null",
 )
 """Overrides with which every sample of force and position is sent, beside a Weber factor of 0."""
 UNDISTURBED_ROTATION = (
     "codec.rotation.torque.weber=0",
     "codec.rotation.torque.floor_nm=0",
+    "codec.rotation.torque.max_updates_per_s=null",
     "codec.rotation.orientation.weber=0",
     "codec.rotation.orientation.bound_rad=0",
+    "codec.rotation.orientation.max_updates_per_s=null",
 )
 """The same of a file with six degrees of freedom."""
 

@@ -6,9 +6,10 @@ from typing import Any
 from weberlink.codec import Channel, force_channel, position_channel
 from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.predictors import FitLimits
+from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
 from weberlink.system.configuration import System
-from weberlink.system.configuration.model import ForceCodecSettings
+from weberlink.system.configuration.model import ForceCodecSettings, PredictedSettings
 from weberlink.system.scoring.channel import Measures
 
 
@@ -59,6 +60,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
+        rate=_rate(position, system),
     )
     backward = force_channel(
         predictor=force.predictor,
@@ -69,8 +71,14 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
+        rate=_rate(force, system),
     )
     return forward, backward
+
+
+def _rate(settings: PredictedSettings, system: System) -> UpdateRate | None:
+    per_s = settings.max_updates_per_s
+    return None if per_s is None else UpdateRate.limited_to(per_s, system.tick_period)
 
 
 def _smoothing(system: System) -> Smoothing | None:
@@ -94,6 +102,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
+        rate=_rate(orientation, system),
     )
     twisting = force_channel(
         predictor=torque.predictor,
@@ -103,6 +112,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
+        rate=_rate(torque, system),
     )
     return (forward, turning), (backward, twisting)
 

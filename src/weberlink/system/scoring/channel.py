@@ -89,9 +89,16 @@ class ChannelScore:
         self._measures = measures
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
         self._selected: dict[int, int] = {}
+        self._ticks = self._widened = 0
+        self._widest: float | None = None
 
     def add_sender(self, records: Records, in_session: Records) -> None:
         """Take the next records of the sender, and those of them that are in session and not in a ramp."""
+        widened = in_session[f"{self._prefix}bound"][in_session[f"{self._prefix}widened"] > 0]
+        self._ticks += len(in_session)
+        self._widened += len(widened)
+        if len(widened):
+            self._widest = max(self._widest or 0.0, float(widened.max()))
         if self._bank is None or not len(records):
             return
         tally(self._selected, records[f"{self._prefix}selected"][records[f"{self._prefix}sent"] > 0])
@@ -103,6 +110,8 @@ class ChannelScore:
 
     def summary(self) -> dict[str, Any]:
         summary: dict[str, Any] = self.felt.summary(self._period)
+        summary["widened_fraction"] = self._widened / self._ticks if self._ticks else None
+        summary["widened_max"] = self._widest
         if self._bank is not None:
             summary["coding"] = self._coding.summary(self._period)
             summary["selected"] = {self._bank[i]: count for i, count in sorted(self._selected.items())}

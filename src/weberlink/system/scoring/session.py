@@ -98,6 +98,9 @@ class SessionScore:
     the beginning and the end of a session; a force that fades because the link is silent counts. `error_max_deadbands`
     and `error_p99_deadbands` are that error in units of its bound: the largest, and the 99th percentile.
 
+    `widened_fraction` is the share of the sender's ticks in which a bounded rate of updates widened the deadband, and
+    `widened_max` the largest deadband then.
+
     Energy counts in all ticks. `energy.generated_j` is the largest energy that the operator had taken from the device
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
     gone in and not come out at the end. Both are of the port of the operator. `energy.link_generated_j` is the same for
@@ -150,10 +153,11 @@ class SessionScore:
                 self._work[index] = work[-self._longest_wait :]
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
-        if len(slave):  # the coding error needs no records of the master
-            counted = slave[in_session(slave)]
-            for channel in self._from_slave.values():
-                channel.add_sender(slave, counted)
+        for records, channels in ((master, self._from_master), (slave, self._from_slave)):
+            if len(records):  # these figures need no records of the other side
+                counted = records[in_session(records)]
+                for channel in channels.values():
+                    channel.add_sender(records, counted)
         self._join()
 
     @property
