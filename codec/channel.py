@@ -20,7 +20,7 @@ from weberlink.codec.rate import UpdateRate
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.codec.smoothing import Smoothing
 from weberlink.geometry.vector import ZERO, Vector, is_finite
-from weberlink.update import MAX_SELECTOR
+from weberlink.update import MAX_SELECTOR, UpdateForm
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class Channel:
             receiver does not need it.
         smoothing: the ramp over which an update changes the value; None for a step.
         rate: largest rate of updates; None for no limit. The receiver does not need it.
+        every_position: whether every update carries the position, because somebody beside the predictors reads it.
+        tick_period: time between ticks [s], > 0.
 
     Raises:
         ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
@@ -53,6 +55,8 @@ class Channel:
     adaptive: bool = False
     smoothing: Smoothing | None = None
     rate: UpdateRate | None = None
+    every_position: bool = False
+    tick_period: float = 1e-3
 
     def __post_init__(self) -> None:
         if len(self.bank) > MAX_SELECTOR + 1:
@@ -60,6 +64,8 @@ class Channel:
         unknown = [name for name in self.bank if name not in PREDICTORS]
         if unknown or not self.bank or len(set(self.bank)) != len(self.bank):
             raise ValueError(f"bank must name some of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
+        if not 0.0 < self.tick_period < inf:
+            raise ValueError(f"tick_period must be positive and finite, not {self.tick_period!r}")
         if self.position_quantizer is None:
             geometric = [name for name in self.bank if PREDICTORS[name].geometric]
             if geometric:
@@ -78,13 +84,25 @@ class Channel:
         return self.adaptive or self.predictors[0].estimated
 
     @property
-    def parametric(self) -> tuple[int, ...]:
-        """Selectors whose updates carry model parameters."""
-        return tuple(selector for selector, predictor in enumerate(self.predictors) if predictor.estimated)
+    def forms(self) -> tuple[UpdateForm, ...]:
+        """What updates carry, by selector.
+
+        The position goes with a predictor that reads it. With smoothing it goes with all, if any predictor reads it:
+        the ramp begins at the value of the model before, whichever that is.
+        """
+        predictors, grid = self.predictors, self.grid
+        everywhere = self.every_position or (self.smoothing is not None and any(each.geometric for each in predictors))
+        return tuple(
+            UpdateForm(
+                grid.groups if everywhere else each.groups(grid),
+                None if each.estimated else each.groups(grid),
+            )
+            for each in predictors
+        )
 
     @property  # not a cached_property: its entry in __dict__ would slow down the reading of every other attribute
     def grid(self) -> SampleGrid:
-        return SampleGrid(self.value_quantizer, self.position_quantizer)
+        return SampleGrid(self.value_quantizer, self.position_quantizer, self.tick_period)
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction saturated as a measured value is; the newest sample if the prediction is not finite."""
@@ -113,8 +131,10 @@ def force_channel(
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
     rate: UpdateRate | None = None,
+    every_position: bool = False,
+    tick_period: float = 1e-3,
 ) -> Channel:
-    """Make the backward channel: forces [N], each with the commanded position [m] at which it was measured.
+    """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
     Args:
         predictor: a name of `PREDICTORS`, or "hybrid" or "adaptive" for a choice among `bank`.
@@ -130,6 +150,8 @@ def force_channel(
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         smoothing: the ramp over which an update changes the force; None for a step.
         rate: largest rate of updates; None for no limit.
+        every_position: whether every update carries the position, whatever its predictor reads.
+        tick_period: time between ticks [s], > 0.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -146,6 +168,8 @@ def force_channel(
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
         rate=rate,
+        every_position=every_position,
+        tick_period=tick_period,
     )
 
 
@@ -159,6 +183,7 @@ def position_channel(
     position_step: float = 1e-5,
     saturates: bool = True,
     rate: UpdateRate | None = None,
+    tick_period: float = 1e-3,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -171,6 +196,7 @@ def position_channel(
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
         rate=rate,
+        tick_period=tick_period,
     )
 
 

@@ -30,6 +30,7 @@ class Decoder:
         self._grid = channel.grid
         self._predictors = channel.predictors
         self._deadband = channel.deadband
+        self._sizes = [sum(form.newest) for form in channel.forms]
         self.reset()
 
     def reset(self) -> None:
@@ -77,10 +78,10 @@ class Decoder:
         if update == self._applied:  # its model has a memory of the positions since
             return
         channel, grid = self._channel, self._grid
-        if len(update.newest) != grid.size:
-            raise ValueError(f"update has {len(update.newest)} levels, expected {grid.size}")
         if not 0 <= update.selector < len(self._predictors):
             raise ValueError(f"update selects predictor {update.selector} of a bank of {len(self._predictors)}")
+        if len(update.newest) != self._sizes[update.selector]:
+            raise ValueError(f"update has {len(update.newest)} levels, expected {self._sizes[update.selector]}")
         newest = grid.sample(update.tick, update.newest)
         model = self._predictors[update.selector].decode(update.payload, newest, grid, channel.fit_limits)
         before = self._shown(newest.tick, newest.position) if channel.smoothing is not None else None

@@ -39,6 +39,7 @@ class Encoder:
         self._channel = channel
         self._predictors = channel.predictors
         self._grid = channel.grid
+        self._sizes = [sum(form.newest) for form in channel.forms]
         self.mirror = Decoder(channel)
         self._mirrored = self.mirror.value
         self._confine = channel.value_quantizer.confine
@@ -155,7 +156,7 @@ class Encoder:
         else:
             selector, model = self._choice.choose(self._selectors, sample, earlier, self.bound)
         payload = self._predictors[selector].encode(model, sample, earlier, self._levels, self._grid)
-        return Update(tick, selector, levels, payload)
+        return Update(tick, selector, levels[: self._sizes[selector]], payload)
 
     def _usable(self, tick: int) -> Sample | None:
         """The sample sent before; None if it is more than `MAX_GAP` ticks old."""

@@ -1,4 +1,4 @@
-"""Number formats of model parameters, and their packing into bits."""
+"""Number formats of model parameters, and their packing into bytes."""
 
 from collections.abc import Sequence
 from math import frexp, ldexp
@@ -8,16 +8,29 @@ EXPONENT_BITS = 5
 _LARGEST_EXPONENT = (1 << EXPONENT_BITS) - 1
 
 
-def pack(values: Sequence[int], widths: Sequence[int]) -> int:
-    """Pack fields, each 0 <= value < 2**width, into one integer; the last field takes the lowest bits."""
+def pack(values: Sequence[int], widths: Sequence[int]) -> bytes:
+    """Pack fields, each 0 <= value < 2**width, from the highest bit on; bytes of 0 at the end are left out.
+
+    So put the fields last that are 0 in a simple model.
+    """
     bits = 0
     for value, width in zip(values, widths, strict=True):
         bits = bits << width | value
-    return bits
+    unused = -sum(widths) % 8
+    return (bits << unused).to_bytes((sum(widths) + unused) // 8, "big").rstrip(b"\0")
 
 
-def unpack(bits: int, widths: Sequence[int]) -> list[int]:
-    """Unpack the fields of any integer >= 0; each is within its width, and higher bits are ignored."""
+def unpack(data: bytes, widths: Sequence[int]) -> list[int]:
+    """The fields of any bytes; each is within its width, and those beyond the end are 0.
+
+    Raises:
+        ValueError: for more bytes than the fields have.
+    """
+    unused = -sum(widths) % 8
+    size = (sum(widths) + unused) // 8
+    if len(data) > size:
+        raise ValueError(f"update carries {len(data)} bytes of model parameters, expected at most {size}")
+    bits = int.from_bytes(data.ljust(size, b"\0"), "big") >> unused
     values = []
     for width in reversed(widths):
         values.append(bits & ((1 << width) - 1))
@@ -28,6 +41,8 @@ def unpack(bits: int, widths: Sequence[int]) -> list[int]:
 
 class Block(NamedTuple):
     """A block floating-point format: `size` numbers with a common exponent, set by the largest of them.
+
+    The levels of zeros are 0.
 
     Args:
         unit: value of the last bit at exponent 0, > 0.
@@ -53,12 +68,13 @@ class Block(NamedTuple):
         beyond = frexp(largest / (top + 1))[1] if largest < 1e300 else _LARGEST_EXPONENT
         exponent = min(max(0, beyond), _LARGEST_EXPONENT)
         digit = ldexp(self.unit, exponent)
-        return [exponent, *(max(-top, min(top, int(max(-1e9, min(1e9, number / digit))))) + top for number in numbers)]
+        mask = (1 << self.width) - 1
+        return [exponent, *(max(-top, min(top, int(max(-1e9, min(1e9, number / digit))))) & mask for number in numbers)]
 
     def numbers(self, levels: Sequence[int]) -> list[float]:
-        top = (1 << (self.width - 1)) - 1
+        half = 1 << (self.width - 1)
         digit = ldexp(self.unit, levels[0])
-        return [(level - top) * digit for level in levels[1:]]
+        return [(level - 2 * half if level >= half else level) * digit for level in levels[1:]]
 
 
 class Float(NamedTuple):

@@ -1,6 +1,6 @@
 """The conversation with the peer: its state, its present session, and what the owner reads and sends in it."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
 from weberlink.protocol.events import Address, Connected, Event, PathAnswered, PathAsked, UpdateLost
@@ -11,7 +11,7 @@ from weberlink.protocol.sending import Parameters
 from weberlink.protocol.session import LONGEST_SILENCE, Session
 from weberlink.protocol.states import Role, State, Trigger, next_state
 from weberlink.protocol.wire import LONGEST_CHANGE, TICK_BITS, DirectionLayout
-from weberlink.update import Update
+from weberlink.update import Update, UpdateForm
 
 ENCODING_REPORT_S = 0.02
 ENCODING_REPORT_TICKS = 10
@@ -24,10 +24,9 @@ longest time [s]."""
 
 
 def session_parameters(
-    outgoing_values: Sequence[int],
-    incoming_values: Sequence[int],
+    outgoing: Sequence[Sequence[UpdateForm]],
+    incoming: Sequence[Sequence[UpdateForm]],
     *,
-    incoming_parametric: Sequence[Collection[int]],
     carries_credit: bool,
     epoch: float,
     tick_period: float,
@@ -42,14 +41,11 @@ def session_parameters(
         raise ValueError(f"tick_period and silence must be positive, not {tick_period} and {silence}")
     if silence > min(LONGEST_SILENCE, tick_period * MOST_TICKS):
         raise ValueError(f"silence must be at most {min(LONGEST_SILENCE, tick_period * MOST_TICKS):g} s, not {silence}")
-    outgoing, incoming = (
-        DirectionLayout(values, carries_credit=carries_credit, further_acks=len(others) - 1, parametric=parametric)
-        for values, others, parametric in (
-            (outgoing_values, incoming_values, ()),
-            (incoming_values, outgoing_values, incoming_parametric),
-        )
+    forward, backward = (
+        DirectionLayout(streams, carries_credit=carries_credit, further_acks=len(others) - 1)
+        for streams, others in ((outgoing, incoming), (incoming, outgoing))
     )
-    return Parameters(outgoing, incoming, epoch, tick_period, silence)
+    return Parameters(forward, backward, epoch, tick_period, silence)
 
 
 class Conversation:

@@ -4,7 +4,7 @@ Its owner drives it with `now` as an argument: by `receive_datagram`, `handle_ti
 It answers through `datagrams_to_send`, `next_timer` and `next_event`. A peer's fault is an event, never an exception.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
 from weberlink.protocol.conversation import Conversation, session_parameters
@@ -37,6 +37,7 @@ from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.session import Opened, OwnersOutcome, Session
 from weberlink.protocol.states import Role, State, Trigger
 from weberlink.protocol.wire import LONGEST_DATAGRAM, Kind, kind_of, length_fault
+from weberlink.update import UpdateForm
 
 _HANDSHAKE = frozenset((Kind.HELLO, Kind.WELCOME))
 TAKEN_OVER = "taken over by "
@@ -58,9 +59,8 @@ class Endpoint(Conversation):
         *,
         role: Role,
         agreement: Mapping[str, object],
-        outgoing_values: Sequence[int],
-        incoming_values: Sequence[int],
-        incoming_parametric: Sequence[Collection[int]] = (),
+        outgoing: Sequence[Sequence[UpdateForm]],
+        incoming: Sequence[Sequence[UpdateForm]],
         security: Security,
         entropy: Callable[[int], bytes],
         epoch: float,
@@ -79,8 +79,7 @@ class Endpoint(Conversation):
         Args:
             role: the initiator calls `peer`; the responder answers whoever proves the key.
             agreement: dotted path to value; must be the same at both ends.
-            outgoing_values, incoming_values: levels in a sample of each stream of each direction; one stream or two.
-            incoming_parametric: by stream, the selectors whose updates carry model parameters.
+            outgoing, incoming: by stream (one or two), what its updates carry, by selector.
             security: the suite, with its key.
             entropy: returns that many random bytes, for keys and nonces; must be unpredictable where it matters.
             epoch: `now` of the owner's tick 0 [s].
@@ -100,9 +99,8 @@ class Endpoint(Conversation):
         if role is Role.INITIATOR and peer is None:
             raise ValueError("peer: an initiator must be told whom to call")
         parameters = session_parameters(
-            outgoing_values,
-            incoming_values,
-            incoming_parametric=incoming_parametric,
+            outgoing,
+            incoming,
             carries_credit=carries_credit,
             epoch=epoch,
             tick_period=tick_period,

@@ -35,14 +35,22 @@ The tag of the security suite comes last. Kind and sequence are authenticated an
 encrypts what follows them. Handshake datagrams (`weberlink.protocol.handshake`) share only the first byte with this.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from enum import IntEnum
-from itertools import chain, repeat
-from struct import Struct, error
+from struct import Struct
 from typing import NamedTuple
 
 from weberlink.protocol.events import DropReason
-from weberlink.update import MAX_GAP, MAX_SELECTOR, ModelParameters, PreviousSample, Update, parameter_bits
+from weberlink.update import (
+    MAX_GAP,
+    MAX_SELECTOR,
+    MOST_PARAMETER_BYTES,
+    ModelParameters,
+    Payload,
+    PreviousSample,
+    Update,
+    UpdateForm,
+)
 
 CLEAR_BYTES = 4
 """Size of kind and sequence number, which are not encrypted."""
@@ -52,6 +60,8 @@ TICK_MASK = (1 << TICK_BITS) - 1
 CHANGE_TICK_BITS = 32
 ACK_BYTES = 2
 TOKEN_BYTES = 8
+MOST_LEVELS = 256
+"""Largest number of levels of a sample."""
 LONGEST_REASON = 64
 LONGEST_CHANGE = 200
 LONGEST_DATAGRAM = 4096
@@ -229,40 +239,35 @@ class UpdateLayout:
 
     def __init__(
         self,
-        values: int,
+        forms: Sequence[UpdateForm],
         *,
         carries_credit: bool = False,
         further_acks: int = 0,
         kind: Kind = Kind.UPDATE,
-        parametric: Collection[int] = (),
     ) -> None:
-        """Prepare for samples of `values` levels.
+        """Prepare for updates of these forms, by selector.
 
         Args:
-            values: levels of a sample.
+            forms: what an update carries.
             carries_credit: whether each datagram carries the sender's credit.
             further_acks: streams of the other direction beside the first, which each datagram acknowledges too.
             kind: of the updates.
-            parametric: selectors whose updates carry model parameters and not the previous sample.
 
         Raises:
-            ValueError: if so many levels do not fit a datagram.
+            ValueError: for no form or more than there are selectors, for an update without levels, or for so many that
+                they do not fit a datagram.
         """
-        if not 1 <= values <= 256:
-            raise ValueError(f"an update carries 1 to 256 values, not {values}")
-        self.values = values
+        if not 1 <= len(forms) <= MAX_SELECTOR + 1:
+            raise ValueError(f"a stream has 1 to {MAX_SELECTOR + 1} forms of updates, not {len(forms)}")
+        for form in forms:
+            if not 1 <= sum(form.newest) <= MOST_LEVELS:
+                raise ValueError(f"a sample has 1 to {MOST_LEVELS} levels, not {sum(form.newest)}")
+            if form.previous is not None and form.previous != form.newest[: len(form.previous)]:
+                raise ValueError(f"a previous sample has the first groups of the newest, not {form.previous}")
+        self.forms = tuple(forms)
         self.carries_credit = carries_credit
         self._kind = int(kind)
-        self._parametric = frozenset(parametric)
-        tail = "H" * (carries_credit + further_acks)
-        self._plain = Struct(f"<IQ{values}h{tail}")
-        self._paired = Struct(f"<IQ{values}hH{values}H{tail}")
-        self._plain_body = Struct(f"<{values}h")
-        self._paired_body = Struct(f"<{values}hH{values}H")
-
-    def size(self, *, with_previous: bool) -> int:
-        """Bytes of an update, without tag."""
-        return (self._paired if with_previous else self._plain).size
+        self._tail = Struct(f"<{'H' * (carries_credit + further_acks)}")
 
     def pack(
         self,
@@ -276,11 +281,13 @@ class UpdateLayout:
         newest, payload = update.newest, update.payload
         first = self._kind | update.selector << _SELECTOR_SHIFT | sequence << 8
         last = (credit & 0xFFFF, *further_acks) if self.carries_credit else further_acks
-        if payload is None:
-            return self._plain.pack(first, word, *newest, *last)
-        gap, previous = payload if isinstance(payload, PreviousSample) else _words(payload.bits, self.values)
-        difference = [(new - old) & 0xFFFF for new, old in zip(newest, previous, strict=True)]
-        return self._paired.pack(first | MARK, word, *newest, gap, *difference, *last)
+        content = Struct(f"<{len(newest)}h").pack(*newest)
+        if isinstance(payload, PreviousSample):
+            difference = [(new - old) & 0xFFFF for new, old in zip(newest, payload.levels, strict=False)]
+            content += Struct(f"<H{len(difference)}H").pack(payload.gap, *difference)
+        elif payload is not None:
+            content += payload.data
+        return _PREFIX.pack(first | (payload is not None) * MARK, word) + content + self._tail.pack(*last)
 
     def check(self, update: Update) -> None:
         """Check that an update can be packed without loss.
@@ -288,51 +295,71 @@ class UpdateLayout:
         Raises:
             ValueError: naming the field and its range.
         """
-        payload = update.payload
-        if not 0 <= update.selector <= MAX_SELECTOR:
-            raise ValueError(f"selector must be in 0..{MAX_SELECTOR}, not {update.selector}")
-        samples = [update.newest]
-        if isinstance(payload, ModelParameters):
-            if not 0 <= payload.bits < 1 << parameter_bits(self.values):
-                raise ValueError(f"model parameters must fit {parameter_bits(self.values)} bits, not {payload.bits:#x}")
-        elif payload is not None:
-            if not 1 <= payload.gap <= MAX_GAP:
-                raise ValueError(f"gap must be in 1..{MAX_GAP}, not {payload.gap}")
-            samples.append(payload.levels)
-        for levels in samples:
-            try:
-                self._plain_body.pack(*levels)
-            except error:
-                raise ValueError(f"a sample must be {self.values} levels of int16, not {levels!r}") from None
+        if not 0 <= update.selector < len(self.forms):
+            raise ValueError(f"selector must be in 0..{len(self.forms) - 1}, not {update.selector}")
+        form, payload = self.forms[update.selector], update.payload
+        _check_levels("a sample", update.newest, sum(form.newest))
+        if payload is None:
+            return
+        if form.previous is None:
+            if not isinstance(payload, ModelParameters):
+                raise ValueError(f"an update of selector {update.selector} must carry model parameters, not {payload}")
+            if len(payload.data) > MOST_PARAMETER_BYTES:
+                raise ValueError(
+                    f"model parameters must have at most {MOST_PARAMETER_BYTES} bytes, not {len(payload.data)}"
+                )
+            return
+        if not isinstance(payload, PreviousSample):
+            raise ValueError(f"an update of selector {update.selector} must carry a previous sample, not {payload}")  # noqa: TRY004
+        if not 1 <= payload.gap <= MAX_GAP:
+            raise ValueError(f"gap must be in 1..{MAX_GAP}, not {payload.gap}")
+        _check_levels("a previous sample", payload.levels, sum(form.previous))
 
     def unpack(self, body: bytes, head: Head, tick: int) -> Update | None:
-        """The update, with its tick in full; None if its gap is 0."""
-        values, selector = self.values, head.selector
-        if not head.mark:
-            return Update(tick, selector, self._plain_body.unpack_from(body, _WORD.size))
-        fields = self._paired_body.unpack_from(body, _WORD.size)
-        newest, gap = fields[:values], fields[values]
-        previous = [
-            ((new - step + 0x8000) & 0xFFFF) - 0x8000 for new, step in zip(newest, fields[values + 1 :], strict=True)
-        ]
-        if not gap:
+        """The update, with its tick in full; None if its content does not fit its form."""
+        if head.selector >= len(self.forms):
             return None
-        if selector in self._parametric:
-            return Update(tick, selector, newest, ModelParameters(_bits(gap, previous)))
-        return Update(tick, selector, newest, PreviousSample(gap, tuple(previous)))
+        form, at = self.forms[head.selector], _WORD.size
+        levels = Struct(f"<{sum(form.newest)}h")
+        end = len(body) - self._tail.size
+        if end < at + levels.size:
+            return None
+        newest = levels.unpack_from(body, at)
+        payload = self._payload(form, newest, body[at + levels.size : end]) if head.mark else None
+        is_whole = payload is not None if head.mark else end == at + levels.size
+        return Update(tick, head.selector, newest, payload) if is_whole else None
+
+    @staticmethod
+    def _payload(form: UpdateForm, newest: tuple[int, ...], data: bytes) -> Payload:
+        """What follows the newest sample; None if it does not fit its form."""
+        if form.previous is None:
+            return ModelParameters(data) if len(data) <= MOST_PARAMETER_BYTES else None
+        differences = Struct(f"<H{sum(form.previous)}H")
+        if len(data) != differences.size:
+            return None
+        gap, *steps = differences.unpack(data)
+        levels = [((new - step + 0x8000) & 0xFFFF) - 0x8000 for new, step in zip(newest, steps, strict=False)]
+        return PreviousSample(gap, tuple(levels)) if gap else None
+
+    def length(self, update: Update) -> int:
+        """Bytes of an update, without tag."""
+        return len(self.pack(0, 0, update, 0, (0,) * (self._tail.size // 2 - self.carries_credit)))
+
+    @property
+    def lengths(self) -> tuple[int, int]:
+        """Bytes of the shortest and of the longest update, without tag."""
+        fixed = HEAD_BYTES + self._tail.size
+        levels = [2 * sum(form.newest) for form in self.forms]
+        payloads = [
+            MOST_PARAMETER_BYTES if form.previous is None else 2 + 2 * sum(form.previous) for form in self.forms
+        ]
+        longest = max(level + payload for level, payload in zip(levels, payloads, strict=True))
+        return fixed + min(levels), fixed + longest
 
 
-def _words(bits: int, count: int) -> tuple[int, tuple[int, ...]]:
-    """Model parameters in the fields of gap and previous sample; the highest bit of the gap is set, so it is not 0."""
-    words = [bits >> 15 + 16 * index & 0xFFFF for index in range(count)]
-    return 0x8000 | bits & 0x7FFF, tuple([word - 0x10000 if word & 0x8000 else word for word in words])
-
-
-def _bits(gap: int, words: Sequence[int]) -> int:
-    bits = 0
-    for word in reversed(words):
-        bits = bits << 16 | word & 0xFFFF
-    return bits << 15 | gap & 0x7FFF
+def _check_levels(what: str, levels: Sequence[int], count: int) -> None:
+    if len(levels) != count or not all(-0x8000 <= level <= 0x7FFF for level in levels):
+        raise ValueError(f"{what} must be {count} levels of int16, not {levels!r}")
 
 
 class DirectionLayout:
@@ -346,26 +373,23 @@ class DirectionLayout:
 
     def __init__(
         self,
-        values: Sequence[int],
+        streams: Sequence[Sequence[UpdateForm]],
         *,
         carries_credit: bool = False,
         further_acks: int = 0,
-        parametric: Sequence[Collection[int]] = (),
     ) -> None:
-        """Prepare for streams whose samples have `values` levels each; `parametric` as for `UpdateLayout`, by stream.
+        """Prepare for streams whose updates have these forms, by selector.
 
         Raises:
-            ValueError: for no stream or more than there are kinds of updates, or for a sample that fits no datagram.
+            ValueError: for no stream or more than there are kinds of updates, or as `UpdateLayout`.
         """
-        if not 1 <= len(values) <= len(UPDATE_KINDS):
-            raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of values, not {len(values)}")
+        if not 1 <= len(streams) <= len(UPDATE_KINDS):
+            raise ValueError(f"a direction has 1 to {len(UPDATE_KINDS)} streams of updates, not {len(streams)}")
         self.carries_credit = carries_credit
         self.further_acks = further_acks
         self.updates = tuple(
-            UpdateLayout(
-                count, carries_credit=carries_credit, further_acks=further_acks, kind=kind, parametric=selectors
-            )
-            for count, kind, selectors in zip(values, UPDATE_KINDS, chain(parametric, repeat(())), strict=False)
+            UpdateLayout(forms, carries_credit=carries_credit, further_acks=further_acks, kind=kind)
+            for forms, kind in zip(streams, UPDATE_KINDS, strict=False)
         )
 
     def read_acks(self, body: bytes) -> tuple[int, ...]:
@@ -389,7 +413,7 @@ class DirectionLayout:
         change = bye + _CHANGE_TICK.size
         path = bye + TOKEN_BYTES
         updates = {
-            kind | mark: (layout.size(with_previous=bool(mark)) + tag_size,) * 2
+            kind | mark: (layout.lengths[0] + tag_size, layout.lengths[1] + tag_size)
             for layout, kind in zip(self.updates, UPDATE_KINDS, strict=False)
             for mark in (0, MARK)
         }

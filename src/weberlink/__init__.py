@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from weberlink.protocol.psk import PresharedKey
     from weberlink.system.configuration import Configuration, ConfigurationError, load
     from weberlink.system.simulate import simulate
-    from weberlink.update import ModelParameters, PreviousSample, Update
+    from weberlink.update import ModelParameters, PreviousSample, Update, UpdateForm
 
     __version__: str
 
@@ -38,6 +38,7 @@ __all__ = [
     "Role",
     "Trace",
     "Update",
+    "UpdateForm",
     "UpdateLost",
     "UpdateReceived",
     "__version__",
@@ -60,7 +61,7 @@ _PLACES = {
     "weberlink.protocol.psk": "PresharedKey",
     "weberlink.system.configuration": "Configuration ConfigurationError load",
     "weberlink.system.simulate": "simulate",
-    "weberlink.update": "ModelParameters PreviousSample Update",
+    "weberlink.update": "ModelParameters PreviousSample Update UpdateForm",
 }
 
 

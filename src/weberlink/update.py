@@ -6,6 +6,22 @@ MAX_GAP = 65_535
 """Longest time between the two samples of an update [ticks], 65 s at 1 kHz; an older sample is not sent."""
 MAX_SELECTOR = 7
 """Largest selector: it has three bits on the wire."""
+MOST_PARAMETER_BYTES = 48
+"""Largest size of the parameters of a model [bytes]."""
+
+
+class UpdateForm(NamedTuple):
+    """What the updates of one selector carry, in groups of levels: the value on each axis, then (where the update
+    carries it) the commanded position.
+
+    Args:
+        newest: number of levels in each group of the newest sample.
+        previous: likewise of the previous sample, which has the first groups of the newest one; None for a selector
+            whose payload is model parameters.
+    """
+
+    newest: tuple[int, ...]
+    previous: tuple[int, ...] | None
 
 
 class PreviousSample(NamedTuple):
@@ -13,7 +29,7 @@ class PreviousSample(NamedTuple):
 
     Args:
         gap: ticks from it to the newest sample, 1 to `MAX_GAP`.
-        levels: its int16 levels, in the order of those of the newest sample.
+        levels: its int16 levels, as far as the fit reads them; in the order of those of the newest sample.
     """
 
     gap: int
@@ -24,10 +40,10 @@ class ModelParameters(NamedTuple):
     """The parameters of a model that the sender estimated, packed by its predictor.
 
     Args:
-        bits: 0 <= bits < 2**parameter_bits(n), where n is the number of levels of the newest sample.
+        data: 0 to `MOST_PARAMETER_BYTES` bytes.
     """
 
-    bits: int
+    data: bytes
 
 
 Payload = PreviousSample | ModelParameters | None
@@ -39,7 +55,8 @@ class Update(NamedTuple):
     Args:
         tick: the sender's tick number of the newest sample.
         selector: index of the chosen predictor in the bank that both ends agreed on, 0 to `MAX_SELECTOR`.
-        newest: int16 levels of the newest sample: the value on each axis, then (force channel) the commanded position.
+        newest: int16 levels of the newest sample: the value on each axis, then the commanded position, where the
+            channel says that updates of this selector carry it (`Channel.forms`).
         payload: what the chosen predictor needs in addition; None for nothing.
     """
 
@@ -47,8 +64,3 @@ class Update(NamedTuple):
     selector: int
     newest: tuple[int, ...]
     payload: Payload = None
-
-
-def parameter_bits(levels: int) -> int:
-    """Bits for the model parameters of a sample with this many levels: the room of a previous sample and its gap."""
-    return 15 + 16 * levels

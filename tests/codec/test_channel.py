@@ -2,6 +2,7 @@
 
 from math import inf, isnan, nan
 from operator import eq
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -11,6 +12,7 @@ from tests.codec.law import ESTIMATED
 from weberlink.codec import force_channel, position_channel
 from weberlink.codec.predictors import ADAPTIVE_BANK, HYBRID_BANK, PREDICTORS
 from weberlink.codec.quantizer import Quantizer
+from weberlink.codec.smoothing import Smoothing
 
 values = st.floats(-30.0, 30.0)
 anything = st.floats()
@@ -42,7 +44,8 @@ def test_a_hybrid_takes_no_estimated_predictor(predictor: str) -> None:
     with pytest.raises(ValueError, match=f"{predictor}.*adaptive"):
         force_channel(predictor="hybrid", bank=["zoh", predictor])
     channel = force_channel(predictor="adaptive", bank=["zoh", predictor])
-    assert (channel.bank, channel.parametric) == (("zoh", predictor), (1,))
+    assert channel.bank == ("zoh", predictor)
+    assert [form.previous is None for form in channel.forms] == [False, True]
 
 
 @pytest.mark.parametrize(
@@ -57,6 +60,27 @@ def test_the_sender_reads_all_samples_where_it_estimates(predictor: str, estimat
 def test_fewer_axes_are_fewer_integers(axes: str, force_levels: int, position_levels: int) -> None:
     assert force_channel(axes=axes).grid.size == force_levels
     assert position_channel(axes=axes).grid.size == position_levels
+
+
+BANK = ("zoh", "linear", "plane", "trend", "affine")
+READS = [(3,), (3,), (3, 3), (3,), (3, 3)]
+
+
+@pytest.mark.parametrize(
+    ("options", "newest"),
+    [
+        ({}, READS),
+        ({"every_position": True}, [(3, 3)] * 5),
+        ({"smoothing": Smoothing(10)}, [(3, 3)] * 5),
+        ({"smoothing": Smoothing(10), "bank": BANK[:2]}, READS[:2]),
+    ],
+)
+def test_an_update_carries_what_is_read(options: dict[str, Any], newest: list[tuple[int, ...]]) -> None:
+    """By the predictor, by somebody beside it, or by the ramp, which begins at the value of any model before."""
+    channel = force_channel(predictor="adaptive", **{"bank": BANK, **options})
+    assert [form.newest for form in channel.forms] == newest
+    assert [form.previous for form in channel.forms] == [(3,), (3,), (3, 3), None, None][: len(newest)]
+    assert [form.newest for form in position_channel(predictor="hybrid").forms] == [(3,)] * 2
 
 
 # Quantizers.

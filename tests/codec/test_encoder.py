@@ -21,7 +21,7 @@ from weberlink.codec.deadband import (
     Reference,
 )
 from weberlink.codec.predictors import ADAPTIVE, PREDICTORS, FitLimits, Predictor
-from weberlink.codec.predictors.contract import Candidates, EncodeContext
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, Signal
 from weberlink.codec.predictors.model import Line
 from weberlink.codec.replay import code
 from weberlink.codec.sample import Sample, SampleGrid
@@ -150,8 +150,8 @@ class Aside(Predictor):
     name = "aside"
     estimated = True
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:
-        return Candidates([AsideCandidate()])
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [AsideCandidate()]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         return (16,)

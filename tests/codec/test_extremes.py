@@ -25,7 +25,7 @@ from weberlink.geometry.vector import ZERO, Vector, distance, is_finite, norm, s
 from weberlink.master.safety import ForceLimiter
 from weberlink.protocol.counters import expand_counter
 from weberlink.protocol.wire import CLEAR_BYTES, TICK_BITS, UpdateLayout, pack_word, read_head
-from weberlink.update import ModelParameters, Payload, PreviousSample, parameter_bits
+from weberlink.update import ModelParameters, Payload, PreviousSample
 
 Samples = Sequence[tuple[int, Vector, Vector]]
 """Tick, force [N] (position [m] on a position channel), commanded position [m]."""
@@ -255,7 +255,7 @@ def code(case: Case, channel: Channel) -> tuple[int, int, Decoder]:
     """Run a case and assert the laws of all cases; returns updates sent, samples rejected, and the decoder."""
     encoder, decoder = Encoder(channel), Decoder(channel)
     quantizer = channel.value_quantizer
-    layout = UpdateLayout(channel.grid.size, parametric=channel.parametric) if quantizer.limit < 1e6 else None
+    layout = UpdateLayout(channel.forms) if quantizer.limit < 1e6 else None
     sent = 0
     for tick, value, position in case.samples:
         update = encoder.encode(tick, value, position)
@@ -315,7 +315,9 @@ levels = st.sampled_from([-INT16_MAX - 1, -INT16_MAX, -1, 0, 1, INT16_MAX]) | in
 ticks = st.integers(0, 2**25) | st.integers(2**53 - 9, 2**53 + 9)
 numbers = st.floats(allow_nan=True, allow_infinity=True)
 axes_sets = st.sampled_from(["xyz", "xz", "z"])
-bodies = st.tuples(*[levels] * 6), st.integers(0, 65_535), st.tuples(*[levels] * 6)
+bodies = st.tuples(*[levels] * 6), st.integers(0, 65_535), st.tuples(*[levels] * 6), st.binary(max_size=20)
+LEAST_PARAMETERS = 3
+"""Every estimated predictor of one axis reads as many bytes of parameters."""
 probes = st.lists(st.tuples(ticks | numbers, st.tuples(numbers, numbers, numbers)), min_size=1, max_size=5)
 
 
@@ -329,16 +331,19 @@ def test_no_peer_can_make_a_decoder_display_what_it_must_not(
     channel = make_channel(
         "adaptive", position=not of_force, axes=axes, **({"bank": tuple(PREDICTORS)} if of_force else {})
     )
-    decoder, count = Decoder(channel), channel.grid.size
-    for tick, selector, newest, gap, previous in updates:
-        payload: Payload = PreviousSample(gap, previous[:count]) if gap else None
+    decoder, forms = Decoder(channel), channel.forms
+    for tick, selector, newest, gap, previous, data in updates:
+        form = forms[selector % len(forms)]
+        payload: Payload = None
+        if gap:
+            payload = (
+                ModelParameters(data) if form.previous is None else PreviousSample(gap, previous[: sum(form.previous)])
+            )
         before = decoder.state
-        if selector in channel.parametric and payload is not None:
-            payload = ModelParameters(hash((gap, previous)) % 2 ** parameter_bits(count))
         try:
-            decoder.apply(Update(tick, selector, newest[:count], payload))
+            decoder.apply(Update(tick, selector, newest[: sum(form.newest)], payload))
         except ValueError:
-            assert selector >= len(channel.bank)
+            assert selector >= len(channel.bank) or len(data) > LEAST_PARAMETERS
             assert decoder.state == before
         else:
             assert selector < len(channel.bank)

@@ -1,5 +1,6 @@
-"""Model parameters as bits: fields, number formats, and their use by the estimated predictors."""
+"""Model parameters as bytes: fields, number formats, and their use by the estimated predictors."""
 
+from contextlib import nullcontext
 from math import inf, isfinite, nan
 
 import pytest
@@ -13,41 +14,55 @@ from weberlink.codec.parameters import EXPONENT_BITS, Block, Float, Uniform, pac
 from weberlink.codec.predictors import PREDICTORS
 from weberlink.codec.predictors.model import Hold
 from weberlink.protocol.wire import UpdateLayout
-from weberlink.update import ModelParameters, Update, parameter_bits
+from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters, Update
 
 LARGEST_EXPONENT = 2**EXPONENT_BITS - 1
 widths_of_fields = st.lists(st.integers(1, 20), max_size=10)
 
 
-@given(bits=st.integers(0, 2**111 - 1), widths=widths_of_fields)
-def test_any_bits_are_fields_within_their_widths_and_come_back(bits: int, widths: list[int]) -> None:
-    values = unpack(bits, widths)
-    assert all(0 <= value < 2**width for value, width in zip(values, widths, strict=True))
-    assert pack(values, widths) == bits % 2 ** sum(widths)
+@given(data=st.data(), widths=widths_of_fields)
+def test_fields_come_back_and_zeros_at_the_end_take_no_bytes(data: st.DataObject, widths: list[int]) -> None:
+    values = [data.draw(st.integers(0, 2**width - 1)) for width in widths]
+    packed = pack(values, widths)
+    assert unpack(packed, widths) == unpack(packed, [*widths, 8])[:-1] == values
+    used = max((number for number, value in enumerate(values, 1) if value), default=0)
+    assert len(packed) <= -(-sum(widths[:used]) // 8)
     with pytest.raises(ValueError, match="zip"):
         pack([*values, 1], widths)
 
 
+@given(data=st.binary(max_size=20), widths=widths_of_fields)
+def test_any_bytes_are_fields_within_their_widths_and_too_many_are_refused(data: bytes, widths: list[int]) -> None:
+    size = -(-sum(widths) // 8)
+    with nullcontext() if len(data) <= size else pytest.raises(ValueError, match=f"{len(data)} bytes"):
+        values = unpack(data, widths)
+        assert all(0 <= value < 2**width for value, width in zip(values, widths, strict=True))
+
+
 @pytest.mark.parametrize("axes", ["z", "xz", "xyz"])
 @pytest.mark.parametrize("name", ESTIMATED)
-@given(newest=st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6), bits=st.integers(0, 2**111 - 1))
+@given(newest=st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 6), data=st.binary(max_size=14))
 @examples(40)
-def test_every_predictor_fits_into_an_update_and_reads_any_bits(
-    name: str, axes: str, newest: tuple[int, ...], bits: int
+def test_every_predictor_fits_into_an_update_and_reads_any_bytes(
+    name: str, axes: str, newest: tuple[int, ...], data: bytes
 ) -> None:
     predictor, limits = PREDICTORS[name], force_channel().fit_limits
     channels = [force_channel(predictor=name, axes=axes)]
     if not predictor.geometric:
         channels.append(position_channel(predictor=name, axes=axes))
-    for grid in (channel.grid for channel in channels):
-        widths, sample = predictor.widths(grid), grid.sample(100, newest[: grid.size])
-        assert sum(widths) <= parameter_bits(grid.size)
-        model = predictor.decode(ModelParameters(bits), sample, grid, limits)
+    for channel in channels:
+        grid, layout, size = channel.grid, UpdateLayout(channel.forms), sum(channel.forms[0].newest)
+        widths, sample = predictor.widths(grid), grid.sample(100, newest[:size])
+        most = -(-sum(widths) // 8)
+        assert most <= MOST_PARAMETER_BYTES
+        model = predictor.decode(ModelParameters(data[:most]), sample, grid, limits)
         if not isinstance(model, Hold):
             packed = predictor.packed(model, sample, grid)
-            UpdateLayout(grid.size).check(Update(0, 0, newest[: grid.size], packed))
+            layout.check(Update(0, 0, newest[:size], packed))
             levels = predictor.levels(model, sample, grid)
             assert all(0 <= level < 2**width for level, width in zip(levels, widths, strict=True))
+        with pytest.raises(ValueError, match="bytes"):
+            predictor.decode(ModelParameters(bytes(most + 1)), sample, grid, limits)
 
 
 # Number formats.
@@ -81,7 +96,7 @@ def test_a_block_rounds_towards_zero_by_less_than_a_digit(block: Block, data: st
 def test_decoded_blocks_are_fixed_points(unit: int, block: Block, data: st.DataObject) -> None:
     """If the unit is a power of two; otherwise a quotient may be rounded below its digit."""
     block, top = block._replace(unit=2.0**unit), 2 ** (block.width - 1) - 1
-    digits = [data.draw(st.integers(0, 2 * top)) for _ in range(block.size)]
+    digits = [data.draw(st.integers(-top, top)) % 2**block.width for _ in range(block.size)]
     numbers = block.numbers([data.draw(st.integers(0, LARGEST_EXPONENT)), *digits])
     assert all(isfinite(number) for number in numbers)
     assert block.numbers(block.levels(numbers)) == numbers
@@ -90,8 +105,8 @@ def test_decoded_blocks_are_fixed_points(unit: int, block: Block, data: st.DataO
 def test_the_levels_of_a_block() -> None:
     block = Block(0.5, 8, 3)
     assert block.numbers(block.levels([0.49, -0.0, 0.5])) == [0.0, 0.0, 0.5]
-    assert block.levels([63.5, -63.5, 0.0]) == [0, 254, 0, 127]
-    assert block.levels([64.0, -0.9, 0.0]) == [1, 127 + 64, 127, 127]
+    assert block.levels([63.5, -63.5, 0.0]) == [0, 127, 129, 0]
+    assert block.levels([64.0, -0.9, 0.0]) == [1, 64, 0, 0]
 
 
 @given(form=floats, data=st.data())

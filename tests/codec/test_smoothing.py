@@ -35,7 +35,7 @@ def up(force: float) -> Vector:
 
 
 def held(tick: int, force: int) -> Update:
-    return Update(tick, 0, (0, 0, force, 0, 0, 0))
+    return Update(tick, 0, (0, 0, force))
 
 
 @pytest.mark.parametrize(("ticks", "share", "what"), [
@@ -81,7 +81,7 @@ def test_a_step_is_displayed_as_a_ramp_within_the_deadband() -> None:
 def test_the_ramp_of_a_line_leads_from_within_the_deadband_to_the_line() -> None:
     smoothed = Decoder(force_channel(predictor="linear", smoothing=Smoothing(10, 0.7)))
     plain = Decoder(force_channel(predictor="linear"))
-    for update in (held(0, 2000), Update(30, 0, (0, 0, 2300, 0, 0, 0), PreviousSample(30, (0, 0, 2000, 0, 0, 0)))):
+    for update in (held(0, 2000), Update(30, 0, (0, 0, 2300), PreviousSample(30, (0, 0, 2000)))):
         for decoder in (smoothed, plain):
             decoder.value(29)
             decoder.apply(update)
@@ -96,10 +96,10 @@ def test_the_ramp_begins_near_the_sample_where_the_model_begins_aside() -> None:
     """The line of `trend` begins on the side of the old value; a ramp from near there would not reduce the error."""
     channel = force_channel(predictor="trend", axes="z", smoothing=Smoothing(10, 0.7))
     decoder = Decoder(channel)
-    decoder.apply(Update(0, 0, (2000, 0)))
+    decoder.apply(Update(0, 0, (2000,)))
     assert decoder.value(49) == up(2.0)
-    newest = channel.grid.sample(50, (2300, 0))
-    decoder.apply(Update(50, 0, (2300, 0), TREND.packed(Line(up(2.12), ZERO, 50), newest, channel.grid)))
+    newest = channel.grid.sample(50, (2300,))
+    decoder.apply(Update(50, 0, (2300,), TREND.packed(Line(up(2.12), ZERO, 50), newest, channel.grid)))
     # 0.7 of the deadband of 0.23 N below the sample, and from there to the line.
     for tick, expected in ((50, 2.3 - 0.161), (55, 0.5 * (2.139 + 2.12)), (60, 2.12)):
         assert decoder.value(tick) == pytest.approx(up(expected), abs=2e-3)
@@ -181,7 +181,7 @@ def test_a_live_change_of_the_weber_factor_keeps_the_law(predictor: str) -> None
             assert distance(shown, force) <= encoder.bound + half_step(channel)
             sent += update is not None and tick >= 1000
         counts.append(sent)
-    assert counts[1] <= 1.05 * counts[0]
+    assert counts[1] <= 1.3 * counts[0]
 
 
 def test_an_update_on_its_way_during_a_live_change_has_the_ramp_of_its_tick() -> None:

@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from weberlink.codec.sample import UNKNOWN
 from weberlink.control.auto import ORDER
-from weberlink.control.contract import SchemeParameters
+from weberlink.control.contract import LinkQuality, SchemeParameters
+from weberlink.control.model import SpringWall
 from weberlink.control.table import SCHEMES, build_master_control, build_slave_control
 
 PARAMETERS = SchemeParameters(
@@ -37,6 +39,20 @@ def test_a_scheme_starts_with_nothing_handed_over(name: str) -> None:
     for control in (build_master_control(name, PARAMETERS), build_slave_control(name, PARAMETERS)):
         assert (control.credit, control.tank) == (0, 0.0)
         assert control.active in ORDER
+
+
+@pytest.mark.parametrize("name", [name for name, scheme in SCHEMES.items() if not scheme.reads_position])
+def test_a_scheme_that_does_not_read_positions_does_the_same_without_them(name: str) -> None:
+    ends = [build_master_control(name, PARAMETERS) for _ in range(2)]
+    for tick in range(50):
+        force, hand = (0.0, 0.0, 0.1 * tick), (0.0, 0.0, -1e-4 * tick)
+        displayed = []
+        for end, position in zip(ends, (hand, UNKNOWN), strict=True):
+            end.learn(SpringWall(hand, force, 500.0) if tick % 3 == 1 else None, force, position)
+            end.observe(hand, 1e-3, tick, 10 * tick, LinkQuality(0.01, 0.0))
+            displayed += [end.command(hand), end.render(force)]
+            end.displayed(displayed[-1])
+        assert displayed[:2] == displayed[2:]
 
 
 @pytest.mark.parametrize("side", ["master", "slave"])

@@ -14,7 +14,7 @@ from time import perf_counter
 from types import SimpleNamespace
 from typing import Any
 
-from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, sample_update
+from tests.protocol.harness import KEY, MASTER, SLAVE, Pair, Side, forms, sample_update
 from weberlink.protocol import Endpoint, State
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.handshake import HELLO_HEADER, LARGEST_STAMP, PADDED_HELLO, read_hello_header
@@ -138,8 +138,8 @@ def sessions(seed: int) -> Iterator[Counter[str]]:
         rate = random.choice([0.0, 0.02, 0.3])
         streams = random.randint(1, 2)
         changes = {
-            "outgoing_values": (3,) * streams,
-            "incoming_values": (3,) * streams,
+            "outgoing": (forms(3),) * streams,
+            "incoming": (forms(3),) * streams,
             "security": Meddler(secure, random, rate),
             "carries_credit": random.random() < 0.5,
             "silence": random.choice([0.1, 10.0]),

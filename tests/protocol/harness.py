@@ -28,7 +28,7 @@ from weberlink.protocol.heartbeat import HeartbeatSchedule
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.security import Protection, Security
 from weberlink.protocol.wire import kind_of
-from weberlink.update import PreviousSample, Update
+from weberlink.update import MAX_SELECTOR, PreviousSample, Update, UpdateForm
 
 MASTER: Address = ("192.0.2.1", 40_000)
 SLAVE: Address = ("192.0.2.2", 47_000)
@@ -91,13 +91,18 @@ class Side:
         return [event.reason for event in self.events if isinstance(event, DatagramDropped)]
 
 
+def forms(*groups: int) -> tuple[UpdateForm, ...]:
+    """A stream whose updates have these groups of levels, with a previous sample, for every selector."""
+    return (UpdateForm(groups, groups),) * (MAX_SELECTOR + 1)
+
+
 def make_endpoint(role: Role, *, seed: int = 0, **changes: object) -> Endpoint:
     """An endpoint with plain values, except for `changes`."""
     arguments: dict[str, object] = {
         "role": role,
         "agreement": AGREEMENT,
-        "outgoing_values": (3,) if role is Role.INITIATOR else (6,),
-        "incoming_values": (6,) if role is Role.INITIATOR else (3,),
+        "outgoing": (forms(3),) if role is Role.INITIATOR else (forms(6),),
+        "incoming": (forms(6),) if role is Role.INITIATOR else (forms(3),),
         "security": PresharedKey(KEY),
         "entropy": Random(f"{seed} {role.value}").randbytes,
         "epoch": 0.0,
@@ -279,8 +284,8 @@ def sample_update(tick: int) -> Update:
 
 def engaged(security: Security, outgoing: int = 6) -> tuple[Endpoint, Endpoint]:
     """A master and a slave, which sends `outgoing` values, engaged at time 0."""
-    master = make_endpoint(Role.INITIATOR, security=security, incoming_values=(outgoing,))
-    slave = make_endpoint(Role.RESPONDER, security=security, outgoing_values=(outgoing,))
+    master = make_endpoint(Role.INITIATOR, security=security, incoming=(forms(outgoing),))
+    slave = make_endpoint(Role.RESPONDER, security=security, outgoing=(forms(outgoing),))
     slave.connect(0.0)
     master.connect(0.0)
     for _ in range(4):

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import MASTER, Pair, make_endpoint, sample_update
+from tests.protocol.harness import MASTER, Pair, forms, make_endpoint, sample_update
 from weberlink.protocol import Connected, DropReason, Role
 from weberlink.protocol.counters import Credit
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.wire import HEARTBEAT_CREDIT_BITS, UPDATE_CREDIT_BITS, Kind, kind_of
 
-CARRIED = {"carries_credit": True, "incoming_values": (3,), "outgoing_values": (3,)}
+CARRIED = {"carries_credit": True, "incoming": (forms(3),), "outgoing": (forms(3),)}
 STORM = Emulation(delay_s=0.01, jitter_s=0.01, loss=0.3, burst=20.0, reorder=0.2, duplicate=0.2, corrupt=0.05)
 
 

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from tests.protocol.harness import AGREEMENT, MASTER, SLAVE, Pair, make_endpoint, suites
+from tests.protocol.harness import AGREEMENT, MASTER, SLAVE, Pair, forms, make_endpoint, suites
 from weberlink.protocol import Connected, DropReason, PeerClosed, Refused, Role, State, StateError
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.dialer import FIRST_INTERVAL, LONGEST_INTERVAL
@@ -213,7 +213,7 @@ def test_calls_in_the_wrong_state_raise() -> None:
         ({"peer": None}, "peer"),
         ({"tick_period": 0.0}, "tick_period"),
         ({"silence": 0.0}, "silence"),
-        ({"outgoing_values": (0,)}, "values"),
+        ({"outgoing": (forms(0),)}, "levels"),
         ({"agreement": {"a.b": object()}}, "'a.b'"),
         ({"agreement": {"a.b": "x" * 5000}}, "bytes"),
     ],

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import INTERVAL, MENDED_WITHIN, SILENCE, Pair, Side, patience
+from tests.protocol.harness import INTERVAL, MENDED_WITHIN, SILENCE, Pair, Side, forms, patience
 from weberlink.protocol import PeerSilent, State
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.heartbeat import ASK_PACE
@@ -57,7 +57,7 @@ def test_rare_updates_are_mended_before_there_is_evidence(delay: float) -> None:
         if now > 3.0:
             sent[pair.slave.send(pair.now, pair.ticks)] = now
 
-    changes = {"incoming_values": (3,), "outgoing_values": (3,)}
+    changes = {"incoming": (forms(3),), "outgoing": (forms(3),)}
     pair = Pair(forward=lossy, backward=lossy, master=changes, slave=changes, on_tick=on_tick, every=300, seed=1)
     pair.connect().run(33.0)
     arrived = [(at, event.update.tick) for at, event in pair.master.received_at]

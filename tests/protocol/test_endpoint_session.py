@@ -4,7 +4,18 @@ from itertools import pairwise
 
 import pytest
 
-from tests.protocol.harness import INTERVAL, MASTER, SILENCE, Pair, Side, make_endpoint, patience, sample_update, suites
+from tests.protocol.harness import (
+    INTERVAL,
+    MASTER,
+    SILENCE,
+    Pair,
+    Side,
+    forms,
+    make_endpoint,
+    patience,
+    sample_update,
+    suites,
+)
 from weberlink.protocol import (
     Connected,
     DropReason,
@@ -89,7 +100,7 @@ def test_invalid_updates_raise_and_send_nothing() -> None:
         (Update(1, 0, (1, 2, 3), PreviousSample(0, (1, 2, 3))), "gap"),
         (Update(1, 0, (1, 2, 3), PreviousSample(70_000, (1, 2, 3))), "gap"),
         (Update(1, 0, (1, 2, 3), PreviousSample(5, (1, 2, 3, 4))), "3 levels"),
-        (Update(1, 0, (1, 2, 3), ModelParameters(1 << 63)), "63 bits"),
+        (Update(1, 0, (1, 2, 3), ModelParameters(b"1")), "previous sample"),
     ):
         with pytest.raises(ValueError, match=message):
             endpoint.send_update(0.3, update)
@@ -110,7 +121,7 @@ def test_nothing_false_or_old_is_delivered_over_a_bad_link(security: Security, s
             if is_new or (tick % 10 == 0 and 200 < tick < 5_000 and side.sessions):
                 sent[role].append(side.send(pair.now, pair.ticks))
 
-    changes = {"security": security, "incoming_values": (3,), "outgoing_values": (3,)}
+    changes = {"security": security, "incoming": (forms(3),), "outgoing": (forms(3),)}
     pair = Pair(forward=STORM, backward=STORM, seed=seed, master=changes, slave=changes, on_tick=on_tick)
     pair.connect().run(6.0)
     pair.forward, pair.backward = pair.link(None), pair.link(None)

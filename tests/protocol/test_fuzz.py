@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from tests.examples import examples
 from tests.protocol.fuzz import sessions
-from tests.protocol.harness import MASTER, SLAVE, engaged, make_endpoint, sample_update, suites
+from tests.protocol.harness import MASTER, SLAVE, engaged, forms, make_endpoint, sample_update, suites
 from weberlink.protocol import Role, State
 from weberlink.protocol.security import Security
 from weberlink.protocol.wire import DirectionLayout, Kind
@@ -18,7 +18,7 @@ DATAGRAMS = st.one_of(
         lambda first, rest: bytes([first]) + rest,
         st.integers(0, 255),
         st.sampled_from(
-            sorted({low for low, _ in DirectionLayout([3, 6], further_acks=1).lengths(8).values()})
+            sorted({low for low, _ in DirectionLayout([forms(3), forms(6)], further_acks=1).lengths(8).values()})
         ).flatmap(lambda size: st.binary(min_size=size - 1, max_size=size - 1)),
     ),
     st.builds(

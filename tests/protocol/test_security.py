@@ -130,7 +130,9 @@ import sys
 import weberlink.protocol, weberlink.protocol.aio, weberlink.protocol.emulation, weberlink.protocol.keys
 from weberlink.protocol import Endpoint, Role, State
 from weberlink.protocol.checksum import Checksum
-ends = [Endpoint(role=role, agreement={}, outgoing_values=(3,), incoming_values=(3,), security=Checksum(),
+from weberlink.update import UpdateForm
+FORMS = (UpdateForm((3,), (3,)),)
+ends = [Endpoint(role=role, agreement={}, outgoing=(FORMS,), incoming=(FORMS,), security=Checksum(),
                  entropy=bytes, epoch=0.0, tick_period=0.001, peer=("h", 1)) for role in Role]
 for end in ends[::-1]:
     end.connect(0.0)

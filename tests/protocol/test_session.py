@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.protocol.harness import exchanged, sample_update, suites
+from tests.protocol.harness import exchanged, forms, sample_update, suites
 from weberlink.protocol import DropReason, Statistics
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.events import PeerClosed, UpdateReceived
@@ -19,7 +19,7 @@ from weberlink.update import PreviousSample, Update
 def pair(
     security: Security, first_sequence: int = 1, silence: float = 0.1
 ) -> tuple[Session, Session, Statistics, Statistics]:
-    parameters = Parameters(DirectionLayout([3]), DirectionLayout([3]), 0.0, 0.001, silence)
+    parameters = Parameters(DirectionLayout([forms(3)]), DirectionLayout([forms(3)]), 0.0, 0.001, silence)
     made: list[Session] = []
     counted: list[Statistics] = []
     for side, protection in enumerate(exchanged(security)):
@@ -117,7 +117,7 @@ def test_question_is_answered_at_once() -> None:
 
 
 def test_updates_before_the_first_report_are_untimed() -> None:
-    parameters = Parameters(DirectionLayout([3]), DirectionLayout([3]), 0.0, 0.001, 0.1)
+    parameters = Parameters(DirectionLayout([forms(3)]), DirectionLayout([forms(3)]), 0.0, 0.001, 0.1)
     protections = exchanged(Checksum())
     sender = Session(protections[0], parameters, Statistics(), 0.0, 0.0)
     receiver = Session(protections[1], parameters, Statistics(), 0.0, 0.0)
@@ -128,7 +128,7 @@ def test_updates_before_the_first_report_are_untimed() -> None:
 
 def test_update_with_a_gap_of_zero_is_malformed() -> None:
     """A previous sample at no distance; no owner can send it, a peer with a fault can."""
-    direction = DirectionLayout([3])
+    direction = DirectionLayout([forms(3)])
     layout = direction.updates[0]
     parameters = Parameters(direction, direction, 0.0, 0.001, 0.1)
     protections = exchanged(Checksum())

@@ -5,13 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import examples
-from tests.protocol.harness import MENDED_WITHIN, Pair, Side, make_endpoint, patience, sample_update, suites
+from tests.protocol.harness import MENDED_WITHIN, Pair, Side, forms, make_endpoint, patience, sample_update, suites
 from weberlink.protocol import DropReason, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.emulation import Emulation
 from weberlink.protocol.wire import Kind, kind_of
 from weberlink.update import PreviousSample, Update
 
-BOTH = {"outgoing_values": (3, 3), "incoming_values": (3, 3)}
+BOTH = {"outgoing": (forms(3), forms(3)), "incoming": (forms(3), forms(3))}
 
 
 def two(**changes: object) -> Pair:
@@ -45,8 +45,8 @@ def test_updates_of_each_stream_arrive_once_and_unchanged(security: object) -> N
 
 def test_streams_may_differ_in_size() -> None:
     pair = two(
-        master={"outgoing_values": (3, 1), "incoming_values": (2, 6)},
-        slave={"outgoing_values": (2, 6), "incoming_values": (3, 1)},
+        master={"outgoing": (forms(3), forms(1)), "incoming": (forms(2), forms(6))},
+        slave={"outgoing": (forms(2), forms(6)), "incoming": (forms(3), forms(1))},
     ).engage()
     six = Update(200, 2, (1, 2, 3, 4, 5, 6), PreviousSample(1, (6, 5, 4, 3, 2, 1)))
     pair.slave.endpoint.send_update(pair.now, Update(200, 1, (1, 2)))
@@ -142,8 +142,8 @@ def test_newest_updates_arrive_after_any_pattern_of_losses(
 
 def test_an_end_of_one_stream_refuses_the_other_kind() -> None:
     pair = Pair(
-        master={"outgoing_values": (3,), "incoming_values": (3,)},
-        slave={"outgoing_values": (3,), "incoming_values": (3,)},
+        master={"outgoing": (forms(3),), "incoming": (forms(3),)},
+        slave={"outgoing": (forms(3),), "incoming": (forms(3),)},
     )
     pair.engage()
     pair.master.send(pair.now, pair.ticks, 0)
@@ -156,7 +156,7 @@ def test_an_end_of_one_stream_refuses_the_other_kind() -> None:
     assert pair.master.endpoint.state is pair.slave.endpoint.state is State.ENGAGED
 
 
-@pytest.mark.parametrize("values", [(), (3, 3, 3), (3, 0)])
-def test_only_one_or_two_streams_of_values_are_built(values: tuple[int, ...]) -> None:
-    with pytest.raises(ValueError, match="values"):
-        make_endpoint(Role.RESPONDER, outgoing_values=values)
+@pytest.mark.parametrize("levels", [(), (3, 3, 3), (3, 0)])
+def test_only_one_or_two_streams_of_updates_are_built(levels: tuple[int, ...]) -> None:
+    with pytest.raises(ValueError, match="1 to"):
+        make_endpoint(Role.RESPONDER, outgoing=[forms(count) for count in levels])

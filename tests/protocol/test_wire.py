@@ -5,12 +5,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.protocol.harness import KEY
+from tests.protocol.harness import KEY, forms
 from weberlink.protocol import DropReason, wire
 from weberlink.protocol.checksum import Checksum
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import DirectionLayout, Kind, Report, UpdateLayout
-from weberlink.update import MAX_GAP, MAX_SELECTOR, ModelParameters, PreviousSample, Update, parameter_bits
+from weberlink.update import (
+    MAX_GAP,
+    MAX_SELECTOR,
+    MOST_PARAMETER_BYTES,
+    ModelParameters,
+    PreviousSample,
+    Update,
+    UpdateForm,
+)
 
 LEVEL = st.integers(-32_768, 32_767)
 PSK_TAG = PresharedKey(KEY).tag_size
@@ -37,7 +45,7 @@ def documented(values: int) -> dict[str, int]:
 @pytest.mark.parametrize("values", [1, 2, 3, 6])
 def test_documented_sizes_are_those_of_the_code(values: int, carries_credit: bool, streams: int) -> None:
     sizes = documented(values)
-    direction = DirectionLayout((values,) * streams, carries_credit=carries_credit, further_acks=streams - 1)
+    direction = DirectionLayout((forms(values),) * streams, carries_credit=carries_credit, further_acks=streams - 1)
     lengths = direction.lengths(0)
     levels, acks = tuple(range(values)), (7,) * (streams - 1)
     assert set(sizes) == {
@@ -54,7 +62,7 @@ def test_documented_sizes_are_those_of_the_code(values: int, carries_credit: boo
         assert len(plain) == sizes["head"] + sizes["update"] + sizes["update_credit"] + sizes["second_ack"]
         paired = layout.pack(1, 2, Update(9, 5, levels, PreviousSample(6, levels)), 8, acks)
         assert len(paired) == len(plain) + sizes["previous"]
-        assert all(lengths[data[0] & 0xF] == (len(data), len(data)) for data in (plain, paired))
+        assert all(lengths[data[0] & 0xF] == (len(plain), len(paired)) for data in (plain, paired))
     heartbeat = wire.pack_heartbeat(
         1, 2, Report(0, 0, 0, 0), 9 if carries_credit else None, further_acks=(7,) * (streams - 1)
     )
@@ -73,13 +81,13 @@ def test_documented_sizes_are_those_of_the_code(values: int, carries_credit: boo
 def test_three_axis_update_fits_the_budget(streams: int, carries_credit: bool, plain: int, paired: int) -> None:
     """A force is not made longer by a torque; what ends its datagram is the acknowledgement of the other stream."""
     acks = (1,) * (streams - 1)
-    for layout in DirectionLayout((6,) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
+    for layout in DirectionLayout((forms(6),) * streams, carries_credit=carries_credit, further_acks=len(acks)).updates:
         assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6), 0, acks)) + PSK_TAG == plain
         assert len(layout.pack(1, 2, Update(9, 5, (1,) * 6, PreviousSample(6, (1,) * 6)), 0, acks)) + PSK_TAG == paired
 
 
 def test_one_axis_takes_24_bytes() -> None:
-    assert len(UpdateLayout(2).pack(1, 2, Update(9, 5, (1, 2)))) + PSK_TAG == 24
+    assert len(UpdateLayout(forms(2)).pack(1, 2, Update(9, 5, (1, 2)))) + PSK_TAG == 24
     assert Checksum().tag_size < PSK_TAG
 
 
@@ -87,7 +95,7 @@ LEVELS = st.lists(LEVEL, min_size=6, max_size=6).map(tuple)
 PAYLOADS = st.one_of(
     st.none(),
     st.builds(PreviousSample, st.integers(1, MAX_GAP), LEVELS),
-    st.builds(ModelParameters, st.integers(0, (1 << parameter_bits(6)) - 1)),
+    st.builds(ModelParameters, st.binary(max_size=MOST_PARAMETER_BYTES)),
 )
 UPDATES = st.builds(Update, st.integers(0, 2**16 - 1), st.integers(0, MAX_SELECTOR), LEVELS, PAYLOADS)
 
@@ -103,8 +111,9 @@ UPDATES = st.builds(Update, st.integers(0, 2**16 - 1), st.integers(0, MAX_SELECT
 def test_an_update_survives_the_wire(
     sequence: int, ack: int, sent: int, echo: int, update: Update, credit: int | None
 ) -> None:
-    parametric = (update.selector,) if isinstance(update.payload, ModelParameters) else ()
-    direction = DirectionLayout([6], carries_credit=credit is not None, parametric=[parametric])
+    previous = None if isinstance(update.payload, ModelParameters) else (3, 3)
+    form = (UpdateForm((3, 3), previous),) * (MAX_SELECTOR + 1)
+    direction = DirectionLayout([form], carries_credit=credit is not None)
     (layout,) = direction.updates
     layout.check(update)
     data = layout.pack(sequence, wire.pack_word(ack, sent, echo, update.tick), update, credit or 0)
@@ -133,7 +142,7 @@ def test_a_report_survives_the_wire(minimum: int, latest: int, late: int, loss: 
     word = wire.pack_word(6, 7, 8)
     data = wire.pack_heartbeat(5, word, report, credit)
     if credit is not None:
-        direction = DirectionLayout([6], carries_credit=True)
+        direction = DirectionLayout([forms(6)], carries_credit=True)
         assert direction.read_credit(Kind.HEARTBEAT, data[wire.CLEAR_BYTES :]) == (credit % 2**32, 32)
     assert wire.unpack_report(data[wire.CLEAR_BYTES :]) == report
     head = wire.read_head(data[0], data[wire.CLEAR_BYTES :])
@@ -163,9 +172,9 @@ def test_a_reason_is_cut_at_a_character(reason: str) -> None:
     [
         (b"\x03" + bytes(25), None),
         (b"\x03" + bytes(24), DropReason.TRUNCATED),
-        (b"\x03" + bytes(26), DropReason.WRONG_LENGTH),
+        (b"\x03" + bytes(34), DropReason.WRONG_LENGTH),
         (b"\x0b" + bytes(33), None),
-        (b"\x0b" + bytes(25), DropReason.TRUNCATED),
+        (b"\x0b" + bytes(24), DropReason.TRUNCATED),
         (b"\xfb" + bytes(33), None),
         (b"\x04" + bytes(37), None),
         (b"\x05" + bytes(19), None),
@@ -180,4 +189,4 @@ def test_a_reason_is_cut_at_a_character(reason: str) -> None:
     ],
 )
 def test_each_shape_has_its_length(data: bytes, fault: DropReason | None) -> None:
-    assert wire.length_fault(data, DirectionLayout([3]).lengths(8)) is fault
+    assert wire.length_fault(data, DirectionLayout([forms(3)]).lengths(8)) is fault

@@ -47,7 +47,14 @@ def export(
 
 
 def evaluate(
-    traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="Recorded signals (CSV or MCAP).")],
+    traces: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="TRACE...",
+            help="Recorded signals: files (CSV or MCAP), or shipped ones: a recording such as tue_rigid_1, a source "
+            "such as tue, or recordings for all of them.",
+        ),
+    ],
     predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
     weber: Annotated[
         str, typer.Option(metavar="K,..", help='Weber factors; "paper" for 0.025,0.05,0.1,0.15,0.2,0.3.')
@@ -226,7 +233,10 @@ def ratings(
 
 
 def paper(
-    traces: Annotated[list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people.")] = None,
+    traces: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[TRACE...]", help="Recordings of people: files, or shipped ones by name."),
+    ] = None,
     workers: Workers = None,
     json_out: Json = None,
     plots: Plots = None,

@@ -123,7 +123,8 @@ class MasterControl(Control, Protocol):
         Args:
             surface: the contact model that it carries; None if it carries none.
             force: force of its newest sample [N].
-            position: commanded position of that sample [m].
+            position: commanded position of that sample [m]; NaN if neither its predictor nor, by its entry in
+                `weberlink.control.table`, the scheme reads it.
         """
         ...
 

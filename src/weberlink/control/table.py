@@ -18,12 +18,14 @@ class Scheme(NamedTuple):
         slave: likewise of the teleoperator's end, a `SlaveControl`.
         carries_credit: whether datagrams carry energy credit.
         does: its description in one line.
+        reads_position: whether the operator's end reads where each force was measured; then every update carries it.
     """
 
     master: str
     slave: str
     carries_credit: bool
     does: str
+    reads_position: bool = True
 
 
 BUILT_IN = {
@@ -32,12 +34,14 @@ BUILT_IN = {
         "weberlink.control.direct:DirectSlave",
         carries_credit=False,
         does="what is decoded is displayed and followed",
+        reads_position=False,
     ),
     "tdpa": Scheme(
         "weberlink.control.tdpa:TdpaMaster",
         "weberlink.control.tdpa:TdpaSlave",
         carries_credit=True,
         does="energy tanks and passivity controllers at both ports",
+        reads_position=False,
     ),
     "mmt": Scheme(
         "weberlink.control.mmt:MmtMaster",

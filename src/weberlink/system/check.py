@@ -151,14 +151,13 @@ def _most(settings: PredictedSettings) -> str:
 
 
 def _sizes(channel: Channel, tag: int, system: System) -> str:
-    layout = _layout(channel, system)
-    with_previous, without = (layout.size(with_previous=each) + tag for each in (True, False))
-    return str(without) if channel.bank == ("zoh",) else f"{without} or, with history, {with_previous}"
+    shortest, longest = (size + tag for size in _layout(channel, system).lengths)
+    return f"{shortest} to {longest}"
 
 
 def _layout(channel: Channel, system: System) -> UpdateLayout:
     return UpdateLayout(
-        channel.grid.size,
+        channel.forms,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
         further_acks=0 if system.codec.rotation is None else 1,
     )
@@ -181,7 +180,7 @@ def _rotation(system: System, tag: int) -> Iterator[str]:
 
 
 def _uncoded_kbit(system: System, tag: int) -> float:
-    sizes = [UpdateLayout(each.grid.size).size(with_previous=False) for way in streams(system) for each in way]
+    sizes = [UpdateLayout(each.forms).lengths[0] for way in streams(system) for each in way]
     octets = sum(size + tag + UDP_IP_BYTES for size in sizes)
     return octets * 8 * system.rate_hz / 1e3
 

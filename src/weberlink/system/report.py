@@ -108,6 +108,7 @@ def _ticks(summary: dict[str, Any]) -> Table:
 def _lines(summary: dict[str, Any]) -> Iterator[str]:
     force, link, energy = summary["force"], summary["link"], summary["energy"]
     yield from _felt(force)
+    yield from _quality(force)
     if force["coding"]["error_rms"] is not None:
         yield (
             f"coding error {_number(force['coding']['error_rms'], 1.0, 'N')} RMS, "
@@ -169,6 +170,18 @@ def _widened(summary: dict[str, Any]) -> Iterator[str]:
         if name in summary and summary[name]["widened_fraction"]:
             share, most = summary[name]["widened_fraction"], _number(summary[name]["widened_max"], factor, unit, digits)
             yield f"{name}: deadband widened in {_percent(share)} of ticks, to at most {most}"
+
+
+def _quality(force: dict[str, Any]) -> Iterator[str]:
+    """Measures of the displayed force in JNDs of a person."""
+    parts = []
+    if force["error_rms_jnd"] is not None:
+        parts.append(f"error {_ratio(force['error_rms_jnd'])} RMS, log error {_ratio(force['log_error_rms_jnd'])}")
+    if force["jump_median_jnd"] is not None:
+        jumps = (_ratio(force[f"jump_{which}_jnd"]) for which in ("median", "p99", "max"))
+        parts.append("jumps {} median, {} p99, {} max".format(*jumps))
+    if parts:
+        yield f"in JND: {'; '.join(parts)}"
 
 
 def _recording(facts: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import uvloop
 
-from tests.protocol.harness import make_endpoint, sample_update
+from tests.protocol.harness import forms, make_endpoint, sample_update
 from weberlink.protocol import Connected, Endpoint, Event, PeerClosed, PeerSilent, Role, State, UpdateReceived
 from weberlink.protocol.aio import AddressInUseError, UdpShell
 from weberlink.protocol.aio.queue import MOST_S
@@ -47,7 +47,7 @@ def shell_of(endpoint: Endpoint, **arguments: Any) -> UdpShell:
 
 def make(role: Role, **changes: object) -> Endpoint:
     settings = {"silence": 2.0} | changes
-    return make_endpoint(role, epoch=monotonic(), outgoing_values=(3,), incoming_values=(3,), **settings)
+    return make_endpoint(role, epoch=monotonic(), outgoing=(forms(3),), incoming=(forms(3),), **settings)
 
 
 async def until(endpoint: Endpoint, kind: type[Event], events: list[Event]) -> Event:

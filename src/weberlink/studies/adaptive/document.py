@@ -68,7 +68,7 @@ on each signal by itself, which is known only afterwards; the best of seven is t
 
 EQUAL = f"""For each signal, bisection finds the Weber factor at which `{ADAPTIVE}` sends as often as the hybrid does at
 0.10, to 2 % where the counts allow it (packets do not fall with the factor everywhere), in doubt with fewer packets;
-the floor shrinks with it, so that the whole deadband does. One JND is 10 % of the force, at least 0.02 N.
+the floor shrinks with it, so that the whole deadband does. One JND is 10 % of the force, at least 0.04 N.
 A step is the change of the displayed force from one tick to the next, which includes changes of the contact itself.
 In each cell first the hybrid, then `{ADAPTIVE}`."""
 

@@ -105,7 +105,7 @@ def recordings(given: Iterable[NamedTrace], scope: AdaptiveScope) -> list[Signal
     """Sources of the recordings that are not empty."""
     return [
         SignalSource(SignalKey(name, name, _half(name in CHOSEN_RECORDINGS), "recording", 0.0), recorded)
-        for name, trace in given
+        for name, trace, _ in given
         if len(recorded := signal_of(trace).middle(scope.ticks))
     ]
 

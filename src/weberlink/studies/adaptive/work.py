@@ -158,7 +158,7 @@ def _match(piece: Piece, variant: str, weber: float, found: CodedSignal) -> Matc
     key, signal = piece.key, piece.signal
     return MatchRow(
         key.name, key.group, key.half, key.kind, variant, weber, found.packets, found.packets / signal.duration_s,
-        *found.felt(signal, Threshold(WEBER, FLOOR_N)), outside=found.outside,
+        *found.felt(signal, Threshold()), outside=found.outside,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from weberlink.codec import Channel, Update
 from weberlink.codec.replay import code
-from weberlink.geometry.vector import Vector, distance
+from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
@@ -63,9 +63,11 @@ class ReplayResult:
         bound_n: the deadband at each tick, shape (n,) [N].
         deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
         widened: whether the bounded rate of updates widened the deadband at each tick, shape (n,).
+        displayed_n: magnitude of the decoded force at each tick, shape (n,) [N].
+        jump_n: change of the decoded force from the tick before, in each tick with an update but the first, [N].
+        before_n: magnitude of the decoded force before each jump, in the same shape [N].
         updates: those sent.
         selected: index in the bank of the predictor of each update, shape (packets,).
-        paired: number of updates with a payload beside the newest sample.
         tick_us: median run time of encode plus decode.
     """
 
@@ -73,19 +75,17 @@ class ReplayResult:
     bound_n: Array
     deviation_n: Array
     widened: Flags
+    displayed_n: Array
+    jump_n: Array
+    before_n: Array
     updates: Sequence[Update]
     selected: Integers
-    paired: int
     tick_us: float
 
     def payload_bytes(self, channel: Channel) -> int:
         """UDP payload of all updates on a secured link without delay control."""
-        layout, packets = UpdateLayout(channel.grid.size), len(self.updates)
-        return (
-            self.paired * layout.size(with_previous=True)
-            + (packets - self.paired) * layout.size(with_previous=False)
-            + packets * PresharedKey.tag_size
-        )
+        layout = UpdateLayout(channel.forms)
+        return sum(layout.length(update) + PresharedKey.tag_size for update in self.updates)
 
 
 def signal_of(trace: Trace) -> Signal:
@@ -99,6 +99,10 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
     bounds: list[float] = []
     widened: list[bool] = []
     deviations: list[float] = errors if measure is distance else []
+    displayed: list[float] = []
+    jumps: list[float] = []
+    before: list[float] = []
+    held: Vector | None = None
     updates: list[Update] = []
     times: list[float] = []
     # Vectors of past ticks are not kept: fresh memory in every tick would slow down what is measured.
@@ -111,14 +115,21 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
             deviations.append(measure(tick.displayed, force))
         if tick.update is not None:
             updates.append(tick.update)
+            if held is not None:
+                jumps.append(distance(tick.displayed, held))
+                before.append(displayed[-1])
+        held = tick.displayed
+        displayed.append(norm(held))
     return ReplayResult(
         np.array(errors),
         np.array(bounds),
         np.array(deviations),
         np.array(widened),
+        np.array(displayed),
+        np.array(jumps),
+        np.array(before),
         updates,
         np.array([update.selector for update in updates], np.int64),
-        sum(update.payload is not None for update in updates),
         1e6 * float(np.median(times)),
     )
 

@@ -15,10 +15,10 @@ from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
 from weberlink.codec.rate import UpdateRate
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
-from weberlink.studies.evaluate.replay import Array, Signal, replay, signal_of
-from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.evaluate.replay import Signal, replay, signal_of
+from weberlink.studies.evaluate.traces import FILES, NamedTrace
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.system.scoring.perception import Threshold, in_units, longest_run, noticed, rms
+from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
 
@@ -31,6 +31,7 @@ class EvaluationRow:
     predictor: str
     weber: float
     samples: int
+    duration_s: float
     packets: int
     packets_per_s: float
     reduction: float
@@ -45,15 +46,23 @@ class EvaluationRow:
     """Share of ticks outside the deadband of this row; 0 if the codec works."""
     violation_longest_s: float
     error_rms_jnd: float
-    """This and the next three: in units of the perception threshold, which is the same for all rows."""
+    """This and the next eight: measures of `QualityStatistics`, with the same JND for all rows."""
     error_max_jnd: float
     noticeable_fraction: float
     noticeable_longest_s: float
+    log_error_rms_jnd: float
+    log_error_max_jnd: float
+    jump_median_jnd: float | None
+    """None without a jump, likewise the next two."""
+    jump_p99_jnd: float | None
+    jump_max_jnd: float | None
     tick_us: float
     """Median run time of encode plus decode."""
     selected: dict[str, int] | None = None
     """Sends per predictor; hybrid only."""
     deadband: str = ISOTROPIC
+    source: str = FILES
+    """Of the trace: a source of shipped recordings, or `FILES`."""
     clairvoyant_packets: int | None = None
     """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
     widened_fraction: float | None = None
@@ -84,11 +93,11 @@ class EvaluationStudy:
     Args:
         predictors: names, "hybrid" among them; each once.
         webers: Weber factors; each once.
-        floor: absolute threshold of the deadband and of perception [N].
+        floor: absolute threshold of the deadband [N].
         force_step: wire step [N].
         position_step: wire step [m].
         saturates: whether the int16 range applies.
-        jnd: just noticeable difference of a person, as a share of the force.
+        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         deadbands: names of shapes, each once; their other parameters have the default values.
         max_updates_per_s: largest rate of updates; None for no limit. With one, no lower bound is computed: it is that
             of a deadband that is not widened.
@@ -100,7 +109,7 @@ class EvaluationStudy:
     force_step: float = 1e-3
     position_step: float = 1e-5
     saturates: bool = True
-    jnd: float = 0.10
+    jnd: float = WEBER_FRACTION
     deadbands: Sequence[str] = (ISOTROPIC,)
     max_updates_per_s: float | None = None
 
@@ -117,6 +126,7 @@ class EvaluationStudy:
             position_step=self.position_step,
             saturates=self.saturates,
             rate=rate,
+            tick_period=period_s,
         )
 
     def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
@@ -160,17 +170,17 @@ EvaluationTask = tuple[NamedTrace, StudyPoint]
 
 def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
     """The rows of one task, one for each predictor."""
-    (name, trace), (study, weber, deadband) = task
+    (name, trace, source), (study, weber, deadband) = task
     signal = signal_of(trace)
-    threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
     fewest: Mapping[str, int | None] = {}
     if study.max_updates_per_s is None:
         hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
         fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
     return [
         evaluate(
-            name, signal, study.channel(predictor, weber, deadband, signal.period_s), threshold_n,
-            predictor=predictor, weber=weber, deadband=deadband, clairvoyant_packets=fewest.get(predictor),
+            name, signal, study.channel(predictor, weber, deadband, signal.period_s), Threshold(study.jnd),
+            predictor=predictor, weber=weber, deadband=deadband, source=source,
+            clairvoyant_packets=fewest.get(predictor),
         )
         for predictor in study.predictors
     ]  # fmt: skip
@@ -178,7 +188,7 @@ def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
 
 def coded_samples(task: EvaluationTask) -> float:
     """The number of coded samples of a task, as a measure of its run time."""
-    (_, trace), (study, *_) = task
+    (_, trace, _), (study, *_) = task
     return float(len(trace.time_s) * len(study.predictors))
 
 
@@ -186,11 +196,12 @@ def evaluate(
     name: str,
     signal: Signal,
     channel: Channel,
-    threshold_n: Array,
+    threshold: Threshold,
     *,
     predictor: str,
     weber: float,
     deadband: str = ISOTROPIC,
+    source: str = FILES,
     clairvoyant_packets: int | None = None,
 ) -> EvaluationRow:
     """Code a signal with a fresh encoder and decoder.
@@ -199,17 +210,21 @@ def evaluate(
         name: of the trace.
         signal: force and position.
         channel: a force channel. The keyword arguments are copied to the row.
-        threshold_n: perception threshold at each tick, shape (n,) [N].
+        threshold: a JND of the person.
     """
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
     outside = run.deviation_n > run.bound_n
+    quality = QualityStatistics(signal.period_s, threshold)
+    quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
+    quality.add_jumps(run.jump_n, run.before_n)
     return EvaluationRow(
         trace=name,
         predictor=predictor,
         weber=weber,
         samples=samples,
+        duration_s=duration,
         packets=packets,
         packets_per_s=packets / duration,
         reduction=1.0 - packets / samples,
@@ -219,10 +234,11 @@ def evaluate(
         error_max_deadbands=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
         violation_fraction=float(outside.mean()),
         violation_longest_s=longest_run(outside) * signal.period_s,
-        **noticed(run.error_n, threshold_n, signal.period_s)._asdict(),
+        **quality.summary(),  # type: ignore[arg-type]
         tick_us=run.tick_us,
         selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         deadband=deadband,
+        source=source,
         clairvoyant_packets=clairvoyant_packets,
         widened_fraction=None if channel.rate is None else float(run.widened.mean()),
         widened_max_n=float(run.bound_n[run.widened].max()) if run.widened.any() else None,

@@ -8,6 +8,7 @@ from weberlink.codec.deadband import Deadband, DeadbandSetup
 from weberlink.codec.predictors import FitLimits
 from weberlink.codec.rate import UpdateRate
 from weberlink.codec.smoothing import Smoothing
+from weberlink.control.table import SCHEMES
 from weberlink.system.configuration import System
 from weberlink.system.configuration.model import ForceCodecSettings, PredictedSettings
 from weberlink.system.scoring.channel import Measures
@@ -61,6 +62,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         axes=system.axes,
         position_step=position.step_m,
         rate=_rate(position, system),
+        tick_period=system.tick_period,
     )
     backward = force_channel(
         predictor=force.predictor,
@@ -72,6 +74,8 @@ def channels(system: System) -> tuple[Channel, Channel]:
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
         rate=_rate(force, system),
+        tick_period=system.tick_period,
+        every_position=SCHEMES[system.control.scheme].reads_position,
     )
     return forward, backward
 
@@ -103,6 +107,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
         rate=_rate(orientation, system),
+        tick_period=system.tick_period,
     )
     twisting = force_channel(
         predictor=torque.predictor,
@@ -113,6 +118,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
         rate=_rate(torque, system),
+        tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)
 

@@ -112,9 +112,8 @@ def build_endpoint(
     return Endpoint(
         role=role,
         agreement=agreement(system),
-        outgoing_values=[channel.grid.size for channel in outgoing],
-        incoming_values=[channel.grid.size for channel in incoming],
-        incoming_parametric=[channel.parametric for channel in incoming],
+        outgoing=[channel.forms for channel in outgoing],
+        incoming=[channel.forms for channel in incoming],
         security=security,
         entropy=entropy,
         epoch=epoch,

@@ -85,7 +85,7 @@ class ChannelScore:
         measures: Measures | None = None,
     ) -> None:
         self._prefix, self._period, self._bank = prefix, period, bank
-        self._error = error or _distances
+        self._error = error or distances
         self._measures = measures
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
         self._selected: dict[int, int] = {}
@@ -160,7 +160,7 @@ def deviations_of(displayed: Series, sender: Records, measures: Measures) -> Ser
     The distance where the Weber factor of a record is none.
     """
     webers = sender["weber"]
-    deviations = _distances(displayed, sender["raw"])
+    deviations = distances(displayed, sender["raw"])
     for weber in np.unique(webers[(webers >= 0.0) & (webers <= 1.0)]).tolist():
         chosen = np.flatnonzero(webers == weber)
         measure, actual = measures(weber), sender["raw"][chosen].tolist()
@@ -169,7 +169,8 @@ def deviations_of(displayed: Series, sender: Records, measures: Measures) -> Ser
     return deviations
 
 
-def _distances(a: Series, b: Series) -> Series:
+def distances(a: Series, b: Series) -> Series:
+    """Distances of vectors of shape (n, 3), row by row."""
     return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
 
 
