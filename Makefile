@@ -1,7 +1,7 @@
 # Everything is set up in .venv from the pinned lock files; Python (3.11 or newer, with venv) and make are all it takes.
 PYTHON ?= python3
 DURATION ?= 20
-TRACES ?= $(wildcard ../shared/traces/*.csv)
+TRACES ?= tue omega3
 VENV := .venv
 BIN := $(VENV)/bin
 RUN := $(VENV)/.run
@@ -59,7 +59,7 @@ bench: $(DEV)  ## real-time and throughput figures beside the machine's limits; 
 	$(BIN)/python -m benchmarks.sessions mujoco
 	$(BIN)/python -m benchmarks.sessions recording --seconds 15 --rounds 4
 
-figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: recordings of people
+figures: $(DEV)  ## every figure and table of README and docs, with its numbers beside it; TRACES: files, or sources of shipped recordings
 	mkdir -p docs/figures docs/paper
 	$(BIN)/weberlink precision --plots docs/figures --json docs/figures/precision.json
 	$(BIN)/weberlink stability --plots docs/figures --json docs/figures/stability.json

@@ -10,18 +10,18 @@ from collections.abc import Callable, Sequence
 from math import exp
 
 from weberlink.codec.channel import Channel
-from weberlink.codec.predictors.contract import Candidate, EncodeContext, History
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, History, Signal
 from weberlink.codec.predictors.model import Hold, Model
 from weberlink.codec.sample import Sample
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, norm
 from weberlink.update import MAX_GAP
 
-MEMORY = 3000.0
-"""Time constant of the record [ticks]."""
-HOPELESS = 3
-"""A candidate whose model lasted this many ticks or fewer is suspended: it costs run time and saves no update."""
-REST = 16
-"""Length of a suspension [ticks]; meanwhile one send per `HOPELESS` ticks is added to the record."""
+MEMORY_S = 3.0
+"""Time constant of the record [s]."""
+HOPELESS_S = 0.003
+"""A candidate whose model lasted no longer is suspended [s]: it costs run time and saves no update."""
+REST_S = 0.016
+"""Length of a suspension [s]; meanwhile one send per `HOPELESS_S` is added to the record."""
 PRESENT = 12.0
 """Weight of the present error in the choice: an error of one deadband or more counts as this many sends."""
 LEAST_FORCE_STEPS = 10.0
@@ -40,8 +40,13 @@ class Shadow:
         error: error of the prediction at the newest sample, before any send, in the unit of the values.
     """
 
-    def __init__(self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0) -> None:
+    def __init__(
+        self, selector: int, candidate: Candidate, rest: Vector | None, doubt: float = 1.0, period: float = 1e-3
+    ) -> None:
         self.selector = selector
+        self._memory = MEMORY_S / period
+        self._hopeless = HOPELESS_S / period
+        self._rest = round(REST_S / period)
         self.candidate = candidate
         self.doubt = doubt
         self._model: Model | None = Hold(rest) if rest is not None else None
@@ -49,12 +54,12 @@ class Shadow:
         self._newest: Sample | None = None
         self._sends = 0.0
         self._at = 0
-        self._wakes = -REST
+        self._wakes = -self._rest
         self.error = 0.0
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, measure: Measure) -> bool:
         """Predict a sample; returns whether this candidate would send it."""
-        if self._wakes - REST <= tick < self._wakes:  # suspended, and the sender's ticks did not restart
+        if self._wakes - self._rest <= tick < self._wakes:  # suspended, and the sender's ticks did not restart
             return False
         model = self._model
         if model is None:
@@ -76,9 +81,9 @@ class Shadow:
         self._remembered = self._model.memory
         self._newest = sample
         sends = 1.0
-        if lasted <= HOPELESS:
-            self._wakes = tick + REST
-            sends += REST / HOPELESS
+        if lasted <= self._hopeless:
+            self._wakes = tick + self._rest
+            sends += REST_S / HOPELESS_S
         self._forget(tick)
         self._sends += sends
 
@@ -90,7 +95,7 @@ class Shadow:
     def _forget(self, tick: int) -> None:
         passed = max(0, tick - self._at)  # 0 if the sender's ticks restarted
         self._at = tick
-        self._sends *= exp(-passed / MEMORY)
+        self._sends *= exp(-passed / self._memory)
 
 
 class AdaptiveChoice:
@@ -107,14 +112,14 @@ class AdaptiveChoice:
         channel = self._channel
         at_rest = channel.deadband.bound(ZERO, ZERO, ZERO, 0.0)
         least_force = max(2.0 * at_rest, LEAST_FORCE_STEPS * channel.value_quantizer.step)
-        self._history = History()
-        self._shadows: list[Shadow] = []
-        self._followers = []
-        for selector, predictor in enumerate(channel.predictors):
-            candidates = predictor.candidates(channel.fit_limits, least_force)
-            self._shadows += [Shadow(selector, each, channel.rest, predictor.doubt) for each in candidates.each]
-            if candidates.follow is not None:
-                self._followers.append(candidates.follow)
+        self._history = History(channel.tick_period)
+        self._signal = Signal(self._grid, channel.fit_limits, least_force)
+        self._shadows = [
+            Shadow(selector, candidate, channel.rest, predictor.doubt, channel.tick_period)
+            for selector, predictor in enumerate(channel.predictors)
+            for candidate in predictor.candidates(self._signal)
+        ]
+        self._estimators = tuple(self._signal.estimators.values())
 
     def measure_with(self, measure: Measure) -> None:
         """Measure errors with this function of a deadband from now on."""
@@ -123,9 +128,10 @@ class AdaptiveChoice:
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float) -> None:
         """Run all shadows on a measured sample within the range of the wire; models are evaluated at `place` [m]."""
         measure, history, grid = self._measure, self._history, self._grid
-        follows = history.add(tick, actual, place)
-        for follow in self._followers:
-            follow(history, follows)
+        for each in (*history.missing(tick, actual, place), (tick, actual, place)):
+            history.add(*each, bound)
+            for estimator in self._estimators:
+                estimator.follow(history)
         sample: Sample | None = None
         for shadow in self._shadows:
             if shadow.follow(tick, actual, place, bound, measure):
@@ -136,12 +142,20 @@ class AdaptiveChoice:
     def choose(
         self, selectors: Sequence[int], newest: Sample, earlier: Sample | None, bound: float
     ) -> tuple[int, Model | None]:
-        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample."""
-        best = min(
-            (shadow for shadow in self._shadows if shadow.selector in selectors),
-            key=lambda shadow: self._cost(shadow, newest.tick, bound),
-        )
-        return best.selector, best.candidate.model(EncodeContext(newest, earlier, bound, self._history))
+        """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
+
+        Where the control scheme renders the contact, the best that describes a surface is taken while there is a force.
+        """
+        context = EncodeContext(newest, earlier, bound, self._history)
+        allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
+        allowed.sort(key=lambda shadow: self._cost(shadow, newest.tick, bound))
+        if self._channel.every_position and norm(newest.value) > self._signal.least_contact:
+            for shadow in allowed:
+                model = shadow.candidate.model(context)
+                if model is not None and model.surface() is not None:
+                    return shadow.selector, model
+        best = allowed[0]
+        return best.selector, best.candidate.model(context)
 
     @staticmethod
     def _cost(shadow: Shadow, tick: int, bound: float) -> float:

@@ -38,6 +38,7 @@ class Channel:
             receiver does not need it.
         smoothing: the ramp over which an update changes the value; None for a step.
         every_position: whether every update carries the position, because somebody beside the predictors reads it.
+        tick_period: time between ticks [s], > 0.
 
     Raises:
         ValueError: for an unknown, repeated or missing predictor, or one that does not suit the channel.
@@ -52,6 +53,7 @@ class Channel:
     adaptive: bool = False
     smoothing: Smoothing | None = None
     every_position: bool = False
+    tick_period: float = 1e-3
 
     def __post_init__(self) -> None:
         if len(self.bank) > MAX_SELECTOR + 1:
@@ -59,6 +61,8 @@ class Channel:
         unknown = [name for name in self.bank if name not in PREDICTORS]
         if unknown or not self.bank or len(set(self.bank)) != len(self.bank):
             raise ValueError(f"bank must name some of {', '.join(PREDICTORS)}, each once, not {self.bank!r}")
+        if not 0.0 < self.tick_period < inf:
+            raise ValueError(f"tick_period must be positive and finite, not {self.tick_period!r}")
         if self.position_quantizer is None:
             geometric = [name for name in self.bank if PREDICTORS[name].geometric]
             if geometric:
@@ -95,7 +99,7 @@ class Channel:
 
     @property  # not a cached_property: its entry in __dict__ would slow down the reading of every other attribute
     def grid(self) -> SampleGrid:
-        return SampleGrid(self.value_quantizer, self.position_quantizer)
+        return SampleGrid(self.value_quantizer, self.position_quantizer, self.tick_period)
 
     def displayable(self, predicted: Vector, newest: Sample) -> Vector:
         """A prediction saturated as a measured value is; the newest sample if the prediction is not finite."""
@@ -124,6 +128,7 @@ def force_channel(
     deadband: Deadband | None = None,
     smoothing: Smoothing | None = None,
     every_position: bool = False,
+    tick_period: float = 1e-3,
 ) -> Channel:
     """Make the backward channel: forces [N], and the commanded positions [m] at which they were measured.
 
@@ -141,6 +146,7 @@ def force_channel(
         deadband: a deadband of another shape; `weber`, `floor` and `reference` are not read then.
         smoothing: the ramp over which an update changes the force; None for a step.
         every_position: whether every update carries the position, whatever its predictor reads.
+        tick_period: time between ticks [s], > 0.
 
     Raises:
         ValueError: as `Channel`, or for a number out of range.
@@ -157,6 +163,7 @@ def force_channel(
         adaptive=predictor == ADAPTIVE,
         smoothing=smoothing,
         every_position=every_position,
+        tick_period=tick_period,
     )
 
 
@@ -169,6 +176,7 @@ def position_channel(
     axes: str = "xyz",
     position_step: float = 1e-5,
     saturates: bool = True,
+    tick_period: float = 1e-3,
 ) -> Channel:
     """Make the forward channel: commanded positions [m].
 
@@ -180,6 +188,7 @@ def position_channel(
         deadband=PositionDeadband(weber, bound),
         value_quantizer=_quantizer(position_step, axes, saturates=saturates),
         adaptive=predictor == ADAPTIVE,
+        tick_period=tick_period,
     )
 
 

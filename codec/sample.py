@@ -25,15 +25,17 @@ class Sample(NamedTuple):
 
 
 class SampleGrid(NamedTuple):
-    """The wire grids of one channel.
+    """The grids of one channel in value, position and time.
 
     Args:
         value: grid of the coded value.
         position: grid of the position that travels with it; None if the value is the position.
+        period: time between ticks [s].
     """
 
     value: Quantizer
     position: Quantizer | None = None
+    period: float = 1e-3
 
     @property
     def size(self) -> int:

@@ -26,9 +26,10 @@ PREDICTORS: Registry[Predictor] = Registry(
         "linear": f"{_HERE}.linear:LINEAR",
         "plane": f"{_HERE}.plane:PLANE",
         "sphere": f"{_HERE}.sphere:SPHERE",
-        "trend": f"{_HERE}.trend:TREND",
         "affine": f"{_HERE}.affine:AFFINE",
         "surface": f"{_HERE}.surface:SURFACE",
+        "path": f"{_HERE}.path:PATH",
+        "elastic": f"{_HERE}.path:ELASTIC",
     },
     "weberlink.predictors",
     _check,
@@ -41,7 +42,7 @@ BANKS = (HYBRID, ADAPTIVE)
 """Names that stand for a choice among several predictors."""
 
 HYBRID_BANK = ("zoh", "linear", "plane", "sphere")
-ADAPTIVE_BANK = ("plane", "surface", "affine", "trend", "zoh")
+ADAPTIVE_BANK = ("zoh", "linear", "plane", "sphere", "surface", "affine", "path", "elastic")
 """The default banks. Of equally good predictors, the first in the bank is chosen."""
 
 __all__ = [

@@ -10,13 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from weberlink.codec.parameters import Block
-from weberlink.codec.predictors.contract import Candidates, EncodeContext, Predictor
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, Predictor, Signal
 from weberlink.codec.predictors.model import FitLimits, Model
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, is_finite, norm, scale, subtract
 
-WINDOW = 14
-"""Length of the regression window [ticks]."""
+WINDOW_S = 0.014
+"""Length of the regression window [s]."""
+STEP_S = 0.001
+"""Time from one sample of the window to the next, where the ticks allow [s]."""
+LEAST_STEPS = 4
+"""Smallest length of the window, in samples."""
 RIDGE_PLACE = 1e-5
 """Ridge on K [m]: it halves the estimate if the motion in the window is this large (rms)."""
 RIDGE_TIME = 0.2
@@ -79,16 +83,22 @@ def _turned_back(force: Vector, newest: Vector, share: float) -> Vector:
 class LocalAffine:
     """Ridge least squares over the latest samples, each axis separately: f_i - f_1 = K (p_i - p_1) + g (t_i - t_1)."""
 
+    def __init__(self, signal: Signal) -> None:
+        self._step = max(1, round(STEP_S / signal.grid.period))
+        self._steps = max(LEAST_STEPS, round(WINDOW_S / (self._step * signal.grid.period)))
+
     def model(self, context: EncodeContext) -> Affine | None:
-        history, newest = context.history, context.newest
-        count = min(WINDOW, len(history) - 1)
+        history, newest, step = context.history, context.newest, self._step
+        count = min(self._steps, (len(history) - 1) // step)
         if count < 2:
             return None
-        solution = _solve(*_system(history.values[-count - 1 :], history.places[-count - 1 :]))
+        window = slice(-count * step - 1, None, step)
+        solution = _solve(*_system(history.values[window], history.places[window]))
         if solution is None:
             return None
         *by_place, (a, b, c) = solution
-        slope = (a / count, b / count, c / count)
+        length = count * step
+        slope = (a / length, b / length, c / length)
         x, y, z = zip(*by_place, strict=True)
         rows = (x, y, z)
         if not (all(map(is_finite, rows)) and is_finite(slope)):
@@ -102,8 +112,8 @@ class AffinePredictor(Predictor):
     estimated = True
     doubt = 1.1
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
-        return Candidates([LocalAffine()])
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [LocalAffine(signal)]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         stiffness, slope = _blocks(grid)

@@ -17,36 +17,37 @@ of n.q over a time T: they are -4 sin^2(w T / 2) times the deviation of n.q from
 
 from math import asin, exp, sqrt
 
-from weberlink.codec.predictors.contract import History
+from weberlink.codec.predictors.contract import History, Signal
 from weberlink.geometry.vector import ZERO, Vector, dot, norm, scale, subtract, unit
 
-STEP = 10
-"""Ticks over which displacements and changes of force are taken."""
-HALF = STEP // 2
-TURN = 30
-"""Ticks over which a turn of the normal is taken."""
-THIRD = 16
-"""Ticks between the samples of a third difference."""
-SECOND = 60
-"""Ticks between the samples of a second difference: two of them must fit into the history."""
-EVERY = 4
-"""Ticks from one update of the slower estimates (curvature, motion) to the next."""
-FORGET_STIFFNESS = exp(-1.0 / 2000.0)
-"""`FORGET_...`: factor on a sum at each of its updates."""
-FORGET_CURVATURE = exp(-EVERY / 300.0)
-FORGET_THIRD = exp(-EVERY / 2000.0)
-FORGET_FREQUENCY = 0.9997**EVERY
-SLOW = 1.0 / 50.0
-"""Share of a new difference in the average of the slow part."""
-NORMAL_SHARE = 0.1
-"""Share of a new normal in the average, after sliding by 1 mm or more."""
-FRICTION_SHARE = 0.05
-"""Share of a new coefficient of friction in the average."""
+STEP_S = 0.010
+"""Time over which displacements and changes of force are taken [s]."""
+TURN_S = 0.030
+"""Time over which a turn of the normal is taken [s]."""
+THIRD_S = 0.016
+"""Time between the samples of a third difference [s]."""
+SECOND_S = 0.060
+"""Time between the samples of a second difference [s]: two of them must fit into the history."""
+EVERY_S = 0.004
+"""Time from one update of the slower estimates (curvature, motion) to the next [s]."""
+MEMORY_STIFFNESS_S = 2.0
+"""`MEMORY_...`: time constant with which samples are forgotten [s]."""
+MEMORY_CURVATURE_S = 0.3
+MEMORY_THIRD_S = 2.0
+MEMORY_FREQUENCY_S = 10.0 / 3.0
+SLOW_S = 0.050
+"""Time constant of the average of the slow part [s]."""
+NORMAL_S = 0.010
+"""Time constant of the average of the normal while the probe slides by 1 mm or more in `STEP_S` [s]."""
+FRICTION_S = 0.020
+"""Time constant of the average of the coefficient of friction [s]."""
+LEAST_WAYS = 2.5e-7
+"""The estimate of a curvature has half its value if the sum of squared displacements is this small [m^2]."""
 LEAST_WAY = 3e-5
-"""Displacement over `STEP` that counts as sliding [m]."""
-LEAST_CHANGE = 1e-4
-"""Smallest sum of squared changes of force that gives an estimate [N^2]; `LEAST_THIRD` likewise."""
-LEAST_THIRD = 1e-2 / EVERY
+"""Displacement over `STEP_S` that counts as sliding [m]."""
+LEAST_CHANGE = 1e-7
+"""Smallest integral of squared changes of force that gives an estimate [N^2 s]; `LEAST_THIRD` likewise."""
+LEAST_THIRD = 1e-5
 MOST_COMPLIANT, STIFFEST = 1e-1, 1e-6
 """Range of accepted compliance [m/N]."""
 LARGEST_FRICTION = 1.5
@@ -79,31 +80,35 @@ class ComplianceEstimator:
 class CurvatureEstimator:
     """Curvature by weighted least squares over pairs of turn of the normal and displacement."""
 
-    __slots__ = ("_turns", "_ways", "value")
+    __slots__ = ("_forget", "_turns", "_ways", "value")
 
-    def __init__(self) -> None:
+    def __init__(self, forget: float) -> None:
+        self._forget = forget
         self._ways = self._turns = 0.0
         self.value = 0.0
         """[1/m]."""
 
     def add(self, turn: Vector, way: Vector) -> None:
-        self._ways = self._ways * FORGET_CURVATURE + dot(way, way)
-        self._turns = self._turns * FORGET_CURVATURE + dot(turn, way)
-        self.value = self._turns / (self._ways + 1e-6 / EVERY)
+        self._ways = self._ways * self._forget + dot(way, way)
+        self._turns = self._turns * self._forget + dot(turn, way)
+        self.value = self._turns / (self._ways + LEAST_WAYS)
 
 
 class FrequencyEstimator:
     """Angular frequency of a motion, by regression of second differences on the position at their middle."""
 
-    __slots__ = ("_count", "_x", "_xx", "_xy", "_y", "value")
+    __slots__ = ("_apart", "_count", "_forget", "_x", "_xx", "_xy", "_y", "value")
 
-    def __init__(self) -> None:
+    def __init__(self, forget: float, apart: int) -> None:
+        self._forget = forget
+        self._apart = apart
+        """Ticks between the samples of a second difference."""
         self._count = self._x = self._y = self._xx = self._xy = 0.0
         self.value = 0.0
         """[rad/tick]; 0 if the motion does not oscillate."""
 
     def add(self, place: float, second: float) -> None:
-        forget = FORGET_FREQUENCY
+        forget = self._forget
         self._count = self._count * forget + 1.0
         self._x = self._x * forget + place
         self._y = self._y * forget + second
@@ -112,7 +117,7 @@ class FrequencyEstimator:
         spread = self._xx - self._x * self._x / self._count
         if spread > 1e-8 * self._count:
             square = -(self._xy - self._x * self._y / self._count) / spread
-            self.value = 2.0 / SECOND * asin(0.5 * sqrt(square)) if 0.0 < square < 2.0 else 0.0
+            self.value = 2.0 / self._apart * asin(0.5 * sqrt(square)) if 0.0 < square < 2.0 else 0.0
 
 
 class ContactEstimator:
@@ -128,29 +133,37 @@ class ContactEstimator:
         threshold: a larger force counts as contact [N].
     """
 
-    def __init__(self, threshold: float) -> None:
-        self.threshold = threshold
+    def __init__(self, signal: Signal) -> None:
+        self.threshold = signal.least_contact
         self.age = 0
         self.normal = ZERO
         self.friction = 0.0
-        self.frictionless = ComplianceEstimator(FORGET_STIFFNESS, LEAST_CHANGE)
-        self.frictional = ComplianceEstimator(FORGET_STIFFNESS, LEAST_CHANGE)
-        self.moving = ComplianceEstimator(FORGET_THIRD, LEAST_THIRD)
-        self.curvature, self.frictional_curvature = CurvatureEstimator(), CurvatureEstimator()
-        self.frequency = FrequencyEstimator()
+        period = signal.grid.period
+        self._step, self._turn, self._third, self._second, self._every = (
+            max(1, round(time / period)) for time in (STEP_S, TURN_S, THIRD_S, SECOND_S, EVERY_S)
+        )
+        every = self._every * period
+        self._slow, self._friction, self._normal = (min(1.0, period / time) for time in (SLOW_S, FRICTION_S, NORMAL_S))
+        forget = exp(-period / MEMORY_STIFFNESS_S)
+        self.frictionless = ComplianceEstimator(forget, LEAST_CHANGE / period)
+        self.frictional = ComplianceEstimator(forget, LEAST_CHANGE / period)
+        self.moving = ComplianceEstimator(exp(-every / MEMORY_THIRD_S), LEAST_THIRD / every)
+        forget = exp(-every / MEMORY_CURVATURE_S)
+        self.curvature, self.frictional_curvature = CurvatureEstimator(forget), CurvatureEstimator(forget)
+        self.frequency = FrequencyEstimator(exp(-every / MEMORY_FREQUENCY_S), self._second)
         self._slow_way = self._slow_force = 0.0
         self._directions: list[Vector] = []
         self._normals: list[Vector] = []
 
-    def follow(self, history: History, follows: bool) -> None:
-        """Take in the newest sample; `follows`: whether it comes one tick after the previous one."""
+    def follow(self, history: History) -> None:
+        """Take in the newest sample."""
         value = history.values[-1]
         size = norm(value)
         if not size > self.threshold:
             self.age = 0
             return
         direction = (value[0] / size, value[1] / size, value[2] / size)
-        if self.age == 0 or not follows:
+        if self.age == 0 or not history.follows:
             self.age = 0
             if dot(direction, self.normal) < SAME_SURFACE:
                 self.normal = direction
@@ -158,23 +171,23 @@ class ContactEstimator:
             self._directions, self._normals = [], []
         self.age += 1
         self._directions.append(direction)
-        if self.age > STEP:
+        if self.age > self._step:
             self._compare(history, value, size)
         self._normals.append(self.normal)
-        if self.age % EVERY == 0 and self.age > STEP + TURN:
+        if self.age % self._every == 0 and self.age > self._step + self._turn:
             self._look_back(history)
 
     def _compare(self, history: History, value: Vector, size: float) -> None:
-        """Compare the newest sample with the one `STEP` ticks earlier."""
-        before, there, here = history.values[-1 - STEP], history.places[-1 - STEP], history.places[-1]
+        """Compare the newest sample with the one `STEP_S` earlier."""
+        before, there, here = history.values[-1 - self._step], history.places[-1 - self._step], history.places[-1]
         x, y, z = here[0] - there[0], here[1] - there[1], here[2] - there[2]
         u, v, w = value[0] - before[0], value[1] - before[1], value[2] - before[2]
-        a, b, c = self._directions[-1 - HALF]
+        a, b, c = self._directions[-1 - self._step // 2]
         self.frictionless.add(u * a + v * b + w * c, x * a + y * b + z * c)
         a, b, c = self.normal
         force, way = u * a + v * b + w * c, x * a + y * b + z * c
-        self._slow_force += SLOW * (force - self._slow_force)
-        self._slow_way += SLOW * (way - self._slow_way)
+        self._slow_force += self._slow * (force - self._slow_force)
+        self._slow_way += self._slow * (way - self._slow_way)
         frictional = self.frictional
         frictional.add(force - self._slow_force, way - self._slow_way)
         compliance = frictional.compliance
@@ -193,12 +206,12 @@ class ContactEstimator:
         across = sqrt(u * u + v * v + w * w)
         if not across > LEAST_NORMAL_SHARE * size:
             return
-        share = NORMAL_SHARE * min(1.0, slid / 1e-3)
+        share = self._normal * min(1.0, slid / 1e-3)
         a, b, c = self.normal
         self.normal = unit((a + share * (u / across - a), b + share * (v / across - b), c + share * (w / across - c)))
         ratio = self._ratio(value)
         if ratio >= 0.0:
-            self.friction += FRICTION_SHARE * (ratio - self.friction)
+            self.friction += self._friction * (ratio - self.friction)
 
     def _ratio(self, value: Vector) -> float:
         """Tangential over normal force, at most `LARGEST_FRICTION`; -1 if the surface would pull."""
@@ -212,25 +225,26 @@ class ContactEstimator:
     def _look_back(self, history: History) -> None:
         """Update the estimates of curvature and motion, which compare samples farther apart."""
         values, places = history.values, history.places
-        way, change = subtract(places[-1], places[-1 - TURN]), subtract(values[-1], values[-1 - TURN])
+        way, change = subtract(places[-1], places[-1 - self._turn]), subtract(values[-1], values[-1 - self._turn])
         directions, normals = self._directions, self._normals
-        turn = subtract(directions[-1], directions[-1 - TURN])
+        turn = subtract(directions[-1], directions[-1 - self._turn])
         self.curvature.add(turn, _way(way, change, self.frictionless.compliance))
-        turn = subtract(normals[-1], normals[-1 - TURN])
+        turn = subtract(normals[-1], normals[-1 - self._turn])
         self.frictional_curvature.add(turn, _way(way, change, self.frictional.compliance))
-        if self.age > 3 * THIRD:
-            middle = directions[-1 - 3 * THIRD // 2]
-            self.moving.add(_third(values, middle), _third(places, middle))
+        if self.age > 3 * self._third:
+            middle = directions[-1 - 3 * self._third // 2]
+            apart = self._third
+            self.moving.add(_third(values, middle, apart), _third(places, middle, apart))
         compliance = self.moving.compliance
-        if self.age > 2 * SECOND and compliance > 0.0:
-            middle = directions[-1 - SECOND]
+        if self.age > 2 * self._second and compliance > 0.0:
+            middle = directions[-1 - self._second]
             q = [
                 dot(middle, places[-1 - back]) + compliance * dot(middle, values[-1 - back])
-                for back in (0, SECOND, 2 * SECOND)
+                for back in (0, self._second, 2 * self._second)
             ]
             self.frequency.add(q[1], q[0] - 2.0 * q[1] + q[2])
-        if len(directions) > 4 * SECOND:
-            del directions[: 2 * SECOND], normals[: 2 * SECOND]
+        if len(directions) > 4 * self._second:
+            del directions[: 2 * self._second], normals[: 2 * self._second]
 
 
 def _way(way: Vector, change: Vector, compliance: float) -> Vector:
@@ -239,7 +253,7 @@ def _way(way: Vector, change: Vector, compliance: float) -> Vector:
     return (way[0] + moved[0], way[1] + moved[1], way[2] + moved[2])
 
 
-def _third(vectors: list[Vector], along: Vector) -> float:
-    """Third difference of a component."""
-    a, b, c, d = (dot(along, vectors[-1 - back * THIRD]) for back in range(4))
+def _third(vectors: list[Vector], along: Vector, apart: int) -> float:
+    """Third difference of a component, of samples so many ticks apart."""
+    a, b, c, d = (dot(along, vectors[-1 - back * apart]) for back in range(4))
     return a - 3.0 * b + 3.0 * c - d

@@ -2,40 +2,104 @@
 
 from abc import ABC
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeVar
 
 from weberlink.codec.parameters import pack, unpack
 from weberlink.codec.predictors.model import FitLimits, Hold, Model
 from weberlink.codec.sample import Sample, SampleGrid
-from weberlink.geometry.vector import ZERO, Vector
+from weberlink.geometry.vector import ZERO, Vector, add, scale, subtract
 from weberlink.update import ModelParameters, Payload, PreviousSample
 
-KEPT = 128
-"""Number of samples that a full history holds at least."""
+KEPT_S = 0.128
+"""Time that a full history covers at least [s]."""
+LONGEST_GAP_S = 0.016
+"""Longest gap in the samples that is filled, by straight lines [s]; a longer one ends the history."""
 
 
 class History:
-    """The latest samples of a signal at the sender's full rate, the newest last: `values`, and `places` [m]."""
+    """The latest samples of a signal at the sender's full rate, the newest last.
 
-    def __init__(self) -> None:
+    Args:
+        period: time between ticks [s].
+
+    Attributes:
+        values: of the samples.
+        places: their positions [m].
+        bound: deadband of the newest one.
+        follows: whether the newest one came one tick after the one before.
+    """
+
+    def __init__(self, period: float) -> None:
         self.values: list[Vector] = []
         self.places: list[Vector] = []
+        self.bound = 0.0
+        self.follows = False
         self._tick = 0
+        self._kept = max(2, round(KEPT_S / period))
+        self._longest_gap = round(LONGEST_GAP_S / period)
 
     def __len__(self) -> int:
         return len(self.values)
 
-    def add(self, tick: int, value: Vector, place: Vector) -> bool:
-        """Append a sample; returns whether its tick follows the last one. A gap in the ticks clears the history."""
-        follows = tick == self._tick + 1 and bool(self.values)
-        if not follows:
+    def missing(self, tick: int, value: Vector, place: Vector) -> list[tuple[int, Vector, Vector]]:
+        """What to add before a sample, to fill a short gap in the ticks: tick, value and position of each sample."""
+        gap = tick - self._tick
+        if not (self.values and 1 < gap <= self._longest_gap):
+            return []
+        values, places = self.values[-1], self.places[-1]
+        shares = [step / gap for step in range(1, gap)]
+        filled = [(_between(values, value, share), _between(places, place, share)) for share in shares]
+        return [(self._tick + step, *each) for step, each in enumerate(filled, 1)]
+
+    def add(self, tick: int, value: Vector, place: Vector, bound: float) -> None:
+        """Append a sample. A gap in the ticks clears the history."""
+        self.follows = tick == self._tick + 1 and bool(self.values)
+        if not self.follows:
             self.values, self.places = [], []
-        elif len(self.values) >= 2 * KEPT:
-            del self.values[:KEPT], self.places[:KEPT]
-        self._tick = tick
+        elif len(self.values) >= 2 * self._kept:
+            del self.values[: self._kept], self.places[: self._kept]
+        self._tick, self.bound = tick, bound
         self.values.append(value)
         self.places.append(place)
-        return follows
+
+
+class Estimator(Protocol):
+    """Learns from every sample of one signal. Several candidates may read it."""
+
+    def follow(self, history: History) -> None:
+        """Take in the newest sample."""
+
+
+Kind = TypeVar("Kind", bound=Estimator)
+
+
+class Signal:
+    """What a predictor may know of a signal before it begins.
+
+    Attributes:
+        grid: the grid of the channel.
+        limits: the range in which a fitted contact is accepted.
+        least_contact: smallest force that counts as contact [N].
+        estimators: those that `estimator` has made.
+    """
+
+    def __init__(self, grid: SampleGrid, limits: FitLimits, least_contact: float) -> None:
+        self.grid = grid
+        self.limits = limits
+        self.least_contact = least_contact
+        self.estimators: dict[Callable[[Signal], Any], Any] = {}
+
+    @property
+    def has_positions(self) -> bool:
+        """Whether each value has a position that the receiver knows too."""
+        return self.grid.position is not None
+
+    def estimator(self, kind: Callable[["Signal"], Kind]) -> Kind:
+        """The estimator of a kind for this signal, the same for all who ask."""
+        if kind not in self.estimators:
+            self.estimators[kind] = kind(self)
+        found: Kind = self.estimators[kind]
+        return found
 
 
 class EncodeContext(NamedTuple):
@@ -59,18 +123,6 @@ class Candidate(Protocol):
 
     def model(self, context: EncodeContext) -> Model | None:
         """Make the model to send, with finite parameters; None to hold the sample."""
-
-
-class Candidates(NamedTuple):
-    """The candidates of one predictor for one signal, the simplest first.
-
-    Args:
-        each: the candidates.
-        follow: called after every sample with the history and the result of `History.add`; None if not needed.
-    """
-
-    each: Sequence[Candidate]
-    follow: Callable[[History, bool], None] | None = None
 
 
 class Predictor(ABC):
@@ -107,9 +159,9 @@ class Predictor(ABC):
         """Whether the fit reads the previous sample, so that an update must carry it."""
         return False
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:  # noqa: ARG002
-        """The candidates for one signal; `least_force` is the smallest force that counts as contact [N]."""
-        return Candidates([FittedCandidate(self, limits)])
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        """The candidates for one signal, the simplest first."""
+        return [FittedCandidate(self, signal.limits)]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         """Bits of each parameter field; together at most `MOST_PARAMETER_BYTES`."""
@@ -195,6 +247,10 @@ class FittedCandidate:
 
     def model(self, context: EncodeContext) -> Model | None:
         return self._predictor.fit(context.newest, context.earlier, self._limits)
+
+
+def _between(start: Vector, end: Vector, share: float) -> Vector:
+    return add(start, scale(subtract(end, start), share))
 
 
 def same_contact(newest: Sample, previous: Sample) -> bool:

@@ -39,7 +39,7 @@ class ModelRecord(NamedTuple):
 
 
 UNFITTED = ModelRecord(ModelKind.HELD)
-_EXTRAPOLATION = ModelRecord(ModelKind.LINE)
+EXTRAPOLATION = ModelRecord(ModelKind.LINE)
 
 
 class ContactSurface(Protocol):
@@ -108,7 +108,7 @@ class Model(ABC):
 
     def record(self) -> ModelRecord:
         """The model as telemetry records it."""
-        return _EXTRAPOLATION
+        return EXTRAPOLATION
 
 
 @dataclass(slots=True)

@@ -5,6 +5,8 @@ the centre) and for a concave one (r < 0, it points to the centre): 6 equations 
 o appears in both equations in the same way. So the least-squares r and c are those of the difference,
 r (u_1 - u_2) - c (f_1 - f_2) = p_1 - p_2, and o is the mean of the centres by the two samples. The difference is solved
 by orthogonal projection; normal equations would square the condition number.
+
+One fit finds both kinds of wall. `weberlink.studies.paper` measures what convex walls alone would send.
 """
 
 from dataclasses import dataclass

@@ -16,7 +16,7 @@ from math import sqrt
 
 from weberlink.codec.parameters import Float, Uniform
 from weberlink.codec.predictors.contact import ContactEstimator
-from weberlink.codec.predictors.contract import Candidates, EncodeContext, History, Predictor
+from weberlink.codec.predictors.contract import Candidate, EncodeContext, History, Predictor, Signal
 from weberlink.codec.predictors.model import FitLimits, Model, ModelKind, ModelRecord
 from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.sine import cosine, sine
@@ -26,12 +26,12 @@ LEAST_CURVATURE = 0.5
 """A smaller curvature is set to 0, which costs less run time [1/m]."""
 LEAST_FRICTION = 0.03
 """A smaller coefficient of friction is noise: the surface counts as frictionless."""
-MOTION_WINDOW = 80
-"""Window over which velocity and acceleration are fitted [ticks]."""
-MOTION_STEP = 2
-"""Every so many samples of the window are used."""
-LEAST_WINDOW = 8
-"""In a window of this length or less, no motion is fitted [ticks]."""
+MOTION_S = 0.080
+"""Window over which velocity and acceleration are fitted [s]."""
+MOTION_STEP_S = 0.002
+"""Time from one sample of the window that is used to the next [s]."""
+LEAST_MOTION_S = 0.008
+"""In a window of this length or less, no motion is fitted [s]."""
 
 
 @dataclass(slots=True)
@@ -148,9 +148,9 @@ def patch(
 class SurfaceHypothesis(ABC):
     """A candidate that assumes one kind of surface."""
 
-    def __init__(self, contact: ContactEstimator, limits: FitLimits) -> None:
-        self._contact = contact
-        self._limits = limits
+    def __init__(self, signal: Signal) -> None:
+        self._contact = signal.estimator(ContactEstimator)
+        self._limits = signal.limits
 
     @abstractmethod
     def model(self, context: EncodeContext) -> SurfacePatch | None: ...
@@ -182,15 +182,22 @@ class FrictionalHypothesis(SurfaceHypothesis):
 class MovingHypothesis(SurfaceHypothesis):
     """Moving along its normal, without friction, and flat."""
 
+    def __init__(self, signal: Signal) -> None:
+        super().__init__(signal)
+        self._window, self._step, self._least = (
+            max(1, round(time / signal.grid.period)) for time in (MOTION_S, MOTION_STEP_S, LEAST_MOTION_S)
+        )
+
     def model(self, context: EncodeContext) -> SurfacePatch | None:
         contact, newest = self._contact, context.newest
         compliance, frequency = contact.moving.compliance, contact.frequency.value
         if contact.age == 0 or compliance == 0.0 or norm(newest.value) == 0.0:
             return None
         normal, motion = unit(newest.value), {}
-        window = min(MOTION_WINDOW, contact.age - 1, len(context.history) - 1)
-        if window > LEAST_WINDOW:
-            motion = _motion(context.history, normal, compliance, frequency, window) | {"frequency": frequency}
+        window = min(self._window, contact.age - 1, len(context.history) - 1)
+        if window > self._least:
+            motion = _motion(context.history, normal, compliance, frequency, range(window, 0, -self._step))
+            motion["frequency"] = frequency
         return patch(newest, normal, compliance, 0.0, self._limits, **motion)
 
 
@@ -222,10 +229,8 @@ class SurfacePredictor(Predictor):
     geometric = describes_contact = True
     estimated = True
 
-    def candidates(self, limits: FitLimits, least_force: float) -> Candidates:
-        contact = ContactEstimator(least_force)
-        hypotheses = (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)
-        return Candidates([hypothesis(contact, limits) for hypothesis in hypotheses], contact.follow)
+    def candidates(self, signal: Signal) -> Sequence[Candidate]:
+        return [hypothesis(signal) for hypothesis in (FrictionlessHypothesis, FrictionalHypothesis, MovingHypothesis)]
 
     def widths(self, grid: SampleGrid) -> tuple[int, ...]:
         normal, others = _LAYOUTS[grid.value.size]
@@ -254,13 +259,13 @@ def _curved(curvature: float) -> float:
     return curvature if abs(curvature) > LEAST_CURVATURE else 0.0
 
 
-def _motion(history: History, normal: Vector, compliance: float, frequency: float, window: int) -> dict[str, float]:
-    """Velocity and acceleration of the surface, by least squares over the contact points of the window."""
+def _motion(history: History, normal: Vector, compliance: float, frequency: float, backs: range) -> dict[str, float]:
+    """Velocity and acceleration of the surface, by least squares over the contact points so many ticks back."""
     values, places = history.values, history.places
     a, b, c = normal
     here = dot(normal, places[-1]) + compliance * dot(normal, values[-1])
     xx = xz = zz = xq = zq = 0.0
-    for back in range(window, 0, -MOTION_STEP):
+    for back in backs:
         (u, v, w), (x, y, z) = values[-1 - back], places[-1 - back]
         q = a * (x + compliance * u) + b * (y + compliance * v) + c * (z + compliance * w) - here
         ahead = -float(back)

@@ -16,11 +16,12 @@ from tests.studies.printed import assert_legible
 from weberlink.codec.predictors import BANKS, PREDICTORS
 from weberlink.studies.curve_figures import CurveFigures, QualityAxis
 from weberlink.studies.curves import Curves, Observation, curves
+from weberlink.studies.experiment.plan import SCALE
 from weberlink.studies.sheet import LINE, SMALLEST_PT, STYLES, beside, footer, save, sheet, styles, watermark
 
 PAPER = ("zoh", "linear", "plane", "sphere", "hybrid")
 WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
-RATING = QualityAxis("rating", "higher", (0.0, 5.0), "rating")
+RATING = QualityAxis("rating", "higher", (0.0, 5.0), "rating", SCALE)
 ERROR = QualityAxis("error, RMS [JND]", "lower", column="error_rms_jnd")
 MARK = "SIMULATED RATINGS"
 
@@ -124,6 +125,19 @@ def test_curves_over_weber_show_means_and_bands(name: str) -> None:
         for point in points:
             for end in (getattr(point, name).low, getattr(point, name).high):
                 assert (round(100.0 * point.weber, 6), end) in corners
+
+
+def test_the_axis_of_ratings_has_the_words_of_the_scale() -> None:
+    for figure in (figures(study()).quality_over_weber(), figures(study()).quality_over_rate()):
+        labels = {int(place): text.get_text() for place, text in zip(*figure_ticks(figure), strict=True)}
+        assert {level: " ".join(text.split()) for level, text in labels.items()} == {
+            level: f"{words} {level}" for level, words in SCALE.items()
+        }
+
+
+def figure_ticks(figure: Figure) -> tuple[Any, list[Text]]:
+    axes = figure.axes[0]
+    return axes.get_yticks(), list(axes.get_yticklabels())
 
 
 def test_quality_over_rate_shows_means_and_bars_both_ways() -> None:

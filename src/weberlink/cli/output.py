@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, NoReturn, Protocol
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from weberlink.system.configuration import ConfigurationError
 from weberlink.system.daemon import COMPLETED, FAILED, MISCONFIGURED
@@ -26,7 +25,7 @@ class Study(Protocol):
     def document(self) -> dict[str, Any]: ...
 
     @property
-    def table(self) -> Table: ...
+    def table(self) -> RenderableType: ...
 
     def draw(self, folder: Path) -> None: ...
 

@@ -47,7 +47,14 @@ def export(
 
 
 def evaluate(
-    traces: Annotated[list[Path], typer.Argument(metavar="TRACE...", help="Recorded signals (CSV or MCAP).")],
+    traces: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="TRACE...",
+            help="Recorded signals: files (CSV or MCAP); or shipped ones: tue_rigid_1, tue for all that begin so, "
+            "recordings for all.",
+        ),
+    ],
     predictor: Annotated[str, typer.Option(metavar="P,..", help="Predictors.")] = "zoh,linear,plane,sphere,hybrid",
     weber: Annotated[
         str, typer.Option(metavar="K,..", help='Weber factors; "paper" for 0.025,0.05,0.1,0.15,0.2,0.3.')
@@ -222,7 +229,10 @@ def ratings(
 
 
 def paper(
-    traces: Annotated[list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people.")] = None,
+    traces: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[TRACE...]", help="Recordings of people: files, or shipped ones by name."),
+    ] = None,
     workers: Workers = None,
     json_out: Json = None,
     plots: Plots = None,
@@ -237,7 +247,10 @@ def paper(
 
 def adaptive(
     traces: Annotated[
-        list[Path] | None, typer.Argument(metavar="[TRACE...]", help="Recordings of people; default: the shipped one.")
+        list[Path] | None,
+        typer.Argument(
+            metavar="[TRACE...]", help="Recordings: files, or shipped ones by name; default: all shipped ones."
+        ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Measure a small part.")] = False,
     workers: Workers = None,

@@ -4,9 +4,10 @@ As Figs. 7 to 9 of Xu, Kammerl, Chaudhari and Steinbach, "Hybrid signal-based an
 data reduction", HAVE 2011.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from textwrap import fill
 from typing import Any, Literal
 
 from matplotlib.figure import Figure
@@ -30,12 +31,14 @@ class QualityAxis:
         better: which end is good; that end is drawn up.
         limits: least and largest possible value, such as 0 and 5; None for those of the data.
         column: prefix of its columns in the CSV file.
+        words: of single values, written beside these on the axis; None for numbers alone.
     """
 
     label: str
     better: Literal["higher", "lower"]
     limits: tuple[float, float] | None = None
     column: str = "quality"
+    words: Mapping[int, str] | None = None
 
     @property
     def full_label(self) -> str:
@@ -155,6 +158,9 @@ class CurveFigures:
             axes.set_ylim(low - room, high + room)
         elif self.quality.better == "lower" and all(point.quality.low >= 0.0 for point in _points(self.curves)):
             axes.set_ylim(bottom=0.0)
+        if self.quality.words is not None:
+            levels = sorted(self.quality.words)
+            axes.set_yticks(levels, [f"{fill(self.quality.words[level], 14)}  {level}" for level in levels], fontsize=8)
         if self.quality.better == "lower":
             axes.invert_yaxis()
 

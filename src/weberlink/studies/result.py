@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.console import RenderableType
 from rich.table import Table
 
 
@@ -14,12 +15,12 @@ class StudyResult:
 
     Args:
         document: for JSON.
-        table: for the terminal.
+        table: one or more tables for the terminal.
         figures: draws the figures into an existing folder; it imports matplotlib.
     """
 
     document: dict[str, Any]
-    table: Table
+    table: RenderableType
     figures: Callable[[Path], None]
 
     def draw(self, folder: Path) -> None:

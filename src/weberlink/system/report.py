@@ -108,6 +108,7 @@ def _ticks(summary: dict[str, Any]) -> Table:
 def _lines(summary: dict[str, Any]) -> Iterator[str]:
     force, link, energy = summary["force"], summary["link"], summary["energy"]
     yield from _felt(force)
+    yield from _quality(force)
     if force["coding"]["error_rms"] is not None:
         yield (
             f"coding error {_number(force['coding']['error_rms'], 1.0, 'N')} RMS, "
@@ -160,6 +161,18 @@ def _felt(force: dict[str, Any]) -> Iterator[str]:
         )
     else:
         yield "felt error: unknown; needs both sides (loopback, simulate, or info on two recordings)"
+
+
+def _quality(force: dict[str, Any]) -> Iterator[str]:
+    """Measures of the displayed force in JNDs of a person."""
+    parts = []
+    if force["error_rms_jnd"] is not None:
+        parts.append(f"error {_jnd(force['error_rms_jnd'])} RMS, log error {_jnd(force['log_error_rms_jnd'])}")
+    if force["jump_median_jnd"] is not None:
+        jumps = (_jnd(force[f"jump_{which}_jnd"]) for which in ("median", "p99", "max"))
+        parts.append("jumps {} median, {} p99, {} max".format(*jumps))
+    if parts:
+        yield f"in JND: {'; '.join(parts)}"
 
 
 def _recording(facts: dict[str, Any]) -> str:

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from math import inf, pi, radians
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,13 +17,12 @@ from weberlink.codec import Channel, Encoder, force_channel
 from weberlink.codec.deadband import ConeDeadband, Deadband, ForceDeadband, LevelCrossingDeadband, VelocityDeadband
 from weberlink.codec.predictors import FitLimits
 from weberlink.geometry.vector import Vector
-from weberlink.master.trace import read_trace
+from weberlink.studies import recordings
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
 from weberlink.studies.evaluate.clairvoyant.demand import sector_of
 from weberlink.studies.evaluate.clairvoyant.stretch import reaches
 from weberlink.studies.evaluate.replay import replay, signal_of
 
-RECORDED = Path(__file__).parents[3].parent / "shared" / "traces"
 FAMILIES = ("zoh", "linear", "plane", "sphere", "hybrid")
 Array = NDArray[np.float64]
 EXACT = {"force_step": 1e-9, "position_step": 1e-12, "saturates": False}
@@ -532,10 +530,9 @@ def test_no_bound_where_sends_change_the_deadband(reference: str) -> None:
         }
 
 
-@pytest.mark.skipif(not RECORDED.is_dir(), reason="recordings of people lie in ../shared/traces, which is not here")
 @pytest.mark.parametrize("name", ["tue_spring_1", "omega3_19"])
 def test_recordings_need_more_than_a_clairvoyant(name: str) -> None:
-    trace = read_trace(RECORDED / f"{name}.csv")
+    trace = recordings.load(name)
     found = bounds(trace.force_n, trace.position_m, 0.1)
     for family in FAMILIES:
         real = len(replay(signal_of(trace), force_channel(predictor=family, weber=0.1)).updates)

@@ -162,3 +162,21 @@ def test_the_documentation_lists_every_signal() -> None:
     page = (Path(__file__).parents[3] / "docs" / "scenes.md").read_text(encoding="utf-8")
     table = page.split("| signal |", 1)[1].split("\n\n", 1)[0]
     assert re.findall(r"^\| `(\w+)` \|", table, re.M) == list(scene_names())
+
+
+@pytest.mark.parametrize("name", ["plane_velocity_friction", "plane_texture", "plane_changing"])
+def test_an_effect_is_not_that_of_the_object_alone(name: str) -> None:
+    one = signal(name)
+    alone = 500.0 * np.maximum(0.0, -one.position_m[:, 2])
+    pressed = alone > 0.5
+    along, swing = np.linalg.norm(one.force_n[pressed, :2], axis=1), one.force_n[pressed, 2] / alone[pressed]
+    if name == "plane_velocity_friction":
+        assert swing == pytest.approx(1.0)
+        coefficient = along / alone[pressed]
+        assert 0.3 < coefficient.max() < 1.5
+        assert np.quantile(coefficient, 0.1) < 0.5 * np.quantile(coefficient, 0.9)
+    elif name == "plane_texture":
+        assert along.max() == 0.0
+        assert (swing.min(), swing.max()) == pytest.approx((0.85, 1.15), abs=1e-3)
+    else:
+        assert set(swing.round(6)) == {1.0, 2.0}

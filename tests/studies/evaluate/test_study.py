@@ -5,7 +5,7 @@ import pickle
 import re
 from dataclasses import replace
 from functools import cache
-from math import hypot, inf, sqrt
+from math import hypot, inf, log, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +37,7 @@ STUDY = EvaluationStudy(("plane", "zoh", "hybrid"), (0.20, 0.05))
 
 
 def row_of(signal: Trace, channel: Channel, jnd: float = 0.10) -> EvaluationRow:
-    threshold = Threshold(jnd, 0.02).of(signal.force_n)
-    return evaluate("made", signal_of(signal), channel, threshold, predictor="zoh", weber=0.10)
+    return evaluate("made", signal_of(signal), channel, Threshold(jnd), predictor="zoh", weber=0.10)
 
 
 def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
@@ -46,12 +45,13 @@ def timeless(rows: list[EvaluationRow]) -> list[EvaluationRow]:
     return [replace(row, tick_us=0.0) for row in rows]
 
 
-def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int]]:
-    """Decoded forces, bounds, and the size of the datagram of every update."""
+def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float], list[int], list[bool]]:
+    """Decoded forces, bounds, the size of the datagram of every update, and whether a tick had one."""
     encoder, decoder, layout = Encoder(channel), Decoder(channel), UpdateLayout(channel.forms)
-    decoded, bounds, datagrams = [], [], []
+    decoded, bounds, datagrams, sends = [], [], [], []
     for tick, (force, position) in enumerate(zip(signal.force_n.tolist(), signal.position_m.tolist(), strict=True)):
         update = encoder.encode(tick, tuple(force), tuple(position))
+        sends.append(update is not None)
         if update is not None:
             decoder.apply(update)
             packed = layout.pack(Envelope(1, 2, 3, (4,)), 0, update)
@@ -60,7 +60,7 @@ def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float
         assert held is not None
         decoded.append(held)
         bounds.append(encoder.bound)
-    return decoded, bounds, datagrams
+    return decoded, bounds, datagrams, sends
 
 
 @pytest.mark.parametrize("predictor", PREDICTORS)
@@ -68,9 +68,9 @@ def plain_run(signal: Trace, channel: Channel) -> tuple[list[Vector], list[float
 def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None:
     channel = force_channel(predictor=predictor, weber=0.20)
     found = row_of(signal, channel)
-    decoded, bounds, datagrams = plain_run(signal, channel)
+    decoded, bounds, datagrams, sends = plain_run(signal, channel)
     errors = [hypot(*np.subtract(a, b)) for a, b in zip(decoded, signal.force_n.tolist(), strict=True)]
-    jnds = [max(0.10 * hypot(*force), 0.02) for force in signal.force_n.tolist()]
+    jnds = [max(0.10 * hypot(*force), 0.04) for force in signal.force_n.tolist()]
     in_jnd = [error / jnd for error, jnd in zip(errors, jnds, strict=True)]
     duration = len(errors) * 1e-3
     assert len(datagrams) > 1
@@ -80,12 +80,25 @@ def test_figures_are_those_of_a_plain_run(signal: Trace, predictor: str) -> None
     assert found.reduction == pytest.approx(1.0 - found.packets / len(errors))
     assert found.error_rms_n == pytest.approx(sqrt(sum(e * e for e in errors) / len(errors)))
     assert found.error_max_n == pytest.approx(max(errors))
-    assert found.jnd_max == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
+    assert found.error_max_deadbands == pytest.approx(max(e / b for e, b in zip(errors, bounds, strict=True)))
     assert found.error_rms_jnd == pytest.approx(sqrt(sum(x * x for x in in_jnd) / len(in_jnd)))
     assert found.error_max_jnd == pytest.approx(max(in_jnd))
     assert found.noticeable_fraction == pytest.approx(sum(x > 1.0 for x in in_jnd) / len(in_jnd))
+    logs = [
+        abs(log((hypot(*f) + 0.4) / (hypot(*d) + 0.4))) / log(1.1)
+        for f, d in zip(signal.force_n.tolist(), decoded, strict=True)
+    ]
+    assert found.log_error_rms_jnd == pytest.approx(sqrt(sum(x * x for x in logs) / len(logs)))
+    assert found.log_error_max_jnd == pytest.approx(max(logs))
+    jumps = [
+        hypot(*np.subtract(new, old)) / max(0.10 * hypot(*old), 0.04)
+        for sent, new, old in zip(sends[1:], decoded[1:], decoded, strict=False)
+        if sent
+    ]
+    assert found.jump_median_jnd == pytest.approx(sorted(jumps)[(len(jumps) - 1) // 2], rel=0.005)
+    assert found.jump_max_jnd == pytest.approx(max(jumps))
     assert (found.violation_fraction, found.violation_longest_s) == (0.0, 0.0)
-    assert found.jnd_max <= 1.0
+    assert found.error_max_deadbands <= 1.0
     assert found.tick_us > 0.0
     if predictor == "hybrid":
         assert found.selected is not None
@@ -203,6 +216,6 @@ def test_shipped_trace_stays_within_the_deadband() -> None:
     for fine, coarse in zip(rows[::2], rows[1::2], strict=True):
         assert 0 < coarse.packets < fine.packets
         assert fine.samples == len(own.time_s)
-        assert max(fine.jnd_max, coarse.jnd_max) <= 1.0
+        assert max(fine.error_max_deadbands, coarse.error_max_deadbands) <= 1.0
         assert fine.clairvoyant_packets is not None
         assert fine.clairvoyant_packets <= fine.packets

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, SubjectLeft, TrialResult
 from weberlink.studies.experiment.ledger import SubjectProgress
-from weberlink.studies.experiment.plan import WORDING, TrainingReference, TrialPlan, order
+from weberlink.studies.experiment.plan import SCALE, TrainingReference, TrialPlan, order
 
 
 def plan(subject: int = 1, *, simulated: bool = False, seed: int = 0) -> TrialPlan:
@@ -16,7 +16,7 @@ def plan(subject: int = 1, *, simulated: bool = False, seed: int = 0) -> TrialPl
         duration_s=10.0,
         digest="d" * 64,
         configuration={"rate_hz": 1000.0},
-        wording={str(level): text for level, text in WORDING.items()},
+        wording={str(level): text for level, text in SCALE.items()},
         trials=order(seed, subject),
         environment={"machine": "none"},
     )

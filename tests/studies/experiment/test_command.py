@@ -77,7 +77,7 @@ def test_a_simulated_subject_rates_every_condition(study: Path) -> None:
         figures = event["figures"]
         assert figures["outcome"] == "completed"
         assert figures["faults"] == {"master": {}, "slave": {}}
-        for name in ("packets_per_s", "reduction", "error_rms", "violation_fraction", "felt_error_rms_jnd"):
+        for name in ("packets_per_s", "reduction", "error_rms", "violation_fraction", "error_rms_jnd"):
             assert figures[name] >= 0.0
     assert [event["level"] for event in events if event["event"] == "reference"] == [5, 3, 1]
 

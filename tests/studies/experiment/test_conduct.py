@@ -16,12 +16,14 @@ from weberlink.studies.experiment.plan import (
     HIGHEST,
     LOWEST,
     REFERENCES,
-    WORDING,
+    SCALE,
     TrialPlan,
     order,
     rating_of,
 )
 from weberlink.studies.paper.claims import PREDICTORS, WEBERS
+
+DOCS = Path(__file__).parents[3] / "docs"
 
 
 @given(st.integers(0, 2**63), st.integers(1, 10_000))
@@ -57,6 +59,7 @@ def test_a_plan_survives_json() -> None:
         ({"trials": []}, "trials without repetition"),
         ({"trials": [{"predictor": "zoh", "weber": 0.1}] * 2}, "trials without repetition"),
         ({"trials": [{"predictor": "zoh"}]}, "'weber'"),
+        ({"wording": {"good": "no difference"}}, "expected levels 0 to 5, not good"),
     ],
 )
 def test_wrong_plans_are_refused(change: dict[str, object], part: str) -> None:
@@ -70,8 +73,14 @@ def test_references_are_those_of_the_paper() -> None:
         (1, "linear", 0.25),
     ]
     assert (REFERENCES[0].level, REFERENCES[0].condition.weber) == (5, 0.0)
-    assert sorted(WORDING) == [0, 1, 2, 3, 4, 5] == list(range(LOWEST, HIGHEST + 1))
-    assert all(0 < len(text) <= 60 for text in WORDING.values())
+    assert sorted(SCALE) == [0, 1, 2, 3, 4, 5] == list(range(LOWEST, HIGHEST + 1))
+
+
+@pytest.mark.parametrize("page", ["experiment.md", "glossary.md"])
+def test_the_scale_is_explained_in_the_words_that_are_shown(page: str) -> None:
+    text = (DOCS / page).read_text(encoding="utf-8")
+    for level, words in SCALE.items():
+        assert f"| {level} | {words} |" in text or f"{level} {words}" in text
 
 
 @given(st.one_of(st.text(max_size=4), st.sampled_from(["", " ", "6", "-1", "3.5", "33", "05", "\u0663", "\u00b2"])))

@@ -32,7 +32,7 @@ def row(predictor: str, packets_per_s: float, error: float, *, weber: float = 0.
         coding_rms_n=error,
         error_rms_n=error,
         error_max_n=error,
-        error_rms_jnd=error,
+        error_rms_deadbands=error,
         violation_fraction=0.0,
         violation_longest_ticks=0,
         tick_us=2.0,
@@ -53,7 +53,7 @@ def test_figures_of_a_step_match_the_formulas() -> None:
     assert found.coding_rms_n == 0.0
     assert found.error_rms_n == pytest.approx(2.0 * sqrt(3.0 / 20.0))
     assert found.error_max_n == 2.0
-    assert found.error_rms_jnd == pytest.approx(10.0 * sqrt(3.0 / 20.0))
+    assert found.error_rms_deadbands == pytest.approx(10.0 * sqrt(3.0 / 20.0))
     assert (found.violation_fraction, found.violation_longest_ticks) == (0.15, 3)
     assert found.tick_us > 0.0
 
@@ -62,7 +62,7 @@ def test_without_latency_felt_is_coding_error() -> None:
     for found in study({"wall": wall()}, webers=(0.05, 0.20), latency_ticks=0).rows:
         assert found.error_rms_n == pytest.approx(found.coding_rms_n)
         assert found.violation_fraction == 0.0
-        assert found.error_rms_jnd <= 1.0
+        assert found.error_rms_deadbands <= 1.0
 
 
 def test_traces_are_pooled_by_their_samples() -> None:

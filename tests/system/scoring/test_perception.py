@@ -1,7 +1,9 @@
-"""Perceptual error metrics, beside the same computed tick by tick."""
+"""Measures of quality, beside the same computed tick by tick."""
 
 from itertools import groupby
-from math import inf, sqrt
+from math import inf, log, sqrt
+from statistics import median
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from weberlink.protocol.states import State
-from weberlink.system.scoring.perception import FeltError, Threshold, longest_run, noticed
+from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics, Threshold, longest_run
+from weberlink.system.scoring.session import SessionScore
 from weberlink.telemetry.reader import DTYPE
+from weberlink.telemetry.record import RELEASED
 
-magnitudes = st.just(0.0) | st.floats(1e-9, 10.0)
+magnitudes = st.just(0.0) | st.floats(1e-9, 30.0)
+thresholds = st.builds(Threshold, st.floats(0.02, 0.5), st.floats(1e-3, 1.0))
 
 
 def test_the_threshold_is_a_share_with_a_floor() -> None:
@@ -20,28 +25,88 @@ def test_the_threshold_is_a_share_with_a_floor() -> None:
     assert Threshold(0.10, 0.02).of(forces).tolist() == pytest.approx([0.02, 0.5, 0.02, 0.2])
 
 
-@pytest.mark.parametrize(("jnd", "floor"), [(0.0, 0.02), (-0.1, 0.02), (0.1, -0.02), (inf, 0.0), (0.1, inf)])
+@pytest.mark.parametrize(
+    ("jnd", "floor"), [(0.0, 0.02), (-0.1, 0.02), (0.1, 0.0), (0.1, -0.02), (inf, 0.1), (0.1, inf)]
+)
 def test_a_threshold_out_of_range_is_refused(jnd: float, floor: float) -> None:
-    with pytest.raises(ValueError, match="jnd must be > 0 and floor_n >= 0"):
+    with pytest.raises(ValueError, match="jnd and floor_n must be > 0"):
         Threshold(jnd, floor)
 
 
-def test_figures_worked_out_by_hand() -> None:
-    errors = np.array([0.0, 0.2, 0.3, 0.1, 0.4, 0.4])
-    thresholds = np.array([0.1, 0.1, 0.1, 0.1, 0.2, 0.4])
-    found = noticed(errors, thresholds, 1e-3)
-    assert found.error_rms_jnd == pytest.approx(sqrt((0 + 4 + 9 + 1 + 4 + 1) / 6))
-    assert found.error_max_jnd == pytest.approx(3.0)
+# --- the log error
+
+
+def log_error(threshold: Threshold, displayed: float, measured: float) -> float:
+    return float(threshold.log_error(np.array([displayed]), np.array([measured]))[0])
+
+
+def test_one_jnd_of_log_error_at_no_force_is_the_absolute_threshold() -> None:
+    threshold = Threshold(0.10, 0.04)
+    assert log_error(threshold, 0.04, 0.0) == pytest.approx(1.0)
+    assert log_error(threshold, 4.0, 4.0 + 0.10 * 4.4) == pytest.approx(1.0)
+
+
+@given(thresholds, magnitudes, magnitudes, magnitudes)
+def test_log_errors_add_up_and_do_not_depend_on_the_order(
+    threshold: Threshold, one: float, other: float, third: float
+) -> None:
+    """It counts JNDs one upon the other, so those from a to b and from b to c are those from a to c."""
+    low, middle, high = sorted((one, other, third))
+    steps = log_error(threshold, low, middle) + log_error(threshold, middle, high)
+    assert log_error(threshold, low, high) == pytest.approx(steps, abs=1e-9)
+    assert log_error(threshold, one, other) == pytest.approx(log_error(threshold, other, one))
+    assert log_error(threshold, one, one) == 0.0
+
+
+@given(thresholds, magnitudes)
+def test_a_small_log_error_is_the_error_in_jnds_of_the_law_with_a_constant(threshold: Threshold, force: float) -> None:
+    jnd = threshold.jnd * force + threshold.floor_n
+    found = log_error(threshold, force + 1e-4 * jnd, force)
+    assert found == pytest.approx(1e-4 * threshold.jnd / log(1.0 + threshold.jnd), rel=1e-3)
+
+
+# --- running measures
+
+
+def summary(threshold: Threshold, ticks: list[tuple[float, float]], pieces: int = 1) -> dict[str, Any]:
+    """Of displayed and measured forces along one axis."""
+    statistics = QualityStatistics(1e-3, threshold)
+    for part in np.array_split(np.array(ticks, dtype=np.float64).reshape(-1, 2), pieces):
+        statistics.add(np.abs(part[:, 0] - part[:, 1]), np.abs(part[:, 0]), np.abs(part[:, 1]))
+    return statistics.summary()
+
+
+def test_measures_worked_out_by_hand() -> None:
+    threshold = Threshold(0.10, 0.10)
+    found = summary(threshold, [(1.0, 1.0), (1.2, 1.0), (0.7, 1.0), (0.1, 0.0), (2.4, 2.0), (3.6, 4.0)])
+    assert found["error_rms_jnd"] == pytest.approx(sqrt((0 + 4 + 9 + 1 + 4 + 1) / 6))
+    assert found["error_max_jnd"] == pytest.approx(3.0)
     # 0.1 against 0.1 is on the threshold, not beyond it.
-    assert found.noticeable_fraction == pytest.approx(3 / 6)
-    assert found.noticeable_longest_s == pytest.approx(2e-3)
+    assert found["noticeable_fraction"] == pytest.approx(3 / 6)
+    assert found["noticeable_longest_s"] == pytest.approx(2e-3)
+    logs = [log(2.2 / 2.0), log(2.0 / 1.7), log(1.1), log(3.4 / 3.0), log(5.0 / 4.6)]
+    assert found["log_error_rms_jnd"] == pytest.approx(sqrt(sum(x * x for x in logs) / 6) / log(1.1))
+    assert found["log_error_max_jnd"] == pytest.approx(log(2.0 / 1.7) / log(1.1))
 
 
-def test_a_threshold_of_zero_counts_no_jnd() -> None:
-    found = noticed(np.array([0.0, 0.5, 0.2]), np.array([0.0, 0.0, 0.1]), 1e-3)
-    assert found.error_rms_jnd == found.error_max_jnd == pytest.approx(2.0)
-    assert found.noticeable_fraction == pytest.approx(2 / 3)
-    assert noticed(np.zeros(3), np.zeros(3), 1e-3) == (0.0, 0.0, 0.0, 0.0)
+def test_without_a_tick_nothing_is_said() -> None:
+    assert set(QualityStatistics(1e-3).summary().values()) == {None}
+
+
+@given(thresholds, st.lists(st.tuples(magnitudes, magnitudes), min_size=1, max_size=30), st.integers(1, 7))
+def test_measures_do_not_depend_on_the_pieces(
+    threshold: Threshold, ticks: list[tuple[float, float]], pieces: int
+) -> None:
+    whole = summary(threshold, ticks)
+    assert summary(threshold, ticks, pieces) == pytest.approx(whole)
+    runs = [
+        len(list(group))
+        for is_set, group in groupby(abs(d - f) > max(threshold.jnd * f, threshold.floor_n) for d, f in ticks)
+        if is_set
+    ]
+    assert whole["noticeable_longest_s"] == pytest.approx(1e-3 * max(runs, default=0))
+    assert whole["noticeable_fraction"] == pytest.approx(sum(runs) / len(ticks))
+    assert whole["error_rms_jnd"] <= whole["error_max_jnd"] * (1.0 + 1e-12)
 
 
 @given(st.lists(st.booleans(), max_size=30))
@@ -50,36 +115,60 @@ def test_the_longest_run_is_that_of_counting(flags: list[bool]) -> None:
     assert longest_run(np.array(flags, dtype=bool)) == max(runs, default=0)
 
 
-@given(st.lists(st.tuples(magnitudes, st.floats(0.01, 1.0)), min_size=1, max_size=20))
-def test_noticed_ticks_are_those_above_one_jnd(pairs: list[tuple[float, float]]) -> None:
-    errors, thresholds = (np.array(column) for column in zip(*pairs, strict=True))
-    found = noticed(errors, thresholds, 1e-3)
-    assert found.noticeable_fraction == sum(error > threshold for error, threshold in pairs) / len(pairs)
-    assert (found.noticeable_longest_s > 0.0) == (found.noticeable_fraction > 0.0)
-    assert found.error_rms_jnd <= found.error_max_jnd * (1.0 + 1e-12)
+@given(st.lists(st.tuples(st.floats(1e-3, 30.0), magnitudes), min_size=1, max_size=40))
+def test_jumps_are_in_jnds_of_the_force_before(jumps: list[tuple[float, float]]) -> None:
+    statistics = QualityStatistics(1e-3, Threshold(0.10, 0.04))
+    statistics.add_jumps(*(np.array(column) for column in zip(*jumps, strict=True)))
+    found = statistics.summary()
+    in_jnd = sorted(jump / max(0.10 * before, 0.04) for jump, before in jumps)
+    assert found["jump_max_jnd"] == pytest.approx(in_jnd[-1])
+    assert found["jump_median_jnd"] == pytest.approx(in_jnd[(len(in_jnd) - 1) // 2], rel=0.006)
+    if len(in_jnd) % 2:
+        assert found["jump_median_jnd"] == pytest.approx(median(in_jnd), rel=0.006)
+    assert found["jump_median_jnd"] <= found["jump_p99_jnd"] <= found["jump_max_jnd"]
 
 
-def ticks(count, **values):
+# --- records
+
+
+def ticks(count: int, **values: Any) -> Any:
     records = np.zeros(count, DTYPE)
+    records["tick"] = np.arange(count)
+    records["at"] = np.arange(count) / 1000.0
     records["state"] = State.ENGAGED.value
     for name, value in values.items():
         records[name] = value
     return records
 
 
-def test_the_felt_error_is_in_jnds():
-    felt = FeltError(Threshold(0.10, 0.02))
-    master = ticks(2, output=[[0.0, 0.0, 2.2], [0.0, 0.0, 0.01]])
-    felt.add(master, ticks(2, raw=[[0.0, 0.0, 2.0], [0.0, 0.0, 0.0]]))
-    assert felt.rms_jnd == pytest.approx(((1.0**2 + 0.5**2) / 2) ** 0.5)
+def test_a_session_has_the_measures_of_what_its_operator_felt() -> None:
+    master = ticks(3, output=[[0.0, 0.0, 2.2], [0.0, 0.0, 0.02], [0.0, 0.0, 9.0]])
+    score = SessionScore(1000.0, ("zoh",))
+    score.add(master, ticks(3, raw=[[0.0, 0.0, 2.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]))
+    force = score.summary()["force"]
+    # The last tick of the slave still waits for a nearer one of the master.
+    assert force["error_rms_jnd"] == pytest.approx(((1.0**2 + 0.5**2) / 2) ** 0.5)
+    assert force["log_error_max_jnd"] == pytest.approx(log(2.6 / 2.4) / log(1.1), rel=1e-6)
+    assert force["jump_max_jnd"] is None  # no update was received
 
 
-def test_the_felt_error_ignores_ramps_and_silence():
-    felt = FeltError(Threshold(0.10, 0.02))
-    wrong = {"output": [[0.0, 0.0, 9.0]]}
-    felt.add(ticks(1, **wrong, ramping=1), ticks(1))
-    felt.add(ticks(1, **wrong), ticks(1, ramping=1))
-    felt.add(ticks(1, **wrong), ticks(1, state=State.SILENT.value))
-    assert felt.rms_jnd is None
-    felt.add(ticks(1, **wrong), ticks(1))
-    assert felt.rms_jnd == pytest.approx(450.0)
+@pytest.mark.parametrize("pieces", [1, 4])
+def test_jumps_are_changes_in_ticks_with_an_update(pieces: int) -> None:
+    master = ticks(12, received=[0, 1, 0, 2, 0, 1, 1, 0, 1, 1, 1, 0])
+    master["output"][:, 2] = [0.0, 1.0, 1.5, 3.5, 3.5, 3.0, 3.0, 9.0, 1.0, 2.0, 4.0, 9.0]
+    master["ramping"][5] = 1
+    master["ramping"][6] = RELEASED
+    master["tick"][8:] += 1  # a tick was lost before
+    master["state"][10] = State.SILENT.value
+    jumps = JumpsOfRecords()
+    found = [jumps.of(part) for part in np.array_split(master, pieces)]
+    assert np.concatenate([jump for jump, _ in found]).tolist() == [1.0, 2.0, 1.0]
+    assert np.concatenate([before for _, before in found]).tolist() == [0.0, 1.5, 1.0]
+
+
+def test_jumps_need_the_records_of_the_master_only() -> None:
+    score = SessionScore(1000.0, ("zoh",))
+    score.add(ticks(2, received=[0, 1], output=[[0.0, 0.0, 1.0], [0.0, 0.3, 1.0]]), np.empty(0, DTYPE))
+    force = score.summary()["force"]
+    assert force["jump_max_jnd"] == pytest.approx(3.0)
+    assert force["error_rms_jnd"] is None

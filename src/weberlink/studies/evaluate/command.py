@@ -8,8 +8,9 @@ from time import perf_counter
 
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC
 from weberlink.codec.predictors import BANKS, PREDICTORS
+from weberlink.studies.evaluate.by_source import by_source
 from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy, coded_samples, rows_of
-from weberlink.studies.evaluate.table import table_of
+from weberlink.studies.evaluate.table import tables_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces
 from weberlink.studies.paper.claims import WEBERS
 from weberlink.studies.parallel import Progress, parallel_map
@@ -65,11 +66,11 @@ def run(
     """Evaluate every combination. The rows do not depend on the workers, except for the measured run time.
 
     Args:
-        traces: recorded signals, each once.
+        traces: files, or names of shipped recordings and of their sources; each recording once.
         predictors: names, separated by commas.
         webers: Weber factors, separated by commas, or "paper" for those of the paper.
         floor: absolute threshold [N].
-        jnd: just noticeable difference of a person, as a share of the force.
+        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
         deadbands: names of shapes, separated by commas.
@@ -105,6 +106,7 @@ def run(
         "floor_n": floor,
         "jnd": jnd,
         "wire": wire,
+        "sources": [one.as_json() for one in by_source(rows)],
         "rows": [row.as_json() for row in rows],
         "run_time_s": run_time,
         "environment": facts,
@@ -115,7 +117,7 @@ def run(
 
         draw_study(study, named, rows, folder, caption)
 
-    return Evaluation(document, table_of(rows, jnd, run_time, caption), draw, rows)
+    return Evaluation(document, tables_of(rows, jnd, run_time, caption), draw, rows)
 
 
 def _compute(

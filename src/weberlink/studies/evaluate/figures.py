@@ -12,6 +12,7 @@ from weberlink.studies.evaluate.study import EvaluationRow, EvaluationStudy
 from weberlink.studies.evaluate.traces import NamedTrace
 from weberlink.studies.moments.figures import draw_force, draw_model
 from weberlink.studies.moments.moments import CodedTrace, longest
+from weberlink.system.scoring.perception import ABSOLUTE_THRESHOLD_N
 
 USUAL_WEBER = 0.10
 SHOWN = ("zoh", "linear", "hybrid")
@@ -30,7 +31,7 @@ def draw_study(
     observed = [Observation(row.trace, row.predictor, row.weber, row.packets_per_s, row.error_rms_jnd) for row in rows]
     quality = QualityAxis("error, RMS [JND]", better="lower", column="error_rms_jnd")
     title = traces[0].name if len(traces) == 1 else f"{len(traces)} traces"
-    told = f"A JND is {100 * study.jnd:g} % of the force, at least {study.floor:g} N.\n{caption}"
+    told = f"A JND is {100 * study.jnd:g} % of the force, at least {ABSOLUTE_THRESHOLD_N:g} N.\n{caption}"
     CurveFigures(curves(observed), quality, told, title, units="traces").write(folder)
     weber = min(study.webers, key=lambda weber: abs(weber - USUAL_WEBER))
     _draw_moment(study, traces[0], weber, folder / "force", caption)

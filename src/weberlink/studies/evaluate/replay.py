@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from weberlink.codec import Channel, Update
 from weberlink.codec.replay import code
-from weberlink.geometry.vector import Vector, distance
+from weberlink.geometry.vector import Vector, distance, norm
 from weberlink.master.trace import Trace
 from weberlink.protocol.psk import PresharedKey
 from weberlink.protocol.wire import UpdateLayout
@@ -61,6 +61,9 @@ class ReplayResult:
         error_n: distance of the decoded force from the measured one at each tick, shape (n,) [N].
         bound_n: the deadband at each tick, shape (n,) [N].
         deviation_n: the error in the measure of the deadband, to compare with the bound, shape (n,) [N].
+        displayed_n: magnitude of the decoded force at each tick, shape (n,) [N].
+        jump_n: change of the decoded force from the tick before, in each tick with an update but the first, [N].
+        before_n: magnitude of the decoded force before each jump, in the same shape [N].
         updates: those sent.
         selected: index in the bank of the predictor of each update, shape (packets,).
         tick_us: median run time of encode plus decode.
@@ -69,6 +72,9 @@ class ReplayResult:
     error_n: Array
     bound_n: Array
     deviation_n: Array
+    displayed_n: Array
+    jump_n: Array
+    before_n: Array
     updates: Sequence[Update]
     selected: Integers
     tick_us: float
@@ -89,6 +95,10 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
     errors: list[float] = []
     bounds: list[float] = []
     deviations: list[float] = errors if measure is distance else []
+    displayed: list[float] = []
+    jumps: list[float] = []
+    before: list[float] = []
+    held: Vector | None = None
     updates: list[Update] = []
     times: list[float] = []
     # Vectors of past ticks are not kept: fresh memory in every tick would slow down what is measured.
@@ -100,10 +110,18 @@ def replay(signal: Signal, channel: Channel) -> ReplayResult:
             deviations.append(measure(tick.displayed, force))
         if tick.update is not None:
             updates.append(tick.update)
+            if held is not None:
+                jumps.append(distance(tick.displayed, held))
+                before.append(displayed[-1])
+        held = tick.displayed
+        displayed.append(norm(held))
     return ReplayResult(
         np.array(errors),
         np.array(bounds),
         np.array(deviations),
+        np.array(displayed),
+        np.array(jumps),
+        np.array(before),
         updates,
         np.array([update.selector for update in updates], np.int64),
         1e6 * float(np.median(times)),

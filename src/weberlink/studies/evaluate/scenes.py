@@ -10,7 +10,7 @@ from zlib import crc32
 
 import numpy as np
 
-from weberlink.geometry.vector import Vector
+from weberlink.geometry.vector import Vector, scale, subtract
 from weberlink.master.devices.hand import HandOptions
 from weberlink.master.devices.hand_device import HandDevice, HandDeviceOptions
 from weberlink.master.devices.motion import LegSequence
@@ -22,6 +22,7 @@ from weberlink.slave.scenes.settings import (
     build,
     object_settings,
 )
+from weberlink.studies.evaluate.effects import Effect, changing_stiffness, texture, velocity_friction
 from weberlink.studies.evaluate.exploration import Chart, ExploredSurface, exploration, home
 from weberlink.studies.evaluate.replay import Signal
 
@@ -35,6 +36,10 @@ HEAVING = MotionSettings(amplitude_m=0.016, frequency_hz=1.0)
 SLIDING = MotionSettings(direction=(1.0, 0.0, 0.0), amplitude_m=0.03, frequency_hz=0.4)
 """Along the surface, at most 0.075 m/s."""
 
+STRIBECK = velocity_friction(static=0.5, dynamic=0.25, stribeck_m_s=0.02, viscous_n_s_m=3.0)
+RIDGES = texture(wavelength_m=0.0004, share=0.15)
+"""50 to 250 Hz at 0.02 to 0.1 m/s."""
+
 
 @dataclass(frozen=True, slots=True)
 class ExploredScene:
@@ -45,12 +50,14 @@ class ExploredScene:
         chart: of its surface.
         reach_m: largest distance of the hand from the middle.
         force_n: least and largest intended force.
+        effect: changes the force of the object.
     """
 
     object: ObjectSettings
     chart: Chart
     reach_m: float = 0.04
     force_n: tuple[float, float] = (0.7, 4.5)
+    effect: Effect | None = None
 
 
 def level(height: float) -> Chart:
@@ -130,6 +137,12 @@ SCENES: dict[str, ExploredScene] = {
     "sphere_friction": ExploredScene(_sphere(RUBBING), ROUND),
     "plane_moving": ExploredScene(_plane(500.0, motion=HEAVING), FLAT, force_n=(1.5, 4.5)),
     "plane_sliding": ExploredScene(_plane(500.0, friction=RUBBING, motion=SLIDING), FLAT),
+    "plane_velocity_friction": ExploredScene(_plane(500.0), FLAT, effect=STRIBECK),
+    "sphere_velocity_friction": ExploredScene(_sphere(), ROUND, effect=STRIBECK),
+    "plane_texture": ExploredScene(_plane(500.0), FLAT, effect=RIDGES),
+    "sphere_texture": ExploredScene(_sphere(), ROUND, effect=RIDGES),
+    "plane_changing": ExploredScene(_plane(500.0), FLAT, effect=changing_stiffness(2.0, 1.3)),
+    "sphere_changing": ExploredScene(_sphere(), ROUND, effect=changing_stiffness(0.5, 1.3)),
 }
 
 
@@ -169,7 +182,7 @@ def _hand(explored: ExploredScene, random: Random, seed: int, duration_s: float)
 
 def _explore(explored: ExploredScene, device: HandDevice, count: int) -> tuple[list[Vector], list[Vector]]:
     """Forces [N] and positions [m]; the force of a tick moves the hand in the next."""
-    scene = build([explored.object])
+    scene, effect = build([explored.object]), explored.effect
     forces: list[Vector] = []
     positions: list[Vector] = []
     device.open(-PERIOD_S)
@@ -177,6 +190,9 @@ def _explore(explored: ExploredScene, device: HandDevice, count: int) -> tuple[l
         now = tick * PERIOD_S
         position = device.latest(now).position
         force = scene.force(position, PERIOD_S if tick else 0.0)
+        if effect is not None:
+            velocity = scale(subtract(position, positions[-1] if positions else position), 1.0 / PERIOD_S)
+            force = effect(force, position, velocity, now)
         device.command(force, now)
         forces.append(force)
         positions.append(position)

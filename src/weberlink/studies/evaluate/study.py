@@ -14,10 +14,10 @@ from weberlink.codec import Channel, force_channel
 from weberlink.codec.deadband import DEADBANDS, ISOTROPIC, DeadbandSetup
 from weberlink.codec.predictors import HYBRID
 from weberlink.studies.evaluate.clairvoyant import clairvoyant_sends
-from weberlink.studies.evaluate.replay import Array, Signal, replay, signal_of
-from weberlink.studies.evaluate.traces import NamedTrace
+from weberlink.studies.evaluate.replay import Signal, replay, signal_of
+from weberlink.studies.evaluate.traces import FILES, NamedTrace
 from weberlink.studies.paper.claims import PREDICTORS
-from weberlink.system.scoring.perception import Threshold, in_units, longest_run, noticed, rms
+from weberlink.system.scoring.perception import WEBER_FRACTION, QualityStatistics, Threshold, in_units, longest_run, rms
 
 DEFAULT_PERIOD_S = 1e-3
 
@@ -30,6 +30,7 @@ class EvaluationRow:
     predictor: str
     weber: float
     samples: int
+    duration_s: float
     packets: int
     packets_per_s: float
     reduction: float
@@ -38,21 +39,29 @@ class EvaluationRow:
     """UDP payload of the updates, as on a link secured by a pre-shared key."""
     error_rms_n: float
     error_max_n: float
-    jnd_max: float
+    error_max_deadbands: float
     """Largest error in units of its bound, in the deadband's own measure."""
     violation_fraction: float
     """Share of ticks outside the deadband of this row; 0 if the codec works."""
     violation_longest_s: float
     error_rms_jnd: float
-    """This and the next three: in units of the perception threshold, which is the same for all rows."""
+    """This and the next eight: measures of `QualityStatistics`, with the same JND for all rows."""
     error_max_jnd: float
     noticeable_fraction: float
     noticeable_longest_s: float
+    log_error_rms_jnd: float
+    log_error_max_jnd: float
+    jump_median_jnd: float | None
+    """None without a jump, likewise the next two."""
+    jump_p99_jnd: float | None
+    jump_max_jnd: float | None
     tick_us: float
     """Median run time of encode plus decode."""
     selected: dict[str, int] | None = None
     """Sends per predictor; hybrid only."""
     deadband: str = ISOTROPIC
+    source: str = FILES
+    """Of the trace: a source of shipped recordings, or `FILES`."""
     clairvoyant_packets: int | None = None
     """Lower bound for any encoder of this predictor, even one that knows the future; None if not computed."""
 
@@ -79,11 +88,11 @@ class EvaluationStudy:
     Args:
         predictors: names, "hybrid" among them; each once.
         webers: Weber factors; each once.
-        floor: absolute threshold of the deadband and of perception [N].
+        floor: absolute threshold of the deadband [N].
         force_step: wire step [N].
         position_step: wire step [m].
         saturates: whether the int16 range applies.
-        jnd: just noticeable difference of a person, as a share of the force.
+        jnd: just noticeable difference of a person, as a share of the force; its absolute threshold is the default.
         deadbands: names of shapes, each once; their other parameters have the default values.
     """
 
@@ -93,7 +102,7 @@ class EvaluationStudy:
     force_step: float = 1e-3
     position_step: float = 1e-5
     saturates: bool = True
-    jnd: float = 0.10
+    jnd: float = WEBER_FRACTION
     deadbands: Sequence[str] = (ISOTROPIC,)
 
     def channel(
@@ -107,6 +116,7 @@ class EvaluationStudy:
             force_step=self.force_step,
             position_step=self.position_step,
             saturates=self.saturates,
+            tick_period=period_s,
         )
 
     def tasks(self, traces: Iterable[NamedTrace]) -> list["EvaluationTask"]:
@@ -150,15 +160,15 @@ EvaluationTask = tuple[NamedTrace, StudyPoint]
 
 def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
     """The rows of one task, one for each predictor."""
-    (name, trace), (study, weber, deadband) = task
+    (name, trace, source), (study, weber, deadband) = task
     signal = signal_of(trace)
-    threshold_n = Threshold(study.jnd, study.floor).of(trace.force_n)
     hybrid = study.channel(HYBRID, weber, deadband, signal.period_s)
     fewest = clairvoyant_sends(trace.force_n, trace.position_m, channel=hybrid, families=study.predictors)
     return [
         evaluate(
-            name, signal, study.channel(predictor, weber, deadband, signal.period_s), threshold_n,
-            predictor=predictor, weber=weber, deadband=deadband, clairvoyant_packets=fewest.get(predictor),
+            name, signal, study.channel(predictor, weber, deadband, signal.period_s), Threshold(study.jnd),
+            predictor=predictor, weber=weber, deadband=deadband, source=source,
+            clairvoyant_packets=fewest.get(predictor),
         )
         for predictor in study.predictors
     ]  # fmt: skip
@@ -166,7 +176,7 @@ def rows_of(task: EvaluationTask) -> list[EvaluationRow]:
 
 def coded_samples(task: EvaluationTask) -> float:
     """The number of coded samples of a task, as a measure of its run time."""
-    (_, trace), (study, *_) = task
+    (_, trace, _), (study, *_) = task
     return float(len(trace.time_s) * len(study.predictors))
 
 
@@ -174,11 +184,12 @@ def evaluate(
     name: str,
     signal: Signal,
     channel: Channel,
-    threshold_n: Array,
+    threshold: Threshold,
     *,
     predictor: str,
     weber: float,
     deadband: str = ISOTROPIC,
+    source: str = FILES,
     clairvoyant_packets: int | None = None,
 ) -> EvaluationRow:
     """Code a signal with a fresh encoder and decoder.
@@ -187,29 +198,34 @@ def evaluate(
         name: of the trace.
         signal: force and position.
         channel: a force channel. The keyword arguments are copied to the row.
-        threshold_n: perception threshold at each tick, shape (n,) [N].
+        threshold: a JND of the person.
     """
     run = replay(signal, channel)
     samples, packets, duration = len(run.error_n), len(run.updates), signal.duration_s
     sends = np.bincount(run.selected, minlength=len(channel.bank)).tolist()
     outside = run.deviation_n > run.bound_n
+    quality = QualityStatistics(signal.period_s, threshold)
+    quality.add(run.error_n, run.displayed_n, np.linalg.norm(signal.force_n, axis=1))
+    quality.add_jumps(run.jump_n, run.before_n)
     return EvaluationRow(
         trace=name,
         predictor=predictor,
         weber=weber,
         samples=samples,
+        duration_s=duration,
         packets=packets,
         packets_per_s=packets / duration,
         reduction=1.0 - packets / samples,
         bytes_per_s=run.payload_bytes(channel) / duration,
         error_rms_n=rms(run.error_n),
         error_max_n=float(run.error_n.max()),
-        jnd_max=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
+        error_max_deadbands=float(in_units(run.deviation_n, run.bound_n).max(initial=0.0)),
         violation_fraction=float(outside.mean()),
         violation_longest_s=longest_run(outside) * signal.period_s,
-        **noticed(run.error_n, threshold_n, signal.period_s)._asdict(),
+        **quality.summary(),  # type: ignore[arg-type]
         tick_us=run.tick_us,
         selected=dict(zip(channel.bank, sends, strict=True)) if len(channel.bank) > 1 else None,
         deadband=deadband,
+        source=source,
         clairvoyant_packets=clairvoyant_packets,
     )

@@ -1,24 +1,25 @@
-"""The table of `weberlink evaluate` in 80 columns: single rows while they are few, else means over traces."""
+"""The tables of `weberlink evaluate` in 80 columns: single rows while they are few, and figures by source."""
 
 from collections.abc import Callable, Sequence
-from statistics import fmean
 
+from rich.console import Group, RenderableType
 from rich.table import Table
 
+from weberlink.studies.evaluate.by_source import EVERY, MOST, SINGLES, SourceFigures, by_source
 from weberlink.studies.evaluate.study import EvaluationRow
 from weberlink.studies.result import plain_table
 
 FEW = 40
 """Up to this number, every row is printed."""
-NAME_WIDTH = 16
+NAME_WIDTH = 15
 """Of a longer trace name the end is shown, where names differ."""
 LIMIT = "limit"
 
 _FIGURES: dict[str, tuple[Callable[[EvaluationRow], float], str]] = {
     "packets/s": (lambda row: row.packets_per_s, "{:.1f}"),
     LIMIT: (lambda row: row.clairvoyant_packets_per_s or 0.0, "{:.1f}"),
-    "fewer": (lambda row: 100.0 * row.reduction, "{:.1f} %"),
     "RMS JND": (lambda row: row.error_rms_jnd, "{:.3f}"),
+    "jump JND": (lambda row: row.jump_p99_jnd or 0.0, "{:.1f}"),
     "noticed": (lambda row: 100.0 * row.noticeable_fraction, "{:.1f} %"),
     "us/tick": (lambda row: row.tick_us, "{:.1f}"),
 }
@@ -30,34 +31,62 @@ _HEADS: dict[str, Callable[[EvaluationRow], str]] = {
 }
 
 
-def table_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer: str) -> Table:
-    """The table of at least one row; the run time is that of all rows [s]."""
-    traces = len({row.trace for row in rows})
-    averaged = len(rows) > FEW and traces > 1
+def tables_of(rows: Sequence[EvaluationRow], jnd: float, run_time: float, footer: str) -> RenderableType:
+    """The tables of at least one row; the run time is that of all rows [s]."""
+    many = len({row.trace for row in rows}) > 1
+    notes = [f"{len(rows)} row{'s' if len(rows) > 1 else ''} in {run_time:.1f} s; {_violations(rows)}", footer]
+    parts: list[Table] = []
+    if len(rows) <= FEW or not many:
+        parts.append(_single(rows, jnd, [] if many else notes))
+    if many:
+        parts.append(_by_source(by_source(rows), notes))
+    return Group(*parts)
+
+
+def _single(rows: Sequence[EvaluationRow], jnd: float, notes: Sequence[str]) -> Table:
     shaped = len({row.deadband for row in rows}) > 1
     limited = all(row.clairvoyant_packets is not None for row in rows)
-    notes = [f"means over {traces} traces; all rows: --json OUT, --plots DIR"] if averaged else []
-    notes.append(f"noticed: ticks with an error above a JND of {100 * jnd:g} %")
-    if limited:
-        notes.append("limit: no encoder can send fewer, even knowing the future")
-    notes.append(f"{len(rows)} row{'s' if len(rows) > 1 else ''} in {run_time:.1f} s; {_violations(rows)}")
-    heads = [name for name in _HEADS if (name != "trace" or not averaged) and (name != "deadband" or shaped)]
+    heads = [name for name in _HEADS if name != "deadband" or shaped]
     figures = [name for name in _FIGURES if limited or name != LIMIT]
+    caption = [f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"]
+    if limited:
+        caption.append("limit: no encoder can send fewer, even knowing the future")
     table = plain_table(
-        *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*notes, footer])
+        *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*caption, *notes])
     )
-    for group in _groups(rows) if averaged else ([row] for row in rows):
-        means = (form.format(fmean(of(row) for row in group)) for of, form in (_FIGURES[name] for name in figures))
-        table.add_row(*(_HEADS[name](group[0]) for name in heads), *means)
+    for row in rows:
+        values = (form.format(of(row)) for of, form in (_FIGURES[name] for name in figures))
+        table.add_row(*(_HEADS[name](row) for name in heads), *values)
     return table
 
 
-def _groups(rows: Sequence[EvaluationRow]) -> list[list[EvaluationRow]]:
-    """Rows that differ only in their trace, in the order of their first."""
-    groups: dict[tuple[str, str, float], list[EvaluationRow]] = {}
-    for row in rows:
-        groups.setdefault((row.deadband, row.predictor, row.weber), []).append(row)
-    return list(groups.values())
+def _by_source(found: Sequence[SourceFigures], notes: Sequence[str]) -> Table:
+    shaped = len({one.deadband for one in found}) > 1
+    heads = ("source", *(("deadband",) if shaped else ()), "predictor", "k", "n")
+    figures = ("packets/s", "B/s", "/hybrid", "/best", f">{MOST:g}", "RMS JND")
+    several = any(one.source == EVERY for one in found)
+    caption = [
+        f"geometric means over recordings{f'; {EVERY}: over sources' if several else ''}",
+        f"/best: over the best of {', '.join(SINGLES)}; >{MOST:g}: recordings above",
+        "all rows: --json OUT, --plots DIR",
+    ]
+    table = plain_table(
+        *heads, *figures, left=("deadband", "predictor"), padding=(0, 1, 0, 0), caption="\n".join([*caption, *notes])
+    )
+    for one in found:
+        table.add_row(
+            one.source,
+            *((one.deadband,) if shaped else ()),
+            one.predictor,
+            f"{one.weber:g}",
+            str(one.recordings),
+            f"{one.packets_per_s:.1f}",
+            f"{one.bytes_per_s:.0f}",
+            *("-" if value is None else f"{value:.3f}" for value in (one.over_hybrid, one.over_best)),
+            "-" if one.above is None else f"{100 * one.above:.0f} %",
+            f"{one.error_rms_jnd:.3f}",
+        )
+    return table
 
 
 def _violations(rows: Sequence[EvaluationRow]) -> str:

@@ -1,4 +1,4 @@
-"""Recorded signals for the studies: the shipped one, and files, each with a name of its own."""
+"""Recorded signals for the studies: files and shipped recordings, each with a name of its own and a source."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -7,34 +7,72 @@ from pathlib import Path
 from typing import NamedTuple
 
 from weberlink.master.trace import Trace, TraceError, read_trace
+from weberlink.studies import recordings
 from weberlink.system.configuration import ConfigurationError
 
 SHIPPED = Path(str(files("weberlink.configs") / "traces" / "operator.csv"))
-"""The recording that is part of the package."""
+"""The recording that is part of the configurations."""
+ALL = "recordings"
+"""Stands for every shipped recording."""
+FILES = "files"
+"""Source of what was read from files."""
 
 
 class NamedTrace(NamedTuple):
-    """A trace and its name in the rows."""
+    """A trace, its name in the rows, and where it comes from: a source of shipped recordings, or `FILES`."""
 
     name: str
     trace: Trace
+    source: str = FILES
 
 
-def read_traces(paths: Sequence[Path]) -> list[NamedTrace]:
+def read_traces(given: Sequence[Path]) -> list[NamedTrace]:
     """Read traces and give each a different name.
+
+    Args:
+        given: files; or, where there is no such file, names of shipped recordings, the first words of such names
+            (`tue_rigid` for `tue_rigid_1` and others, `tue` for all of that source), or `ALL`.
 
     Raises:
         ConfigurationError: a trace cannot be used, or is listed twice.
     """
-    seen: set[Path] = set()
-    for path in paths:
-        if path.resolve() in seen:
-            raise ConfigurationError(f"{path}: listed twice, and would count twice in every mean")
-        seen.add(path.resolve())
+    paths: list[Path] = []
+    seen: set[Path | str] = set()
+    for path in given:
+        listed = _shipped(path)
+        for each in (path.resolve(),) if listed is None else listed:
+            if each in seen:
+                told = path if listed is None else each
+                raise ConfigurationError(f"{told}: listed twice, and would count twice in every mean")
+            seen.add(each)
+        if listed is None:
+            paths.append(path)
     try:
-        return [NamedTrace(name, read_trace(path)) for name, path in zip(names(paths), paths, strict=True)]
+        read = {path: read_trace(path) for path in paths}
     except TraceError as error:
-        raise ConfigurationError(str(error)) from None
+        known = f"; shipped recordings: {ALL}, {', '.join(recordings.SOURCES)}" if "not found" in str(error) else ""
+        raise ConfigurationError(f"{error}{known}") from None
+    named = {
+        path: str(path.resolve()) if name in seen else name for name, path in zip(names(paths), paths, strict=True)
+    }
+    found = []
+    for path in given:
+        listed = _shipped(path)
+        if listed is None:
+            found.append(NamedTrace(named[path], read[path]))
+        else:
+            found += [NamedTrace(name, recordings.load(name), recordings.source_of(name).name) for name in listed]
+    return found
+
+
+def _shipped(path: Path) -> Sequence[str] | None:
+    """The shipped recordings that an argument stands for; None if it is a file, or neither."""
+    text = str(path)
+    if path.exists():
+        return None
+    if text == ALL:
+        return recordings.names()
+    return [name for name in recordings.names() if name == text or name.startswith(f"{text}_")] or None
 
 
 def names(paths: Sequence[Path]) -> list[str]:

@@ -17,7 +17,10 @@ from weberlink.studies.paper.claims import PREDICTORS
 
 Whose = Literal["people", "simulated"]
 COLUMNS = ("subject", "simulated", "trial", "attempt", "predictor", "weber", "rating")
-FIGURES = ("packets_per_s", "reduction", "error_rms", "violation_fraction")
+FIGURES = (
+    "packets_per_s", "reduction", "error_rms", "violation_fraction",
+    "error_rms_jnd", "log_error_rms_jnd", "jump_median_jnd", "jump_p99_jnd", "jump_max_jnd",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,11 @@ class StudyRatings:
             )
             for answer in ranked
         ]
+
+    @property
+    def scale(self) -> dict[int, str]:
+        """Words that the subjects read for each level, the best first."""
+        return {level: self.plan.wording[str(level)] for level in sorted(map(int, self.plan.wording), reverse=True)}
 
     @property
     def predictors(self) -> list[str]:

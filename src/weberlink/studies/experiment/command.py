@@ -8,7 +8,7 @@ from typing import TextIO
 
 from weberlink.studies.experiment.conduct import Conduct, Subject, SubjectLeft, TrialRunner
 from weberlink.studies.experiment.ledger import RESUMED, Ledger, LedgerError, SubjectProgress, path_of, subjects
-from weberlink.studies.experiment.plan import TRIAL_S, WORDING, TrialPlan, order
+from weberlink.studies.experiment.plan import SCALE, TRIAL_S, TrialPlan, order
 from weberlink.studies.experiment.subjects import Person, SimulatedSubject
 from weberlink.studies.experiment.trial_runner import LiveRunner, Ports, TrialSignals, VirtualRunner, differences
 from weberlink.system.configuration import ConfigurationError
@@ -150,7 +150,7 @@ def _plan(request: ExperimentRequest, signals: TrialSignals, path: Path) -> Tria
         duration_s=TRIAL_S if request.duration_s is None else request.duration_s,
         digest=signals.digest,
         configuration=signals.document,
-        wording={str(level): text for level, text in WORDING.items()},
+        wording={str(level): text for level, text in SCALE.items()},
         trials=order(seed, subject),
         environment=environment(),
     )

@@ -1,7 +1,7 @@
 """Plan of an experiment: the rating scale, its references, and every condition once in a random order.
 
-The levels 0 to 5 and the three references are those of Xu, Kammerl, Chaudhari, Steinbach (HAVE 2011). The wording of
-its Table I is not available, so `WORDING` is our own. The ledger of a subject stores the wording that was shown.
+The scale is Table I of Xu, Kammerl, Chaudhari, Steinbach (HAVE 2011), in its words, and so are the three references.
+The ledger of a subject stores the words that were shown.
 """
 
 from collections.abc import Mapping
@@ -82,18 +82,21 @@ class TrialPlan:
             raise ValueError(f"not a plan: {error} is missing or wrong") from None
         if len(set(trials)) != len(trials) or not trials:
             raise ValueError("expected trials without repetition")
+        if not set(plan.wording) <= {str(level) for level in SCALE}:
+            raise ValueError(f"wording: expected levels {LOWEST} to {HIGHEST}, not {', '.join(map(str, plan.wording))}")
         return plan
 
 
-WORDING: dict[int, str] = {
-    5: "no difference to the undisturbed signal",
-    4: "a difference that can just be noticed",
-    3: "a clear difference that hardly disturbs",
+SCALE: dict[int, str] = {
+    5: "no difference",
+    4: "perceptible, but not disturbing",
+    3: "slightly disturbing",
     2: "disturbing",
     1: "strongly disturbing",
-    0: "unusable",
+    0: "completely distorted",
 }
-LOWEST, HIGHEST = min(WORDING), max(WORDING)
+"""Words of each level, the best first: Table I of the paper."""
+LOWEST, HIGHEST = min(SCALE), max(SCALE)
 
 
 @dataclass(frozen=True)
@@ -116,4 +119,4 @@ def rating_of(text: str) -> int | None:
     stripped = text.strip()
     if not (stripped.isascii() and stripped.isdigit()) or len(stripped) > 1:
         return None
-    return level if (level := int(stripped)) in WORDING else None
+    return level if (level := int(stripped)) in SCALE else None

@@ -25,7 +25,6 @@ from weberlink.studies.experiment.plan import (
     TrialPlan,
     rating_of,
 )
-from weberlink.system.scoring.perception import Threshold
 
 WIDTH = 78
 BAR = 40
@@ -164,9 +163,7 @@ class Person:
         self._screen.flush()
 
 
-THRESHOLD = Threshold(jnd=0.10, floor_n=0.10)
-"""Threshold of the rule. Weber's law fails below about 1 N; the JND is constant there."""
-FELT = "felt_error_rms_jnd"
+FELT = "error_rms_jnd"
 """The figure that is rated."""
 SPREAD = 0.5
 """Standard deviation of the noise on a level before rounding."""
@@ -188,6 +185,8 @@ class SimulatedSubject:
 
     def welcome(self, progress: SubjectProgress) -> None:
         for place, figures in progress.references.items():
+            if FELT not in figures:
+                raise ConductError(f"the training has no {FELT}: it is of an earlier release; begin another subject")
             self._anchors[REFERENCES[place].level] = float(figures[FELT])
         self._report(len(progress.rated), len(progress.plan.trials))
 

@@ -9,13 +9,11 @@ from typing import Any
 
 from weberlink.studies.experiment.conduct import Elapsed, FeltTrial, TrialResult
 from weberlink.studies.experiment.plan import REFERENCES, CodingCondition, TrialPlan
-from weberlink.studies.experiment.subjects import FELT, THRESHOLD
 from weberlink.studies.paper.claims import PREDICTORS
 from weberlink.system.composition.channels import channels
 from weberlink.system.composition.trial import try_out
 from weberlink.system.configuration import SIDES, Configuration, ConfigurationError, load
 from weberlink.system.launcher import Session
-from weberlink.system.scoring.perception import FeltError
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 
@@ -23,7 +21,10 @@ STOPPED = ("interrupted", "terminated", "hung up")
 """Outcomes of an interrupted session."""
 INTERRUPTING = ("silence", "device", "refused")
 """Faults that fade the force, so that the trial does not show the coding alone."""
-FIGURES = ("samples", "packets_per_s", "reduction", "error_rms", "error_max", "violation_fraction")
+FIGURES = (
+    "samples", "packets_per_s", "reduction", "error_rms", "error_max", "violation_fraction",
+    "error_rms_jnd", "log_error_rms_jnd", "jump_median_jnd", "jump_p99_jnd", "jump_max_jnd",
+)  # fmt: skip
 """Figures of the force channel that are stored with each rating."""
 WHERE = ("listen", "slave", "key_file")
 """Keys of the link that do not change the felt signal."""
@@ -130,15 +131,15 @@ class VirtualRunner:
         configuration = load(self.signals.file, overrides)
         system = configuration.system
         simulation = build_simulation(configuration)
-        score, felt = SessionScore(system.rate_hz, channels(system)[1].bank), FeltError(THRESHOLD)
-        simulation.run(self.plan.duration_s, [score, felt])
+        score = SessionScore(system.rate_hz, channels(system)[1].bank)
+        simulation.run(self.plan.duration_s, [score])
         master, slave = simulation.master, simulation.slave
         failures = [side.failure for side in (master, slave) if side.failure is not None]
         summary = score.summary() | {
             "faults": {"master": master.faults, "slave": slave.faults},
             "outcome": f"failed: {'; '.join(failures)}" if failures else "completed",
         }
-        return _felt(summary, {FELT: felt.rms_jnd})
+        return _felt(summary)
 
     def _seeds(self, trial: FeltTrial) -> list[str]:
         text = f"{self.plan.seed}/{self.plan.subject}/{trial.number}"
@@ -149,11 +150,11 @@ class VirtualRunner:
         return seeds + ([f"link.emulate.seed={seed}"] if configuration.system.link.emulate is not None else [])
 
 
-def _felt(summary: dict[str, Any], further: dict[str, Any] | None = None) -> TrialResult:
+def _felt(summary: dict[str, Any]) -> TrialResult:
     """The stored figures of a session, and whether it can be rated."""
     force, outcome = summary["force"], summary["outcome"]
     figures = {"outcome": outcome, "duration_s": summary["duration_s"], "faults": summary["faults"]}
-    figures |= {name: force[name] for name in FIGURES} | (further or {})
+    figures |= {name: force[name] for name in FIGURES}
     if "recording" in summary:
         figures["recording_outcome"] = summary["recording"].get("outcome")
     return TrialResult(figures, _problem(figures), outcome in STOPPED)

@@ -3,7 +3,7 @@
 A unit is a recorded trace or a simulated scene; its quality is an error, the smaller the better.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, log
 from typing import Any, Literal
@@ -17,6 +17,9 @@ WEBERS = (0.025, 0.05, 0.10, 0.15, 0.20, 0.30)
 """The Weber factors of the paper."""
 WEBER = 0.10
 """The paper compares packet rates at this Weber factor; the quality at it is the one that is held equal."""
+
+LEAST_UNITS = 2
+"""With fewer units there is no interval."""
 
 QualityCurve = list[tuple[float, float]]
 """Quality and packet rate, by rising Weber factor."""
@@ -83,14 +86,20 @@ class ClaimResult:
         return tuple(sorted(units, key=lambda unit: -self.ratios[unit]))
 
     @property
+    def signals(self) -> int:
+        """Number of units that the claim was tried on, with those that never reach the quality."""
+        return self.units + len(self.unreached)
+
+    @property
     def verdict(self) -> str:
+        """ "holds" if the whole interval saves as much as claimed, "fails" if all of it saves less."""
         if self.fewer is None:
             return "not measured"
-        if self.fewer.mean >= self.claim.fewer:
+        if self.units < LEAST_UNITS:
+            return "undecided"
+        if self.fewer.low >= self.claim.fewer:
             return "holds"
-        if self.fewer.high >= self.claim.fewer:
-            return "within the confidence"
-        return "saves less" if self.fewer.low > 0.0 else "no saving shown"
+        return "fails" if self.fewer.high < self.claim.fewer else "undecided"
 
     def as_json(self) -> dict[str, Any]:
         fewer = self.fewer
@@ -104,6 +113,7 @@ class ClaimResult:
             "measured_low": None if fewer is None else fewer.low,
             "measured_high": None if fewer is None else fewer.high,
             "verdict": self.verdict,
+            "never_reach_the_quality": len(self.unreached),
             "ratios": self.ratios,
             "unreached": list(self.unreached),
             "clipped": list(self.clipped),
@@ -132,7 +142,9 @@ def measure(claim: Claim, observations: Sequence[Observation]) -> ClaimResult:
                 clipped.append(unit)
         if rate is not None and rate > 0.0:
             ratios[unit] = rate / reference.packets_per_s
-    return ClaimResult(claim, len(ratios), _band(claim, ratios), ratios, tuple(unreached), tuple(clipped))
+    band = ratio_band(ratios)
+    fewer = None if band is None else Band(1.0 - band.mean, 1.0 - band.high, 1.0 - band.low)
+    return ClaimResult(claim, len(ratios), fewer, ratios, tuple(unreached), tuple(clipped))
 
 
 def curve(observations: Iterable[Observation], predictor: str) -> QualityCurve:
@@ -167,11 +179,11 @@ def rate_at(points: QualityCurve, error: float) -> tuple[float | None, bool]:
     return None, False
 
 
-def _band(claim: Claim, ratios: dict[str, float]) -> Band | None:
-    """The saving in the geometric mean of the ratios; a larger ratio means a smaller saving."""
+def ratio_band(ratios: Mapping[str, float]) -> Band | None:
+    """Geometric mean of ratios > 0 by unit, and its 95 % confidence interval; None without any."""
     if not ratios:
         return None
-    logs = [Observation(unit, claim.predictor, WEBER, ratio, log(ratio)) for unit, ratio in ratios.items()]
+    logs = [Observation(unit, "", WEBER, ratio, log(ratio)) for unit, ratio in ratios.items()]
     ((point,),) = curves(logs).values()
     mean, low, high = point.quality
-    return Band(1.0 - exp(mean), 1.0 - exp(high), 1.0 - exp(low))
+    return Band(exp(mean), exp(low), exp(high))

@@ -14,7 +14,8 @@ from weberlink.master.trace import Trace
 from weberlink.studies.curves import Observation
 from weberlink.studies.evaluate.study import EvaluationStudy, rows_of
 from weberlink.studies.evaluate.traces import NamedTrace, read_traces
-from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS
+from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, WEBERS, Claim
+from weberlink.studies.paper.deviations import ReadingResult, packets_of, results
 from weberlink.studies.paper.document import PaperCondition, document
 from weberlink.studies.parallel import parallel_map
 from weberlink.studies.result import StudyResult, plain_table
@@ -23,12 +24,11 @@ from weberlink.system.composition.slave import build_scene
 from weberlink.system.configuration import Configuration, load
 from weberlink.system.environment import environment, footer
 from weberlink.system.extras import need
-from weberlink.system.scoring.perception import FeltError, Threshold
 from weberlink.system.scoring.recording import TraceRecorder
 from weberlink.system.scoring.session import SessionScore
 from weberlink.system.simulate import build_simulation
 
-JND, FLOOR_N = 0.10, 0.02
+FLOOR_N = 0.02
 DURATION_S = 10.0
 """Of a trial of the paper, and of a simulated run."""
 SEED = 1
@@ -56,7 +56,7 @@ SCENES = (
 )
 
 
-STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N, jnd=JND)
+STUDY = EvaluationStudy(PREDICTORS, WEBERS, FLOOR_N)
 SCENE_STUDY = replace(STUDY, position_step=2e-6)
 """With the position step of the scene configurations."""
 
@@ -143,16 +143,26 @@ def run(
             for row in study.ordered(results)
         ]
 
+    def readings(study: EvaluationStudy, named: Sequence[NamedTrace]) -> list[ReadingResult]:
+        if not named:
+            return []
+        tasks = [(study, one) for one in named]
+        packets = parallel_map(packets_of, tasks, workers, progress=telling("readings of the paper"))
+        return results([one.name for one in named], packets)
+
     sessions = [SimulatedSession(*parts, scope.duration_s) for parts in product(scope.scenes, PREDICTORS, scope.webers)]
     felt = parallel_map(_feel, sessions, workers, progress=telling("simulated sessions"))
     explorations = [(scene, scope.duration_s) for scene in scope.scenes]
     explored = parallel_map(_explore, explorations, workers, progress=telling("explored scenes"))
     recordings = coded(STUDY, signals)
-    alone = coded(
-        SCENE_STUDY, [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=True)]
-    )
+    scenes = [NamedTrace(scene.name, trace) for scene, trace in zip(scope.scenes, explored, strict=True)]
+    alone = coded(SCENE_STUDY, scenes)
     observed = {RECORDED: recordings, CODED: alone, WHOLE: felt}
-    conditions = [PaperCondition(key, *TEXTS[key], observations=observed[key]) for key in TEXTS]
+    read = {
+        RECORDED: readings(STUDY, signals),
+        CODED: readings(SCENE_STUDY, scenes),
+    }
+    conditions = [PaperCondition(key, *TEXTS[key], observed[key], read.get(key, ())) for key in TEXTS]
     facts = environment()
     caption = footer(facts, SEED)
     content = {
@@ -185,11 +195,11 @@ def _feel(session: SimulatedSession) -> Observation:
     """Packets and felt error of a coded session."""
     configuration = _configuration(session.scene, session.predictor, session.weber, FLOOR_N)
     score = SessionScore(configuration.system.rate_hz, channels(configuration.system)[1].bank)
-    felt = FeltError(Threshold(JND, FLOOR_N))
-    build_simulation(configuration).run(session.duration_s, [score, felt])
-    rate, error = score.summary()["force"]["packets_per_s"], felt.rms_jnd
-    assert error is not None  # the sides of a simulation meet in its first ticks
-    return Observation(session.scene.name, session.predictor, session.weber, rate, error)
+    build_simulation(configuration).run(session.duration_s, [score])
+    force = score.summary()["force"]
+    return Observation(
+        session.scene.name, session.predictor, session.weber, force["packets_per_s"], force["error_rms_jnd"]
+    )
 
 
 def _configuration(scene: PaperScene, predictor: str, weber: float, floor: float) -> Configuration:
@@ -209,16 +219,28 @@ def _as_json(condition: PaperCondition) -> dict[str, Any]:
         "title": condition.title,
         "signals": condition.units,
         "claims": [found.as_json() for found in condition.results],
+        "readings": [found.as_json() for found in condition.readings],
     }
 
 
 def _table(conditions: Sequence[PaperCondition], caption: str) -> Table:
+    """Savings with verdicts, and below them the signals that never reach the quality."""
     keys = (condition.key for condition in conditions)
-    table = plain_table("claim", "at", "paper", *keys, left=("at",), caption=caption)
+    never = [
+        f"{_pair(found.claim)}, {condition.key}: {len(found.unreached)} of {found.signals} signals "
+        f"never reach the quality ({', '.join(found.unreached)})"
+        for condition in conditions
+        for found in condition.results
+        if found.unreached
+    ]
+    table = plain_table("claim", "at", "paper", *keys, left=("at",), caption="\n".join([*never, caption]))
     columns = [condition.results for condition in conditions]
     for claim, *found in zip(CLAIMS, *columns, strict=True):
-        cells = ["-" if one.fewer is None else f"{100 * -one.fewer.mean:+.0f} %" for one in found]
-        table.add_row(
-            f"{claim.predictor} / {claim.reference}", claim.conditions, f"{-100 * claim.fewer:+.0f} %", *cells
-        )
+        cells = ["-" if one.fewer is None else f"{100 * -one.fewer.mean:+.0f} % {one.verdict}" for one in found]
+        at = "k" if claim.at == "weber" else "quality"
+        table.add_row(_pair(claim), at, f"{-100 * claim.fewer:+.0f} %", *cells)
     return table
+
+
+def _pair(claim: Claim) -> str:
+    return f"{claim.predictor} / {claim.reference}"

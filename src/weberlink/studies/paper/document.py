@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from weberlink.studies.curves import Observation
 from weberlink.studies.paper.claims import CLAIMS, PREDICTORS, WEBER, ClaimResult, measure
+from weberlink.studies.paper.deviations import READINGS, ReadingResult
 
 
 @dataclass(frozen=True)
@@ -16,12 +17,14 @@ class PaperCondition:
         title: a heading.
         text: how the numbers were measured.
         observations: packet rate and RMS error [JND] of each unit, predictor and Weber factor; may be empty.
+        readings: of the paper, measured on the same units; empty if they were not.
     """
 
     key: str
     title: str
     text: str
     observations: Sequence[Observation]
+    readings: Sequence[ReadingResult] = ()
 
     @property
     def results(self) -> list[ClaimResult]:
@@ -38,13 +41,24 @@ What X. Xu, J. Kammerl, R. Chaudhari and E. Steinbach report in "Hybrid signal-b
 haptic data reduction" (HAVE 2011), beside what is measured with this code. Made by `make figures`, not edited by hand.
 
 The paper's numbers are of a simulated scene that people touched with a real device, and its quality is their rating.
-Here nobody was asked: the quality is the RMS error of the force in JNDs, one JND being 10 % of the force or 0.02 N,
+Here nobody was asked: the quality is the RMS error of the force in JNDs, one JND being 10 % of the force or 0.04 N,
 and "equal quality" means the error that the reference of the claim has at k = 0.10. Ratings of people come from
 `weberlink experiment` alone. The floor of the deadband is 0.02 N throughout.
 
-A saving is the geometric mean over signals, with the 95 % interval of a bootstrap over them. *Within the confidence*:
-the claimed number lies below the upper end of that interval. *Saves less*: the interval lies above 0 and below the
-claim. The last column names the signals on which a claim fails outright: the predictor saves nothing there.
+A saving is the geometric mean over signals, with the 95 % interval of a bootstrap over them. A claim *holds* if all of
+that interval saves at least as much as claimed, and *fails* if all of it saves less; otherwise, and for a single
+signal, it is *undecided*. Where a predictor never reaches the quality of the reference, at none of its Weber factors,
+there is no saving to average: such signals are counted beside the verdict. The last column of the longer tables names
+them, and those on which the predictor saves nothing.
+"""
+
+
+DEVIATIONS = f"""
+## Readings of the paper
+
+Where the paper can be read in several ways, or this code departs from it, the other reading was measured: its packets
+over those of the code with the same predictor (`hybrid` for the deadband), k = {WEBER:.2f}, as geometric means over
+signals with 95 % intervals. Below 1 the other reading sends less. On motion along one axis normals have one direction.
 """
 
 
@@ -74,6 +88,7 @@ def _lines(conditions: Sequence[PaperCondition], caption: str, moments: Sequence
         yield from _rates(condition)
         if moments is not None:
             yield from _figures(condition)
+    yield from _readings([condition for condition in conditions if condition.readings])
     if moments:
         yield f"\n## Moments\n\nOf the last scene above, the codec alone, k = {WEBER:.2f}.\n"
         yield from (f"![{MOMENTS[name]}]({name}.png)\n" for name in moments)
@@ -94,25 +109,31 @@ def _summary(conditions: Sequence[PaperCondition]) -> Iterator[str]:
 def _measured(found: ClaimResult) -> str:
     if found.fewer is None:
         return "-"
-    return f"{_fewer(found.fewer.mean)} ({found.verdict})"
+    return f"{_fewer(found.fewer.mean)} ({', '.join([found.verdict, *_never(found)])})"
+
+
+def _never(found: ClaimResult) -> list[str]:
+    """How many signals never reach the quality, if any."""
+    count = len(found.unreached)
+    return [f"{count} of {found.signals} never reach{'' if count > 1 else 'es'} the quality"] if count else []
 
 
 def _claims(condition: PaperCondition) -> Iterator[str]:
-    yield "\n| claim | paper | here (95 %) | signals | verdict | does not hold on |"
+    yield "\n| claim | paper | here (95 %) | signals | verdict | saves nothing on |"
     yield "|---|---|---|---|---|---|"
     for found in condition.results:
         claim, fewer = found.claim, found.fewer
         here = "-" if fewer is None else f"{_fewer(fewer.mean)} ({_bare(fewer.low)} to {_bare(fewer.high)})"
         yield (
             f"| {claim.predictor} against {claim.reference}, {claim.conditions} | {_fewer(claim.fewer)} | {here} | "
-            f"{found.units} | {found.verdict} | {_exceptions(found)} |"
+            f"{found.units} of {found.signals} | {found.verdict} | {_exceptions(found)} |"
         )
 
 
 def _exceptions(found: ClaimResult) -> str:
     """Units where the predictor saves nothing or never reaches the quality."""
     parts = [f"{unit} ({_signed(found.ratios[unit] - 1.0)})" for unit in found.failing]
-    parts += [f"{unit} (quality not reached)" for unit in found.unreached]
+    parts += [f"{unit} (never reaches the quality)" for unit in found.unreached]
     return ", ".join(parts) or "-"
 
 
@@ -137,6 +158,17 @@ def _figures(condition: PaperCondition) -> Iterator[str]:
         ("quality_over_rate", "Error over packet rate (Fig. 9)"),
     ):
         yield f"![{words}]({condition.key}/{name}.png)\n"
+
+
+def _readings(conditions: Sequence[PaperCondition]) -> Iterator[str]:
+    if not conditions:
+        return
+    yield DEVIATIONS
+    yield "| part | here | other reading | " + " | ".join(condition.title for condition in conditions) + " |"
+    yield "|---|---|---|" + "---|" * len(conditions)
+    for reading, *found in zip(READINGS, *(condition.readings for condition in conditions), strict=True):
+        cells = ["-" if one.band is None else "{:.2f} ({:.2f} to {:.2f})".format(*one.band) for one in found]
+        yield f"| {reading.part} | {reading.here} | {reading.other} | {' | '.join(cells)} |"
 
 
 def _fewer(share: float) -> str:

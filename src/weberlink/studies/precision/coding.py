@@ -50,7 +50,7 @@ class CodingRow:
     error_rms_n: float
     """Felt error; so are the next four figures."""
     error_max_n: float
-    error_rms_jnd: float
+    error_rms_deadbands: float
     """In units of the deadband of each tick."""
     violation_fraction: float
     """Share of ticks outside the deadband."""
@@ -196,7 +196,7 @@ def _row(name: str, trace: Trace, predictor: str, weber: float, channel: Channel
         coding_rms_n=rms(coded.error_n),
         error_rms_n=rms(errors),
         error_max_n=float(errors.max()),
-        error_rms_jnd=rms(in_units(errors, bounds)),
+        error_rms_deadbands=rms(in_units(errors, bounds)),
         violation_fraction=float(outside.mean()),
         violation_longest_ticks=longest_run(outside),
         tick_us=coded.tick_us,
@@ -224,7 +224,7 @@ def _pool(rows: Sequence[CodingRow]) -> CodingRow:
         coding_rms_n=pooled(row.coding_rms_n for row in rows),
         error_rms_n=pooled(row.error_rms_n for row in rows),
         error_max_n=max(row.error_max_n for row in rows),
-        error_rms_jnd=pooled(row.error_rms_jnd for row in rows),
+        error_rms_deadbands=pooled(row.error_rms_deadbands for row in rows),
         violation_fraction=sum(row.samples * row.violation_fraction for row in rows) / samples,
         violation_longest_ticks=max(row.violation_longest_ticks for row in rows),
         tick_us=median(row.tick_us for row in rows),

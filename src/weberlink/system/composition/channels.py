@@ -36,6 +36,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         bound=position.bound_m,
         axes=system.axes,
         position_step=position.step_m,
+        tick_period=system.tick_period,
     )
     backward = force_channel(
         predictor=force.predictor,
@@ -46,6 +47,7 @@ def channels(system: System) -> tuple[Channel, Channel]:
         fit_limits=FitLimits(force.trust.stiffness_n_m, force.trust.radius_m),
         deadband=force_deadband(system, force.weber),
         smoothing=_smoothing(system),
+        tick_period=system.tick_period,
         every_position=SCHEMES[system.control.scheme].reads_position,
     )
     return forward, backward
@@ -72,6 +74,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         weber=orientation.weber,
         bound=orientation.bound_rad,
         position_step=orientation.step_rad,
+        tick_period=system.tick_period,
     )
     twisting = force_channel(
         predictor=torque.predictor,
@@ -81,6 +84,7 @@ def streams(system: System) -> tuple[tuple[Channel, ...], tuple[Channel, ...]]:
         reference=torque.reference,
         force_step=torque.step_nm,
         position_step=orientation.step_rad,
+        tick_period=system.tick_period,
     )
     return (forward, turning), (backward, twisting)
 

@@ -75,6 +75,8 @@ def parse(path: Path) -> dict[str, Any]:
 def override(content: dict[str, Any], text: str) -> str:
     """Apply one "path.to.key=value" in place, the value being YAML; returns the path.
 
+    With a `predictor`, the `bank` of the file is dropped, as it belongs to the predictor of the file.
+
     Raises:
         ConfigurationError: it is not of that form, or the path leads through a value.
     """
@@ -102,6 +104,8 @@ def override(content: dict[str, Any], text: str) -> str:
             raise ConfigurationError(f"--set {text}: {'.'.join(keys[:depth])} is a value and has no keys")
         if last:
             target[slot] = parsed
+            if slot == "predictor":
+                target.pop("bank", None)
         else:
             target = target[slot]
     return ".".join(keys)

@@ -231,8 +231,8 @@ class ForceCodecSettings(PredictedSettings):
     predictor: ForcePredictor = "hybrid"
     """What both ends predict with."""
     bank: ForceBank = HYBRID_BANK
-    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first. By
-    default these four, or plane, surface, affine, trend, zoh."""
+    """What `hybrid` (of zoh, linear, plane, sphere) or `adaptive` (of all) chooses among, the first of equals first.
+    All that it can choose among by default."""
     weber: float = Field(default=0.10, ge=0, lt=1)
     """Weber factor k: the relative error that stays unsent. At 1, all of a force would."""
     floor_n: float = Field(default=0.02, ge=0, le=10)
@@ -271,7 +271,7 @@ class MotionCodecSettings(PredictedSettings):
     predictor: PositionPredictor = "linear"
     """What both ends predict with."""
     bank: PositionBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all three, which is its default) chooses among."""
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all, which is its default) chooses among."""
     weber: float = Field(default=0.10, ge=0, le=1)
     """Weber factor of velocity, linear or angular."""
 
@@ -293,7 +293,7 @@ class TorqueCodecSettings(PredictedSettings):
     predictor: TorquePredictor = "hybrid"
     """What both ends predict with."""
     bank: TorqueBank = ("zoh", "linear")
-    """What `hybrid` (of zoh, linear) or `adaptive` (of all four, which is its default) chooses among."""
+    """What `hybrid` (of zoh, linear) or `adaptive` (of all, which is its default) chooses among."""
     weber: float = Field(default=0.13, ge=0, lt=1)
     """Weber factor of torque: 12.7 % of 60 mN m was found with two fingers (Jandura and Srinivasan, 1994)."""
     floor_nm: float = Field(default=0.005, ge=0, le=10)

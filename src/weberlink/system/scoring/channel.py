@@ -83,7 +83,7 @@ class ChannelScore:
         measure: Measure | None = None,
     ) -> None:
         self._prefix, self._period, self._bank = prefix, period, bank
-        self._error = error or _distances
+        self._error = error or distances
         self._measure = measure
         self.felt, self._coding = ErrorStatistics(), ErrorStatistics()
         self._selected: dict[int, int] = {}
@@ -144,7 +144,8 @@ def _quaternions(rotations: Series) -> tuple[Series, Series]:
     return np.cos(half), 0.5 * np.sinc(half / np.pi)[:, None] * rotations
 
 
-def _distances(a: Series, b: Series) -> Series:
+def distances(a: Series, b: Series) -> Series:
+    """Distances of vectors of shape (n, 3), row by row."""
     return np.asarray(np.linalg.norm(a - b, axis=1), dtype=np.float64)
 
 

@@ -1,72 +1,167 @@
-"""Perceptual error metrics: errors in units of a just noticeable difference (JND), and runs of noticeable ticks.
+"""Measures of quality: errors and jumps of the displayed force in just noticeable differences (JND) of a person.
 
-The threshold does not depend on the codec, unlike its deadband. The perceptual indices of the literature (HSSIM and
-others) are not implemented: their formulas could not be verified.
+They depend on what was displayed and on what was measured, not on the codec or its deadband, and they are derived from
+Weber's law: none of them is a rating of a person (`weberlink experiment`). The perceptual indices of the literature
+(HSSIM and others) are not implemented: their formulas could not be verified.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from math import log, nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from weberlink.system.scoring.channel import in_session
+from weberlink.system.scoring.channel import distances, in_session, none_for_nan
+from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import Records
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+WEBER_FRACTION = 0.10
+"""JND of force as a share of the force: 0.07 between thumb and forefinger from 2.5 to 10 N (Pang, Tan and Durlach,
+Perception and Psychophysics 49, 1991); 0.11 for the wrist, 0.13 for the elbow and 0.08 for the shoulder (Feyzabadi and
+others, IEEE Transactions on Haptics 6(3), 309-319, 2013)."""
+ABSOLUTE_THRESHOLD_N = 0.04
+"""The smallest force that is noticed [N]: mean over wrist, elbow and shoulder (Feyzabadi and others, 2013)."""
+_PER_JND = 1e4
+"""A `Distribution` resolves numbers from 1 to 6e8; so jumps are resolved from 1e-4 to 6e4 JND."""
+
 
 @dataclass(frozen=True)
 class Threshold:
-    """A just noticeable difference of force: `max(jnd |f|, floor)`.
-
-    Pang, Tan and Durlach 1991 found 7 to 10 % from 2 to 10 N. Weber's law fails below about 1 N, hence the floor.
+    """A just noticeable difference of force.
 
     Args:
-        jnd: as a share of the force, > 0.
-        floor_n: absolute threshold [N], >= 0.
+        jnd: Weber fraction k_J, as a share of the force, > 0.
+        floor_n: absolute threshold [N], > 0; Weber's law fails below about 1 N.
 
     Raises:
         ValueError: for a number out of range.
     """
 
-    jnd: float = 0.10
-    floor_n: float = 0.02
+    jnd: float = WEBER_FRACTION
+    floor_n: float = ABSOLUTE_THRESHOLD_N
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.jnd < np.inf and 0.0 <= self.floor_n < np.inf):
-            raise ValueError(f"jnd must be > 0 and floor_n >= 0, both finite, not {self.jnd!r} and {self.floor_n!r}")
+        if not (0.0 < self.jnd < np.inf and 0.0 < self.floor_n < np.inf):
+            raise ValueError(f"jnd and floor_n must be > 0 and finite, not {self.jnd!r} and {self.floor_n!r}")
 
     def of(self, force_n: Array) -> Array:
-        """The threshold [N], shape (n,), at measured forces [N], shape (n, 3)."""
-        relative: Array = self.jnd * np.linalg.norm(force_n, axis=1)
-        return np.maximum(relative, self.floor_n)
+        """One JND [N], `max(jnd |f|, floor_n)`, shape (n,), at forces [N], shape (n, 3)."""
+        return self.at(np.linalg.norm(force_n, axis=1))
+
+    def at(self, magnitude_n: Any) -> Array:
+        """The same at magnitudes of forces [N], shape (n,)."""
+        return np.maximum(self.jnd * np.asarray(magnitude_n, dtype=np.float64), self.floor_n)
+
+    def log_error(self, displayed_n: Array, measured_n: Array) -> Array:
+        """The log error [JND]: the number of JNDs, one upon the other, between two magnitudes of force.
+
+        `|ln((|f| + f0) / (|f'| + f0))| / ln(1 + k_J)`, from Weber's law with an additive constant, one JND =
+        k_J (|f| + f0). f0 = floor_n / k_J, so that one JND at zero force is the absolute threshold. Unlike the error in
+        multiples of one JND it counts a force that is displayed k times too strong as one that is k times too weak. It
+        does not see the direction.
+
+        Args:
+            displayed_n: magnitudes |f'| [N], shape (n,).
+            measured_n: magnitudes |f| [N], shape (n,).
+        """
+        offset = self.floor_n / self.jnd
+        ratio = np.log((measured_n + offset) / (displayed_n + offset))
+        return np.asarray(np.abs(ratio) / log(1.0 + self.jnd), dtype=np.float64)
 
 
-class Noticed(NamedTuple):
-    """Errors in units of the threshold."""
+class QualityStatistics:
+    """Running measures of a displayed force, in bounded memory.
 
-    error_rms_jnd: float
-    error_max_jnd: float
-    noticeable_fraction: float
-    """Share of ticks whose error exceeds the threshold."""
-    noticeable_longest_s: float
-
-
-def noticed(error_n: Array, threshold_n: Array, period_s: float) -> Noticed:
-    """Compare errors [N] with thresholds [N], each of shape (n,).
-
-    Ticks with a threshold of 0 (no force and no floor) count in the share and the longest run, not in RMS and maximum.
+    Args:
+        period_s: of a tick.
+        threshold: one JND.
     """
-    in_jnd = in_units(error_n, threshold_n)
-    beyond = error_n > threshold_n
-    return Noticed(
-        error_rms_jnd=rms(in_jnd),
-        error_max_jnd=float(in_jnd.max(initial=0.0)),
-        noticeable_fraction=float(beyond.mean()),
-        noticeable_longest_s=longest_run(beyond) * period_s,
-    )
+
+    def __init__(self, period_s: float, threshold: Threshold | None = None) -> None:
+        self._period_s = period_s
+        self._threshold = threshold or Threshold()
+        self._count = self._noticed = self._run = self._longest = 0
+        self._square_sum = self._log_square_sum = 0.0
+        self._largest = self._log_largest = 0.0
+        self._jumps = Distribution()
+
+    def add(self, error_n: Array, displayed_n: Array, measured_n: Array) -> None:
+        """Take the next ticks, in order.
+
+        Args:
+            error_n: distance of the displayed force from the measured one [N], shape (n,).
+            displayed_n: magnitude of the displayed force [N], shape (n,).
+            measured_n: magnitude of the measured force [N], shape (n,).
+        """
+        if not len(error_n):
+            return
+        threshold_n = self._threshold.at(measured_n)
+        error, log_error = error_n / threshold_n, self._threshold.log_error(displayed_n, measured_n)
+        noticed = error_n > threshold_n
+        self._count += len(error)
+        self._noticed += int(noticed.sum())
+        self._square_sum += float(np.square(error).sum())
+        self._log_square_sum += float(np.square(log_error).sum())
+        self._largest = max(self._largest, float(error.max()))
+        self._log_largest = max(self._log_largest, float(log_error.max()))
+        leading = len(noticed) if noticed.all() else int(noticed.argmin())
+        self._longest = max(self._longest, self._run + leading, longest_run(noticed))
+        self._run = self._run + leading if leading == len(noticed) else int(noticed[::-1].argmin())
+
+    def add_jumps(self, jump_n: Array, before_n: Array) -> None:
+        """Take jumps: changes of the displayed force from one tick to the next, in a tick with an update.
+
+        A jump is in JNDs of the force displayed before it, which is what a person compares with.
+
+        Args:
+            jump_n: distance of the two forces [N], shape (m,).
+            before_n: magnitude of the force before [N], shape (m,).
+        """
+        self._jumps.add(jump_n / self._threshold.at(before_n) * _PER_JND)
+
+    def summary(self) -> dict[str, float | None]:
+        """All measures; None before the first tick, or the first jump."""
+        count, jumps = max(1, self._count), self._jumps
+        ticks = {
+            "error_rms_jnd": (self._square_sum / count) ** 0.5,
+            "error_max_jnd": self._largest,
+            "noticeable_fraction": self._noticed / count,
+            "noticeable_longest_s": self._longest * self._period_s,
+            "log_error_rms_jnd": (self._log_square_sum / count) ** 0.5,
+            "log_error_max_jnd": self._log_largest,
+        }
+        changes = {
+            "jump_median_jnd": jumps.percentile(50.0) / _PER_JND,
+            "jump_p99_jnd": jumps.percentile(99.0) / _PER_JND,
+            "jump_max_jnd": jumps.max / _PER_JND,
+        }
+        return none_for_nan((ticks if self._count else dict.fromkeys(ticks, nan)) | changes)
+
+
+class JumpsOfRecords:
+    """Jumps in the records of the operator's side, which come in pieces."""
+
+    def __init__(self) -> None:
+        self._last: Records | None = None
+
+    def of(self, master: Records) -> tuple[Array, Array]:
+        """Jumps between two ticks in session, one after the other, the second with an update.
+
+        Returns:
+            Changes of the force commanded to the device [N] and magnitudes of the force before [N], shape (m,) each.
+        """
+        joined = master if self._last is None else np.concatenate([self._last, master])
+        if len(master):
+            self._last = master[-1:].copy()
+        before, after = joined[:-1], joined[1:]
+        counts = in_session(before) & in_session(after) & (after["received"] > 0)
+        counts &= np.diff(joined["tick"].astype(np.int64)) == 1
+        held, displayed = (records["output"][counts].astype(np.float64) for records in (before, after))
+        return distances(displayed, held), np.linalg.norm(held, axis=1)
 
 
 def in_units(error_n: Array, bound_n: Array) -> Array:
@@ -85,32 +180,3 @@ def longest_run(flags: Flags) -> int:
     """Most True in a row."""
     edges = np.flatnonzero(np.diff(flags, prepend=False, append=False))
     return int((edges[1::2] - edges[::2]).max(initial=0))
-
-
-class FeltError:
-    """RMS error of the force felt in a simulated session, in JNDs of the force that the robot measured.
-
-    In virtual time both sides tick together, so records of one tick belong together. The felt force is the one
-    commanded to the device in the same tick. Ticks count while both sides are engaged and not in a ramp.
-
-    Args:
-        threshold: the JND; with a floor, since ticks without contact count too.
-    """
-
-    def __init__(self, threshold: Threshold) -> None:
-        self._threshold = threshold
-        self._square_sum = 0.0
-        self._count = 0
-
-    def add(self, master: Records, slave: Records) -> None:
-        """Take the records of the same ticks of both sides."""
-        counts = in_session(master) & in_session(slave)
-        force = slave["raw"][counts]
-        error = np.linalg.norm(master["output"][counts] - force, axis=1)
-        self._square_sum += float(np.square(error / self._threshold.of(force)).sum())
-        self._count += int(counts.sum())
-
-    @property
-    def rms_jnd(self) -> float | None:
-        """None before the first tick that counts."""
-        return (self._square_sum / self._count) ** 0.5 if self._count else None

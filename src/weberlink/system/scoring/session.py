@@ -14,6 +14,7 @@ from weberlink.system.scoring.channel import (
     ChannelScore,
     Measure,
     angles_between,
+    distances,
     engaged,
     in_session,
     none_for_nan,
@@ -22,6 +23,7 @@ from weberlink.system.scoring.channel import (
 )
 from weberlink.system.scoring.distribution import Distribution
 from weberlink.system.scoring.energy import LinkEnergy, PortWork, Records, Series
+from weberlink.system.scoring.perception import JumpsOfRecords, QualityStatistics
 
 __all__ = ["Records", "SessionScore", "nearest_ticks"]
 
@@ -98,6 +100,9 @@ class SessionScore:
     the beginning and the end of a session; a force that fades because the link is silent counts. `violation_max_jnd`
     and `violation_p99_jnd` are that error in units of its bound: the largest, and the 99th percentile.
 
+    The measures in JND are of the force that the operator felt, for a person of the default threshold
+    (`weberlink.system.scoring.perception`). Jumps need the records of the master only.
+
     Energy counts in all ticks. `energy.generated_j` is the largest energy that the operator had taken from the device
     beyond what had been put in, at any time: 0 for a passive environment. `energy.dissipated_j` is the energy that had
     gone in and not come out at the end. Both are of the port of the operator. `energy.link_generated_j` is the same for
@@ -122,6 +127,7 @@ class SessionScore:
         self._sides = (_SideScore(), _SideScore())
         self._waiting: list[Records] = [np.empty(0), np.empty(0)]
         self._force = ChannelScore("", self._period, bank, measure=measure)
+        self._quality, self._jumps = QualityStatistics(self._period), JumpsOfRecords()
         self._from_slave = {"force": self._force}
         self._from_master = {"position": ChannelScore("", self._period)}
         rotates = torque_bank is not None
@@ -150,6 +156,8 @@ class SessionScore:
                 self._work[index] = work[-self._longest_wait :]
                 self._first = min(self._first if self._first is not None else np.inf, float(records["at"][0]))
                 self._until = max(self._until, float(records["at"][-1]))
+        if len(master):
+            self._quality.add_jumps(*self._jumps.of(master))
         if len(slave):  # the coding error needs no records of the master
             counted = slave[in_session(slave)]
             for channel in self._from_slave.values():
@@ -196,7 +204,7 @@ class SessionScore:
         }
         for name, channel in self._from_slave.items():
             summary[name] = _packets(slave, master, duration, rotation=name == "torque") | channel.summary()
-        summary["force"]["violation_floor"] = self._violation_floor()
+        summary["force"] |= self._quality.summary() | {"violation_floor": self._violation_floor()}
         for name, channel in self._from_master.items():
             summary[name] = _packets(master, slave, duration, rotation=name == "orientation") | channel.summary()
         return summary
@@ -222,6 +230,9 @@ class SessionScore:
         self._link_energy.add(given, taken, in_session(matched) & in_session(now))
         counts = close & in_session(matched) & in_session(now)
         matched, now = matched[counts], now[counts]
+        displayed, measured = (np.asarray(each, dtype=np.float64) for each in (matched["output"], now["raw"]))
+        magnitudes = (np.linalg.norm(each, axis=1) for each in (displayed, measured))
+        self._quality.add(distances(displayed, measured), *magnitudes)
         for channel in self._from_slave.values():
             channel.compare(now, matched)
         for channel in self._from_master.values():
