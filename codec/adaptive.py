@@ -23,7 +23,7 @@ HOPELESS_S = 0.003
 REST_S = 0.016
 """Length of a suspension [s]; meanwhile one send per `HOPELESS_S` is added to the record."""
 PRESENT = 12.0
-"""Weight of the present error in the choice: an error of one deadband or more counts as this many sends. With look-ahead
+"""Weight of the present error in the choice: an error of one deadband or more is as many sends. With look-ahead
 the known signal says more."""
 LEAST_FORCE_STEPS = 10.0
 """Smallest force that counts as contact, in wire steps; twice the deadband at rest if that is more."""

@@ -25,6 +25,7 @@ class CodedTick(NamedTuple):
         selected: index in the bank of the predictor in use at the decoder.
         model: the model in use at the decoder; None before the first update.
         seconds: run time of encode and decode by the stopwatch [s].
+        widened: whether the bounded rate of updates widened the deadband.
     """
 
     update: Update | None
@@ -35,6 +36,7 @@ class CodedTick(NamedTuple):
     selected: int
     model: Model | None
     seconds: float
+    widened: bool = False
 
 
 def code(
@@ -93,4 +95,5 @@ def code(
             decoder.selected,
             decoder.model,
             seconds,
+            encoder.widened,
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from weberlink.geometry.vector import Vector
 
-MARGIN = 0.9
+MARGIN = 0.8
 """Largest error at a known tick, as a share of the deadband; the rest is for rounding."""
 ROUNDS = 5
 """Solutions of a least-squares problem with weights that change."""

@@ -25,10 +25,11 @@ from weberlink.codec.sample import Sample, SampleGrid
 from weberlink.geometry.vector import ZERO, Vector, add, distance, norm, scale, subtract
 from weberlink.update import MOST_PARAMETER_BYTES, ModelParameters
 
-FINENESS = 8.0
-"""A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband."""
-LEAST_CHANGE = 0.25
-"""The path ends before a last part that changes it by less [deadbands]."""
+FINENESS, FINENESS_AHEAD = 8.0, 16.0
+"""A displacement has steps of the largest power of two of the wire step that is at most this part of the deadband; with
+look-ahead finer ones."""
+LEAST_CHANGE, LEAST_CHANGE_AHEAD = 0.25, 0.1
+"""The path ends before a last part that changes it by less [deadbands]; the second one with look-ahead."""
 SOON = 2
 """Number of horizons of the second candidate of `path`, which holds what it reaches then."""
 _HEAD = (3, 4, 6)
@@ -121,10 +122,11 @@ class LearnedCandidate:
             stiffness = _stiffness(grid, _stiffness_levels(grid, learned.stiffness))
             if newest.value == ZERO or not _is_accepted(stiffness, self._limits):
                 return None
-        exponent = _exponent(bound / (FINENESS * grid.value.step))
+        fineness, least = (FINENESS_AHEAD, LEAST_CHANGE_AHEAD) if context.ahead.values else (FINENESS, LEAST_CHANGE)
+        exponent = _exponent(bound / (fineness * grid.value.step))
         digit = ldexp(grid.value.step, exponent)
         tail = [_rounded(each, digit) for each in learned.displacements[: len(self._horizons)]]
-        while tail and distance(tail[-1], tail[-2] if len(tail) > 1 else ZERO) <= LEAST_CHANGE * bound:
+        while tail and distance(tail[-1], tail[-2] if len(tail) > 1 else ZERO) <= least * bound:
             del tail[-1]
         if context.ahead.values:
             return self._through(context, stiffness, tail, exponent)

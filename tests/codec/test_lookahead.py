@@ -96,6 +96,19 @@ def test_an_update_in_the_known_signal_is_the_exception() -> None:
     assert all(late - early > 20 for early, late in pairwise(updates))
 
 
+@pytest.mark.parametrize("lookahead", [0, 5, 20])
+def test_a_step_that_no_position_explains_is_displayed_that_much_later(lookahead: int) -> None:
+    channel = force_channel(predictor="adaptive", lookahead=lookahead)
+    encoder, decoder, seen = Encoder(channel), Decoder(channel), []
+    for tick in range(200):
+        update = encoder.encode(tick, up(2.0 if tick >= 100 else 0.0))
+        if update is not None:
+            decoder.apply(update)
+        seen.append((decoder.value(tick) or ZERO)[2])
+    assert max(map(abs, seen[: 100 + lookahead])) <= 0.02
+    assert min(seen[100 + lookahead :]) >= 1.8
+
+
 def test_the_mirror_agrees_after_loss_from_the_next_update_on() -> None:
     channel, random = force_channel(predictor="adaptive", lookahead=10), Random(3)
     encoder, decoder, agreed, lost = Encoder(channel), Decoder(channel), 0, 0

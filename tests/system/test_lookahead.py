@@ -71,3 +71,4 @@ def test_a_live_session_runs_with_it() -> None:
     assert faults_of(summary) == {"master": {}, "slave": {}}
     assert summary["force"]["packets"] > 0
     assert summary["force"]["coding"]["violation_fraction"] == 0.0
+    assert summary["lookahead_ms"] == {"position": 5.0, "force": 20.0}

@@ -62,6 +62,7 @@ def run(
     wire: bool = True,
     plots: bool = False,
     deadbands: str = ISOTROPIC,
+    max_updates: float | None = None,
     workers: EvaluationWorkers = EvaluationWorkers(),
     progress: Progress = lambda *_: None,
 ) -> Evaluation:
@@ -77,6 +78,7 @@ def run(
         wire: quantize and saturate as on the wire.
         plots: whether figures will be drawn.
         deadbands: names of shapes, separated by commas.
+        max_updates: largest rate of updates [1/s]; None for no limit.
         workers: where the work is done.
         progress: called after every task.
 
@@ -102,6 +104,7 @@ def run(
         jnd=jnd,
         deadbands=_deadbands(deadbands, floor, plots=plots),
         lookahead_ms=lookahead_ms,
+        max_updates_per_s=max_updates,
         **({} if wire else UNQUANTIZED),  # type: ignore[arg-type]
     )
     named = read_traces(traces)
@@ -113,6 +116,7 @@ def run(
         "lookahead_ms": lookahead_ms,
         "jnd": jnd,
         "wire": wire,
+        "max_updates_per_s": max_updates,
         "sources": [one.as_json() for one in by_source(rows)],
         "rows": [row.as_json() for row in rows],
         "run_time_s": run_time,
