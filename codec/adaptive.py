@@ -158,10 +158,9 @@ class AdaptiveChoice:
     ) -> tuple[int, Model | None]:
         """The best of the allowed selectors for a sample to send, and its model; the model None holds the sample.
 
-        Where the control scheme renders the contact, those that describe a surface come first while there is a force,
-        unless they are suspended. A
-        model that leaves the deadband within the known signal is a last resort: of such the one that lasts longest. A
-        model that does not begin within the deadband is left out.
+        Where the control scheme renders the contact, those that describe a surface and are not suspended come first
+        while there is a force. A model that leaves the deadband within the known signal is a last resort: of such the
+        one that lasts longest. A model that does not begin within the deadband is left out.
         """
         context = EncodeContext(newest, earlier, bound, self._history, ahead)
         allowed = [shadow for shadow in self._shadows if shadow.selector in selectors]
