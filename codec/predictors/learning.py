@@ -120,7 +120,7 @@ class PathLearner:
         """Take in the newest sample. A gap in the samples ends the past, not the estimates."""
         if not history.follows:
             self._begin()
-        bound = history.bound
+        square = history.bound * history.bound
         rows, last = self._rows, self._last
         if last < 0:
             total = np.zeros(3)
@@ -132,7 +132,7 @@ class PathLearner:
         else:
             total = rows[last, _SUM] + rows[last, _VALUE]
         self._last = last = last + 1
-        rows[last] = (*history.values[-1], *history.places[-1], *total, 1.0 / (bound * bound) if bound > 0.0 else 0.0)
+        rows[last] = (*history.values[-1], *history.places[-1], *total, 1.0 / square if square > 0.0 else 0.0)
         phase = self._ticks % self._step
         self._ticks += 1
         with np.errstate(all="ignore"):
