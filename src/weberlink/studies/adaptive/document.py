@@ -69,9 +69,10 @@ def _lines(
         yield from _rate(summary(rows, rate), rate, scope)
     yield from paragraph(
         "Geometric means over the signals of a group, with 95 % bootstrap intervals over signals (of two signals the "
-        f"interval is their range). *above*: signals with more than {MOST:g} of the best single predictor; *lost*: "
-        f"those that also send more than {MORE_PER_S:g} packet per second more. Over several sources each source "
-        "counts once."
+        "interval is their range). *bytes*: UDP payload over that of the hybrid; *error*: RMS error in JND over that "
+        f"of the hybrid, at the same deadband; *above*: signals with more than {MOST:g} of the best single predictor; "
+        f"*lost*: those that also send more than {MORE_PER_S:g} packet per second more. Over several sources each "
+        "source counts once."
     )
     yield from _provenance(scope)
     yield from _losses(found, scope)
@@ -91,7 +92,7 @@ def _rate(groups: Sequence[GroupFigures], rate_hz: int, scope: AdaptiveScope) ->
             f"At most {scope.fast_s:g} s from the middle of each signal, {recorded} recordings of each group and "
             f"{seeds} seed of each scene."
         )
-    head = ("", "signals", "packets/s", "over hybrid", "bytes", "over best", "worst", "above", "lost")
+    head = ("", "signals", "packets/s", "over hybrid", "bytes", "error", "over best", "worst", "above", "lost")
     yield from table(head, map(_cells, groups))
 
 
@@ -102,6 +103,7 @@ def _cells(one: GroupFigures) -> tuple[str, ...]:
         f"{one.per_s:.1f}",
         band(one.over_hybrid),
         f"{one.bytes_over_hybrid:.2f}",
+        f"{one.error_over_hybrid:.2f}",
         band(one.over_best),
         f"{one.worst[0]:.2f} {one.worst[1]}",
         f"{100 * one.above:.0f} %",
