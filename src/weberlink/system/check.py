@@ -144,7 +144,7 @@ def _layout(channel: Channel, system: System) -> UpdateLayout:
     return UpdateLayout(
         channel.forms,
         carries_credit=SCHEMES[system.control.scheme].carries_credit,
-        further_acks=0 if system.codec.rotation is None else 1,
+        acks=1 if system.codec.rotation is None else 2,
     )
 
 

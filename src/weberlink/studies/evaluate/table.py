@@ -48,7 +48,7 @@ def _single(rows: Sequence[EvaluationRow], jnd: float, notes: Sequence[str]) -> 
     limited = all(row.clairvoyant_packets is not None for row in rows)
     heads = [name for name in _HEADS if name != "deadband" or shaped]
     figures = [name for name in _FIGURES if limited or name != LIMIT]
-    caption = [f"noticed: ticks with an error above a JND of {100 * jnd:g} %"]
+    caption = [f"noticed: ticks with an error above a JND of {100 * jnd:g} %; jump: 99th percentile, at updates"]
     if limited:
         caption.append("limit: no encoder can send fewer, even knowing the future")
     table = plain_table(
