@@ -26,17 +26,16 @@ CHOSEN_BY = (
 )
 
 
-def document(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, run_time_s: float, drawn: bool) -> str:
+def document(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, *, drawn: bool) -> str:
     """The page.
 
     Args:
         rows: of all signals, rates and predictors.
         scope: of the study.
         caption: machine, versions and commit.
-        run_time_s: of the study.
         drawn: whether the figure is beside the page.
     """
-    return "\n".join(_lines(rows, scope, caption, run_time_s, drawn)) + "\n"
+    return "\n".join(_lines(rows, scope, caption, drawn=drawn)) + "\n"
 
 
 def summary(rows: Sequence[RateRow], rate_hz: int) -> list[GroupFigures]:
@@ -50,17 +49,15 @@ def summary(rows: Sequence[RateRow], rate_hz: int) -> list[GroupFigures]:
     return groups + [one for one in extra if one is not None]
 
 
-def _lines(
-    rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, run_time_s: float, drawn: bool
-) -> Iterator[str]:
+def _lines(rows: Sequence[RateRow], scope: AdaptiveScope, caption: str, *, drawn: bool) -> Iterator[str]:
     found = ratios(rows)
     base = BASE_HZ if BASE_HZ in scope.rates_hz else scope.rates_hz[0]
     yield f"# {TITLE}"
     yield from paragraph(
         f"`adaptive` (bank {', '.join(ADAPTIVE_BANK)}) against the paper's `hybrid` and against the best of its single "
         f"predictors ({', '.join(SINGLES)}) on each signal, at k = {WEBER:g}, floor {FLOOR_N:g} N, quantised as on the "
-        f"wire, without loss or delay. Made by `weberlink adaptive --docs docs/adaptive` in {run_time_s:.0f} s; the "
-        "rows are in [adaptive.json](adaptive.json)."
+        f"wire, without loss or delay. Made by `weberlink adaptive --docs docs/adaptive` in "
+        f"{sum(row.processor_s for row in rows):.0f} s of one core; the rows are in [adaptive.json](adaptive.json)."
     )
     if drawn:
         yield ""
