@@ -70,7 +70,7 @@ class SealedStream:
 
 
 def _header(kind: int, number: int) -> bytes:
-    return bytes((kind,)) + (number & SEQUENCE_MASK).to_bytes(_HEADER - 1, "big")
+    return bytes((kind,)) + (number & SEQUENCE_MASK).to_bytes(_HEADER - 1, "little")
 
 
 class StreamTerms(NamedTuple):

@@ -10,7 +10,7 @@ byte. What a table gives in bytes begins at a whole byte, and its length follows
 | clear | selector | 3 bits | see below |
 | clear | mark | 1 bit | see below |
 | clear | kind | 3 bits | `Kind` |
-| clear | sequence | 16 bits | low bits of the datagram's number; every datagram of a direction has its own |
+| clear | sequence | 16 bits | low bits of the datagram's number, low byte first; each of a direction has its own |
 | head | sent | 24 bits | sender's clock, in 10 us, low bits |
 | head | echo | 8 bits | departure, on the receiver's clock, of the newest datagram heard from it (`Liveness.echo`) |
 | head | tells | 1 bit | whether an acknowledgement follows; for each stream of the other direction |
@@ -53,7 +53,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from weberlink.protocol.bits import WIDTH_BITS, BitReader, BitWriter, MalformedError
-from weberlink.protocol.counters import ACKNOWLEDGEMENT_BITS, SEQUENCE_BITS, int16
+from weberlink.protocol.counters import ACKNOWLEDGEMENT_BITS, int16
 from weberlink.protocol.events import DropReason
 from weberlink.update import (
     MAX_GAP,
@@ -209,11 +209,13 @@ def stream_of(kind: int) -> int:
 
 def sequence_of(data: bytes) -> int:
     """Truncated sequence number of a datagram of at least `CLEAR_BYTES`."""
-    return int.from_bytes(data[1:CLEAR_BYTES], "big")
+    return int.from_bytes(data[1:CLEAR_BYTES], "little")
 
 
 def _clear(kind: int, sequence: int, *, mark: bool = False, selector: int = 0) -> bytes:
-    return ((kind | mark * MARK | selector << _SELECTOR_SHIFT) << SEQUENCE_BITS | sequence).to_bytes(CLEAR_BYTES, "big")
+    first = kind | mark * MARK | selector << _SELECTOR_SHIFT
+    # Low byte first: otherwise the sequence number in the start value of `Checksum` would cancel this one.
+    return (first | sequence << 8).to_bytes(CLEAR_BYTES, "little")
 
 
 def _begun(envelope: Envelope) -> BitWriter:

@@ -67,7 +67,7 @@ def load(kind: str, genuine: Sequence[bytes], random: Random, key: bytes, calls:
 
 
 def _forge(like: bytes, sequence: int, random: Random) -> bytes:
-    head = like[:1] + (sequence & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "big")
+    head = like[:1] + (sequence & SEQUENCE_MASK).to_bytes(CLEAR_BYTES - 1, "little")
     return head + random.randbytes(len(like) - len(head))
 
 

@@ -67,6 +67,9 @@ def evaluate(
     jnd: Annotated[
         float, typer.Option(metavar="J", help="Just noticeable difference, as a share of the force.")
     ] = 0.10,
+    max_updates: Annotated[
+        float | None, typer.Option(metavar="N", min=1.0, callback=finite, help="Largest rate of updates [1/s].")
+    ] = None,
     wire: Annotated[bool, typer.Option("--wire/--no-wire", help="Quantize and saturate as on the wire.")] = True,
     workers: Annotated[
         int | None, typer.Option(metavar="N", min=1, help="Number of processes; default: by the amount of work.")
@@ -86,6 +89,7 @@ def evaluate(
             result = run(
                 traces, predictor, weber, floor,
                 jnd=jnd, wire=wire, plots=plots is not None, deadbands=deadband,
+                max_updates=max_updates,
                 workers=EvaluationWorkers(workers, dask), progress=progress,
             )  # fmt: skip
     except EvaluationError as error:
