@@ -21,8 +21,9 @@ CHOSEN_BY = (
     "`codec/predictors/path.py`, `codec/adaptive.py`) were chosen with the recordings `tue` and `omega3`; those of "
     "`surface` and `affine` with recordings of the same two sources and with seed 1 of the still, rubbing and moving "
     "scenes, which share the model of contact of `surface`. No constant was chosen with `ochoa_polish`, "
-    "`panda_comanip` or `stroke_iiwa_teleop`, which are test data, nor with the last three groups of scenes or the "
-    "synthetic signals."
+    "`panda_comanip` or `stroke_iiwa_teleop`, which are test data, nor with the synthetic signals or the scenes of "
+    "texture. The order of the bank was chosen with seed 1 of `plane`, `sphere_cavity`, `box`, `soft_plane`, "
+    "`plane_changing`, `sphere_changing` and `plane_velocity_friction`, and with `tue_spring_2`."
 )
 
 

@@ -20,7 +20,7 @@ APART = 0.17
 """Of a row, between its signals and their mean."""
 LEGEND = 2.2
 """Height of the legend [rows]."""
-TICKS = (0.2, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
+TICKS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0)
 PANELS: tuple[tuple[str, Callable[[SignalRatios], float], Callable[[GroupFigures], Band], float], ...] = (
     ("over the hybrid", lambda one: one.over_hybrid, lambda one: one.over_hybrid, 1.0),
     ("over the best single predictor", lambda one: one.over_best, lambda one: one.over_best, MOST),
