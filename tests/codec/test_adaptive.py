@@ -1,13 +1,15 @@
 """`adaptive`: a shadow sends when an encoder with its candidate alone would send, and the best record is chosen."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from functools import cache
 from itertools import pairwise
-from math import exp, nan, pi, sin
+from math import exp, inf, nan, pi, sin
 from random import Random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.codec.law import FITTED
 from tests.codec.signals import GodObject, Stream, contact, stroke
@@ -201,15 +203,81 @@ def test_a_tick_count_that_restarts_forgets_nothing() -> None:
     assert sent_at(2**24 - 6, 2**24 - 5).follow(3, up(1.0), ZERO, 0.1, distance)
 
 
-def test_a_hopeless_candidate_is_suspended_and_its_record_goes_on() -> None:
-    channel, shadow = force_channel(predictor="zoh"), zoh_shadow()
-    sent = shadowed(channel, shadow, [(up(1.0 + tick % 2), ZERO) for tick in range(400)])
-    assert max(later - earlier for earlier, later in pairwise(sent)) >= round(1e3 * REST_S)
-    assert len(sent) < 400 / 3
-    assert shadow.record(399) > sent_at(*range(0, 400, 5)).record(399)
-    # One that lasts four ticks never is.
-    slower = [(up(1.0 + tick // 4 % 2), ZERO) for tick in range(200)]
-    assert shadowed(channel, zoh_shadow(), slower) == list(range(0, 200, 4))
+def test_a_hopeless_candidate_rests_and_its_record_goes_on() -> None:
+    """It is asked at most once in a rest of the longest, and its record is what it would send, or up to twice that."""
+    channel, shadow, longest = force_channel(predictor="zoh"), zoh_shadow(), round(1e3 * REST_S)
+    sent = shadowed(channel, shadow, [(up(1.0 + tick % 7), ZERO) for tick in range(400)])
+    gaps = [later - earlier for earlier, later in pairwise(sent)]
+    assert max(gaps) == gaps[-1] == longest + 1
+    assert len(sent) < 400 / longest + 10
+    every = sent_at(0).record(0) * sum(exp(1e-3 * (tick - 399) / MEMORY_S) for tick in range(400))
+    assert 0.95 * every <= shadow.record(399) <= 2.0 * every
+    # One that lasts two ticks never rests.
+    slower = [(up(1.0 + tick // 2 % 2), ZERO) for tick in range(200)]
+    assert shadowed(channel, zoh_shadow(), slower) == list(range(0, 200, 2))
+
+
+@pytest.mark.parametrize("wrong", [1, 2, 5, 12])
+def test_a_short_failure_costs_at_most_twice_its_ticks(wrong: int) -> None:
+    """So one jump does not tell candidates apart that recover from it at different speeds, at any tick rate."""
+    shadow = zoh_shadow()
+    sent = shadowed(force_channel(predictor="zoh"), shadow, [(up(min(wrong, tick)), ZERO) for tick in range(1, 100)])
+    assert sent[-1] <= 2 * wrong + 1
+    assert shadow.record(100) <= 2.0 * wrong + 1.0
+
+
+# The bound of following the fewest sends.
+
+
+class Counted:
+    """Candidates of one model each, counted by `Shadow` without forgetting; the leader is the first of the fewest."""
+
+    def __init__(self, count: int) -> None:
+        self.shadows = [Shadow(each, FittedCandidate(PREDICTORS["zoh"], LIMITS), ZERO) for each in range(count)]
+        for shadow in self.shadows:
+            shadow._memory = inf
+        self.charged = 0
+
+    def leader(self) -> Shadow:
+        return min(self.shadows, key=lambda shadow: shadow.record(0))
+
+    def tick(self, tick: int, failed: Container[int]) -> None:
+        """Charge the failure of the leader, and add those of all to their records."""
+        self.charged += self.leader().selector in failed
+        for shadow in self.shadows:
+            if shadow.selector in failed:
+                # Two ticks apart, so that none rests.
+                shadow.send(Sample(3 * tick, ZERO, ZERO), 0.1, History(1e-3))
+
+    def assert_bound(self) -> None:
+        fewest = min(shadow.record(0) for shadow in self.shadows)
+        assert self.charged <= len(self.shadows) * (fewest + 1)
+
+
+def test_on_an_adversary_the_bound_is_reached() -> None:
+    """It fails the leader in every tick: it is charged every tick, and the best fails one time in N."""
+    for count in (2, 5, 9):
+        counted = Counted(count)
+        for tick in range(200):
+            counted.tick(tick, {counted.leader().selector})
+            counted.assert_bound()
+        assert counted.charged == 200
+        assert min(shadow.record(0) for shadow in counted.shadows) == 200 // count
+
+
+@given(
+    count=st.integers(2, 8),
+    regimes=st.lists(st.tuples(st.integers(1, 40), st.sets(st.integers(0, 7), max_size=8)), max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_whatever_switches_the_charged_sends_are_within_the_bound(
+    count: int, regimes: list[tuple[int, set[int]]], seed: int
+) -> None:
+    """In a regime some candidates never fail, and the others at random."""
+    counted, random = Counted(count), Random(seed)
+    for tick, good in enumerate(good for length, good in regimes for _ in range(length)):
+        counted.tick(tick, {each for each in range(count) if each not in good and random.random() < 0.5})
+        counted.assert_bound()
 
 
 # The choice.
