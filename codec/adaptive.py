@@ -28,6 +28,8 @@ MEMORY_S = 3.0
 """Time constant of the record [s]."""
 REST_S = 0.016
 """Longest rest of a candidate that costs run time and saves no update [s]."""
+SENDS_S = 0.003
+"""Time of a rest that counts as a send [s]."""
 PRESENT = 12.0
 """Weight of the present error in the choice: an error of one deadband or more counts as this many sends."""
 LEAST_FORCE_STEPS = 10.0
@@ -40,8 +42,8 @@ class Shadow:
     """One candidate and its deadband loop.
 
     A candidate that would send in two successive ticks rests for a tick, and twice as long each time it sends at once
-    again. Each tick of a rest counts as a send. So the record is at most doubled where the candidate would have
-    recovered at once, and a failure that lasts costs little run time.
+    again. A rest counts as a send every `SENDS_S`: less than it would be, because candidates learn, and a failure
+    while they do must not be held against them for seconds.
 
     Attributes:
         selector: index in the bank of the candidate's predictor.
@@ -56,6 +58,7 @@ class Shadow:
         self.selector = selector
         self._memory = MEMORY_S / period
         self._longest = round(REST_S / period)
+        self._per_tick = period / SENDS_S
         self._rest = 0
         self.candidate = candidate
         self.doubt = doubt
@@ -94,7 +97,7 @@ class Shadow:
         self._rest = min(max(1, 2 * self._rest), self._longest) if 0 < lasted <= self._rest + 1 else 0
         self._wakes = tick + 1 + self._rest
         self._forget(tick)
-        self._sends += 1.0 + self._rest
+        self._sends += 1.0 + self._per_tick * self._rest
 
     def record(self, tick: int) -> float:
         """Number of recent sends; fewer is better."""

@@ -203,27 +203,24 @@ def test_a_tick_count_that_restarts_forgets_nothing() -> None:
     assert sent_at(2**24 - 6, 2**24 - 5).follow(3, up(1.0), ZERO, 0.1, distance)
 
 
-def test_a_hopeless_candidate_rests_and_its_record_goes_on() -> None:
-    """It is asked at most once in a rest of the longest, and its record is what it would send, or up to twice that."""
+def test_a_hopeless_candidate_rests_longer_each_time_and_its_record_goes_on() -> None:
     channel, shadow, longest = force_channel(predictor="zoh"), zoh_shadow(), round(1e3 * REST_S)
     sent = shadowed(channel, shadow, [(up(1.0 + tick % 7), ZERO) for tick in range(400)])
     gaps = [later - earlier for earlier, later in pairwise(sent)]
-    assert max(gaps) == gaps[-1] == longest + 1
+    assert gaps == sorted(gaps)
+    assert gaps[-1] == longest + 1
     assert len(sent) < 400 / longest + 10
-    every = sent_at(0).record(0) * sum(exp(1e-3 * (tick - 399) / MEMORY_S) for tick in range(400))
-    assert 0.95 * every <= shadow.record(399) <= 2.0 * every
+    assert shadow.record(399) > 1.5 * sent_at(*range(0, 400, longest + 1)).record(399)
     # One that lasts two ticks never rests.
     slower = [(up(1.0 + tick // 2 % 2), ZERO) for tick in range(200)]
     assert shadowed(channel, zoh_shadow(), slower) == list(range(0, 200, 2))
 
 
 @pytest.mark.parametrize("wrong", [1, 2, 5, 12])
-def test_a_short_failure_costs_at_most_twice_its_ticks(wrong: int) -> None:
-    """So one jump does not tell candidates apart that recover from it at different speeds, at any tick rate."""
-    shadow = zoh_shadow()
-    sent = shadowed(force_channel(predictor="zoh"), shadow, [(up(min(wrong, tick)), ZERO) for tick in range(1, 100)])
-    assert sent[-1] <= 2 * wrong + 1
-    assert shadow.record(100) <= 2.0 * wrong + 1.0
+def test_a_short_failure_costs_a_rest_no_longer_than_itself(wrong: int) -> None:
+    """So it is over soon after the signal has jumped, at any tick rate."""
+    stream = [(up(min(wrong, tick)), ZERO) for tick in range(1, 100)]
+    assert shadowed(force_channel(predictor="zoh"), zoh_shadow(), stream)[-1] <= 2 * wrong + 1
 
 
 # The bound of following the fewest sends.

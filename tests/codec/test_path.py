@@ -158,6 +158,7 @@ def test_both_ends_agree_after_any_loss(name: str, position: bool, axes: str) ->
                 seen[type(decoder.model).__name__] += 1
         shown = decoder.value(tick, place)
         if agree:
+            assert shown is not None
             assert decoder.state == encoder.mirror.state
             assert shown == (encoder.predicted if update is None else encoder.mirror.value(tick, place))
             assert distance(shown, grid.value.confine(value)) <= max(encoder.bound * (1.0 + 1e-12), near)
