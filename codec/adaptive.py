@@ -11,7 +11,7 @@ N (m + 1): each adds one to the count of a leader, and while the smallest count 
 a leader with that count. An adversary reaches the bound (Cesa-Bianchi and Lugosi, Prediction, Learning, and Games,
 2006). Forgetting is for a best candidate that changes (Littlestone and Warmuth, The weighted majority algorithm, 1994).
 The bound is not one of the sends of a session: after a send the model in use is not that of the shadow. Measured, the
-sends of synthetic signals are 0.3 to 1.1 times those of the best of the paper's four (tests/codec/test_selection.py).
+sends of most synthetic signals are 0.4 to 1.1 times the best of the paper's four (tests/codec/test_selection.py).
 """
 
 from collections.abc import Callable, Sequence
@@ -26,10 +26,10 @@ from weberlink.update import MAX_GAP
 
 MEMORY_S = 3.0
 """Time constant of the record [s]."""
+HOPELESS_S = 0.003
+"""A candidate whose model lasted no longer is suspended [s]: it costs run time and saves no update."""
 REST_S = 0.016
-"""Longest rest of a candidate that costs run time and saves no update [s]."""
-SENDS_S = 0.003
-"""Time of a rest that counts as a send [s]."""
+"""Length of a suspension [s]; meanwhile one send per `HOPELESS_S` is added to the record."""
 PRESENT = 12.0
 """Weight of the present error in the choice: an error of one deadband or more counts as this many sends."""
 LEAST_FORCE_STEPS = 10.0
@@ -40,10 +40,6 @@ Measure = Callable[[Vector, Vector], float]
 
 class Shadow:
     """One candidate and its deadband loop.
-
-    A candidate that would send in two successive ticks rests for a tick, and twice as long each time it sends at once
-    again. A rest counts as a send every `SENDS_S`: less than it would be, because candidates learn, and a failure
-    while they do must not be held against them for seconds.
 
     Attributes:
         selector: index in the bank of the candidate's predictor.
@@ -57,9 +53,8 @@ class Shadow:
     ) -> None:
         self.selector = selector
         self._memory = MEMORY_S / period
-        self._longest = round(REST_S / period)
-        self._per_tick = period / SENDS_S
-        self._rest = 0
+        self._hopeless = HOPELESS_S / period
+        self._rest = round(REST_S / period)
         self.candidate = candidate
         self.doubt = doubt
         self._model: Model | None = Hold(rest) if rest is not None else None
@@ -67,7 +62,7 @@ class Shadow:
         self._newest: Sample | None = None
         self._sends = 0.0
         self._at = 0
-        self._wakes = 0
+        self._wakes = -self._rest
         self.error = 0.0
 
     def follow(self, tick: int, actual: Vector, place: Vector, bound: float, measure: Measure) -> bool:
@@ -93,11 +88,12 @@ class Shadow:
         self._model = self.candidate.model(EncodeContext(sample, usable, bound, history)) or Hold(sample.value)
         self._remembered = self._model.memory
         self._newest = sample
-        # A model that was asked once only and failed: the first one after the last send or rest.
-        self._rest = min(max(1, 2 * self._rest), self._longest) if 0 < lasted <= self._rest + 1 else 0
-        self._wakes = tick + 1 + self._rest
+        sends = 1.0
+        if lasted <= self._hopeless:
+            self._wakes = tick + self._rest
+            sends += REST_S / HOPELESS_S
         self._forget(tick)
-        self._sends += 1.0 + self._per_tick * self._rest
+        self._sends += sends
 
     def record(self, tick: int) -> float:
         """Number of recent sends; fewer is better."""
